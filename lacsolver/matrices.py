@@ -75,7 +75,7 @@ def contact_matrices(
     *,
     hexa: str = "pyramid",
     normals: str = "facet",
-    crease_angle: float = 40.0,
+    crease_angle: float | None = None,
     surface: str = "smooth",
     search_distance: float | None = None,
     axisymmetric: bool = False,

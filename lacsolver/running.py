@@ -23,6 +23,7 @@ from lacsolver.output import OutputFolder, Writer, check_same, create
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
+from lacsolver.results.alternation import alternating
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.motion import ENERGIES, doubtful_energy
@@ -66,14 +67,18 @@ def run(
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else as_mesh(mesh)
         folder = folder if isinstance(folder, OutputFolder) else create(folder, restart=start)
-        problem, prints = Problem.of(case, mesh, distribution), fingerprint(case, *distribution.as_read(mesh))
+        problem = Problem.of(case, mesh, distribution)
+        case = problem.case
+        prints = fingerprint(case, *distribution.as_read(mesh))
         points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
         orders = orders_of(problem.constraints, points)
         if start is not None:
             again, there = start, mesh
             problem.space.share.on_first(lambda: check_same(again, case, there, prints))
             start = deal_state(start, problem.space.share, orders) if orders else start
-    made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+    roles = {pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints}
+    empty = Results(_version(), sizes=_sizes(problem), roles=roles)
+    made = _Run(Answer(problem), clock, empty, start.number if start else 0)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
@@ -182,6 +187,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
+        told += alternating(problem, made.last)
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return problem.space.share.texts(told)

@@ -27,6 +27,7 @@ from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
+from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.overlap import check_overlap, deepest
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
@@ -43,7 +44,8 @@ class ZoneFound:
 
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
-    `overlap`: largest penetration of the slave into the master, 0 without overlap.
+    `overlap`: largest penetration of the slave into the master, 0 without overlap. `why`: why the slave was chosen, ""
+    where the case says which it is.
     """
 
     name: str
@@ -55,6 +57,7 @@ class ZoneFound:
     covered: float
     gap: tuple[float, float]
     overlap: float = 0.0
+    why: str = ""
 
 
 @dataclass(repr=False)
@@ -101,6 +104,7 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
     mesh = mesh_of(case, mesh)
     found = Validation(mesh)
     parts = build(case, mesh, found.looking)
+    case = parts.case
     found.mesh, found.cut_here = parts.mesh, parts.mesh.n_cells > mesh.n_cells
     found.whole = parts.prepared and _whole(parts.mesh)
     if parts.space is not None:
@@ -166,6 +170,8 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
+            if parts.constraints is not None and parts.materials is not None:
+                check_hypothesis(case, pair, space, parts.constraints, parts.materials)
     return faces
 
 
@@ -174,7 +180,7 @@ def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face),
+        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face), record.why,
     )  # fmt: skip
 
 

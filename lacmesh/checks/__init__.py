@@ -41,7 +41,7 @@ def check(
     max_penetration: float | None = None,
     axisymmetric: bool = False,
     surface: str = "smooth",
-    crease_angle: float = 40.0,
+    crease_angle: float | None = None,
     recognise: bool | None = None,
 ) -> Findings:
     """Check a mesh, its slave and its master skin against the requirements of the LAC method; return the findings.

@@ -137,8 +137,15 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "faceted": Rule(
             "warning",
             "a curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface "
-            "meet at more than 22.5 degrees (fewer than 16 to a full turn), or have too few neighbours",
-            "refine the mesh there, or use quadratic cells",
+            "meet at more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their "
+            "curvature within few faces, as at a fillet, so that heights may be off by 0.005 of a face's size",
+            "refine the mesh there, put nodes on the line where two shapes touch, or use quadratic cells",
+        ),
+        "few-faces": Rule(
+            "warning",
+            "a circle, cylinder, sphere or cone of few faces, five to eight to a full turn: they turn by more than 40 "
+            "degrees, and are taken as that shape since all nodes lie on it",
+            "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
         ),
         "hanging-node": Rule(
             "error",

@@ -8,8 +8,8 @@ from typing import Any
 from lacmesh.checks.findings import Finding
 from lacmesh.checks.subject import CheckedSkin, Subject
 from lacmesh.errors import DataError
-from lacmesh.smooth.coarse import Faceted, faceted
-from lacmesh.smooth.fitted import fitted_shapes
+from lacmesh.smooth.coarse import DOUBTFUL, Faceted, faceted
+from lacmesh.smooth.fitted import few_in_words, fitted_shapes
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface.record import Surface
 
@@ -32,9 +32,14 @@ def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             if not all(one.flat for one in made):
                 at = [one if one.centre is None else replace(one, centre=one.centre + subject.origin) for one in made]
                 shapes[name] = [one.as_dict() for one in at]
+            if subject.options["surface"] != "smooth":
+                continue
             coarse = faceted(smooth, surface)
-            if len(coarse.cells) and subject.options["surface"] == "smooth":
+            if len(coarse.cells):
                 found.append(subject.found("faceted", _coarse(side, coarse), coarse.cells, group=name))
+            if told := few_in_words(smooth):
+                told += "; give --crease-angle 40 if the edges are sharp"
+                found.append(subject.found("few-faces", told, surface.cell, group=name))
     return found, {"shapes": shapes}
 
 
@@ -43,4 +48,9 @@ def _coarse(side: CheckedSkin, coarse: Faceted) -> str:
     what = [f"meet at angles up to {coarse.turn:.0f} degrees"]
     if coarse.no_height:
         what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
+    if coarse.doubt > DOUBTFUL:
+        what.append(
+            f"their curvature changes so much from one to the next that heights may be {coarse.doubt:.2g} of a "
+            "face's size off"
+        )
     return f"{message}{', and '.join(what)}; refine the mesh (16 faces to a full turn or more), or use quadratic cells"

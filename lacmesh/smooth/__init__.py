@@ -3,16 +3,18 @@
     parents = the faces before the cut                                           (parents)
     patches = faces joined without a crease                                      (patches)
     shapes = planes, cylinders, spheres, cones, tori through all nodes           (shape, find)
+    shapes of few faces, which turn by more than the crease angle                (few)
     fits = elsewhere, polynomials fitted to the nodes of two rings, or three     (local)
+    faces between two shapes that touch inside them                              (tangency)
     heights = distances of the smooth surface from the faces                     (heights)
     description of the skin of a group, for users                                (fitted)
 
 Nothing here depends on units, or on the position, orientation or numbering of the model.
 """
 
-from lacmesh.smooth.coarse import unresolved
-from lacmesh.smooth.fitted import FittedShape, fit_surface
+from lacmesh.smooth.coarse import DOUBTFUL, unresolved
+from lacmesh.smooth.fitted import FittedShape, fit_surface, told_of_few
 from lacmesh.smooth.heights import height_of
 from lacmesh.smooth.surfaces import surface_of
 
-__all__ = ["FittedShape", "fit_surface", "height_of", "surface_of", "unresolved"]
+__all__ = ["DOUBTFUL", "FittedShape", "fit_surface", "height_of", "surface_of", "told_of_few", "unresolved"]

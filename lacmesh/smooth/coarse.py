@@ -15,28 +15,33 @@ from lacmesh.surface.record import Surface
 
 #: faces that turn by more (radians) from one to the next, fewer than sixteen to a turn, are too few for a fit
 _COARSE = 2 * np.pi / 16
+#: heights that may be off by more than this part of a face's size are told: worth such a part of Young's modulus
+DOUBTFUL = 5e-3
 
 
 class Faceted(NamedTuple):
     """Faces of free form that are too coarse: `cells` of the mesh, the largest angle `turn` to a neighbour (degrees).
 
-    `no_height`: number of faces, before the cut, that have no fit though they have a neighbour.
+    `no_height`: number of faces, before the cut, that have no fit though they have a neighbour. `doubt`: how far the
+    heights of any of them may be off, over the face's size.
     """
 
     cells: Ints
     turn: float
     no_height: int
+    doubt: float
 
 
 def faceted(smooth: Smooth, surface: Surface) -> Faceted:
-    """Find faces of free form that have no fit, or turn by more than a 16th of a circle from a neighbour."""
+    """Find faces of free form that have no fit or a doubtful one, or turn by more than a 16th of a circle."""
     turn, lacking = _turns(smooth), _lacking(smooth)
     free = smooth.sought.free
-    cells = cells_of(smooth, surface, np.flatnonzero(free & (turn > _COARSE) | lacking))
-    return Faceted(cells, float(np.degrees(turn[free].max(initial=0.0))), int(lacking.sum()))
+    cells = cells_of(smooth, surface, np.flatnonzero(free & ((turn > _COARSE) | (smooth.doubt > DOUBTFUL)) | lacking))
+    doubt = float(smooth.doubt.max(initial=0.0))
+    return Faceted(cells, float(np.degrees(turn[free].max(initial=0.0))), int(lacking.sum()), doubt)
 
 
-def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float = 40.0) -> Floats:
+def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float | None = None) -> Floats:
     """(k,): largest angles (radians) to a neighbour of the linear faces whose curvature contact does not represent.
 
     With `how` = `faces` these are all faces that turn from a neighbour; with `smooth` those of free form that are too

@@ -34,12 +34,16 @@ _FAILING, _ALL_FAILING = 12, 120
 
 @dataclass(frozen=True, eq=False)
 class FoundShape:
-    """A shape that was found, the `faces` (rows) on it, its number of `nodes`, and their largest `distance` from it."""
+    """A shape that was found, the `faces` (rows) on it, its number of `nodes`, and their largest `distance` from it.
+
+    `turn`: largest angle (degrees) between its faces, where it is one across creases (`lacmesh.smooth.few`).
+    """
 
     shape: Shape
     faces: Ints
     nodes: int
     distance: float
+    turn: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,19 +52,22 @@ class Sought:
 
     `whole`: the patches before shapes were grown inside them. `fits`: local fits at its nodes on free faces; they also
     use the nodes beyond the border of a shape, because a few faces left between shapes would not determine a fit.
+    `rough`: fits of second order there, whose heights differ from those of `fits` where curvature jumps.
     """
 
     patches: SmoothPatches
     whole: SmoothPatches
     found: tuple[FoundShape, ...]
     fits: Fits
+    rough: Fits
     free: Bools
 
 
-def find_shapes(patches: SmoothPatches, crease_angle: float) -> Sought:
-    """Find the exact shapes in the patches, and fit the remaining faces of free form locally."""
+def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
+    """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
     budget = [_ALL_FAILING]
-    patches, found, free = _with(patches, [], _planes(patches, np.ones(len(patches.patch), bool)))
+    patches, found, free = _with(patches, [], list(given))
+    patches, found, free = _with(patches, found, _planes(patches, free))
     patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
     whole, beyond = patches, free
     fits, rings = _fits(patches, free, free, 2)
@@ -70,7 +77,29 @@ def find_shapes(patches: SmoothPatches, crease_angle: float) -> Sought:
         more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
         patches, found, free = _with(patches, found, more)
         patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
-    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], free)
+    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], fits, free)
+
+
+def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:
+    """Find the shapes of whole patches, and those grown from the nodes `seeds` (n,), of which each is tried."""
+    left, budget = np.ones(len(patches.patch), bool), [_ALL_FAILING]
+    found = _whole_patches(patches, left, crease_angle, budget)
+    for one in found:
+        left[one.faces] = False
+    fits, rings = _fits(patches, left, left, 2)
+    rank = _unsteady(patches, fits, rings[0])
+    open_ = seeds & np.isfinite(rank)
+    for seed in np.flatnonzero(open_)[np.argsort(rank[open_], kind="stable")].tolist():
+        if not open_[seed] or budget[0] <= 0:
+            continue
+        one_more = _from_seed(patches, left, seed, fits, rings, crease_angle)
+        if one_more is None:
+            budget[0] -= 1
+            continue
+        found.append(one_more)
+        left[one_more.faces] = False
+        open_[_nodes(patches, one_more.faces)] = False
+    return found
 
 
 def _count(patches: SmoothPatches) -> int:

@@ -33,8 +33,9 @@ class FittedShape(Described):
     `radius` (of a torus, that of its circle), `tube` (the radius of a torus' tube), `angle` (of a cone, between axis
     and side, in degrees), `centre` (3,) (of a plane or line a point, of a cylinder the middle of the range of its nodes
     along the axis, of a cone the apex), `axis` (3,) unit (of a plane or line the outward normal, of a cone from the
-    apex into it). `distance`: the largest of a node from the shape. `no_height`: number of faces of free form without
-    a fit.
+    apex into it). `distance`: the largest of a node from the shape. `turn`: largest angle between two of its faces, in
+    degrees, where it is taken for a shape although they turn by more than the crease angle; else None. `no_height`:
+    number of faces of free form without a fit.
 
     >>> from lacmesh import read
     >>> (plane,) = fit_surface(read("data/two_blocks.msh"), "slave")
@@ -51,6 +52,7 @@ class FittedShape(Described):
     centre: Floats | None = None
     axis: Floats | None = None
     distance: float | None = None
+    turn: float | None = None
     no_height: int = 0
 
     def __str__(self) -> str:
@@ -63,6 +65,8 @@ class FittedShape(Described):
         if self.angle is not None:
             words.append(f"half angle {self.angle:.6g} degrees")
         words.append(f"{self.nodes:,} nodes" + ("" if self.distance is None else f" within {self.distance:.0e}"))
+        if self.turn is not None:
+            words.append(f"taken as one over edges of up to {self.turn:.3g} degrees")
         if self.no_height:
             words.append(f"{self.no_height:,} face{'s' if self.no_height > 1 else ''} without a fit")
         return ", ".join(words)
@@ -78,11 +82,12 @@ class FittedShape(Described):
         return own | {"text": str(self), "faces": len(self.faces)}
 
 
-def fit_surface(mesh: MeshLike, group: Spec, crease_angle: float = 40.0) -> tuple[FittedShape, ...]:
+def fit_surface(mesh: MeshLike, group: Spec, crease_angle: float | None = None) -> tuple[FittedShape, ...]:
     """Find the shapes of a group's skin, the one with the most faces first; free form by connected parts.
 
     `group`: named as in `Mesh.group`. `crease_angle` (degrees): adjacent faces with a larger angle between their
-    normals belong to two shapes. Faces of quadratic types are curved themselves, and are left out.
+    normals belong to two shapes; None: 40, but for five to eight faces on one circle, cylinder, sphere or cone. Faces
+    of quadratic types are curved themselves, and are left out.
 
     Raises GroupNotFoundError, and DataError if the group holds no skin.
 
@@ -117,6 +122,28 @@ def fitted_shapes(smooth: Smooth, surface: Surface) -> tuple[FittedShape, ...]:
     """Describe the shapes found in a surface, as `fit_surface` does."""
     made = [*_exact(smooth, surface), *_free(smooth, surface)]
     return tuple(sorted(made, key=lambda one: -len(one.faces)))
+
+
+def told_of_few(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> str:
+    """Say which faces of a surface are taken as one shape although they turn by more than 40 degrees; "" if none."""
+    taken = surface.height is not None and surface.height.taken is not None
+    return few_in_words(smooth_of(mesh, surface, crease_angle)) if taken else ""
+
+
+def few_in_words(smooth: Smooth) -> str:
+    """Say which faces are taken as one shape although they turn by more than the crease angle; "" if none are."""
+    found = [one for one in smooth.sought.found if one.turn is not None]
+    if not found:
+        return ""
+    one = max(found, key=lambda found: len(found.faces))
+    shape, dim = one.shape, smooth.sought.patches.dim
+    kind = _IN_PLANE.get(shape.kind, shape.kind) if dim == 1 else shape.kind
+    size = f"half angle {np.degrees(shape.size[0]):.6g} degrees" if kind == "cone" else f"radius {shape.size[0]:.6g}"
+    others = f" (and {len(found) - 1:,} more such parts)" if len(found) > 1 else ""
+    return (
+        f"{len(one.faces):,} faces that turn by up to {one.turn:.3g} degrees lie on one {kind} "
+        f"of {size} and are taken as it{others}"
+    )
 
 
 def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
@@ -157,6 +184,7 @@ def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
             centre=centre + smooth.origin,
             axis=None if kind == "sphere" else axis,
             distance=found.distance,
+            turn=found.turn,
         )
 
 

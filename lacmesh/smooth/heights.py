@@ -11,60 +11,91 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import shape
+from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
+from lacmesh.smooth.tangency import NodeShapes, heights_between
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
 _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
 _OVER = 5
+#: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Smooth:
     """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
 
-    The coordinates of `sought` are relative to `origin` (3,).
+    The coordinates of `sought` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
+    (`lacmesh.smooth.few`) that a linear parent is on; else -1.
     """
 
     parents: Parents
     rows: Ints
     origin: Floats
     sought: Sought
+    taken: Ints
 
-    @cached_property
+    @property
     def heights(self) -> tuple[Floats, Bools]:
         """(k, 5): heights over the linear parents; (k,): True for parents without a fit at some edge."""
+        return self._found[:2]
+
+    @property
+    def doubt(self) -> Floats:
+        """(k,): how far the heights of linear parents of free form may be off, over the lengths of their edges.
+
+        That is how much they hang on the order of the fits, or what is left between two shapes that touch inside.
+        """
+        return self._found[2]
+
+    @cached_property
+    def _found(self) -> tuple[Floats, Bools, Floats]:
         return _heights(self.sought, self.parents.faces.n_corners[self.rows] == 4)
 
 
-def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float) -> Smooth:
+def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
     """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
     there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[np.unique(faces.faces.nodes[faces.faces.nodes >= 0])])
-    return Smooth(
-        parents, rows, origin, find_shapes(SmoothPatches.of(faces, crease_angle, faces.x - origin), crease_angle)
-    )
+    x = faces.x - origin
+    angle = CREASE_ANGLE + _ROUNDING if crease_angle is None else crease_angle
+    few = shapes_of_few(faces, x, angle) if crease_angle is None else ()
+    taken = numbers_of(few, len(faces))
+    return Smooth(parents, rows, origin, find_shapes(SmoothPatches.of(faces, angle, x, taken), angle, few), taken)
 
 
-def height_of(mesh: Mesh, surface: Surface, crease_angle: float = 40.0) -> Height | None:
+def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> Height | None:
     """Compute the heights of the smooth surface over the faces of a surface; None if all are exactly 0.
 
     `mesh`: that of the surface's cells, with the records of its cut if it has one; the coordinates are the surface's.
     `crease_angle` (degrees): an edge with a larger angle between the normals is an edge of the smooth surface as well.
+    None: 40, but for faces whose nodes lie on one circle, cylinder, sphere or cone across such edges
+    (`lacmesh.smooth.few`).
     The fits use only the faces of the surface: include all faces that continue it smoothly.
     """
     smooth = smooth_of(mesh, surface, crease_angle)
     over = np.zeros((len(smooth.parents.faces), _OVER))
     over[smooth.rows] = smooth.heights[0]
-    return Height(surface.faces.type, _of_faces(smooth.parents, surface, over)) if over.any() else None
+    if not over.any():
+        return None
+    taken = np.full(len(over), -1)
+    taken[smooth.rows] = smooth.taken
+    value = _of_faces(smooth.parents, surface, over)
+    doubt = np.zeros(len(over))
+    doubt[smooth.rows] = smooth.doubt
+    of = smooth.parents.of
+    return Height(surface.faces.type, value, taken[of] if (taken >= 0).any() else None, doubt[of])
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
@@ -98,17 +129,30 @@ def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
     return value
 
 
-def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
-    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge. `four`: quadrangles."""
-    patches = sought.whole
-    value = np.zeros((len(patches.patch), _OVER))
+def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
+    """(f, 5): heights over the faces; (f,): True for free form without a fit at some edge; (f,): as `Smooth.doubt`.
+
+    `four` (f,): quadrangles.
+    """
+    patches, sides = sought.whole, NodeShapes.of(sought)
+    n = len(patches.patch)
+    value, lacking, doubt = np.zeros((n, _OVER)), np.zeros(n, bool), np.zeros(n)
     face, k, i, j = patches.edges()
-    free = sought.free[face]
+    free = np.flatnonzero(sought.free[face])
     value[face[free], k[free]], known = edge_heights(sought.fits, patches.x, i[free], j[free])
-    lacking = np.zeros(len(value), bool)
-    lacking[face[free][~known]] = True
     centre = np.flatnonzero(four & sought.free)
     value[centre, 4] = centre_heights(sought.fits, patches.x, patches.node[centre])
+    differ = np.zeros(len(face))
+    differ[free] = np.abs(value[face[free], k[free]] - edge_heights(sought.rough, patches.x, i[free], j[free])[0])
+    differ[free[~known]] = 0.0
+    asked = np.flatnonzero((sought.free | sides.loose)[face])
+    over, between, left = heights_between(sought, sides, i[asked], j[asked], patches.edge_normal[face[asked], k[asked]])
+    split = asked[between]
+    value[face[split], k[split]], differ[split] = over[between], left[between]
+    _split_centres(sought, sides, value, np.flatnonzero(four & (sought.free | sides.loose)))
+    length = np.linalg.norm(patches.x[j] - patches.x[i], axis=1)
+    np.maximum.at(doubt, face, np.divide(differ, length, out=np.zeros_like(length), where=length > 0))
+    lacking[face[np.setdiff1d(free[~known], split)]] = True
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
     curved = [found for found in sought.found if found.shape.kind != "plane"]
     of_shape = np.full(len(value), -1)
@@ -121,7 +165,17 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools]:
         value[face[e], k[e]] = _met(found, middle[e], way[e])
         quads = found.faces[four[found.faces]]
         value[quads, 4] = _met(found, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
-    return value, lacking
+    return value, lacking, doubt
+
+
+def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Ints) -> None:
+    """Set the heights (f, 5) at the centres of quadrangles whose diagonals go from one shape to another it touches."""
+    node, normal = sought.whole.node[centre], sought.whole.normal[centre]
+    (one, good, _), (two, fine, _) = (
+        heights_between(sought, sides, node[:, a], node[:, a + 2], normal) for a in (0, 1)
+    )
+    both = good & fine
+    value[centre[both], 4] = (one + two)[both] / 2
 
 
 def _met(found: FoundShape, x: Floats, way: Floats) -> Floats:

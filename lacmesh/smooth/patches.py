@@ -27,10 +27,11 @@ class Joints(NamedTuple):
     edge_j: Ints
 
 
-def joints_of(surface: Surface, normal: Floats, crease_angle: float) -> Joints:
+def joints_of(surface: Surface, normal: Floats, crease_angle: float, taken: Ints | None = None) -> Joints:
     """Find edges at which exactly two faces meet, with an angle below `crease_angle` (degrees) between their normals.
 
-    `normal`: (f, 3). In the plane, the ends of segments.
+    `normal`: (f, 3). `taken` (f,): faces with the same number, 0 or more, join at any angle. In the plane, the ends of
+    segments.
     """
     uses = edge_uses(surface.faces)
     order = np.argsort(uses.edge, kind="stable")
@@ -38,6 +39,8 @@ def joints_of(surface: Surface, normal: Floats, crease_angle: float) -> Joints:
     a, b = order[two].reshape(-1, 2).T
     i, j = uses.face[a], uses.face[b]
     smooth = (normal[i] * normal[j]).sum(axis=1) > np.cos(np.radians(crease_angle))
+    if taken is not None:
+        smooth |= (taken[i] == taken[j]) & (taken[i] >= 0)
     a, b = a[smooth], b[smooth]
     return Joints(uses.face[a], uses.face[b], uses.place[a], uses.place[b])
 
@@ -60,11 +63,14 @@ class SmoothPatches:
     dim: int
 
     @classmethod
-    def of(cls, surface: Surface, crease_angle: float, x: Floats) -> SmoothPatches:
-        """Return the patches of a surface of linear faces at coordinates x (n_nodes of the mesh, 3)."""
+    def of(cls, surface: Surface, crease_angle: float, x: Floats, taken: Ints | None = None) -> SmoothPatches:
+        """Return the patches of a surface of linear faces at coordinates x (n_nodes of the mesh, 3).
+
+        `taken` (f,): as in `joints_of`.
+        """
         surface = surface.at(x)
         normal = mean_normals(surface)[0]
-        joints = joints_of(surface, normal, crease_angle)
+        joints = joints_of(surface, normal, crease_angle, taken)
         node = surface.faces.corners
         return cls(x, node, np.zeros(len(x), int), np.zeros(len(node), int), normal, _areas(surface), joints,
                    surface.dim).split(np.zeros(len(node), int))  # fmt: skip

@@ -13,7 +13,7 @@ from lacmesh.surface.record import Surface
 SURFACES = ("smooth", "faces")
 
 
-def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: float = 40.0) -> Surface:
+def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: float | None = None) -> Surface:
     """Build the surface of some skin cells (indices) of a mesh, with the heights of the smooth skin over its faces.
 
     `surface`: `smooth`, or `faces` for a surface without heights; `crease_angle` in degrees as in `height_of`. Raises

@@ -35,11 +35,15 @@ class Height:
     """The heights of a surface's faces (f,).
 
     `type` (f,): codes in skin.FACE_TYPES; `value` (f, 9): heights at the nodes of each face's quadratic type, in their
-    order, padded with 0.
+    order, padded with 0. `taken` (f,): faces with the same number, 0 or more, are taken as one smooth shape although
+    they turn by more than the crease angle; None if there are none. `doubt` (f,): how far the heights of faces of free
+    form may be off (`lacmesh.smooth`), over the size of the faces; None: not known.
     """
 
     type: Ints
     value: Floats
+    taken: Ints | None = None
+    doubt: Floats | None = None
 
     @property
     def degree(self) -> int:
@@ -48,7 +52,9 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        return replace(self, type=self.type[rows], value=self.value[rows])
+        taken = None if self.taken is None else self.taken[rows]
+        doubt = None if self.doubt is None else self.doubt[rows]
+        return replace(self, type=self.type[rows], value=self.value[rows], taken=taken, doubt=doubt)
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""

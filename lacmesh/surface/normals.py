@@ -16,6 +16,9 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface.record import Surface
 
+#: degrees; edges at which the normal turns by more are sharp where no other angle is given
+CREASE_ANGLE = 40.0
+
 
 def weighted(name: str, x: Floats, X: Floats) -> Floats:
     """(k, p, 3): normals of faces with nodes at x (k, n, 3), times the Jacobian, at reference points X."""
@@ -29,8 +32,12 @@ def normals_of(J: Floats) -> Floats:
     return np.cross(J[..., 0], J[..., 1])
 
 
-def smoothed(surface: Surface, crease_angle: float) -> Floats:
-    """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0. `crease_angle` in degrees."""
+def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
+    """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0.
+
+    `crease_angle` in degrees; None: 40, and faces that the surface's height takes as one shape are averaged at any
+    angle.
+    """
     area = np.zeros((len(surface), 3))
     own = np.zeros((len(surface), 9, 3))
     for name, rows, nodes in surface.by_type():
@@ -41,32 +48,34 @@ def smoothed(surface: Surface, crease_angle: float) -> Floats:
         own[rows, : nodes.shape[1]] = there
     size = np.linalg.norm(own, axis=2, keepdims=True)
     own = np.divide(own, size, out=np.zeros_like(own), where=size > 0)
-    total = _gather(surface, own, np.linalg.norm(area, axis=1), np.cos(np.radians(crease_angle)))
+    total = _gather(surface, own, np.linalg.norm(area, axis=1), crease_angle)
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
 
 
-def _gather(surface: Surface, own: Floats, area: Floats, least: float) -> Floats:
+def _gather(surface: Surface, own: Floats, area: Floats, crease_angle: float | None) -> Floats:
     """Sum of area times normal over the faces at each node of each face that are within the crease angle."""
     total = np.zeros_like(own).reshape(-1, own.shape[2])
     normal = own.reshape(total.shape)
-    for place, other in _meetings(surface, own, least):
+    for place, other in _meetings(surface, own, crease_angle):
         total[place] += area[other // own.shape[1]][:, None] * normal[other]
     return total.reshape(own.shape)
 
 
-def crease_pairs(surface: Surface, own: Floats, crease_angle: float) -> tuple[Ints, Ints]:
+def crease_pairs(surface: Surface, own: Floats, crease_angle: float | None) -> tuple[Ints, Ints]:
     """(k,) each: pairs of positions 9 f + a (node a of face f), of a smoothed normal and of one that contributes to it.
 
-    `own` (f, 9, k): the faces' true normals at their nodes.
+    `own` (f, 9, k): the faces' true normals at their nodes; `crease_angle` as in `smoothed`.
     """
-    found = list(_meetings(surface, own, np.cos(np.radians(crease_angle))))
+    found = list(_meetings(surface, own, crease_angle))
     place, other = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
     return place, other
 
 
-def _meetings(surface: Surface, own: Floats, least: float) -> Iterator[tuple[Ints, Ints]]:
+def _meetings(surface: Surface, own: Floats, crease_angle: float | None) -> Iterator[tuple[Ints, Ints]]:
     """Yield pairs of positions with the same node and normals within the crease angle; each position once per pass."""
+    least = np.cos(np.radians(CREASE_ANGLE if crease_angle is None else crease_angle))
+    taken = None if crease_angle is not None or surface.height is None else surface.height.taken
     there = surface.faces.nodes >= 0
     face, corner = np.nonzero(there)
     node = surface.faces.nodes[there]
@@ -78,6 +87,9 @@ def _meetings(surface: Surface, own: Floats, least: float) -> Iterator[tuple[Int
     rows, other = np.arange(len(node)), start
     while len(rows):
         close = (normal[rows] * normal[other]).sum(axis=1) >= least - 1e-12
+        if taken is not None:
+            one, two = (taken[place[k] // own.shape[1]] for k in (rows, other))
+            close |= (one == two) & (one >= 0)
         yield place[rows[close]], place[other[close]]
         more = other + 1 < stop[rows]  # only those go on: a pole where many faces meet costs no more than its own
         rows, other = rows[more], other[more] + 1

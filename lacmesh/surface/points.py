@@ -64,7 +64,7 @@ def contact_points(
     *,
     macro: Ints | None = None,
     normals: str = "facet",
-    crease_angle: float = 40.0,
+    crease_angle: float | None = None,
     search_distance: float | None = None,
     max_penetration: float | None = None,
     search: str = "tree",
@@ -75,7 +75,8 @@ def contact_points(
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
     negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
-    edges with an angle below `crease_angle` degrees. `search`: `tree`, or `front` (advancing front, completed from the
+    edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
+    takes as one shape). `search`: `tree`, or `front` (advancing front, completed from the
     tree); both give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
@@ -83,7 +84,8 @@ def contact_points(
     normal, by default `default_distance`; and behind it, where bodies overlap, up to `max_penetration`, by default the
     mean depth of the cells behind the slave face and behind the master face (the size of a face without a cell behind),
     and no farther than ahead: so two plates one cell thick may overlap by half of both before their far sides could be
-    paired. Of several layers of the master the nearest counts. Raises RequestError, ValueError.
+    paired. All of these are distances of the smooth surfaces where faces have heights. Of several layers of the master
+    the nearest counts. Raises RequestError, ValueError.
 
     >>> from lacmesh import Mesh
     >>> mesh = Mesh.create([[0, 0], [1, 0], [1, 0.1], [0, 0.1]], [("SEG2", [[1, 0], [3, 2]])])
@@ -204,14 +206,26 @@ def reaches(
     distance: float | None = None,
     penetration: float | None = None,
 ) -> Reach:
-    """Search distances of each slave patch, ahead and behind, by the rules in `contact_points`."""
+    """Search distances of each slave patch, ahead and behind, by the rules in `contact_points`.
+
+    These are distances of the smooth surfaces: faces are looked for as much farther as these are off them.
+    """
     if distance is None:
         distance = default_distance(slave, master, np.arange(len(slave)))
-    ahead = np.full(len(s.n), float(distance))
+    off_s, off_m = (_off(k)[p.face] for k, p in ((slave, s), (master, m)))
+    most = float(off_m.max(initial=0.0))
+    ahead = distance + off_s + most
     if penetration is not None:
-        return Reach(ahead, np.full(len(s.n), float(penetration)), np.zeros(len(m.n)), np.inf)
+        return Reach(ahead, penetration + off_s, off_m, np.inf)
     depth_s, depth_m = (np.where(k.depth > 0, k.depth, k.size)[p.face] for k, p in ((slave, s), (master, m)))
-    return Reach(ahead, depth_s / 2, depth_m / 2, float(distance))
+    return Reach(
+        ahead, depth_s / 2 + off_s, depth_m / 2 + off_m, float(distance) + float(off_s.max(initial=0.0)) + most
+    )
+
+
+def _off(surface: Surface) -> Floats:
+    """(f,): how far the smooth surface is off each face at most."""
+    return np.zeros(len(surface)) if surface.height is None else np.abs(surface.height.value).max(axis=1)
 
 
 def _on_faces(

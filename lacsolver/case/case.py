@@ -280,7 +280,8 @@ class Case(Entry):
     @property
     def skins(self) -> tuple[str, ...]:
         """Groups of the slaves and masters of all contacts and ties, each once."""
-        named = (name for record in (*self.contact, *self.tie) for name in (record.slave, record.master))
+        pairs = (record.surfaces or (record.slave, record.master) for record in (*self.contact, *self.tie))
+        named = (name for pair in pairs for name in pair)
         return tuple(dict.fromkeys(named))
 
     def write(self, path: str | PathLike[str]) -> None:

@@ -204,6 +204,22 @@ class Groups:
 
 
 @dataclass(frozen=True)
+class TwoGroups(Groups):
+    """Two groups, whose order does not count: they are read in that of the alphabet."""
+
+    words = "a list of two groups"
+
+    def read(self, given: Any) -> tuple[str, ...]:
+        names = super().read(given)
+        if len(names) != 2:
+            raise Mistake(f'has {len(names)} groups; it takes two, as ["a", "b"]')
+        return tuple(sorted(names))
+
+    def schema(self) -> Schema:
+        return {**super().schema(), "minItems": 2, "maxItems": 2}
+
+
+@dataclass(frozen=True)
 class Option:
     """One of the words that a key takes, its meaning, and the kinematics for which it is allowed."""
 

@@ -36,6 +36,7 @@ from lacsolver.case.kinds import (
     Text,
     ThreeNumbers,
     Turning,
+    TwoGroups,
     Varying,
 )
 from lacsolver.case.value import Value, ValueLike
@@ -44,6 +45,7 @@ SPACE = ("3d",)
 PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and not a radius
 WHERE = (("group", "at"),)
 NOT_KIND_OF_AT = (("kind", "at"),)
+ROLES = (("slave", "surfaces"), ("master", "surfaces"))
 _KIND = Choice((Option("cell", "a group of cells"), Option("node", "a group of nodes")))
 _EITHER = "the kind that has this name; cell if both have it"
 _THREE = ("fx", "fy", "fz")
@@ -183,11 +185,20 @@ _SURFACE = Choice(
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PairEntry(Entry):
-    """Base class of contacts and ties."""
+    """Base class of contacts and ties. With `surfaces`, slave, master and the default of the name are None.
 
+    A problem has a case in which they are chosen; `why` says why the slave is, and is empty for roles that were given.
+    """
+
+    why: str = field(default="", repr=False, compare=False)
     name: str = key(Text("a name"), "", "name in the results", default=None, default_words="the slave's name")
-    slave: str = key(Group(), "", "the surface that is cut and carries the pressures")
-    master: str = key(Group(), "", "the surface opposite")
+    slave: str = key(
+        Group(), "", "the surface that is cut and carries the pressures", default=None, default_words="one of surfaces"
+    )
+    master: str = key(Group(), "", "the surface opposite", default=None, default_words="the other one of surfaces")
+    surfaces: tuple[str, str] | None = key(
+        TwoGroups(), "", "instead of slave and master: two surfaces, of which a rule chooses the slave", default=None
+    )
     hexa: str = key(_HEXA, "", "variant of the cut of HEXA8 and HEXA20, if the mesh is not cut yet", default="pyramid")
     search_distance: float | None = key(
         Number(POSITIVE), "length", "search distance from the slave to the master", default=None,
@@ -197,14 +208,15 @@ class PairEntry(Entry):
         Number(Bounds(0, 1, open=False)), "", "macro-elements with less coverage are unpaired", default=1e-6
     )
     surface: str = key(_SURFACE, "", "surfaces between which the gap of linear cells is measured", default="smooth")
-    crease_angle: float = key(
-        Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=40.0
-    )
+    crease_angle: float | None = key(
+        Number(Bounds(0, 180, open=False)), "degree", "edges at which the normal turns by more are sharp", default=None,
+        default_words="40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
+    )  # fmt: skip
 
     def _complete(self, values: Mapping[str, Any]) -> None:
         """Take the values that were read, and name the record after its slave if it has no name."""
         super()._complete(values)
-        if self.name is None:
+        if self.name is None and self.surfaces is None:
             object.__setattr__(self, "name", self.slave)
 
 
@@ -216,7 +228,7 @@ class Contact(PairEntry):
     'pin'
     """
 
-    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch, without friction")
+    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch, without friction", one_of=ROLES)
     type: str = key(
         Choice(
             (
@@ -283,7 +295,7 @@ class Tie(PairEntry):
     'liner'
     """
 
-    SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components")
+    SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components", one_of=ROLES)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

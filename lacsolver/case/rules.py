@@ -134,7 +134,7 @@ def _names(sections: Sections) -> Iterator[Found]:
         for made in [m for kind in kinds for m in sections.get(kind, [])]:
             source = "name" if made.has("name") else default
             name = made.get(source)
-            if name in taken:
+            if name is not None and name in taken:
                 yield made.wrong(f"calls it {name!r}, as an earlier one is; give it a name of its own", source)
             taken |= {name} - {None}
     for made in sections.get("probe", []):

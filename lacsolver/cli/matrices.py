@@ -42,8 +42,9 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Write the matrices of a case."""
     from lacmesh.cutting.records import is_cut
-    from lacsolver.case import read_case
+    from lacsolver.case import check_groups, read_case
     from lacsolver.matrices import write_matrices
+    from lacsolver.problem.roles import with_roles
     from lacsolver.problem.skin import mesh_of
 
     check_alone()
@@ -51,13 +52,16 @@ def run(args: argparse.Namespace) -> None:
     if output.suffix.lower() != ".npz":
         raise RequestError(f"{output}: matrices are written as .npz{did_you_mean(output.suffix, ['.npz'])}")
     case = read_case(args.case, matrices=True)
-    targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
-    for target in targets.values():
-        for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
-            args.left = pending_output(path, force=args.force).left
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
         mesh = mesh_of(case)
+        if any(zone.surfaces for zone in (*case.contact, *case.tie)):
+            check_groups(case, mesh)
+            case = with_roles(case, mesh)
+        targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
+        for target in targets.values():
+            for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
+                args.left = pending_output(path, force=args.force).left
         made = _made(case, mesh)
     with stage("write"):
         for name, matrices in made.items():

@@ -24,6 +24,9 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
     for zone, figures in last.contact.items() if last else ():
         rows.add_section()
         rows.add_row("zone", zone)
+        slave, master, why = results.roles.get(zone, ("", "", ""))
+        if why:
+            rows.add_row("slave chosen", f"{slave}, with master {master}: {why}")
         for name, value in _zone(figures):
             rows.add_row(name, value)
     console().print(rows)

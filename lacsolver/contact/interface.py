@@ -47,7 +47,7 @@ class Pairing:
     """
 
     normals: str = "facet"
-    crease_angle: float = 40.0
+    crease_angle: float | None = None
     search_distance: float | None = None
     max_penetration: float | None = None
     search: str = "tree"

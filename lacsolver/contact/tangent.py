@@ -206,7 +206,7 @@ def _smooth_normal_change(slave: Surface, face: Interface, nodal: Floats, turned
     return csr_array(_gathered(parts, len(points), dim, dim, 9 * len(slave)) @ turned)
 
 
-def _nodal_normals(slave: Surface, crease_angle: float, dim: int) -> tuple[NDArray[np.floating], csr_array]:
+def _nodal_normals(slave: Surface, crease_angle: float | None, dim: int) -> tuple[NDArray[np.floating], csr_array]:
     """Return unit normals (f, 9, dim) at the nodes of each face, and their derivative (f 9 dim, n_dof).
 
     As in `lacmesh.surface.normals.smoothed`, a node's normal is the area-weighted mean of the normals of its faces,

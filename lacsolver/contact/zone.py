@@ -35,7 +35,7 @@ class Zone:
         name: str | None = None,
         *,
         surface: str = "smooth",
-        crease_angle: float = 40.0,
+        crease_angle: float | None = None,
     ) -> Zone:
         """Return the zone between two groups of skin cells of a mesh whose slave is cut.
 

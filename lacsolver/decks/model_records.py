@@ -9,13 +9,15 @@ import numpy as np
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.faces import facets_of
+from lacmesh.topology.skin import FaceIncidence
 from lacsolver.decks.cards import Card, Refused, look_up
 from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
 from lacsolver.decks.draft import AXES, MODELS, CaseDraft
 from lacsolver.decks.histories import JUMP
+from lacsolver.decks.names import SIDES
+from lacsolver.problem.roles import FEW
 
-#: fewer faces of a slave than this, by dimension, cannot keep a body from turning
-_FEW = {2: 2, 3: 3}
 _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
 
 
@@ -149,10 +151,11 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
         raise Refused("this slave has several masters with different contact; give them one", pairs[1].card.rows[0])
     skins = [names.skin(pair.master, None) for pair in pairs]
     slave, facets = names.skin(first.slave, None)
-    master = draft.groups.add_skin(
-        "_".join(dict.fromkeys(name for name, _ in skins)), np.concatenate([f for _, f in skins])
-    )
-    keys: dict[str, Any] = {"slave": draft.groups.add_skin(slave, facets), "master": master}
+    master, opposite = "_".join(dict.fromkeys(name for name, _ in skins)), np.concatenate([f for _, f in skins])
+    if _exchanged(draft, pairs, (slave, facets), (master, opposite)):
+        (slave, facets), (master, opposite) = (master, opposite), (slave, facets)
+    added = draft.groups.add_skin(master, opposite)
+    keys: dict[str, Any] = {"slave": draft.groups.add_skin(slave, facets), "master": added}
     law = laws[0]
     if first.tie or (law and law.tied):
         draft.add("tie", keys | {k: v for k, v in first.keys.items() if k == "search_distance"}, first.card)
@@ -162,15 +165,32 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
             draft.clearances[keys["slave"]] = draft.reading.content.clearances[pair.slave, pair.master]
     if removed := [one for pair in pairs for one in draft.reading.content.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
-    if len(facets) < _FEW[draft.dim]:
-        draft.reading.warn(
-            first.card,
-            f"the slave {slave!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
-            "turning, and results are coarse; refine its mesh",
-        )
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
     draft.add("contact", keys | stiffness | normals | dict(first.keys), first.card)
+
+
+def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], master: tuple[str, Ints]) -> bool:
+    """True if a slave of few faces should be the master of its own; tell that, or that both have few."""
+    (name, facets), (other, opposite), card = slave, master, pairs[0].card
+    few = FEW[draft.dim]
+    if len(facets) >= few:
+        return False
+    said = f"the slave {name!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
+    mesh, content = draft.groups.mesh, draft.reading.content
+    cells, sides = np.divmod(opposite, SIDES)
+    faces = facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, sides, np.ones(len(cells), bool))).nodes
+    rigid = any(np.isin(faces, body.nodes).any() for body in content.rigid)
+    others = [pair for pair in content.pairs if pair not in pairs]
+    taken = any({pair.slave, pair.master} & {pair.master for pair in pairs} for pair in others)
+    if len(np.unique(opposite)) >= few and not rigid and not taken:
+        count = len(np.unique(opposite))
+        draft.reading.note(card, f"{said}turning; {other!r} has {count}, so that it is the slave in the case, and cut")
+        return True
+    why = "its master is rigid" if rigid else "its master is in another pair" if taken else "its master has few as well"
+    advice = "'run' refuses the case if nothing else holds that; refine the mesh of one of them"
+    draft.reading.warn(card, f"{said}turning, and {why}, so that results are coarse; {advice}")
+    return False
 
 
 def _removed(

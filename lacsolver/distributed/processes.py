@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,22 +31,23 @@ class Processes:
         self._read: Part | None = None  # as the file has it
         self._part: Part | None = None  # with the slaves cut
 
-    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+    def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
         """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut. Raises
-        ReadError, CutError, and RequestError for a folder with parts for another number of processes.
+        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`.
+        Raises ReadError, CutError, and RequestError for a folder with parts for another number of processes.
         """
         names = sorted(set(skins))
         part = self._divided(path, names) if path.is_dir() else self._sliced(path, names)
         if part is None:
             return lacmesh.read(path)
         self._read = part
-        if slaves and len(part.everywhere) == len(names) and not is_cut(part.mesh):
-            if len(set(slaves.values())) > 1:
+        if names and len(part.everywhere) == len(names) and not is_cut(part.mesh):
+            cut = slaves(part.mesh)
+            if len(set(cut.values())) > 1:
                 advice = "cut the slaves before the mesh is divided"
                 raise RequestError(f"the slaves in {path} are cut at once, so hexa must be the same for all; {advice}")
-            part = cut_part(part, list(slaves), hexa=next(iter(slaves.values())))
+            part = cut_part(part, list(cut), hexa=next(iter(cut.values())))
         self._part = part
         return part.mesh
 

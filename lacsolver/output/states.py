@@ -26,6 +26,7 @@ from lacsolver.case import Case, changed, fingerprint, fingerprint_as
 from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
+from lacsolver.problem.roles import with_roles
 from lacsolver.problem.skin import mesh_of
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories, Iterate, StepState
@@ -188,7 +189,7 @@ def check_same(state: Restart, case: Case, mesh: Mesh, prints: Mapping[str, str]
     """Raise DataError if a state belongs to another case or mesh; `prints`: the fingerprint of these, if known."""
     if state.case is None:
         return
-    prints = fingerprint(case, mesh) if prints is None else prints
+    prints = fingerprint(with_roles(case, mesh), mesh) if prints is None else prints
     same = fingerprint_as(state.case, prints, case, mesh)
     differs = changed(state.case, same)
     if differs:

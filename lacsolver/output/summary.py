@@ -54,7 +54,7 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
         "status": results.status,
         **({"message": results.message} if results.message else {}),
         "steps": [],
-        "contact": {} if last is None else {name: _zone(zone) for name, zone in last.contact.items()},
+        "contact": {name: _roles(results, name) | _zone(zone) for name, zone in (last.contact if last else {}).items()},
         "balance": _balance(results, worst),
         "stress": results.stress,
         "energy": None if last is None else last.energy,
@@ -67,6 +67,14 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
 def _step(step: StepFigures) -> dict[str, Any]:
     told = {name: getattr(step, name) for name in STEP_KEYS}
     return told if step.motion is None else told | {name: getattr(step.motion, name) for name in MOTION_KEYS}
+
+
+def _roles(results: Results, name: str) -> dict[str, Any]:
+    """Return the slave and the master of a zone, and why the slave was chosen if it was."""
+    if name not in results.roles:
+        return {}
+    slave, master, why = results.roles[name]
+    return {"slave": slave, "master": master} | ({"why": why} if why else {})
 
 
 def _zone(zone: ZoneFigures) -> dict[str, Any]:

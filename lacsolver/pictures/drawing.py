@@ -32,7 +32,8 @@ from lacmesh.view import picture
 from lacsolver.case import Case
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.problem.problem import zone_of
-from lacsolver.problem.skin import prepared
+from lacsolver.problem.roles import with_roles
+from lacsolver.problem.skin import mesh_of, prepared
 from lacsolver.results.results import Restart
 
 #: largest length of a magnified displacement, relative to the extent of the mesh
@@ -89,6 +90,8 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zo
     ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
     """
     check_plot(case, path)
+    mesh = mesh_of(case, mesh)
+    case = with_roles(case, mesh)
     mesh = prepared(case, mesh)
     dim = 3 if case.model == "3d" else 2
     u = np.zeros((mesh.n_nodes, 3))

@@ -21,6 +21,8 @@ from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.smooth import DOUBTFUL, told_of_few
+from lacmesh.surface import Surface
 from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.material import Materials
@@ -29,8 +31,10 @@ from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem import acting
+from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
+from lacsolver.problem.roles import slaves_of, with_roles
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
 from lacsolver.space.places import nodes_of, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
@@ -147,7 +151,9 @@ class Problem(Described):
         source = read_mesh(case, distribution) if mesh is None else mesh
         parts = build(case, source, distribution=distribution, like=like)
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
-        return cls(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs), source)
+        for pair in parts.pairs:
+            check_hypothesis(parts.case, pair, parts.space, parts.constraints, parts.materials)
+        return cls(parts.case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs), source)
 
     def shares_bodies_with(self, other: Problem) -> bool:
         """True if another problem has the same bodies: cells, materials, springs and temperatures."""
@@ -195,8 +201,12 @@ Attempt = Callable[[str], AbstractContextManager[None]]
 
 @dataclass
 class ProblemParts:
-    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed."""
+    """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed.
 
+    `case`: with the roles of all surfaces, if they could be chosen.
+    """
+
+    case: Case
     mesh: Mesh
     prepared: bool = False
     space: Space | None = None
@@ -221,12 +231,13 @@ def build(
     another problem, whose space, materials and pairs are taken where they are the same.
     """
     attempt = attempt or (lambda place: nullcontext())
-    parts, usable = ProblemParts(mesh), False
+    parts, usable = ProblemParts(case, mesh), False
     with attempt(""):
         if distribution is ALONE:
             named = f" {case.mesh.name}" if isinstance(case.mesh, Path) else ""
             check_dimension(mesh, case.model, f"the mesh{named}")
         check_groups(case, mesh)
+        parts.case = case = with_roles(case, distribution.as_read(mesh)[0])
         usable = True
     if not usable:
         return parts
@@ -287,8 +298,7 @@ def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
     if not isinstance(case.mesh, Path):
         return mesh_of(case)
-    slaves = {record.slave: record.hexa for record in (*case.contact, *case.tie)}
-    return distribution.read(case.mesh, case.skins, slaves)
+    return distribution.read(case.mesh, case.skins, lambda mesh: slaves_of(case, mesh))
 
 
 def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:
@@ -323,6 +333,31 @@ def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
     )
 
 
+def _tell_of_skins(space: Space, record: Contact, zone: Zone) -> None:
+    """Warn of skins of a contact that are taken as round over creases, and of those whose height is doubtful."""
+    for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
+        if told := told_of_few(space.local, skin, record.crease_angle):
+            mend = "give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {told}; {mend}"), stacklevel=4)
+        if told := _doubtful(space, skin):
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {told}"), stacklevel=4)
+
+
+def _doubtful(space: Space, skin: Surface) -> str:
+    """Say where the height of a curved skin may be off by much; "" if it is not."""
+    doubt = None if skin.height is None else skin.height.doubt
+    if doubt is None or not doubt.max(initial=0.0) > DOUBTFUL:
+        return ""
+    worst = int(doubt.argmax())
+    middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
+    place = ", ".join(space.told(middle + space.origin[: space.dim]))
+    return (
+        f"its curvature changes within few faces, so that gaps may be off by {doubt[worst]:.2g} of a face's size near "
+        f"({place}), which is worth as great a part of Young's modulus in the pressure; refine it there, put nodes on "
+        "the line where two shapes touch, or take quadratic cells"
+    )
+
+
 def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     """Return the contact pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
     try:
@@ -332,6 +367,7 @@ def joint_of(space: Space, record: Contact | Tie) -> ContactPair:
     if isinstance(record, Tie):
         pairing = Pairing()
     else:
+        _tell_of_skins(space, record, zone)
         value = record.clearance
         fixed = not (value.depends_on_place or value.depends_on_time)
         clearance = value.at(0.0) if fixed else acting.at_local_points(space, value)

@@ -14,6 +14,7 @@ import numpy as np
 
 from lacmesh.mesh import Floats
 from lacmesh.smooth import unresolved
+from lacmesh.surface import Surface
 from lacsolver.case import Contact
 from lacsolver.contact import Zone
 from lacsolver.problem.problem import Problem
@@ -22,6 +23,8 @@ from lacsolver.results.state import State
 #: a run warns above both of these: relative difference between pressures of neighbours, and error of flat faces
 #: relative to the mean pressure of the macro-elements in contact
 _ALTERNATE, _WORTH = 0.3, 0.5
+#: the first of these where only a few faces may be off, as at a fillet
+_LOCAL = 0.1
 
 
 def faceted(problem: Problem, state: State) -> Iterator[str]:
@@ -30,7 +33,7 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
     young = min((float(np.min(one)) for one in moduli), default=0.0)
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         part = _differing(joint.zone, zone.pressure)
-        if not isinstance(joint.record, Contact) or part <= _ALTERNATE:
+        if not isinstance(joint.record, Contact) or part <= _LOCAL:
             continue
         record, mesh = joint.record, problem.space.local
         turns = [
@@ -38,9 +41,18 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
             for skin in (joint.zone.slave, joint.zone.master)
         ]
         turn = max((float(np.median(one)) for one in turns if len(one)), default=0.0)
+        doubt = max(_doubt(skin) for skin in (joint.zone.slave, joint.zone.master))
         on = zone.pressure > 0
         worth, mean = young * turn / 8, float(np.average(zone.pressure[on], weights=zone.area[on])) if on.any() else 0.0
-        if mean > 0 and worth > _WORTH * mean:
+        flat = part > _ALTERNATE and worth > _WORTH * mean
+        if mean > 0 and not flat and young * doubt > _WORTH * mean:
+            yield (
+                f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the next, "
+                f"where heights of curved skins may be off by {doubt:.2g} of a face's size, which is worth "
+                f"{young * doubt:.4g} beside their mean, {mean:.4g}; refine both skins where their curvature changes, "
+                "put nodes on the line where two shapes touch, or mesh with quadratic cells"
+            )
+        if mean > 0 and flat:
             message = f"pressures of contact {joint.name!r} differ by {100 * part:.0f} % from one macro-element to the "
             message += (
                 f"next, as they do where flat faces stand for curved skins: these turn by {np.degrees(turn):.2g} "
@@ -48,6 +60,11 @@ def faceted(problem: Problem, state: State) -> Iterator[str]:
             message += f"degrees from face to face, which is worth E h / 8R = {worth:.4g} beside their mean, {mean:.4g}"
             other = 'take surface = "smooth", or ' if record.surface == "faces" else ""
             yield f"{message}; {other}refine both skins, or mesh with quadratic cells, whose mid-nodes lie on the skins"
+
+
+def _doubt(skin: Surface) -> float:
+    """Return how far the heights of a skin may be off, over the size of a face; 0 if it has none."""
+    return 0.0 if skin.height is None or skin.height.doubt is None else float(skin.height.doubt.max(initial=0.0))
 
 
 def _differing(zone: Zone, pressure: Floats) -> float:

@@ -126,7 +126,8 @@ class Results(Described):
     about its results, one per line. `steps`: steps of this run (for a restart, those after its initial state).
     `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
-    run, rigid-body motions that only contact constrains, in words.
+    run, rigid-body motions that only contact constrains, in words. `roles`: by zone its slave, its master, and why the
+    slave was chosen, "" where the case says which it is.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -142,6 +143,7 @@ class Results(Described):
     timings: Mapping[str, float] = field(default_factory=dict)
     memory: int = 0
     held: tuple[str, ...] = ()
+    roles: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

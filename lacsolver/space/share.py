@@ -26,10 +26,10 @@ T = TypeVar("T")
 class Distribution(Protocol):
     """Interface of what divides a model among processes."""
 
-    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+    def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
         """Return the mesh of a file, or a part of one, that has been divided, with its slaves cut.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut, each with its kind of `hexa` cut.
+        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`.
         """
 
     def as_read(self, mesh: Mesh) -> tuple[Mesh, MeshPart | None]:
@@ -138,7 +138,7 @@ class Alone:
     rank, n = 0, 1
     comm = number = common = own = origin = node = cell = body = None
 
-    def read(self, path: Path, skins: Sequence[str], slaves: Mapping[str, str]) -> Mesh:
+    def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
         """Return the mesh of a file. Raises ReadError, and RequestError for a mesh that is divided."""
         if path.is_dir():
             raise RequestError(f"{path} is a folder; if it has parts of a mesh, start as many processes: mpiexec -n N")

@@ -10,6 +10,7 @@ from lacmesh import Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
 from tests.checks.blocks import block, cut_blocks, join, skin, two_blocks
 from tests.checks.corpus import at, changed, defect, merged, of_type, reversed_group, without_records
+from tests.coarse_rings import rings
 
 
 @defect("empty-skin", slave=["slave", "nobody"])
@@ -242,3 +243,10 @@ def a_curved_skin_of_three_faces_to_a_quarter_turn():
     angle, radius = np.pi / 2 * (x - 0.5), (0.5 + z) * (1 + 0.1 * y**2 + 0.1 * x**3)
     points = np.stack([radius * np.sin(angle), y, radius * np.cos(angle)], axis=1)
     return cut_skin(replace(mesh, points=points), "slave").mesh
+
+
+@defect("few-faces", master="bore")
+def a_pin_of_eight_faces():
+    """Its nodes lie on a cylinder, and its edges turn by 45 degrees."""
+    pin = {"kind": "HEXA8", "n": 8, "radii": (0.5, 1), "heights": (0, 0.5, 1), "names": ("pin", "bore", "slave")}
+    return cut_skin(rings(pin, dim=3), "slave").mesh

@@ -76,7 +76,7 @@ MISTAKES = [
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [[1, 0], [0, 1]] #!\n", "has vectors of 2 components; 3d has 3"),
     (PLATE.replace(STEEL, WOOD) + "poisson = [0, 0, 0]\naxes = [[1, 0, 1], [0, 1, 0]] #!\n", "has vectors out of the plane"),
     # contact
-    (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave (the surface that is cut"),
+    (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave or surfaces"),
     (BODY + '[[contact]] #!\nslave = "s"\n', "[[contact]] needs master"),
     (BODY + '[[contact]]\nslave = "s"\nmaster = "s" #!\n', "contact.master is 's', the slave itself"),
     (BODY + PAIR + '[[tie]]\nslave = "s" #!\nmaster = "n"\nname = "t"\n', "tie.slave is 's', the slave of an earlier one"),

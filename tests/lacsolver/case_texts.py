@@ -62,6 +62,9 @@ initial = "none"
 slave = "Group_7"
 master = "Group_8"
 initial = "gap"
+[[contact]]
+name = "which"
+surfaces = ["Group_11", "Group_12"]
 [[tie]]
 name = "glue"
 slave = "Group_9"
@@ -70,6 +73,9 @@ hexa = "auto"
 search_distance = 1.0
 coverage_threshold = 0.5
 surface = "faces"
+[[tie]]
+name = "which tie"
+surfaces = ["Group_13", "Group_14"]
 [[rigid]]
 group = "plate"
 kind = "cell"

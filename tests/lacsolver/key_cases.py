@@ -279,6 +279,26 @@ ux = 0.0  # held
 uy = 0.0  # held
 """
 
+CHOSEN = """
+mesh = "blocks.msh"  # held
+model = "plane_stress"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.0  # held
+[[contact]]
+name = "joint"  # held
+surfaces = ["master", "slave"]
+search_distance = 0.7  # held
+[[displacement]]
+group = "bottom"
+ux = 0.0  # held
+uy = 0.0  # held
+[[displacement]]
+group = "top"
+ux = 0.0  # held
+uy = -0.7  # held
+"""
+
 GLUED = """
 mesh = "blocks.msh"
 model = "plane_stress"
@@ -575,6 +595,8 @@ CASES = {
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
     "sunk": KeyCase(lambda: overhang(-0.8), SUNK),
+    "chosen": KeyCase(lambda: overhang(0.6), CHOSEN),
+    "tied chosen": KeyCase(lambda: overhang(0.6), CHOSEN.replace("[[contact]]", "[[tie]]")),
     "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "round": KeyCase(plane, ROUND),

@@ -166,6 +166,12 @@ def check_sunk(ran):
     assert (table["pressure"][:2] > 100).all()
 
 
+def check_chosen(ran):
+    """The surface that faces the other with its whole area is the slave, and the results say why."""
+    told = ran.results["contact"]["joint"]
+    assert (told["slave"], told["master"]) == ("master", "slave") and "with its whole area" in told["why"]
+
+
 def check_glued(ran):
     """Two faces alone carry the pull, though the third is half in front of the master."""
     table = ran.table("glue")
@@ -370,6 +376,8 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "rigid": check_rigid,
     "searched": check_searched,
     "sunk": check_sunk,
+    "chosen": check_chosen,
+    "tied chosen": check_chosen,
     "glued": check_glued,
     "strain": check_strain,
     "round": check_round,

@@ -75,7 +75,7 @@ def test_centres_are_told_where_they_are_in_the_file():
 def test_coarse_skins_are_faceted_and_fine_ones_are_not():
     bowl = lambda x: np.stack([x[:, 0], x[:, 1], 0.6 * x[:, 0] ** 2 + 0.4 * x[:, 1] ** 2], axis=1)  # noqa: E731
     (coarse,) = check(rolled(bowl, 2, "TRIA3", skew=0, size=1.5), "skin").of_rule("faceted")
-    assert "at angles up to 29 degrees" in coarse.message and len(coarse.cells) == 5
+    assert "at angles up to 29 degrees" in coarse.message and len(coarse.cells) == 7
     assert not check(rolled(bowl, 12, "TRIA3", skew=0, size=1.5), "skin").of_rule("faceted")
 
 

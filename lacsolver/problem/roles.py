@@ -1,0 +1,233 @@
+"""Roles of two surfaces: which of them is the slave where a case names them without saying so.
+
+The rules, in their order, each for two surfaces that those before do not tell apart: macro-elements in the mesh; cells
+behind the faces; internal dofs that are free; enough faces to keep a body from turning; faces that the other covers;
+the softer body; the finer faces; the more convex surface; the name that comes first in the alphabet. All are of the
+mesh before its cut, relative, and coarser than round-off: units, numbering and the order of the two names do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cutting.records import Cut, is_cut
+from lacmesh.errors import LacmeshError
+from lacmesh.mesh import Ints, Mesh
+from lacmesh.origin import from_origin, origin_of_mesh
+from lacmesh.surface import Surface, contact_points, coverage
+from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.record import mean_normals
+from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import find_owners
+from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
+from lacsolver.space.places import wrong
+
+#: fewer faces of a slave than this, by dimension, may not keep a body from turning
+FEW = {2: 2, 3: 3}
+#: square of the sine of the least angle at which a free direction may stand to the normal's plane
+_FREE = 0.01
+#: parts of a surface that are taken for the same; ratios of moduli and of sizes; angles between faces, in radian
+_PART, _RATIO, _ANGLE = 0.05, 1.1, 0.01
+
+
+def with_roles(case: Case, mesh: Mesh) -> Case:
+    """Return the case with the roles of surfaces that it names without them, as the rules choose.
+
+    `mesh`: before its cut, with all groups of the case. Raises CaseError, with the line, where neither surface can be
+    the slave.
+    """
+    records: list[Contact | Tie] = [*case.contact, *case.tie]
+    if not any(record.surfaces for record in records):
+        return case
+    taken = {record.slave for record in records if not record.surfaces}
+    made: list[Contact | Tie] = []
+    for record in records:
+        one = _chosen(case, mesh, record, taken) if record.surfaces else record
+        taken.add(one.slave)
+        made.append(one)
+    names = [record.name for record in made]
+    for record in made:
+        if record.why and names.count(record.name) > 1:
+            raise wrong(
+                record, f"its name by default is that of its slave, {record.name!r}, which another has; name it"
+            )
+    contacts = tuple(one for one in made if isinstance(one, Contact))
+    ties = tuple(one for one in made if isinstance(one, Tie))
+    return Case.of_read({**vars(case), "contact": contacts, "tie": ties})
+
+
+def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
+    """Return the groups to be cut in a mesh, each with its kind of `hexa` cut. Raises as `with_roles`."""
+    done = with_roles(case, mesh)
+    return {record.slave: record.hexa for record in (*done.contact, *done.tie)}
+
+
+def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> Contact | Tie:
+    """Return a record with its roles, and why they were chosen."""
+    assert record.surfaces is not None
+    names = sorted(record.surfaces)
+    try:
+        sides = [_Side(case, mesh, name, record) for name in names]
+    except LacmeshError as error:
+        raise wrong(record, str(error)) from None
+    free = [side for side in sides if side.name not in taken]
+    if not free:
+        message = f"{names[0]!r} and {names[1]!r} are slaves of others already"
+        raise wrong(record, f"{message}, and a skin has one master; join the masters in one group")
+    if len(free) == 1:
+        other = next(side for side in sides if side is not free[0])
+        slave, why = free[0], f"{other.name!r} is the slave of another"
+    else:
+        slave, why = _by_rules(*sides)
+    if not slave.behind:
+        message = f"{slave.name!r} has faces without one cell behind them, so that it cannot be cut"
+        raise wrong(record, f"{message}, and neither can the other surface; name the skin of a body")
+    master = next(side.name for side in sides if side is not slave)
+    named = record.name or slave.name
+    changes = {"slave": slave.name, "master": master, "surfaces": None, "why": why, "name": named}
+    return type(record).of_read({**vars(record), **changes})
+
+
+def _by_rules(a: _Side, b: _Side) -> tuple[_Side, str]:
+    """Return the slave of two sides by the first rule that tells them apart, and why it is."""
+    for mine, other in ((a, b), (b, a)):
+        if mine.cut and not other.cut:
+            return mine, "it has macro-elements in the mesh"
+        if mine.behind and not other.behind:
+            return mine, f"{other.name!r} has no cells behind it that could be cut"
+    for mine, other in ((a, b), (b, a)):
+        if mine.free > other.free + _PART:
+            return mine, f"the displacement of {other.name!r} is prescribed, or that of a rigid body"
+    for mine, other in ((a, b), (b, a)):
+        if mine.n_faces >= FEW[a.dim] > other.n_faces:
+            return mine, f"{other.name!r} has few faces, {other.n_faces}"
+    seen = a.covered_by(b), b.covered_by(a)
+    for (mine, _), part, of_other in zip(((a, b), (b, a)), seen, seen[::-1], strict=True):
+        if part > of_other + _PART:
+            whole = "its whole area" if part > 1 - _PART else f"{100 * part:.0f} % of its area"
+            return mine, f"it faces the other with {whole}, the other with {100 * of_other:.0f} %"
+    for mine, other in ((a, b), (b, a)):
+        if mine.young * _RATIO < other.young:
+            return mine, f"it is softer: Young's modulus {mine.young:.4g} beside {other.young:.4g}"
+    for mine, other in ((a, b), (b, a)):
+        if mine.size * _RATIO < other.size:
+            return mine, f"it is finer: faces of {mine.size:.4g} beside {other.size:.4g}"
+    for mine, other in ((a, b), (b, a)):
+        if mine.bend > other.bend + _ANGLE:
+            return mine, "it is more convex"
+    return a, "the two are alike, and its name comes first"
+
+
+class _Side:
+    """One of two surfaces before the cut: its faces, and what the rules ask of it."""
+
+    def __init__(self, case: Case, mesh: Mesh, name: str, record: Contact | Tie) -> None:
+        self.name, self._case, self._mesh, self._record = name, case, mesh, record
+        self._cells = mesh.cells_of(name)
+        self.skin = Surface.of(from_origin(mesh, origin_of_mesh(mesh)), self._cells)
+        self.n_faces, self.dim = len(self.skin), self.skin.dim + 1
+        self.cut = is_cut(mesh) and bool((Cut(mesh).macro_of_face[self._cells] >= 0).all())
+        self.behind = not np.isnan(self.skin.depth).any()
+        self._area = face_measure(self.skin)
+
+    def covered_by(self, other: _Side) -> float:
+        """The part of the area that faces the other surface."""
+        met = contact_points(self.skin, other.skin, search_distance=self._record.search_distance)
+        found = coverage(met, self.skin)
+        return float(found.covered.sum() / found.area.sum())
+
+    @property
+    def size(self) -> float:
+        """Mean size of a face, a length."""
+        return float(np.median(self._area ** (1 / self.skin.dim)))
+
+    @property
+    def bend(self) -> float:
+        """Mean angle between neighbouring faces, positive where the surface is convex."""
+        n, centre = mean_normals(self.skin)
+        face, k = np.nonzero(self.skin.neighbours >= 0)
+        beyond = self.skin.neighbours[face, k]
+        apart = centre[beyond] - centre[face]
+        away = np.linalg.norm(apart, axis=1)
+        turn = ((n[beyond] - n[face]) * apart).sum(axis=1)
+        return float(np.mean(turn / np.where(away > 0, away, 1.0))) if len(face) else 0.0
+
+    @property
+    def young(self) -> float:
+        """Mean modulus behind the faces; infinite where they are rigid, or where a law has none."""
+        value = np.full(self._mesh.n_cells, np.inf)
+        for material in self._case.material:
+            modulus = np.inf if material.young is None else float(np.mean(material.young))
+            for cells in _cells_of(self._mesh, material.groups):
+                value[cells] = modulus
+        young = value[self._parents]
+        return float(np.average(young, weights=self._area)) if self._rigid() is None else np.inf
+
+    @property
+    def free(self) -> float:
+        """The part of the faces whose new nodes would be free: along the normal, for a tie in every direction."""
+        held = np.zeros((self.n_faces, 3, 3))
+        n, _ = mean_normals(self.skin)
+        records: tuple[Displacement | Rigid, ...] = (*self._case.displacement, *self._case.rigid)
+        for record in records:
+            there = self._held_by(record)
+            if isinstance(record, Rigid):
+                held[there] = np.eye(3)
+                continue
+            for k, axis in enumerate("xyz"):
+                if getattr(record, f"u{axis}") is not None:
+                    held[there, k, k] = 1.0
+            if record.un is not None:
+                held[there] += np.einsum("fi,fj->fij", n[there], n[there])
+        left = np.einsum("fi,fij,fj->f", n, np.eye(3) - held, n)
+        if isinstance(self._record, Tie):
+            left = np.where(held[:, range(self.dim), range(self.dim)].any(axis=1), 0.0, 1.0)
+        return float(np.mean(left > _FREE))
+
+    def _rigid(self) -> Rigid | None:
+        """The rigid body that has all faces; None for another surface."""
+        return next((one for one in self._case.rigid if self._held_by(one).all()), None)
+
+    def _held_by(self, record: Displacement | Rigid) -> NDArray[np.bool_]:
+        """Return a mask (f,), True for faces that lie in a record's group, so that the nodes of their cut will."""
+        mesh, nodes = self._mesh, self.skin.faces.nodes
+        inside = np.zeros(mesh.n_nodes + 1, bool)
+        inside[-1] = True  # faces of few nodes are padded with -1
+        if record.group is None:
+            return np.zeros(self.n_faces, bool)
+        if record.kind == "node" or (record.kind is None and not _is_cells(mesh, record.group)):
+            inside[mesh.node_groups[record.group]] = True
+            return np.asarray(inside[nodes].all(axis=1))
+        cells = mesh.cells_of(record.group)
+        chosen = np.zeros(mesh.n_cells, bool)
+        chosen[cells] = True
+        return np.asarray(chosen[self.skin.cell] | chosen[self._parents] | self._same(cells))
+
+    def _same(self, cells: Ints) -> NDArray[np.bool_]:
+        """Return a mask (f,), True for faces that have the nodes of one of these cells."""
+        skin = cells[self._mesh.cell_dim[cells] == self.skin.dim]
+        wanted = {frozenset(row) for _, _, nodes in self._mesh.select(skin) for row in nodes.tolist()}
+        return np.array([frozenset(k for k in row if k >= 0) in wanted for row in self.skin.faces.nodes.tolist()], bool)
+
+    @cached_property
+    def _parents(self) -> Ints:
+        """The cell (f,) behind each face; the face itself where there is none."""
+        out = np.array(self.skin.cell)
+        owners = find_owners(self.skin.faces, cells_of_dim(self._mesh, self.dim), self._mesh.n_nodes)
+        out[owners.face] = owners.cell
+        return out
+
+
+def _cells_of(mesh: Mesh, groups: Iterable[str] | None) -> list[Ints]:
+    return [np.flatnonzero(mesh.cell_dim >= 0)] if groups is None else [mesh.cells_of(name) for name in groups]
+
+
+def _is_cells(mesh: Mesh, group: str) -> bool:
+    try:
+        return len(mesh.cells_of(group)) >= 0
+    except LacmeshError:
+        return False
