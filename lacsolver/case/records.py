@@ -196,7 +196,7 @@ class PairEntry(Entry):
         Group(), "", "the surface that is cut and carries the pressures", default=None, default_words="one of surfaces"
     )
     master: str = key(Group(), "", "the surface opposite", default=None, default_words="the other one of surfaces")
-    surfaces: tuple[str, str] | None = key(
+    surfaces: As[tuple[str, str] | None, Sequence[str] | None] = key(
         TwoGroups(), "", "instead of slave and master: two surfaces, of which a rule chooses the slave", default=None
     )
     hexa: str = key(_HEXA, "", "variant of the cut of HEXA8 and HEXA20, if the mesh is not cut yet", default="pyramid")
