@@ -19,6 +19,7 @@ from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.solve.active_set import active_set_iterates
+from lacsolver.solve.alternating import alternating
 from lacsolver.solve.kept_columns import start_from_columns
 from lacsolver.solve.load_step import LoadStep
 from lacsolver.solve.newton import Damping, Linearization, newton_iterates
@@ -137,7 +138,10 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     balance, gap = outcome.residuals[-1]
     said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
     said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
-    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+    what, advice = alternating(outcome, problem.space)
+    said += f"; in the last iterations {what}" if what else ""
+    said += f"; {advice}; or" if advice else ";"
+    return f"{said} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

@@ -227,6 +227,7 @@ def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Sp
     else:
         pressure, on = (np.maximum(rows.pressure, 0.0) if group.law.compressive else rows.pressure), covered
         traction, gap = -pressure[:, None] * face.normal, rows.gap  # round-off makes some slightly negative
+        gap = face.gap if pair.moving else gap  # without what slivers may overlap
     return ZoneState(
         pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
         np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,
