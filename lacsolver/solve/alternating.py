@@ -12,8 +12,8 @@ from lacsolver.saddle.contact_system import ContactSystem, RowGroup
 from lacsolver.solve.search import Outcome
 from lacsolver.space.space import Space
 
-#: changes of direction of what alternates, at least, and the least change of a coverage that counts
-_TURNS, _SWING = 2, 1e-3
+#: changes of a status that alternates, at least, and the least change of a coverage that counts
+_CHANGES, _SWING = 2, 1e-3
 
 
 class Alternating(NamedTuple):
@@ -25,7 +25,7 @@ class Alternating(NamedTuple):
 
 def alternating(outcome: Outcome, space: Space) -> Alternating:
     """Return what alternates most in the last iterations of an outcome."""
-    if len(outcome.recent) <= _TURNS:
+    if len(outcome.recent) <= _CHANGES:
         return Alternating()
     covered, active = (np.array(own) for own in zip(*outcome.recent, strict=True))
     found = [_of(group, covered[:, group.rows], active[:, group.rows], space) for group in _paired(outcome.contact)]
@@ -46,15 +46,15 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
     swing = np.ptp(coverage, axis=0)
     moves = np.where(np.abs(change := np.diff(coverage, axis=0)) > _SWING, np.sign(change), 0)
     edge = _turns(moves) & (coverage.min(axis=0) < 1 - _SWING)
-    pairing = np.abs(np.diff((covered > 0).astype(int), axis=0)).sum(axis=0) >= _TURNS
-    closing = np.abs(np.diff(active.astype(int), axis=0)).sum(axis=0) >= _TURNS
+    pairing = np.abs(np.diff((covered > 0).astype(int), axis=0)).sum(axis=0) >= _CHANGES
+    closing = np.abs(np.diff(active.astype(int), axis=0)).sum(axis=0) >= _CHANGES
 
     def told(rows: NDArray[np.bool_], what: str) -> str:
         first = np.flatnonzero(rows)[swing[rows].argmax()]
         place = ", ".join(space.told(face.centre[first] + space.origin[: space.dim]))
         low, high = coverage[:, first].min(), coverage[:, first].max()
         who = f"{rows.sum()} macro-element{'s' * bool(rows.sum() > 1)} of contact {pair.name!r} {what}"
-        return f"{who}, as at ({place}), whose coverage goes between {low:.2g} and {high:.2g}"
+        return f"{who}, as at ({place}), whose coverage goes between {low:.3g} and {high:.3g}"
 
     if pairing.any() or edge.any():
         rows, what = (pairing, "pair and unpair in turn") if pairing.any() else (edge, "are covered now more, now less")
@@ -68,9 +68,9 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
 
 
 def _turns(moves: Floats) -> NDArray[np.bool_]:
-    """Return a mask (rows,): True where changes (iterations, rows) alternate in sign at least `_TURNS` times.
+    """Return a mask (rows,): True where the signs of changes (iterations, rows) are not all the same.
 
     >>> _turns(np.array([[1, 1], [-1, 1], [1, 0], [-1, 1]])).tolist()
     [True, False]
     """
-    return np.asarray((moves[1:] * moves[:-1] < 0).sum(axis=0) >= _TURNS)
+    return np.asarray((moves > 0).any(axis=0) & (moves < 0).any(axis=0))

@@ -49,6 +49,9 @@ _GAP_WEIGHT = 0.1
 #: a search that does not make its least merit so much smaller in so many iterations is given up, in favour of a
 #: smaller time step
 _PROGRESS, _PATIENCE = 0.1, 10
+#: with damping the merit may rise, as a body snaps through; but a search in which it falls and rises again so often
+#: without a new least one goes in circles
+_RISES = 3
 #: relative tolerance of a linear solve: largest value, and factor on the nonlinear residual
 _LOOSE, _FACTOR = 1e-4, 0.1
 #: largest number of active sets of one linear problem
@@ -139,7 +142,7 @@ def newton_iterates(
             Iterate(now.q, now.p, now.active), now.there.contact, now.residual, step.applications, solves=step.solves
         )
         merits.append(now.residual.merit)
-        if min(merits[-_PATIENCE:]) > _PROGRESS * min(merits[:-_PATIENCE], default=np.inf):
+        if _hopeless(merits) if damping is None else _circling(merits):
             return
         active = now.there.contact.next_active(now.active, now.p)
 
@@ -189,6 +192,22 @@ def _acceptable(merits: list[float]) -> float:
     """Return the merit that a step may have: the largest of the last few, or the last one where they go to and fro."""
     slow = min(merits[-_WINDOW:]) > _SLOW * min(merits[:-_WINDOW], default=np.inf)
     return merits[-1] if slow else max(merits[-_WINDOW:])
+
+
+def _hopeless(merits: list[float]) -> bool:
+    """Return True if the least merit has not become clearly less in the last iterations."""
+    return min(merits[-_PATIENCE:]) > _PROGRESS * min(merits[:-_PATIENCE], default=np.inf)
+
+
+def _circling(merits: list[float]) -> bool:
+    """Return True if the merits fall and rise again and again without a new least one.
+
+    >>> _circling([9.0, 1.0, 5.0, 50.0, 500.0, 30.0, 3.0]), _circling([9.0, 1.0, 5.0, 2.0, 6.0, 2.0, 5.0, 3.0, 4.0])
+    (False, True)
+    """
+    since = np.array(merits[int(np.argmin(merits)) :])
+    falls = np.diff(since) < 0
+    return bool((falls[:-1] & ~falls[1:]).sum() >= _RISES)
 
 
 def _line_search(
