@@ -1,4 +1,4 @@
-"""What alternates in the last iterations of a search that failed: macro-elements, and what to try for them."""
+"""Macro-elements that alternate in the last iterations of a search that failed, and what to try for them."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
         first = np.flatnonzero(rows)[swing[rows].argmax()]
         place = ", ".join(space.told(face.centre[first] + space.origin[: space.dim]))
         low, high = coverage[:, first].min(), coverage[:, first].max()
-        who = f"{rows.sum()} macro-element{'s' * bool(rows.sum() > 1)} of contact {pair.name!r} {what}"
-        return f"{who}, as at ({place}), whose coverage goes between {low:.3g} and {high:.3g}"
+        who = f"{rows.sum()} of the macro-elements of contact {pair.name!r} {what}"
+        return f"{who}, as the one at ({place}), whose coverage goes between {low:.3g} and {high:.3g}"
 
     if pairing.any() or edge.any():
         rows, what = (pairing, "pair and unpair in turn") if pairing.any() else (edge, "are covered now more, now less")

@@ -51,7 +51,7 @@ def test_a_corner_on_a_node_has_one_answer_in_any_number_of_steps(steps):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("measure", ["reference", "current"])
 def test_the_derivative_of_what_is_allowed(dim, measure):
-    """Of the gaps of slivers, against central differences, with a punch that turns and a block that stretches."""
+    """Gaps of slivers, against central differences, with a punch that turns and a block that stretches."""
     punch = Punch((3 * FACE - 0.02 * FACE,) * (dim - 1), 2 * FACE, 2, 0.2, 0.3)
     given = text(Bank(dim, "top"), punch, 1).replace("[[contact]]", f'[[contact]]\nmeasure = "{measure}"')
     problem = Problem.of(parse_case(given), punched(punch))
@@ -103,5 +103,5 @@ def test_a_search_that_goes_to_and_fro_ends_soon_and_says_where():
         list(march(Problem.of(parse_case(case), punched(deep)), told=told.append))
     assert max(Counter(each.time for each in told).values()) < 40
     message = str(error.value)
-    assert "macro-elements of contact 'top'" in message and "exchange slave and master" in message, message
+    assert "of the macro-elements of contact 'top'" in message and "exchange slave and master" in message, message
     assert 'normals = "smoothed"' in message and 'geometry = "reference"' in message
