@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 
@@ -12,6 +13,8 @@ from lacsolver.case import parse_case
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.contact_system import contact_system
+from lacsolver.solve.alternating import alternating
+from lacsolver.solve.search import Outcome
 from lacsolver.solve.stepping import NotConvergedError, march
 from verification.families.punches import Bank, text
 from verification.meshes.punches import FACE, Punch, punched
@@ -105,3 +108,24 @@ def test_a_search_that_goes_to_and_fro_ends_soon_and_says_where():
     message = str(error.value)
     assert "of the macro-elements of contact 'top'" in message and "exchange slave and master" in message, message
     assert 'normals = "smoothed"' in message and 'geometry = "reference"' in message
+
+
+@pytest.mark.parametrize(
+    "covered, active, says, tries",
+    [
+        ([0, 1, 0, 1], [0, 1, 0, 1], "1 of the .* pair and unpair in turn, as the one at .* between 0 and 0.8", True),
+        ([1, 0.5, 1, 1], [1, 1, 1, 1], "now more, now less, as the one at .* between 0.4 and 0.8", True),
+        ([1, 1, 1, 1], [0, 1, 0, 1], "close and open in turn", False),
+        ([0, 0.5, 1, 1], [0, 1, 1, 1], None, False),
+    ],
+)
+def test_what_alternates_is_told(covered, active, says, tries):
+    """One macro-element, covered by 0.8 times these parts in the last iterations."""
+    problem, _, face = over(0.8)
+    contact = contact_system(problem, [face], np.zeros(problem.space.n_dof))
+    recent = [(own * face.w, np.full(len(face.w), bool(on))) for own, on in zip(covered, active, strict=True)]
+    chosen = np.arange(len(face.w)) == np.flatnonzero((face.coverage > 0.5) & (face.coverage < 0.9))[0]
+    recent = [(np.where(chosen, w, face.w), chosen & on) for w, on in recent]
+    what, advice = alternating(Outcome(False, None, contact, (), 0, 0, tuple(recent)), problem.space)
+    assert (re.search(says, what) is not None) if says else what == ""
+    assert ("exchange slave and master" in advice) == tries
