@@ -124,7 +124,7 @@ FAMILY = Family(
             )
             for k in range(3)
         ),
-        _case("plane_punch", Bank(2, "face", 120, 1), {"full": 30}, 40.0),
+        _case("plane_punch", Bank(2, "face", 120, two=1), {"full": 30}, 40.0),
         _case("space_block", Bank(3, "top"), {"full": 40}, 90.0),
         _case("space_punch", Bank(3, "face", 40), {"full": 10}, 40.0),
     ),
