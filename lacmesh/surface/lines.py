@@ -50,9 +50,9 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (h[:, 0] - h[:, 1]) / width
         middle = h[:, 1] + slope * ((low + high) / 2 - t[:, 1])
+        h0 = h[:, 1] - slope * t[:, 1]
     keep = facing & (high - low > _LEAST) & (middle <= reach.ahead[s])
     keep &= -middle <= np.minimum(reach.behind[s] + reach.deep[m], reach.limit)
-    h0 = h[:, 1] - slope * t[:, 1]
     s, m, low, high = _nearest_only(s[keep], m[keep], low[keep], high[keep], h0[keep], slope[keep])
     order = np.lexsort((low, s))
     s, m, low, high = s[order], m[order], low[order], high[order]

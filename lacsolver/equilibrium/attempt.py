@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
+from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newton import Damping, Linearization, newton_iterates
@@ -29,6 +31,8 @@ from lacsolver.space.space import Space
 TOUCHING = 1e-6
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
 _DAMPING = 1.0
+#: iterations of the first search, and of both, as fractions of `max_iterations`, and how many each may take in any case
+_FIRST, _BOTH = (0.5, 25), (0.78, 39)
 #: load along a rigid-body mode that contact does not balance, relative to all forces along it
 _UNCARRIED = 1e-6
 
@@ -59,21 +63,25 @@ def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | No
         if told is not None:
             told(Told(step.t, halvings, number, closed, balance, gap, step.state.time))
 
-    def newton(start: Iterate, **how: Any) -> Outcome:
-        return search(newton_iterates(step.linearize, start, tolerance, **how), tolerance, report)
+    def newton(start: Iterate, most: int, **how: Any) -> Outcome:
+        limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
+        return search(newton_iterates(step.linearize, start, limits, **how), limits, report)
 
     state, exact, outcome = step.state, model.problem.kinematics.linear, None
+    first, both = (max(int(share * solver.max_iterations), least) for share, least in (_FIRST, _BOTH))
+    first = solver.max_iterations if exact else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
         return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
-            outcome = newton(extrapolated, exact=exact)
+            outcome = newton(extrapolated, first, exact=exact)
     if outcome is None:
-        outcome = newton(now, predictor=_predictor(step, now), exact=exact)
+        outcome = newton(now, first, predictor=_predictor(step, now), exact=exact)
     if outcome.converged or exact:
         return outcome
-    again = newton(now, predictor=_predictor(step, now), damping=Damping(_DAMPING))
+    left = both - len(outcome.residuals)
+    again = newton(now, left, predictor=_predictor(step, now), damping=Damping(_DAMPING))
     return again._replace(
         residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
     )
@@ -141,7 +149,10 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     balance, gap = outcome.residuals[-1]
     said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
     said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
-    return f"{said}; try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+    what, advice = alternating(outcome, problem.space)
+    said += f"; in the last iterations {what}" if what else ""
+    said += f"; {advice}; or" if advice else ";"
+    return f"{said} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

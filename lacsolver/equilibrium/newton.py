@@ -42,10 +42,16 @@ from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residu
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 #: number of last iterations whose largest merit a step may not exceed (non-monotone line search)
 _WINDOW = 4
+#: reduction of the least merit in so many iterations below which a step may not increase the merit
+_SLOW = 0.8
 #: weight of gaps in the merit function: stiffness of the body behind a macro-element, as a fraction of its skin's
 _GAP_WEIGHT = 0.1
-#: iterations without a new least merit after which a search is given up, in favour of a smaller time step
-_PATIENCE = 10
+#: a search that does not make its least merit so much smaller in so many iterations is given up, in favour of a
+#: smaller time step
+_PROGRESS, _PATIENCE = 0.1, 10
+#: with damping the merit may rise, as a body snaps through; but a search in which it falls and rises again so often
+#: without a new least one goes in circles
+_RISES = 3
 #: relative tolerance of a linear solve: largest value, and factor on the nonlinear residual
 _LOOSE, _FACTOR = 1e-4, 0.1
 #: largest number of active sets of one linear problem
@@ -110,11 +116,10 @@ def newton_iterates(
     exact: bool = False,
     damping: Damping | None = None,
 ) -> Iterator[Trial]:
-    """Yield the trials of Newton's method from a start; it ends where no step helps.
+    """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
     `predictor`: linearisation to use at the start, whose residual is not comparable with others. `exact`: solve each
-    linear system to round-off, which pays if one factor of K serves them all. With `damping` no line search is made and
-    the iteration does not end for want of progress.
+    linear system to round-off, which pays if one factor of K serves them all. With `damping` no line search is made.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
@@ -127,7 +132,7 @@ def newton_iterates(
         fraction = 0.0 if damping is None else damping.fraction(merits)
         reduction = 0.0 if exact or now.there.contact.exact else _reduction(now.residual)
         step = _newton_step(now, active, tolerance, reduction, fraction, limit)
-        worst = np.inf if damping is not None else max(merits[-_WINDOW:])
+        worst = np.inf if damping is not None else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now, step, tolerance, worst)
         if step is None or then is None:
             yield Trial(Iterate(now.q, now.p, active), now.there.contact, now.residual, exact=False)
@@ -137,7 +142,7 @@ def newton_iterates(
             Iterate(now.q, now.p, now.active), now.there.contact, now.residual, step.applications, solves=step.solves
         )
         merits.append(now.residual.merit)
-        if damping is None and min(merits[-_PATIENCE:]) > min(merits[:-_PATIENCE], default=np.inf):
+        if _hopeless(merits) if damping is None else _circling(merits):
             return
         active = now.there.contact.next_active(now.active, now.p)
 
@@ -181,6 +186,28 @@ def _newton_step(
             problem = SaddleProblem(K, there.contact.rows, np.flatnonzero(closed), there.r, G, S, C)
             return _Step(*solve_set(problem, there.contact, now.p, tolerance, reduction, moved, limit))
     return None
+
+
+def _acceptable(merits: list[float]) -> float:
+    """Return the merit that a step may have: the largest of the last few, or the last one where they go to and fro."""
+    slow = min(merits[-_WINDOW:]) > _SLOW * min(merits[:-_WINDOW], default=np.inf)
+    return merits[-1] if slow else max(merits[-_WINDOW:])
+
+
+def _hopeless(merits: list[float]) -> bool:
+    """Return True if the least merit has not become clearly less in the last iterations."""
+    return min(merits[-_PATIENCE:]) > _PROGRESS * min(merits[:-_PATIENCE], default=np.inf)
+
+
+def _circling(merits: list[float]) -> bool:
+    """Return True if the merits fall and rise again and again without a new least one.
+
+    >>> _circling([9.0, 1.0, 5.0, 50.0, 500.0, 30.0, 3.0]), _circling([9.0, 1.0, 5.0, 2.0, 6.0, 2.0, 5.0, 3.0, 4.0])
+    (False, True)
+    """
+    since = np.array(merits[int(np.argmin(merits)) :])
+    falls = np.diff(since) < 0
+    return bool((falls[:-1] & ~falls[1:]).sum() >= _RISES)
 
 
 def _line_search(

@@ -7,15 +7,20 @@ knows the tolerances to stop at, the number of iterations, and the callback for 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 
+from lacmesh.mesh import Floats
+from lacsolver.contact.laws import Bools
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.tolerances import ConvergenceTolerance, Residual
 
+#: number of last iterations whose rows an outcome keeps, to tell what alternates
+_RECENT = 8
 #: callback for each iteration: number, closed rows, balance, gap
 IterationCallback = Callable[[int, int, float, float], None]
 
@@ -39,7 +44,8 @@ class Outcome(NamedTuple):
     """Result of a search for equilibrium: `converged`, the last iterate, its contact rows, and residuals.
 
     `residuals`: relative residuals (balance, gap) after each linear solve. `applications`: number of applications of
-    K^-1. `settled`: number of last solves with the same active set.
+    K^-1. `settled`: number of last solves with the same active set. `recent`: of the last iterations, the covered
+    measure (m,) of each row, 0 where it is not paired, and the active set (m,).
     """
 
     converged: bool
@@ -48,6 +54,7 @@ class Outcome(NamedTuple):
     residuals: tuple[tuple[float, float], ...]
     applications: int
     settled: int = 0
+    recent: tuple[tuple[Floats, Bools], ...] = ()
 
 
 def search(
@@ -56,16 +63,18 @@ def search(
     """Take trials until one is an equilibrium, until there are no more, or up to the largest number of iterations."""
     residuals: list[tuple[float, float]] = []
     converged, applications, settled, before = False, 0, 0, None
+    recent: deque[tuple[Floats, Bools]] = deque(maxlen=_RECENT)
     for trial in trials:
         closed = trial.iterate.active
         now = trial.residual.balance, trial.residual.gap
         residuals += [*[residuals[-1] if residuals else now] * (trial.solves - 1), now]
         applications += trial.applications
         same = trial.solves == 1 and before is not None and np.array_equal(before, closed)
+        recent.append((np.where(trial.contact.covered, trial.contact.rows.w, 0.0), closed))
         before, settled = closed, settled + 1 if same else 1
         if report is not None:
             report(len(residuals), int(closed.sum()), *residuals[-1])
         converged = trial.exact and tolerance.fulfilled(trial.residual, trial.iterate.q)
         if converged or len(residuals) >= tolerance.max_iterations:
             break
-    return Outcome(converged, trial.iterate, trial.contact, tuple(residuals), applications, settled)
+    return Outcome(converged, trial.iterate, trial.contact, tuple(residuals), applications, settled, tuple(recent))

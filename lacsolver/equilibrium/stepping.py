@@ -140,7 +140,10 @@ def _marched(
 ) -> Iterator[_Made]:
     """Yield the converged steps of one time scheme, from a state to the last of some times."""
     steps, spent = model.problem.case.steps, _Step()
+    planned = step_end_times(model.problem.case)
     for target in times:
+        began = max((t for t in planned if target - t > _SAME * target), default=0.0)
+        least = (target - began) / 4.0**steps.max_halvings
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
@@ -148,7 +151,7 @@ def _marched(
             spent.add(outcome)
             if not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
-                if spent.halvings > steps.max_halvings:
+                if spent.halvings > steps.max_halvings or state.step_size < least:
                     raise NotConvergedError(why(step, outcome), _state(_Made(step, outcome, spent, state, last=False)))
                 continue
             q, p, active = outcome.iterate
@@ -234,6 +237,7 @@ def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Sp
     else:
         pressure, on = (np.maximum(rows.pressure, 0.0) if group.law.compressive else rows.pressure), covered
         traction, gap = -pressure[:, None] * face.normal, rows.gap  # round-off makes some slightly negative
+        gap = face.gap if pair.moving else gap  # without what slivers may overlap
     return ZoneState(
         pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
         np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,

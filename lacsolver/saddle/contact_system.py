@@ -13,12 +13,13 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
+from lacsolver.contact.sliver import allowed_overlap, covered_derivative
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.saddle.operator import Operator
@@ -81,15 +82,38 @@ class RowGroup:
             return None
         return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
 
+    def gaps(self, u: Floats) -> NDArray[np.floating]:
+        """Return the gap integrals (rows,) at u (n_dof,), with the overlap that slivers of one-sided contact may have.
+
+        The gaps of pairs that are paired only once are linear in u.
+        """
+        assert self.pair is not None and self.face is not None
+        if not self.pair.moving:
+            return np.asarray(self.face.G - self.face.B @ u)
+        if not self.pair.one_sided:
+            return self.face.G
+        return self.face.G + allowed_overlap(self.face, self.pair.pairing)[0]
+
+    def derivative(self) -> csr_array:
+        """Return -d`gaps`/du (rows, n_dof), summed over all processes."""
+        assert self.pair is not None and self.face is not None
+        if self.motion is None:
+            return self.face.B
+        out = gap_derivative(self.face, self.motion)
+        if self.pair.one_sided:
+            fading = diags_array(allowed_overlap(self.face, self.pair.pairing)[1])
+            out = csr_array(out - fading @ covered_derivative(self.face, self.motion))
+        return self.share.add_matrices(out, (False, True))
+
 
 @dataclass(frozen=True, eq=False)
 class ContactSystem:
     """Contact rows of all pairs, one after the other (m,), in one configuration.
 
-    `rows`: B, D and w, 1 for rows that are not covered; `G` (m,): gap integrals; `groups`: the rows of each pair, with
-    their law. `covered` (m,): True if the coverage reaches the pair's threshold; `solvable` (m,): those of them whose
-    law can be fulfilled, since some unknown moves them or they are springs. `skin` (m,): stiffness of each row's own
-    skin, stress per length. `nodal`: the rows on the unknowns of all nodes.
+    `rows`: B, D and w, 1 for rows that are not covered; `G` (m,): gap integrals, with what slivers may overlap;
+    `groups`: the rows of each pair, with their law. `covered` (m,): True if the coverage reaches the pair's threshold;
+    `solvable` (m,): those of them whose law can be fulfilled, since some unknown moves them or they are springs. `skin`
+    (m,): stiffness of each row's own skin, stress per length. `nodal`: the rows on the unknowns of all nodes.
     """
 
     rows: Rows
@@ -192,10 +216,7 @@ class ContactSystem:
 def contact_system(
     problem: Problem, interfaces: Sequence[Interface], u: Floats, history: Sequence[Floats] = ()
 ) -> ContactSystem:
-    """Return the contact rows of all pairs at u (n_dof,), on the unknowns of all nodes, with their laws' histories.
-
-    The gaps of pairs that are paired only once are linear in u.
-    """
+    """Return the contact rows of all pairs at u (n_dof,), on the unknowns of all nodes, with their laws' histories."""
     n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
     groups, first = [], 0
     G: list[Floats] = [np.empty(0)]
@@ -204,9 +225,10 @@ def contact_system(
     for k, (pair, face) in enumerate(zip(problem.joints, interfaces, strict=True)):
         own = slice(first, first + face.B.shape[0])
         memory = history[k] if history else np.zeros((own.stop - first, pair.law.n_history))
-        groups.append(RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share))
+        group = RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share)
+        groups.append(group)
         repeat, first = (own.stop - first) // max(len(face.w), 1), own.stop
-        G.append(face.G if pair.moving else face.G - face.B @ u)
+        G.append(group.gaps(u))
         w.append(np.repeat(face.w, repeat))
         covered.append(np.repeat(pair.covered(face), repeat))
     on = np.concatenate(covered)
@@ -218,14 +240,7 @@ def contact_system(
 
 def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
     """Return D (m, n_dof) of all pairs."""
-    parts = [csr_array((0, n))]
-    for group in groups:
-        assert group.face is not None
-        if group.motion is None:
-            parts.append(group.face.B)
-        else:
-            parts.append(group.share.add_matrices(gap_derivative(group.face, group.motion), (False, True)))
-    return csr_array(vstack(parts))
+    return csr_array(vstack([csr_array((0, n)), *(group.derivative() for group in groups)]))
 
 
 def skin_stiffness(K: Operator, rows: Rows) -> NDArray[np.floating]:

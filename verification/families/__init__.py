@@ -19,6 +19,7 @@ MODULES = {
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
     "sliding": "sliding",
+    "punches": "punches",
     "impact": "impact",
     "scaling": "scaling",
     "distributed": "distributed",

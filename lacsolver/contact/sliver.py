@@ -1,0 +1,50 @@
+"""Slivers: macro-elements of which the master covers little, whose contact condition fades with their coverage.
+
+The rows of a macro-element with the covered measure w are of size w, but the mean gap over what is covered does not
+vanish with it: a node that an edge of the master just passes would jump out of its overlap, and back. So where the
+covered part is less than w_0, a twentieth of the macro-element, an overlap is allowed that grows as w falls,
+
+    G_m + h_m w_0 (1 - w / w_0)^2 / 10 >= 0
+
+in place of G_m >= 0: pressures of rows that come and go begin and end with 0. With w >= w_0 nothing is changed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacmesh.surface.coverage import face_measure
+from lacsolver.contact.interface import Interface, Pairing
+from lacsolver.contact.tangent import Motion
+
+#: largest part of a macro-element that is covered in a sliver
+_COVERED = 0.05
+#: overlap allowed where an edge of the master has crossed (3 - 5^(1/2)) / 2 of w_0, as a fraction of h
+_OVERLAP = 0.1
+
+
+def allowed_overlap(face: Interface, pairing: Pairing) -> tuple[Floats, Floats]:
+    """Return the overlap that slivers are allowed, times w (m,), and its derivative by w, a length (m,); 0 elsewhere.
+
+    Sizes are those of the undeformed macro-elements, or that of the whole master if it is smaller than these.
+    """
+    zone = face.zone
+    own = zone.sums(face_measure(zone.slave))
+    size = np.minimum(own, face_measure(zone.master).sum())
+    whole = zone.sums(face_measure(zone.slave, pairing.axisymmetric)) * pairing.thickness
+    w_0, h = _COVERED * whole * size / own, size ** (1 / zone.slave.dim)
+    missing = np.where(face.w > 0, np.maximum(1 - face.w / w_0, 0.0), 0.0)
+    return _OVERLAP * h * w_0 * missing**2, -2 * _OVERLAP * h * missing
+
+
+def covered_derivative(face: Interface, motion: Motion) -> csr_array:
+    """Return dw/du (m, n_dof): of the weights, if they change, and of the edges of mortar segments that move."""
+    m, points, gained = len(face.w), face.points, motion.boundary
+    at = np.arange(len(gained.macro))
+    out = csr_array((gained.weight, (gained.macro, at)), shape=(m, len(at))) @ gained.moving
+    if motion.d_weight is not None:
+        at = np.arange(len(points))
+        out = out + csr_array((face.weight, (points.macro, at)), shape=(m, len(at))) @ motion.d_weight
+    return csr_array(out)

@@ -1,0 +1,132 @@
+"""Flat rigid punches with sharp corners on a soft block: each solved in any number of steps, with one answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from lacsolver import NotConvergedError
+from verification.meshes.punches import ABOVE, Punch, punched, random_punch
+from verification.records import Case, Family, Outcome, at_most, informative
+from verification.solving import Solved, balanced, entry, solve
+
+#: displacements that differ by more of the largest are those of another equilibrium
+OTHER = 1e-4
+_TWO = (
+    "finite kinematics have several equilibria, and steps decide which is found: of the 200, in punch 106 of the block "
+    "an edge of the punch stops at a node of the block, where the normal jumps; in punch 141, in one step, it folds"
+)
+_ONE = "statics without friction and with an elastic law: steps do not matter"
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Punches number `first`, `first` + 1, ... of a dimension.
+
+    `slave`: `top` of the block or the `face` of the punch. `two`: number of them that are known for two equilibria.
+    """
+
+    dim: int
+    slave: str
+    first: int = 0
+    two: int = 0
+    same: float = 1e-8
+
+
+def solve_case(case: Case, levels: int) -> Outcome:
+    """Press in the first so many punches of a bank."""
+    bank: Bank = case.parameters
+    found: list[Solved] = []
+    lost, apart = 0, [0.0]
+    for number in range(bank.first, bank.first + levels):
+        own = list(pressed(bank, number))
+        lost += len(steps_of(number)) - len(own)
+        apart += [difference(own[0], each) for each in own[1:]]
+        found += own
+    off = max(d for d in apart if d <= OTHER)
+    each = [state.iterations for own in found for state in own.states]
+    return Outcome(
+        (
+            at_most("runs that end without an equilibrium", lost, 0, source=_ONE),
+            at_most("largest difference of displacements between numbers of steps, over the largest", off, bank.same,
+                    source=_ONE, reason="Newton's method ends at 1e-10 of forces and gaps"),
+            at_most("punches with two equilibria", sum(d > OTHER for d in apart), bank.two, source=_ONE, reason=_TWO),
+            informative("iterations of a step, mean", float(np.mean(each)), reason="beside the largest"),
+            informative("iterations of a step, largest", max(each), reason="a punch that is pressed in in one step"),
+            informative("halved steps", sum(own.halvings for own in found), reason=f"of {len(each)}"),
+            *balanced(found),
+        )
+    )  # fmt: skip
+
+
+def steps_of(number: int) -> tuple[int, ...]:
+    """The numbers of steps that a punch is pressed in by: one, and two to twenty in turn."""
+    return 1, 2 + number % 19
+
+
+def pressed(bank: Bank, number: int) -> Iterator[Solved]:
+    """A punch that is pressed in by each number of steps, of those that find an equilibrium."""
+    punch = random_punch(bank.dim, number)
+    for steps in steps_of(number):
+        try:
+            yield solve(text(bank, punch, steps), punched(punch))
+        except NotConvergedError:
+            continue
+
+
+def difference(one: Solved, other: Solved) -> float:
+    """Largest difference of two last displacements, over the largest displacement."""
+    return float(np.abs(one.u - other.u).max() / np.abs(one.u).max())
+
+
+def text(bank: Bank, punch: Punch, steps: int) -> str:
+    """The case of a punch that is pressed in by so many steps, as TOML."""
+    axes = "xyz"[: punch.dim]
+    lines = ['mesh = "punch.msh"', f'model = "{"plane_strain" if punch.dim == 2 else "3d"}"', 'kinematics = "finite"']
+    lines.append(entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson))
+    master = {"top": "face", "face": "top"}[bank.slave]
+    lines.append(entry("contact", slave=bank.slave, master=master))
+    lines.append(entry("displacement", group="bottom", **{f"u{axis}": 0.0 for axis in axes}))
+    aside = {f"u{axis}": 0.0 for axis in axes[:-1]}
+    lines.append(entry("rigid", group="punch", **aside, **{f"u{axes[-1]}": -punch.depth - ABOVE}))
+    return "\n".join([*lines, f"[steps]\ncount = {steps}"])
+
+
+def _case(name: str, bank: Bank, levels: Mapping[str, int], seconds: float) -> Case:
+    where = "in the plane" if bank.dim == 2 else "in space"
+    slave = "the block" if bank.slave == "top" else "the punch"
+    return Case("punches", name, f"punches on a block {where}, {slave} as slave", bank, levels, seconds)
+
+
+TEXT = """
+A flat rigid punch with sharp corners is pressed into a neo-Hookean block, up to half the size of its faces. Place,
+width and depth are random, and so are Poisson's ratio and the faces of the punch: 200 punches in all, of which three in
+ten begin at a node of the block. Each is pressed in by one step, and by two to twenty, one number after the other.
+
+A corner of the punch moves sideways over faces of the block, and covers or bares the edge of a macro-element: its rows
+come and go with the iterations. Every run must find its equilibrium, and a punch the same one in any number of steps,
+but for two of the 200 that have two equilibria.
+"""
+
+FAMILY = Family(
+    "punches",
+    "Punches with sharp corners",
+    TEXT,
+    (
+        *(
+            _case(
+                f"plane_block_{k + 1}",
+                Bank(2, "top", 40 * k, int(k == 2)),
+                {"full": 40} | ({} if k else {"quick": 3}),
+                60.0,
+            )
+            for k in range(3)
+        ),
+        _case("plane_punch", Bank(2, "face", 120, two=1), {"full": 30}, 40.0),
+        _case("space_block", Bank(3, "top"), {"full": 40}, 90.0),
+        _case("space_punch", Bank(3, "face", 40), {"full": 10}, 40.0),
+    ),
+    solve_case,
+)
