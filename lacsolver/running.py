@@ -21,6 +21,7 @@ from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.results.alternation import alternating
 from lacsolver.results.answer import Answer
+from lacsolver.results.compression import most_compressed, softened, worse
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
@@ -91,6 +92,9 @@ def run(
             writer = Writer(folder, case, problem.space, prints, orders)
         if writer is not None:
             writer.finish(*made.ended(error))
+        if isinstance(error, NotConvergedError):
+            for doubt in made.softened():
+                warnings.warn(LacmeshWarning(doubt), stacklevel=2)
         raise
     held = tuple(one.words for one in made.last.held if np.isnan(one.part)) if made.last else ()
     doubts = _doubts(problem, made)
@@ -137,6 +141,7 @@ class _Run:
     results: Results
     number: int
     last: State | None = None
+    compressed: Floats | None = None
 
     @property
     def problem(self) -> Problem:
@@ -150,6 +155,12 @@ class _Run:
         step = self.answer.figures(state)
         ranges = stress_ranges(self.problem.space, self.answer.stress(state))
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
+        now = most_compressed(self.problem, state)
+        self.compressed = now if self.compressed is None else worse(self.compressed, now)
+
+    def softened(self) -> tuple[str, ...]:
+        """Return warnings about bodies that a step so far has crushed, of all processes."""
+        return () if self.compressed is None else tuple(softened(self.problem, self.compressed))
 
     def fields_of(self, state: State) -> Callable[[], Fields]:
         """Return a function that computes the fields of a state when it is called."""
@@ -181,6 +192,7 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     told = list(_strangers(problem, made.results))
     told += doubts(problem)
     told += _doubtful_energy(problem.case, made.results)
+    told += made.softened()
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
