@@ -135,11 +135,13 @@ def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> _Found:
     ours, theirs = _approaching(slave, master, least), _approaching(master, slave, least)
     parts = [_Found(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 3)))]
     for i, j in _near(slave.take(ours), master.take(theirs)) if len(ours) and len(theirs) else ():
-        one, other, c = slave.take(ours[i]), master.take(theirs[j]), clearance[ours[i]]
-        facing = (one.normals * other.normals).sum(axis=2).min(axis=0) < 0
-        for points, faces in ((one, other), (other, one)):
-            pair, depth, place = _crossing(points, faces, np.where(facing, c, np.inf))
-            parts.append(_Found(ours[i][pair], depth, faces.limit[pair], place))
+        one, other = ours[i], theirs[j]
+        facing = (slave.normals[:, one] * master.normals[:, other]).sum(axis=2).min(axis=0) < 0
+        one, other = one[facing], other[facing]
+        sides = slave.take(one), master.take(other)
+        for points, faces in (sides, sides[::-1]):
+            pair, depth, place = _crossing(points, faces, clearance[one])
+            parts.append(_Found(one[pair], depth, faces.limit[pair], place))
     return _Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
@@ -151,7 +153,7 @@ def _approaching(skin: _Moving, other: _Moving, least: float) -> Ints:
 
 
 def _near(slave: _Moving, master: _Moving) -> Iterator[tuple[Ints, Ints]]:
-    """Yield pairs of faces whose boxes over the step meet, some faces of the slave after others.
+    """Yield pairs of faces whose boxes over the step, L larger all round, meet, some faces of the slave after others.
 
     Boxes are as the master's mean motion sees them, with an axis along that of the slave: what flies far has thin ones.
     """
@@ -160,7 +162,7 @@ def _near(slave: _Moving, master: _Moving) -> Iterator[tuple[Ints, Ints]]:
     boxes = []
     for skin in (slave, master):
         corners = np.concatenate([skin.start, skin.end - theirs], axis=1) @ axes
-        boxes.append((corners.min(axis=1), corners.max(axis=1)))
+        boxes.append((corners.min(axis=1) - skin.limit[:, None], corners.max(axis=1) + skin.limit[:, None]))
     (low, high), (other_low, other_high) = boxes
     for first in range(0, len(low), _MANY):
         some = slice(first, first + _MANY)

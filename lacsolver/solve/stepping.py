@@ -168,7 +168,9 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
     if not any(pair.moving for pair in problem.joints):
         return None
     before = state.iterate
-    x = space.places(np.zeros_like(step.u0) if before is None else problem.constraints.displacement(before.q, state.time))
+    x = space.places(
+        np.zeros_like(step.u0) if before is None else problem.constraints.displacement(before.q, state.time)
+    )
     for pair, face in zip(problem.joints, step.interfaces(q), strict=True):
         made = passing(pair, face, x, step.t, space)
         if made is not None:
