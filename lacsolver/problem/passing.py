@@ -41,7 +41,7 @@ _MANY = 4096
 
 
 class Passing(NamedTuple):
-    """What passes in a step: number of slave faces, and of the point that goes deepest its depth, L and place (3,)."""
+    """Slave faces that pass in a step, their number; depth, L and place (3,) of the point that goes deepest."""
 
     faces: int
     depth: float
@@ -153,16 +153,18 @@ def _approaching(skin: _Moving, other: _Moving, least: float) -> Ints:
 
 
 def _near(slave: _Moving, master: _Moving) -> Iterator[tuple[Ints, Ints]]:
-    """Yield pairs of faces whose boxes over the step, L larger all round, meet, some faces of the slave after others.
+    """Yield pairs of faces whose boxes over the step meet, some faces of the slave after others.
 
     Boxes are as the master's mean motion sees them, with an axis along that of the slave: what flies far has thin ones.
+    Those of the slave begin L before its start, as it may start in the master.
     """
     ours, theirs = ((k.end - k.start).reshape(-1, 3).mean(axis=0) for k in (slave, master))
     axes = np.linalg.qr(np.column_stack([ours - theirs, np.eye(3)]))[0]
+    before = slave.start - np.maximum(slave.limit, master.limit.max())[:, None, None] * slave.normals[0][:, None]
     boxes = []
-    for skin in (slave, master):
-        corners = np.concatenate([skin.start, skin.end - theirs], axis=1) @ axes
-        boxes.append((corners.min(axis=1) - skin.limit[:, None], corners.max(axis=1) + skin.limit[:, None]))
+    for places in ([before, slave.start, slave.end - theirs], [master.start, master.end - theirs]):
+        corners = np.concatenate(places, axis=1) @ axes
+        boxes.append((corners.min(axis=1), corners.max(axis=1)))
     (low, high), (other_low, other_high) = boxes
     for first in range(0, len(low), _MANY):
         some = slice(first, first + _MANY)
@@ -220,6 +222,11 @@ def _normal(x: Floats) -> NDArray[np.floating]:
 
 def _inside(x: Floats, corners: Floats) -> NDArray[np.bool_]:
     """Return a mask (n,), True where x (n, 3) lies above or below its segment (n, 2, 3) or triangle (n, 3, 3)."""
-    edges = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)
-    xi = np.einsum("pes,ps->pe", np.linalg.pinv(edges), x - corners[:, 0])
-    return np.asarray((xi >= -_EDGE).all(axis=1) & (xi.sum(axis=1) <= 1 + _EDGE))
+    away, edge = x - corners[:, 0], corners[:, 1:] - corners[:, :1]
+    G, g = np.einsum("pes,pfs->efp", edge, edge), np.einsum("pes,ps->ep", edge, away)
+    if len(G) == 1:
+        size, xi = G[0, 0], g
+    else:
+        size = G[0, 0] * G[1, 1] - G[0, 1] ** 2
+        xi = np.stack([G[1, 1] * g[0] - G[0, 1] * g[1], G[0, 0] * g[1] - G[0, 1] * g[0]])
+    return np.asarray((xi >= -_EDGE * size).all(axis=0) & (xi.sum(axis=0) <= (1 + _EDGE) * size) & (size > 0))

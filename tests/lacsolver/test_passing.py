@@ -52,7 +52,7 @@ def case(dim, more="", contact="", slave="slave", master="master", kinematics="s
 
 
 def passes(problem, first, last, nodes="block"):
-    """What `passing` finds as the block moves by `first` at the start of a step, and by `last` at its end."""
+    """Return what `passing` finds as the block moves by `first` at the start of a step, and by `last` at its end."""
     space, (joint,) = problem.space, problem.joints
     u0, u1 = np.zeros((2, space.mesh.n_nodes, space.dim))
     mesh = space.mesh
