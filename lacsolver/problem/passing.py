@@ -74,6 +74,9 @@ class _Found(NamedTuple):
     place: Floats
 
 
+_NOTHING = _Found(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 3)))
+
+
 def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> Passing | None:
     """Return what of a contact passes in a step from nodes at x (n_nodes, 3) to the interface `face` at time t.
 
@@ -82,8 +85,10 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
     if not (joint.moving and joint.one_sided):
         return None
     depth = float(looked(joint, face).min(initial=np.inf))
-    slave, master = _moving(face.slave, x, depth), _moving(face.master, x, depth)
-    found = _passed(slave, master, _clearances(joint, t))
+    found = _NOTHING
+    if _apart(face.slave, face.master, x) > min(_limits(skin, depth).min() for skin in (face.slave, face.master)):
+        slave, master = _moving(face.slave, x, depth), _moving(face.master, x, depth)
+        found = _passed(slave, master, _clearances(joint, t))
     if not space.share.largest(float(len(found.face))):
         return None
     seen = np.where(joint.covered(face), _seen(face, space.share), 0.0)
@@ -110,8 +115,23 @@ def _moving(skin: Surface, x: Floats, depth: float) -> _Moving:
     real = np.arange(MAX_CORNERS) < skin.n_corners[:, None]
     nodes = np.where(real, nodes, nodes[:, :1])
     normals = np.stack([mean_normals(skin.at(x))[0], mean_normals(skin)[0]])
-    limit = np.fmin(depth, np.where(skin.depth > 0, skin.depth / 2, np.nan))
-    return _Moving(x[nodes], skin.x[nodes], normals, real, limit)
+    return _Moving(x[nodes], skin.x[nodes], normals, real, _limits(skin, depth))
+
+
+def _limits(skin: Surface, depth: float) -> NDArray[np.floating]:
+    """Return L (f,) of the faces of a skin that is looked behind to a depth."""
+    return np.asarray(np.fmin(depth, np.where(skin.depth > 0, skin.depth / 2, np.nan)))
+
+
+def _apart(slave: Surface, master: Surface, x: Floats) -> float:
+    """Return a bound of how far nodes of two skins have moved relative to each other, from nodes at x."""
+    ends = []
+    for skin in (slave, master):
+        nodes = skin.faces.nodes[skin.faces.nodes >= 0]
+        moved = skin.x[nodes] - x[nodes]
+        ends.append((moved.min(axis=0), moved.max(axis=0)))
+    (low, high), (other_low, other_high) = ends
+    return float(np.linalg.norm(np.maximum(high - other_low, other_high - low)))
 
 
 def _clearances(joint: ContactPair, t: float) -> NDArray[np.floating]:
@@ -133,7 +153,7 @@ def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> _Found:
     """Return the points of both skins that pass a face of the other one."""
     least = min(slave.limit.min(initial=np.inf), master.limit.min(initial=np.inf))
     ours, theirs = _approaching(slave, master, least), _approaching(master, slave, least)
-    parts = [_Found(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 3)))]
+    parts = [_NOTHING]
     for i, j in _near(slave.take(ours), master.take(theirs)) if len(ours) and len(theirs) else ():
         one, other = ours[i], theirs[j]
         facing = (slave.normals[:, one] * master.normals[:, other]).sum(axis=2).min(axis=0) < 0
