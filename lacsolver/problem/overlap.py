@@ -34,7 +34,7 @@ def deepest(face: Interface) -> float:
 def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
     """Raise CaseError if macro-elements without a master lie inside its body, deeper than the search depth."""
     depth = depths(joint, face, space)
-    deep = np.flatnonzero(depth > _looked(joint, face))
+    deep = np.flatnonzero(depth > looked(joint, face))
     if not len(deep):
         return
     worst = deep[depth[deep].argmax()]
@@ -63,7 +63,7 @@ def depths(joint: ContactPair, face: Interface, space: Space) -> NDArray[np.floa
     return np.where(depth < first, depth, 0.0)
 
 
-def _looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
+def looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
     """Return a lower bound (m,) of the depth behind each macro-element to which a master was searched for."""
     zone, given = face.zone, joint.pairing.max_penetration
     if given is None and joint.moving:
