@@ -19,6 +19,7 @@ from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem, read_mesh
+from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.answer import Answer
 from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
@@ -89,7 +90,8 @@ def run(
         raise
     held = tuple(one.words for one in made.last.held if np.isnan(one.part)) if made.last else ()
     doubts = _doubts(problem, made)
-    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts))
+    loads = _resultants(problem, made.last)
+    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts), loads=loads)
     for doubt in doubts:
         warnings.warn(LacmeshWarning(doubt), stacklevel=2)
     writer = writer or Writer(folder, case, problem.space, prints, orders)
@@ -182,6 +184,14 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return problem.space.share.texts(told)
+
+
+def _resultants(problem: Problem, last: State | None) -> tuple[Resultant, ...]:
+    """Return the resultants of all loads in the last state; none without one."""
+    if last is None:
+        return ()
+    weight = None if problem.inertia is None else problem.inertia.weight
+    return resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
 
 
 def _strangers(problem: Problem, results: Results) -> Iterator[str]:

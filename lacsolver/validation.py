@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -19,7 +18,6 @@ from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue
-from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
@@ -28,11 +26,9 @@ from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.overlap import check_overlap, deepest
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
+from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.space.places import nodes_of
-
-#: sections whose records are loads, each evaluated by itself
-_LOADS = ("pressure", "traction", "force", "body_force", "temperature")
 
 
 @dataclass(frozen=True)
@@ -63,6 +59,7 @@ class Validation:
     slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
     `held`: rigid-body motions that only contact constrains, in words; `motion`: figures of a case with [dynamics].
+    `loads`: resultant of each load at the end of the steps, with follower loads on the undeformed faces.
     `problems`: mistakes that would prevent a run.
     """
 
@@ -74,6 +71,7 @@ class Validation:
     zones: list[ZoneFound] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
     motion: MotionFound | None = None
+    loads: tuple[Resultant, ...] = ()
     problems: list[Issue] = field(default_factory=list)
 
     @contextmanager
@@ -139,16 +137,13 @@ def _look_at_loads(case: Case, parts: ProblemParts, found: Validation) -> None:
     space, materials = parts.space, parts.materials
     if space is None or materials is None:
         return
-    none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
-    bare = replace(case, **none)
-    loads: list[tuple[Entry, dict[str, Any]]]
-    loads = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
-    if case.gravity is not None:
-        loads.append((case.gravity, {"gravity": case.gravity}))
-    for record, only in loads:
+    before = len(found.problems)
+    for record, alone in each_load(case):
         with found.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
-                acting.load(space, materials, replace(bare, **only), t)
+                acting.load(space, materials, alone, t)
+    if len(found.problems) == before:
+        found.loads = resultants(space, materials, case, case.steps.last)
 
 
 def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[ContactPair, Interface]]:

@@ -56,6 +56,7 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
         "steps": [],
         "contact": {} if last is None else {name: _zone(zone) for name, zone in last.contact.items()},
         "balance": _balance(results, worst),
+        "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,
         "energy": None if last is None else last.energy,
         "sizes": results.sizes,

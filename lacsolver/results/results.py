@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
+from lacsolver.problem.resultants import Resultant
 from lacsolver.results.state import State, StepState, ZoneState, renamed_field
 
 #: values of `Results.status`; a run that was killed keeps the first
@@ -115,7 +116,8 @@ class Results:
     about its results, one per line. `steps`: steps of this run (for a restart, those after its initial state).
     `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
-    run, rigid-body motions that only contact constrains, in words.
+    run, rigid-body motions that only contact constrains, in words. `loads`: for a finished run, the resultant of each
+    load at its end.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -131,6 +133,7 @@ class Results:
     timings: Mapping[str, float] = field(default_factory=dict)
     memory: int = 0
     held: tuple[str, ...] = ()
+    loads: tuple[Resultant, ...] = ()
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

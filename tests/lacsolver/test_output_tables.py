@@ -63,6 +63,7 @@ def schema(dim, message=False):
         steps={"type": "array", "items": step},
         contact=each(zone),
         balance=exactly(force=NUMBER, moment=NUMBER),
+        loads={"type": "array", "items": exactly(section={"type": "string"}, where={"type": "string"}, force=vector)},
         stress=each(each(extremes)),
         energy=NUMBER,
         sizes=each(COUNT),
