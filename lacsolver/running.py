@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
@@ -18,6 +18,7 @@ from lacsolver.case import Case, fingerprint
 from lacsolver.output import OutputFolder, Writer, check_same
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
+from lacsolver.problem.overlap import Start, scarcely_covered, start_of
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.answer import Answer
@@ -25,7 +26,7 @@ from lacsolver.results.faceted import faceted
 from lacsolver.results.figures import stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
-from lacsolver.results.state import State
+from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
 from lacsolver.solve.attempt import Told
 from lacsolver.solve.holding import beyond_a_cell, warnings_of
@@ -71,7 +72,10 @@ def run(
             again, there = start, mesh
             problem.space.share.on_first(lambda: check_same(again, case, there, prints))
             start = deal_state(start, problem.space.share, orders) if orders else start
-    made = _Run(Answer(problem), clock, Results(_version(), sizes=_sizes(problem)), start.number if start else 0)
+        starts = _starts(problem)
+    overlap = {name: one.overlap for name, one in starts.items()}
+    first = Results(_version(), sizes=_sizes(problem), overlap=overlap)
+    made = _Run(Answer(problem), clock, first, start.number if start else 0, starts=starts)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
@@ -127,13 +131,18 @@ class Clock:
 
 @dataclass
 class _Run:
-    """A run so far: its results, number of steps, and last state."""
+    """A run so far: its results, number of steps, last state; its zones at the start.
+
+    `covered`: largest covered fraction of each zone so far, 1 once it has been in contact.
+    """
 
     answer: Answer
     clock: Clock
     results: Results
     number: int
     last: State | None = None
+    starts: Mapping[str, Start] = field(default_factory=dict)
+    covered: dict[str, float] = field(default_factory=dict)
 
     @property
     def problem(self) -> Problem:
@@ -145,6 +154,10 @@ class _Run:
         self.number += 1
         self.last = state
         step = self.answer.figures(state)
+        for zone in state.zones:  # a ball that touches a plane has most of its skin away from it, as it should
+            touches = (zone.status == CONTACT).any()
+            covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
+            self.covered[zone.name] = max(self.covered.get(zone.name, 0.0), covered)
         ranges = stress_ranges(self.problem.space, self.answer.stress(state))
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
 
@@ -176,6 +189,9 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
+    told += [said for start in made.starts.values() for said in start.told]
+    for pair in problem.joints:
+        told += scarcely_covered(pair, made.covered.get(pair.name, 0.0)) if pair.moving else ()
     told += doubts(problem)
     told += _doubtful_energy(problem.case, made.results)
     if made.last is not None:
@@ -184,6 +200,13 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return problem.space.share.texts(told)
+
+
+def _starts(problem: Problem) -> dict[str, Start]:
+    """Return the zones of a problem in the undeformed configuration, at the end of the first step."""
+    space, t = problem.space, problem.case.steps.planned[0]
+    u = np.zeros(space.n_dof)
+    return {pair.name: start_of(pair, pair.integrate(space, u, t), space) for pair in problem.joints}
 
 
 def _resultants(problem: Problem, last: State | None) -> tuple[Resultant, ...]:

@@ -24,11 +24,12 @@ from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
-from lacsolver.problem.overlap import check_overlap, deepest
+from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.space.places import nodes_of
+from lacsolver.space.space import Space
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class ZoneFound:
 
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
-    `overlap`: largest penetration of the slave into the master, 0 without overlap.
+    `overlap`: largest penetration of the slave into the master, 0 without overlap. `told`: warnings.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ZoneFound:
     covered: float
     gap: tuple[float, float]
     overlap: float = 0.0
+    told: tuple[str, ...] = ()
 
 
 @dataclass
@@ -154,19 +156,20 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
         assert space is not None
         with found.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            found.zones.append(_zone_found(pair, face))
+            found.zones.append(_zone_found(pair, face, space))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
     return faces
 
 
-def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
+def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
+    start = start_of(joint, face, space)
     record, on = joint.record, joint.covered(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face),
+        start.covered, (float(gap.min()), float(gap.max())), start.overlap, start.told,
     )  # fmt: skip
 
 

@@ -27,6 +27,8 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
         rows.add_row("zone", zone)
         for name, value in _zone(figures):
             rows.add_row(name, value)
+        if results.overlap.get(zone, 0.0) > 0:
+            rows.add_row("deepest overlap at the start", f"{results.overlap[zone]:.6g}")
     if last:
         add_resultants(rows, results.loads, last.time)
     console().print(rows)

@@ -54,7 +54,7 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
         "status": results.status,
         **({"message": results.message} if results.message else {}),
         "steps": [],
-        "contact": {} if last is None else {name: _zone(zone) for name, zone in last.contact.items()},
+        "contact": {} if last is None else {name: _zone(zone, results, name) for name, zone in last.contact.items()},
         "balance": _balance(results, worst),
         "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,
@@ -70,8 +70,9 @@ def _step(step: StepFigures) -> dict[str, Any]:
     return told if step.motion is None else told | {name: getattr(step.motion, name) for name in MOTION_KEYS}
 
 
-def _zone(zone: ZoneFigures) -> dict[str, Any]:
-    return {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
+    told = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+    return {**told, "overlap_at_start": results.overlap.get(name, float("nan"))}
 
 
 def _balance(results: Results, worst: Mapping[str, Any]) -> dict[str, float | None]:

@@ -117,7 +117,7 @@ class Results:
     `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
     run, rigid-body motions that only contact constrains, in words. `loads`: for a finished run, the resultant of each
-    load at its end.
+    load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -134,6 +134,7 @@ class Results:
     memory: int = 0
     held: tuple[str, ...] = ()
     loads: tuple[Resultant, ...] = ()
+    overlap: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

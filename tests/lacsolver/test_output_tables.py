@@ -45,6 +45,7 @@ def schema(dim, message=False):
         moment=vector if dim == 3 else NUMBER,
         coverage_min=NUMBER,
         coverage_max=NUMBER,
+        overlap_at_start=NUMBER,
         **{name: COUNT for name in ("active", "open", "unpaired")},
     )
     step = exactly(

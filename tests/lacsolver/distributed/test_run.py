@@ -118,7 +118,7 @@ def test_med_of_a_large_model_is_refused(monkeypatch):
 
 
 def test_resultants_are_those_of_one_process(runs):
-    """Of a force in total on faces, on cells and on one node each, and of gravity, after the cut of the slave too."""
+    """They are those of forces in total on faces, on the slave and on cells, of one on each node, and of gravity."""
     text = (runs / "two_blocks.toml").read_text().replace("poisson", "density = 3.0\npoisson")
     for group in ("top", "slave", "upper"):
         text += f'[[force]]\ngroup = "{group}"\nfx = 0.25\nfz = -0.5\ntotal = true\n'
