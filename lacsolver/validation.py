@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -19,7 +18,6 @@ from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue
-from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
@@ -27,13 +25,12 @@ from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
-from lacsolver.problem.overlap import check_overlap, deepest
+from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
+from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.space.places import nodes_of
-
-#: sections whose records are loads, each evaluated by itself
-_LOADS = ("pressure", "traction", "force", "body_force", "temperature")
+from lacsolver.space.space import Space
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class ZoneFound:
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
     `overlap`: largest penetration of the slave into the master, 0 without overlap. `why`: why the slave was chosen, ""
-    where the case says which it is.
+    where the case says which it is. `told`: warnings.
     """
 
     name: str
@@ -56,6 +53,7 @@ class ZoneFound:
     gap: tuple[float, float]
     overlap: float = 0.0
     why: str = ""
+    told: tuple[str, ...] = ()
 
 
 @dataclass
@@ -66,6 +64,7 @@ class Validation:
     slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
     `held`: rigid-body motions that only contact constrains, in words; `motion`: figures of a case with [dynamics].
+    `loads`: resultant of each load at the end of the steps, with follower loads on the undeformed faces.
     `problems`: mistakes that would prevent a run.
     """
 
@@ -77,6 +76,7 @@ class Validation:
     zones: list[ZoneFound] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
     motion: MotionFound | None = None
+    loads: tuple[Resultant, ...] = ()
     problems: list[Issue] = field(default_factory=list)
 
     @contextmanager
@@ -143,16 +143,13 @@ def _look_at_loads(case: Case, parts: ProblemParts, found: Validation) -> None:
     space, materials = parts.space, parts.materials
     if space is None or materials is None:
         return
-    none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
-    bare = replace(case, **none)
-    loads: list[tuple[Entry, dict[str, Any]]]
-    loads = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
-    if case.gravity is not None:
-        loads.append((case.gravity, {"gravity": case.gravity}))
-    for record, only in loads:
+    before = len(found.problems)
+    for record, alone in each_load(case):
         with found.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
-                acting.load(space, materials, replace(bare, **only), t)
+                acting.load(space, materials, alone, t)
+    if len(found.problems) == before:
+        found.loads = resultants(space, materials, case, case.steps.last)
 
 
 def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[ContactPair, Interface]]:
@@ -163,7 +160,7 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
         assert space is not None
         with found.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            found.zones.append(_zone_found(pair, face))
+            found.zones.append(_zone_found(pair, face, space))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
@@ -172,12 +169,14 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
     return faces
 
 
-def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
+def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
+    start = start_of(joint, face, space)
     record, on = joint.record, joint.covered(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face), record.why,
+        start.covered, (float(gap.min()), float(gap.max())), start.overlap, record.why,
+        start.told,
     )  # fmt: skip
 
 
