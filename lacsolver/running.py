@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,13 +22,16 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create
 from lacsolver.output.states import deal_state
 from lacsolver.problem.first_look import doubts
+from lacsolver.problem.overlap import Start, scarcely_covered, start_of
 from lacsolver.problem.problem import Problem, read_mesh
+from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.alternation import alternating
 from lacsolver.results.answer import Answer
+from lacsolver.results.compression import most_compressed, softened, worse
 from lacsolver.results.faceted import faceted
 from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
-from lacsolver.results.state import State
+from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
 from lacsolver.space.share import ALONE, Distribution
 
@@ -76,9 +79,11 @@ def run(
             again, there = start, mesh
             problem.space.share.on_first(lambda: check_same(again, case, there, prints))
             start = deal_state(start, problem.space.share, orders) if orders else start
+        starts = _starts(problem)
     roles = {pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints}
-    empty = Results(_version(), sizes=_sizes(problem), roles=roles)
-    made = _Run(Answer(problem), clock, empty, start.number if start else 0)
+    overlap = {name: one.overlap for name, one in starts.items()}
+    first = Results(_version(), sizes=_sizes(problem), roles=roles, overlap=overlap)
+    made = _Run(Answer(problem), clock, first, start.number if start else 0, starts=starts)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
@@ -94,10 +99,14 @@ def run(
             writer = Writer(folder, case, problem.space, prints, orders)
         if writer is not None:
             writer.finish(*made.ended(error))
+        if isinstance(error, NotConvergedError):
+            for doubt in made.softened():
+                warnings.warn(LacmeshWarning(doubt), stacklevel=2)
         raise
     held = tuple(one.words for one in made.last.held if np.isnan(one.part)) if made.last else ()
     doubts = _doubts(problem, made)
-    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts))
+    loads = _resultants(problem, made.last)
+    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts), loads=loads)
     for doubt in doubts:
         warnings.warn(LacmeshWarning(doubt), stacklevel=2)
     writer = writer or Writer(folder, case, problem.space, prints, orders)
@@ -133,13 +142,19 @@ class Clock:
 
 @dataclass
 class _Run:
-    """A run so far: its results, number of steps, and last state."""
+    """A run so far: its results, number of steps, last state; its zones at the start.
+
+    `covered`: largest covered fraction of each zone so far, 1 once it has been in contact.
+    """
 
     answer: Answer
     clock: Clock
     results: Results
     number: int
     last: State | None = None
+    compressed: Floats | None = None
+    starts: Mapping[str, Start] = field(default_factory=dict)
+    covered: dict[str, float] = field(default_factory=dict)
 
     @property
     def problem(self) -> Problem:
@@ -151,8 +166,18 @@ class _Run:
         self.number += 1
         self.last = state
         step = self.answer.figures(state)
+        for zone in state.zones:  # a ball that touches a plane has most of its skin away from it, as it should
+            touches = (zone.status == CONTACT).any()
+            covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
+            self.covered[zone.name] = max(self.covered.get(zone.name, 0.0), covered)
         ranges = self.answer.stress_ranges(state)
         self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
+        now = most_compressed(self.problem, state)
+        self.compressed = now if self.compressed is None else worse(self.compressed, now)
+
+    def softened(self) -> tuple[str, ...]:
+        """Return warnings about bodies that a step so far has crushed, of all processes."""
+        return () if self.compressed is None else tuple(softened(self.problem, self.compressed))
 
     def fields_of(self, state: State) -> Callable[[], Fields]:
         """Return a function that computes the fields of a state when it is called."""
@@ -182,8 +207,12 @@ class _Run:
 def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
     """Return warnings about doubtful results of a finished run, those of all processes."""
     told = list(_strangers(problem, made.results))
+    told += [said for start in made.starts.values() for said in start.told]
+    for pair in problem.joints:
+        told += scarcely_covered(pair, made.covered.get(pair.name, 0.0)) if pair.moving else ()
     told += doubts(problem)
     told += _doubtful_energy(problem.case, made.results)
+    told += made.softened()
     if made.last is not None:
         told += warnings_of(made.last.held, made.last.prescribed)
         told += faceted(problem, made.last)
@@ -191,6 +220,21 @@ def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
         if not problem.kinematics.finite:
             told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
     return problem.space.share.texts(told)
+
+
+def _starts(problem: Problem) -> dict[str, Start]:
+    """Return the zones of a problem in the undeformed configuration, at the end of the first step."""
+    space, t = problem.space, problem.case.steps.planned[0]
+    u = np.zeros(space.n_dof)
+    return {pair.name: start_of(pair, pair.integrate(space, u, t), space) for pair in problem.joints}
+
+
+def _resultants(problem: Problem, last: State | None) -> tuple[Resultant, ...]:
+    """Return the resultants of all loads in the last state; none without one."""
+    if last is None:
+        return ()
+    weight = None if problem.inertia is None else problem.inertia.weight
+    return resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
 
 
 def _strangers(problem: Problem, results: Results) -> Iterator[str]:

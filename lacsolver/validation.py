@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -20,7 +19,6 @@ from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.case import Case, CaseError, Issue, as_case
-from lacsolver.case.records import Entry
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
@@ -28,14 +26,13 @@ from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
-from lacsolver.problem.overlap import check_overlap, deepest
+from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
+from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
-
-#: sections whose records are loads, each evaluated by itself
-_LOADS = ("pressure", "traction", "force", "body_force", "temperature")
+from lacsolver.space.space import Space
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,7 @@ class ZoneFound:
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
     `overlap`: largest penetration of the slave into the master, 0 without overlap. `why`: why the slave was chosen, ""
-    where the case says which it is.
+    where the case says which it is. `told`: warnings.
     """
 
     name: str
@@ -58,6 +55,7 @@ class ZoneFound:
     gap: tuple[float, float]
     overlap: float = 0.0
     why: str = ""
+    told: tuple[str, ...] = ()
 
 
 @dataclass(repr=False)
@@ -68,6 +66,7 @@ class Validation(Described):
     slave face is a macro-element by itself, so that nothing has to be cut; `unknowns`: number of unknowns q.
 
     `held`: rigid-body motions that only contact constrains, in words; `motion`: figures of a case with [dynamics].
+    `loads`: resultant of each load at the end of the steps, with follower loads on the undeformed faces.
     `problems`: mistakes that would prevent a run.
     """
 
@@ -79,6 +78,7 @@ class Validation(Described):
     zones: list[ZoneFound] = field(default_factory=list)
     held: list[str] = field(default_factory=list)
     motion: MotionFound | None = None
+    loads: tuple[Resultant, ...] = ()
     problems: list[Issue] = field(default_factory=list)
 
     @contextmanager
@@ -146,16 +146,13 @@ def _look_at_loads(case: Case, parts: ProblemParts, found: Validation) -> None:
     space, materials = parts.space, parts.materials
     if space is None or materials is None:
         return
-    none: dict[str, Any] = {**dict.fromkeys(_LOADS, ()), "gravity": None}
-    bare = replace(case, **none)
-    loads: list[tuple[Entry, dict[str, Any]]]
-    loads = [(record, {name: (record,)}) for name in _LOADS for record in getattr(case, name)]
-    if case.gravity is not None:
-        loads.append((case.gravity, {"gravity": case.gravity}))
-    for record, only in loads:
+    before = len(found.problems)
+    for record, alone in each_load(case):
         with found.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
-                acting.load(space, materials, replace(bare, **only), t)
+                acting.load(space, materials, alone, t)
+    if len(found.problems) == before:
+        found.loads = resultants(space, materials, case, case.steps.last)
 
 
 def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[ContactPair, Interface]]:
@@ -166,7 +163,7 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
         assert space is not None
         with found.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            found.zones.append(_zone_found(pair, face))
+            found.zones.append(_zone_found(pair, face, space))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
@@ -175,12 +172,14 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
     return faces
 
 
-def _zone_found(joint: ContactPair, face: Interface) -> ZoneFound:
+def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
+    start = start_of(joint, face, space)
     record, on = joint.record, joint.covered(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
-        float(face.w.sum() / face.area.sum()), (float(gap.min()), float(gap.max())), deepest(face), record.why,
+        start.covered, (float(gap.min()), float(gap.max())), start.overlap, record.why,
+        start.told,
     )  # fmt: skip
 
 

@@ -13,22 +13,27 @@ Every rule is defined in `rules.py`; `docs/check.md` lists them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from numbers import Integral
 from typing import Any
 
 import numpy as np
 
 from lacmesh.checks.findings import Finding, Findings, Where, collect
+from lacmesh.checks.pairs import check_one_pair
 from lacmesh.checks.rules import RULES, Rule
 from lacmesh.checks.subject import CheckStep, Subject, make_subject
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Mesh, MeshLike, as_mesh, spec_list
+from lacmesh.mesh import Mesh, MeshLike, Spec, as_mesh, spec_list, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 
 __all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check"]
 
 Specs = str | int | Sequence[str | int]
+#: parts of the check that examine each pair by itself, and their rules about one skin, of whatever pair
+_BY_PAIR = ("check_sharing", "check_skins_in_space", "check_facing")
+_OF_ONE_SKIN = ("hanging-node", "self-intersection")
 
 
 def check(
@@ -43,6 +48,7 @@ def check(
     surface: str = "smooth",
     crease_angle: float | None = None,
     recognise: bool | None = None,
+    pairs: Sequence[tuple[Spec, Spec]] | None = None,
 ) -> Findings:
     """Check a mesh, its slave and its master skin against the requirements of the LAC method; return the findings.
 
@@ -52,7 +58,9 @@ def check(
     `surface.contact_points`; a search distance that is not given follows from the macro-elements, not from the faces.
     `surface`: the surfaces between which the gap of linear cells is measured: the `faces` themselves, or the `smooth`
     skins through their nodes, which keep edges where the normal turns by more than `crease_angle` degrees. Lengths are
-    in the units of the mesh. `recognise`: as in `cut_skin`, for a skin that looks cut and has no records.
+    in the units of the mesh. `recognise`: as in `cut_skin`, for a skin that looks cut and has no records. `pairs`: in
+    place of `slave` and `master`, (slave, master) of each contact, each of which is examined by itself; several slaves
+    with several masters need them.
 
     Raises GroupNotFoundError and RequestError if the request is wrong; every fault of the mesh is a finding.
 
@@ -61,6 +69,10 @@ def check(
     >>> check(triangle, "s").errors[0].rule
     'no-internal-dof'
     """
+    if pairs is not None:
+        if slave is not None or master is not None:
+            raise RequestError("give pairs, or slave and master, and not both")
+        slave, master = (tuple(dict.fromkeys(spec_text(pair[k]) for pair in pairs)) for k in (0, 1))
     if isinstance(mesh, Cut):
         slave = mesh.zones if slave is None else slave
         mesh = mesh.mesh
@@ -78,16 +90,41 @@ def check(
     }
     origin = origin_of_mesh(mesh) * [not axisymmetric, 1.0, 1.0]
     local = from_origin(mesh, origin)
-    subject = make_subject(local, _listed(slave), _listed(master), _listed(dirichlet), options, origin, recognise)
+    slaves, masters, held = (_listed(specs) for specs in (slave, master, dirichlet))
+    if pairs is None:
+        check_one_pair(slaves, masters)
+    subject = make_subject(local, slaves, masters, held, options, origin, recognise)
     found: list[Finding] = []
     figures: dict[str, Any] = {"slave": list(subject.slave.names), "slave_faces": len(subject.slave)}
     if subject.master is not None:
         figures |= {"master": list(subject.master.names), "master_faces": len(subject.master)}
+    alone = [
+        make_subject(local, (spec_text(one),), (spec_text(other),), held, options, origin, recognise)
+        for one, other in pairs or ()
+    ]
+    if len(alone) > 1:
+        figures["pairs"] = [{"slave": one.slave.group, "master": one.sides[1].group} for one in alone]
     for part in _parts(mesh):
-        more, what = _done(part, subject)
-        found += more
-        figures |= what
-    return collect(found, figures)
+        if len(alone) > 1 and part.__name__ in _BY_PAIR:
+            found += _done(part, replace(subject, master=None))[0] if part.__name__ == "check_sharing" else []
+            for one, told in zip(alone, figures["pairs"], strict=True):
+                more, what = _done(part, one)
+                found += [_of_pair(finding, one) for finding in more]
+                told |= what
+        else:
+            more, what = _done(part, subject)
+            found += more
+            figures |= what
+    return collect(list(dict.fromkeys(found)), figures)
+
+
+def _of_pair(finding: Finding, pair: Subject) -> Finding:
+    """Return a finding with the pair that it is about; one about a single skin stays as it is."""
+    if finding.rule in _OF_ONE_SKIN:
+        return finding
+    slave, master = (side.group for side in pair.sides)
+    where = finding.where._replace(pair=(slave, master))
+    return replace(finding, where=where, message=f"{slave} on {master}: {finding.message}")
 
 
 def _listed(specs: Specs | None) -> tuple[str, ...]:

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from lacmesh.checks.crossing import crossing
 from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import PLACE, CheckedSkin, Subject
+from lacmesh.checks.subject import PLACE, SHOWN, CheckedSkin, Subject
+from lacmesh.errors import listed
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.components import label_components
@@ -29,6 +30,7 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     found = []
     if count:
         message = f"the cells make {counted(count, 'body', 'separate bodies')}"
+        message += f" ({_named(subject, np.arange(count))})" if count > 1 else ""
         mine = {
             side.what: np.unique(bodies[side.nodes][bodies[side.nodes] >= 0]) for side in subject.sides if len(side)
         }
@@ -36,7 +38,11 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         if len(mine) == 2 and all(len(which) for which in mine.values()):
             common = np.intersect1d(mine["slave"], mine["master"])
             message += (
-                "; slave and master are on the same body" if len(common) else "; slave and master are on different ones"
+                f"; slave and master are on the same body, {_named(subject, common)}"
+                if len(common) and count > 1
+                else "; slave and master are on the same body"
+                if len(common)
+                else "; slave and master are on different ones"
             )
         found.append(subject.found("bodies", message))
     rows, facet = subject.facets.boundary
@@ -46,6 +52,13 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     found += _coincident(subject, corners, nodes)
     found += _torn(subject, corners, nodes)
     return found, figures
+
+
+def _named(subject: Subject, bodies: Ints) -> str:
+    """Return the names of some bodies, the first few of many."""
+    names = [subject.body_names[body] for body in bodies[:SHOWN].tolist()]
+    more = [f"{len(bodies) - SHOWN:,} more"] if len(bodies) > SHOWN else []
+    return listed([*names, *more], "and")
 
 
 def _on_sides(subject: Subject, a: Ints, b: Ints) -> NDArray[np.bool_]:
@@ -148,7 +161,9 @@ def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
     if not len(node):
         return []
     message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
-    message += f" of the body that they belong to ({subject.node_numbers(node)}): its cells do not conform there; "
+    which = np.unique(subject.bodies[node])
+    owner = "the body" if subject.bodies.max() == 0 else _named(subject, which)
+    message += f" of {owner}, to which they belong ({subject.node_numbers(node)}): its cells do not conform there; "
     message += "mesh both sides conformingly, or tie them in the solver"
     return [subject.found("torn-body", message, nodes=node)]
 

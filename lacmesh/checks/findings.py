@@ -13,10 +13,14 @@ Corner = tuple[float, float, float]
 
 
 class Where(NamedTuple):
-    """Place of a finding: the `group` it was found in, and the `box` (lowest, highest corner) of its cells or nodes."""
+    """Place of a finding: the `group` it was found in, and the `box` (lowest, highest corner) of its cells or nodes.
+
+    `pair`: slave and master that it is about, of several pairs; None for a single one, and for what is of no pair.
+    """
 
     group: str | None = None
     box: tuple[Corner, Corner] | None = None
+    pair: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -46,7 +50,11 @@ class Finding(Described):
             "severity": self.severity,
             "cells": list(self.cells),
             "nodes": list(self.nodes),
-            "where": {"group": self.where.group, "box": self.where.box and [list(c) for c in self.where.box]},
+            "where": {
+                "group": self.where.group,
+                "box": self.where.box and [list(c) for c in self.where.box],
+                **({"pair": list(self.where.pair)} if self.where.pair else {}),
+            },
             "message": self.message,
         }
 

@@ -19,6 +19,7 @@ from lacmesh.cutting.select import in_first_group
 from lacmesh.errors import GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners
@@ -106,6 +107,12 @@ class Subject:
     def bodies(self) -> Ints:
         """(n_nodes,): the body of each node, -1 for nodes of no cell."""
         return label_bodies([self.facets.solid.corners], self.mesh.n_nodes)
+
+    @cached_property
+    def body_names(self) -> list[str]:
+        """The name of each body, for a sentence."""
+        there = replace(self.mesh, points=self.mesh.points + self.origin)
+        return body_names(there, self.bodies, int(self.bodies.max(initial=-1)) + 1)
 
     @cached_property
     def macros(self) -> Macros:

@@ -12,7 +12,10 @@ from lacmesh.cli.options import (
     add_facing_options,
     add_mesh_option,
     add_recognition_options,
+    add_skin_options,
     facing_options,
+    sides,
+    skins,
 )
 from lacmesh.cli.terminal import Stages, as_json, console, memory, table
 from lacmesh.errors import DataError, LacmeshWarning
@@ -32,8 +35,7 @@ def add(commands: Any) -> None:
         "check whether a mesh is usable for LAC, and where not; exit status 1 if any finding is an error",
     )
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
-    parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
-    parser.add_argument("--master", action="append", default=[], metavar="GROUP", help="master skin; may be repeated")
+    add_skin_options(parser, "slave skin", "master skin")
     add_facing_options(parser)
     add_recognition_options(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object: {findings, summary}")
@@ -51,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
     with stage("check"):
         from lacmesh.checks import check
 
-        findings = check(mesh, args.slave, args.master, recognise=args.recognise, **facing_options(args))
+        findings = check(mesh, **sides(skins(mesh, args)), recognise=args.recognise, **facing_options(args))
     if args.json:
         print(as_json(findings.as_dict()))
     elif not args.quiet:
@@ -100,7 +102,7 @@ def _sentence(f: Finding, size: float) -> str:
     """Message of a finding, with its group and its box; `size` of the mesh sets the digits."""
     from lacmesh.origin import told
 
-    places = [f"in {f.where.group}"] if f.where.group else []
+    places = [f"in {f.where.group}"] if f.where.group and not f.where.pair else []
     if f.where.box and f.severity != "info":
         axes = zip("xyz", *(told(corner, size) for corner in f.where.box), strict=True)
         places.append(", ".join(f"{a} {lo}" if lo == hi else f"{a} {lo} to {hi}" for a, lo, hi in axes))
@@ -124,11 +126,20 @@ def _figures(s: Any) -> list[tuple[str, str]]:
         rows.append(("bodies", f"{s['bodies']:,}"))
     if "worst_quality" in s:
         rows.append(("worst scaled Jacobian", f"{s['worst_quality']:.3f}"))
-    if "gap" in s:
-        rows.append(("gap: least, mean, largest", ", ".join(f"{s['gap'][k]:.6g}" for k in ("min", "mean", "max"))))
-        whole, part, none = (s[f"{k}_macro_elements"] for k in ("covered", "partly_covered", "uncovered"))
-        text = (
-            f"{100 * s['covered']:.4g} % of the slave; macro-elements: {whole:,} whole, {part:,} in part, {none:,} not"
-        )
-        rows.append(("covered by the master", text))
+    rows += _facing_rows(s)
+    for pair in s.get("pairs", ()):
+        rows.append(("pair", f"{pair['slave']} on {pair['master']}"))
+        rows += _facing_rows(pair)
     return rows
+
+
+def _facing_rows(s: Any) -> list[tuple[str, str]]:
+    """Rows (name, value) of the gap and the coverage of a pair."""
+    if "gap" not in s:
+        return []
+    whole, part, none = (s[f"{k}_macro_elements"] for k in ("covered", "partly_covered", "uncovered"))
+    text = f"{100 * s['covered']:.4g} % of the slave; macro-elements: {whole:,} whole, {part:,} in part, {none:,} not"
+    return [
+        ("gap: least, mean, largest", ", ".join(f"{s['gap'][k]:.6g}" for k in ("min", "mean", "max"))),
+        ("covered by the master", text),
+    ]

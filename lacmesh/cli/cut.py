@@ -15,8 +15,11 @@ from lacmesh.cli.options import (
     add_output_options,
     add_program_option,
     add_recognition_options,
+    add_skin_options,
     facing_options,
     pending_mesh,
+    sides,
+    skins,
     write_mesh,
 )
 from lacmesh.cli.terminal import Stages, console, memory, table
@@ -35,14 +38,10 @@ def add(commands: Any) -> None:
         commands, "cut", run, "subdivide the slave faces, and the cells behind them, into macro-elements"
     )
     parser.add_argument("input", metavar="IN", help="mesh: .msh, .med, .mail, .inp, .vtu, .xdmf and more")
-    parser.add_argument("--slave", action="append", required=True, metavar="GROUP", help="slave skin; may be repeated")
-    parser.add_argument(
-        "--master",
-        action="append",
-        default=[],
-        metavar="GROUP",
-        help="master skin; may be repeated: the cut is checked against it (as by lacmesh check), and not written if "
-        "the check finds an error",
+    add_skin_options(
+        parser,
+        "slave skin",
+        "master skin: the cut is checked against it (as by lacmesh check), and not written if the check finds an error",
     )
     add_facing_options(parser)
     parser.add_argument("-o", "--output", metavar="OUT", help="default: next to the input, with .lac before its suffix")
@@ -96,22 +95,24 @@ def run(args: argparse.Namespace) -> None:
 
     source = Path(args.input)
     target = Path(args.output) if args.output else _beside(source)
-    asked = {"check": args.master, "report": args.report}
+    asked = {"check": args.master or args.pair, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
     args.left = pending_mesh(target, args).left
     if args.report:
         _check_report(target, args)
     with stage("read"):
         mesh = read(source, mesh=args.mesh)
+    groups = skins(mesh, args)
+    args.slave = groups["slave"]
     done = is_cut(mesh) and args.recognise is not False
     with stage("cut"):
         cut = _cut(mesh, args)
         if args.min_quality is not None:
             _refuse_poor(None if done else mesh, cut, args.min_quality)
     report = findings = None
-    if args.master:
+    if groups["master"]:
         with stage("check"):
-            findings = _check(cut, args)
+            findings = _check(cut, sides(groups), args)
     if args.report:
         with stage("report"):
             report = _report(None if done else mesh, cut, findings)
@@ -141,12 +142,12 @@ def _cut(mesh: Mesh, args: argparse.Namespace) -> Cut:
     return cut_skin(mesh, args.slave, orient=args.orient, node_groups=args.node_groups, **choices)
 
 
-def _check(cut: Cut, args: argparse.Namespace) -> Findings:
+def _check(cut: Cut, groups: dict[str, Any], args: argparse.Namespace) -> Findings:
     """Check the cut against its master: raise DataError for an error, warn of other findings, and return them all."""
     from lacmesh.checks import check
     from lacmesh.cli.check import warn_of
 
-    findings = check(cut, args.slave, args.master, **facing_options(args))
+    findings = check(cut, **groups, **facing_options(args))
     if findings.errors:
         first, more = findings.errors[0], len(findings.errors) - 1
         others = f"; lacmesh check of a cut made without --master lists {more} more" if more else ""

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.errors import RequestError, listed
@@ -101,6 +102,44 @@ def add_recognition_options(parser: argparse.ArgumentParser) -> None:
         default=None,
         help="recognise an earlier cut by the pattern of its faces alone, whatever the node numbers",
     )
+
+
+def add_skin_options(parser: argparse.ArgumentParser, slave: str, master: str) -> None:
+    """Declare `--slave`, `--master` and `--pair`; `slave`, `master` are their lines in the help."""
+    parser.add_argument("--slave", action="append", metavar="GROUP", help=f"{slave}; may be repeated")
+    parser.add_argument("--master", action="append", metavar="GROUP", help=f"{master}; may be repeated")
+    parser.add_argument(
+        "--pair",
+        action="append",
+        metavar="SLAVE:MASTER",
+        help="in place of --slave and --master, for several contacts: each pair is examined by itself; may be repeated",
+    )
+
+
+def skins(mesh: Mesh, args: argparse.Namespace, *, needed: bool = True, checked: bool = True) -> dict[str, Any]:
+    """Return `slave`, `master` and `pairs` of the options of `add_skin_options`, for a mesh.
+
+    `needed`: whether there must be a slave; `checked`: whether slaves and masters are compared, so that several of both
+    are an error. Raises RequestError.
+    """
+    from lacmesh.checks.pairs import check_one_pair, split_pairs
+
+    if args.pair:
+        if args.slave or args.master:
+            raise RequestError("--pair names the slaves and masters; leave out --slave and --master")
+        pairs = split_pairs(mesh, args.pair)
+        slave, master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
+        return {"slave": slave, "master": master, "pairs": pairs}
+    if needed and not args.slave:
+        raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
+    if checked:
+        check_one_pair(args.slave or mesh.zones, args.master or (), f"lacmesh {args.command} {quote(args.input)}")
+    return {"slave": args.slave, "master": args.master or [], "pairs": None}
+
+
+def sides(made: dict[str, Any]) -> dict[str, Any]:
+    """Return what `skins` returns as keyword arguments of `lacmesh.check`."""
+    return {"pairs": made["pairs"]} if made["pairs"] else {"slave": made["slave"], "master": made["master"]}
 
 
 def add_facing_options(parser: argparse.ArgumentParser) -> None:

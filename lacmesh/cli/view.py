@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option, pending_output
+from lacmesh.cli.options import add_command, add_mesh_option, add_skin_options, pending_output, sides, skins
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 
@@ -21,10 +21,7 @@ def add(commands: Any) -> None:
     parser = add_command(commands, "view", run, "draw a mesh: a picture (.png), or a page that opens offline (.html)")
     parser.add_argument("input", metavar="IN", help="mesh, cut or not")
     parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the suffix says which: .png, .html")
-    parser.add_argument(
-        "--slave", action="append", metavar="GROUP", help="slave skin (default: all of a cut); may be repeated"
-    )
-    parser.add_argument("--master", action="append", metavar="GROUP", help="master skin; may be repeated")
+    add_skin_options(parser, "slave skin (default: all of a cut)", "master skin")
     parser.add_argument("--check", action="store_true", help="mark the cells that `lacmesh check` finds fault with")
     parser.add_argument(
         "--quality",
@@ -77,9 +74,10 @@ def run(args: argparse.Namespace) -> None:
 
 def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
     """Options that a picture and a page share, as keyword arguments."""
+    groups = skins(mesh, args, needed=False, checked=args.check)
     shown: dict[str, Any] = {
-        "slave": args.slave,
-        "master": args.master,
+        "slave": groups["slave"],
+        "master": groups["master"] or None,
         "camera": args.camera and tuple(args.camera),
         "cutaway": args.cutaway and tuple(args.cutaway),
         "explode": args.explode,
@@ -87,7 +85,8 @@ def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
     if args.check:
         from lacmesh.checks import check
 
-        shown["findings"] = check(mesh, args.slave or mesh.zones, args.master)
+        groups["slave"] = groups["slave"] or mesh.zones
+        shown["findings"] = check(mesh, **sides(groups))
     if args.quality:
         from lacmesh.scene.marks import cell_values
 

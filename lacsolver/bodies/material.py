@@ -51,6 +51,9 @@ class Law(Protocol):
 class Elastic:
     """Isotropic linear elasticity. Raises DataError for a stiffness that is zero or negative.
 
+    `mean_dilatation`: True if linear cells of several points use the mean of the volume change over the cell, see
+    `bodies.locking`. A case chooses it by poisson; here it is as given.
+
     >>> Elastic(young=200.0, poisson=0.25).elasticity()[0].tolist()
     [240.0, 80.0, 80.0, 0.0, 0.0, 0.0]
     """
@@ -60,8 +63,10 @@ class Elastic:
     density: float = 0.0
     expansion: float = 0.0
     reference_temperature: float = 0.0
+    mean_dilatation: bool = False
 
     finite: ClassVar[bool] = False  # True for laws of finite strains
+    takes_mean: ClassVar[bool] = True  # False for laws without mean dilatation
 
     def __post_init__(self) -> None:
         _check_common(self.density, (self.expansion,), self.reference_temperature)
@@ -70,6 +75,8 @@ class Elastic:
         if not -1 < self.poisson < 0.5:
             message = f"poisson lies between -1 and 0.5, both left out, and is {self.poisson}"
             raise DataError(f"{message}; take 0.49 for rubber" if self.poisson >= 0.5 else message)
+        if self.mean_dilatation and not self.takes_mean:
+            raise DataError(f"the law {type(self).__name__} has no mean dilatation; take NeoHookean")
 
     @property
     def lame(self) -> tuple[float, float]:
@@ -96,7 +103,8 @@ class Orthotropic:
     `young` (E1, E2, E3); `poisson` (nu12, nu13, nu23), nu_ij = -strain_j / strain_i when stress_i acts alone, so that
     nu_ij / E_i = nu_ji / E_j; `shear` (G12, G13, G23). `axes`: axis 1, and a second vector that spans the plane of axes
     1 and 2 with it (it need be neither of unit length nor orthogonal); axis 3 follows by the right-hand rule.
-    `expansion`: one number, or one along each axis. Raises DataError where the compliance is not positive definite.
+    `expansion`: one number, or one along each axis. `mean_dilatation` as in `Elastic`. Raises DataError where the
+    compliance is not positive definite.
     """
 
     young: Triple
@@ -106,6 +114,9 @@ class Orthotropic:
     density: float = 0.0
     expansion: float | Triple = 0.0
     reference_temperature: float = 0.0
+    mean_dilatation: bool = False
+
+    takes_mean: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("young", "poisson", "shear"):
@@ -145,6 +156,18 @@ class Orthotropic:
         S[0, 2] = S[2, 0] = -nu13 / E[0]
         S[1, 2] = S[2, 1] = -nu23 / E[1]
         return S
+
+    @property
+    def equivalent_poisson(self) -> float:
+        """Poisson's ratio of the isotropic body with the same compliance in volume and, on average, in shear.
+
+        These are Reuss's averages over all directions; they do not depend on the axes.
+        """
+        S = self._compliance()
+        straight, across = np.trace(S), (S.sum() - np.trace(S)) / 2
+        bulk = 1 / S.sum()
+        shear = 15 / (4 * (straight - across) + 3 * (1 / np.array(self.shear, float)).sum())
+        return float((3 * bulk - 2 * shear) / (6 * bulk + 2 * shear))
 
     def elasticity(self) -> NDArray[np.floating]:
         """Return C (6, 6) in x, y, z."""
@@ -209,22 +232,29 @@ class LawTerms(NamedTuple):
     """Nonzero entries of A, law by law: law k has rows start[k]:start[k + 1].
 
     `at` (m, 2): d s + t with s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and mu of isotropic
-    laws; 0, 0 of the others.
+    laws; 0, 0 of the others. Of laws with mean dilatation (`Materials.mean_terms`) these are those of the deviator of
+    strain; `bulk` (laws,), 0 of the others, and `coupling` (laws, l, d) are those of the mean.
     """
 
     start: Ints
     at: Ints
     value: Floats
     lame: Floats
+    bulk: Floats
+    coupling: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Materials:
-    """The law of every cell: `laws`, and for each block of the space the index (k,) of each cell's law in `laws`."""
+    """The law of every cell: `laws`, and for each block of the space the index (k,) of each cell's law in `laws`.
+
+    `groups`: the cell groups of each law, None for every cell; () if nothing is known of them.
+    """
 
     model: ModellingHypothesis
     laws: tuple[Law, ...]
     law: tuple[Ints, ...]
+    groups: tuple[tuple[str, ...] | None, ...] = ()
 
     @classmethod
     def of(cls, space: Space, given: Law | Sequence[tuple[Law, Sequence[str] | None]]) -> Materials:
@@ -248,7 +278,8 @@ class Materials:
             numbers = space.mesh.cell_number[without]
             message = f"{len(without)} cells have no material: {space.mesh.cell_names(without)}"
             raise DataError(f"{message}; name a group that holds them, or leave out the groups", numbers)
-        made = cls(space.model, tuple(law for law, _ in pairs), tuple(chosen[b.cell] for b in space.blocks))
+        theirs = tuple(None if groups is None else tuple(groups) for _, groups in pairs)
+        made = cls(space.model, tuple(law for law, _ in pairs), tuple(chosen[b.cell] for b in space.blocks), theirs)
         _ = made.tables
         return made
 
@@ -261,20 +292,49 @@ class Materials:
     @cached_property
     def tensors(self) -> NDArray[np.floating]:
         """Tensors A (laws, d, l, d, l): A_sitj = sum S_kis C_km S_mjt over k, m; K_ab,st = int A_sitj L_ia L_jb."""
+        return self._tensors(self.tables[0])
+
+    def _tensors(self, C: Floats) -> NDArray[np.floating]:
         S = self.model.selector
-        return np.einsum("kis,ckm,mjt->csitj", S, self.tables[0], S)
+        return np.einsum("kis,ckm,mjt->csitj", S, C, S)
 
     @cached_property
     def terms(self) -> LawTerms:
         """Entries of `tensors` that are not zero (above rounding), for s <= t only, since K is symmetric."""
+        bulk, coupling = np.zeros(len(self.laws)), np.zeros((len(self.laws), self.model.rows, self.model.dim))
+        lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
+        return LawTerms(*self._entries(self.tensors), lame, bulk, coupling)
+
+    @cached_property
+    def mean(self) -> NDArray[np.bool_]:
+        """Mask (laws,) of the laws with mean dilatation."""
+        return np.array([getattr(law, "mean_dilatation", False) for law in self.laws])
+
+    @cached_property
+    def mean_terms(self) -> LawTerms:
+        """Terms in cells that may take the mean dilatation: those of `terms`, but for the laws that have it.
+
+        With P = I - m m^T / 3, m = (1, 1, 1, 0, ...): A of P C P, `coupling` S^T P C m / 3, `bulk` m^T C m / 9.
+        """
+        if not self.mean.any():
+            return self.terms
+        C, m = self.tables[0].copy(), (np.arange(self.model.n_stress) < 3).astype(float)
+        P, bulk = np.eye(len(m)) - np.outer(m, m) / 3, np.where(self.mean, m @ C @ m / 9, 0.0)
+        coupling = np.where(self.mean[:, None], C @ m @ P / 3, 0.0)
+        C[self.mean] = P @ C[self.mean] @ P
+        lame = np.where(self.mean[:, None], self.terms.lame * [0.0, 1.0], self.terms.lame)
+        lame[self.mean, 0] = -2 / 3 * lame[self.mean, 1]
+        coupling = np.ascontiguousarray(np.einsum("ck,kis->cis", coupling, self.model.selector))
+        return LawTerms(*self._entries(self._tensors(C)), lame, bulk, coupling)
+
+    def _entries(self, A: Floats) -> tuple[Ints, Ints, Floats]:
+        """Return `start`, `at` and `value` of tensors (laws, d, l, d, l): what is not rounding of `tensors`."""
         d, rows = self.model.dim, self.model.rows
-        A = self.tensors
-        used = np.abs(A) > 1e-15 * np.abs(A).max(axis=(1, 2, 3, 4), keepdims=True)
+        used = np.abs(A) > 1e-15 * np.abs(self.tensors).max(axis=(1, 2, 3, 4), keepdims=True)
         used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
         law, s, i, t, j = np.nonzero(used)
         start = np.searchsorted(law, np.arange(len(self.laws) + 1))
-        lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
-        return LawTerms(start, np.stack([d * s + t, rows * i + j], axis=1), A[used], lame)
+        return start, np.stack([d * s + t, rows * i + j], axis=1), A[used]
 
     @cached_property
     def pointwise(self) -> tuple[tuple[int, Any], ...]:
@@ -292,19 +352,25 @@ class Materials:
         """Return the mass per volume (k,) of each cell of a block."""
         return np.array([law.density for law in self.laws])[self.law[block]]
 
-    def stress(self, block: int, cells: slice, strain: Floats, temperature: Floats | None) -> NDArray[np.floating]:
-        """Return the stress (c, q, n) of some cells of a block from strain (c, q, n) and temperature (c, q) or None.
+    def elastic_strain(
+        self, block: int, cells: slice, strain: Floats, temperature: Floats | None
+    ) -> NDArray[np.floating]:
+        """Return strain (c, q, n) of some cells of a block less the thermal strain of temperature (c, q) or None.
 
         A temperature that is NaN means none: no thermal strain there.
         """
-        C, alpha = self.tables
+        if temperature is None:
+            return strain
         which = self.law[block][cells]
-        out = np.empty_like(strain)
+        start = np.array([law.reference_temperature for law in self.laws])[which]
+        warmer = np.nan_to_num(temperature - start[:, None], nan=0.0)
+        return strain - warmer[..., None] * self.tables[1][which][:, None]
+
+    def stress(self, block: int, cells: slice, elastic: Floats) -> NDArray[np.floating]:
+        """Return the stress (c, q, n) of some cells of a block from elastic strain (c, q, n)."""
+        C, which = self.tables[0], self.law[block][cells]
+        out = np.empty_like(elastic)
         for k in np.unique(which):
             rows = slice(None) if len(self.laws) == 1 else np.flatnonzero(which == k)
-            elastic = strain[rows]
-            if temperature is not None:
-                warmer = np.nan_to_num(temperature[rows] - self.laws[k].reference_temperature, nan=0.0)
-                elastic = elastic - warmer[..., None] * alpha[k]
-            out[rows] = (elastic.reshape(-1, len(C[k])) @ C[k]).reshape(elastic.shape)
+            out[rows] = (elastic[rows].reshape(-1, len(C[k])) @ C[k]).reshape(elastic[rows].shape)
         return out

@@ -376,12 +376,18 @@ class Force(AtNodes):
     """
 
     SECTION: ClassVar = Section(
-        "force", True, "force on each node of a group, or on one node (axisymmetric: of the full circle)",
+        "force", True, "force on each node of a group, or in total, or on one node (axisymmetric: of the full circle)",
         one_of=WHERE, some_of=(_THREE,), not_both=NOT_KIND_OF_AT,
     )  # fmt: skip
     fx: As[Value | None, ValueLike | None] = _load("force", "along x")
     fy: As[Value | None, ValueLike | None] = _load("force", "along y")
     fz: As[Value | None, ValueLike | None] = _load("force", "along z", SPACE)
+    total: bool = key(
+        Flag(),
+        "",
+        "the force of the whole group, spread over its faces by area; not that of each node",
+        default=False,
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from lacmesh.cli.terminal import console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
+    from lacsolver.problem.resultants import Resultant
     from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
 
@@ -29,9 +30,21 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
             rows.add_row("slave chosen", f"{slave}, with master {master}: {why}")
         for name, value in _zone(figures):
             rows.add_row(name, value)
+        if results.overlap.get(zone, 0.0) > 0:
+            rows.add_row("deepest overlap at the start", f"{results.overlap[zone]:.6g}")
+    if last:
+        add_resultants(rows, results.loads, last.time)
     console().print(rows)
     opened = "results.med for Salome" if fields == "med" else "solid.pvd for ParaView"
     print(f"results: {folder} (results.json, history.csv, {opened})")
+
+
+def add_resultants(rows: Any, loads: Sequence[Resultant], t: float) -> None:
+    """Add the resultants of loads at time t to a table."""
+    if loads:
+        rows.add_section()
+    for load in loads:
+        rows.add_row(f"resultant, t = {t:g}", f"{load.section} {load.where}: {_vector(np.array(load.force))}")
 
 
 def _figures(results: Results) -> Iterator[tuple[str, str]]:

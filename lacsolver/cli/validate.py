@@ -50,6 +50,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _print(case: Case, found: Validation) -> None:
+    from lacsolver.cli.summary import add_resultants
+
     rows = table("case", "")
     for name, value in _figures(case, found):
         rows.add_row(name, value)
@@ -62,6 +64,7 @@ def _print(case: Case, found: Validation) -> None:
         held = getattr(case, name)
         for record in held if isinstance(held, tuple) else [held] if held else []:
             rows.add_row(name, said(record))
+    add_resultants(rows, found.loads, case.steps.last)
     console().print(rows)
 
 
@@ -118,15 +121,16 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
         yield "mean gaps", f"{zone.gap[0]:.6g} to {zone.gap[1]:.6g}"
     if zone.overlap > 0:
         yield "deepest overlap", f"{zone.overlap:.6g}"
+    for said in zone.told:
+        yield "warning", said
 
 
 def said(record: Entry) -> str:
     """Describe a record, its group or place first: `top: value = 25, ramped`."""
     from lacsolver.case.keys import keys_of
-    from lacsolver.space.places import name_of
+    from lacsolver.space.places import where_of
 
-    groups = getattr(record, "groups", None)
-    where = ", ".join(groups) if groups else name_of(record) if hasattr(record, "group") else "everywhere"
+    where = where_of(record)
     told = [
         f"{name} = {_value(getattr(record, name))}"
         for name in keys_of(type(record))

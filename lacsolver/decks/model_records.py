@@ -85,6 +85,12 @@ def _add_material(
         raise Refused(
             f"material {material.name} is hyperelastic, which lacsolver has for finite displacements; say NLGEOM"
         )
+    if draft.large and keys["law"] == "elastic":
+        draft.reading.note(
+            material.card,
+            f"with NLGEOM material {material.name} has the law saint_venant_kirchhoff, as in CalculiX: it is meant for "
+            "small strains, and crushed to less than 0.577 of its length its force falls; neo_hookean does not",
+        )
     keys["law"] = _FINITE[keys["law"]] if draft.large else keys["law"]
     if keys["law"] == "orthotropic":
         keys["axes"] = draft.reading.content.orientations.get(law[1], ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))

@@ -10,6 +10,7 @@ import numpy as np
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.body_names import body_names
 from lacsolver.decks.cards import Refused, look_up
 from lacsolver.decks.content import Assigned
 from lacsolver.decks.draft import AXES, CaseDraft
@@ -76,10 +77,11 @@ def _add_initial(draft: CaseDraft, lines: list[Assigned]) -> None:
     cell_body = np.full(mesh.n_cells, -1)
     for _, cells, nodes in mesh.select(solid):
         cell_body[cells] = body_of[nodes[:, 0]]
+    names = body_names(mesh, body_of, int(body_of.max(initial=-1)) + 1)
     for body in np.unique(body_of[(v != 0).any(axis=1) & (body_of >= 0)]).tolist():
         nodes, cells = np.flatnonzero(body_of == body), np.flatnonzero(cell_body == body)
         line = next((one for one in lines if np.isin(one.items, nodes).any()), lines[0])
-        keys = dict(_linear(draft, nodes, v[nodes], line))
+        keys = dict(_linear(draft, names[body], nodes, v[nodes], line))
         groups = {} if len(cells) == len(solid) else {"groups": [_group(draft, cells)]}
         draft.add("initial", groups | keys, line.card)
 
@@ -117,8 +119,11 @@ def _check_velocities(draft: CaseDraft, v: Floats, lines: list[Assigned]) -> Non
                 raise Refused(f"{message}; hold the nodes or move them, not both", line.row, line.card)
 
 
-def _linear(draft: CaseDraft, nodes: Ints, v: Floats, line: Assigned) -> Iterator[tuple[str, float | str]]:
-    """Yield the keys of the velocities (k, 3) of a body's nodes: numbers, or formulas. Raises Refused."""
+def _linear(draft: CaseDraft, name: str, nodes: Ints, v: Floats, line: Assigned) -> Iterator[tuple[str, float | str]]:
+    """Yield the keys of the velocities (k, 3) of the nodes of a body, its name in a sentence: numbers, or formulas.
+
+    Raises Refused.
+    """
     points = draft.groups.mesh.points[nodes]
     centre = points.mean(axis=0)
     basis = np.column_stack([np.ones(len(nodes)), points - centre])[:, : 1 + draft.dim]
@@ -134,8 +139,9 @@ def _linear(draft: CaseDraft, nodes: Ints, v: Floats, line: Assigned) -> Iterato
         if off.max() > _LINEAR * size:
             number = draft.groups.mesh.node_number[nodes[off.argmax()]]
             raise Refused(
-                f"the velocities along {AXES[c]} of the body of node {number} are not linear in its coordinates, as "
-                "those of a translation, a rotation or a stretch are; give all nodes of the body such velocities",
+                f"the velocities along {AXES[c]} of {name} are not linear in its coordinates, most of all at node "
+                f"{number}, as those of a translation, a rotation or a stretch are; give all nodes of the body such "
+                "velocities",
                 line.row,
                 line.card,
             )

@@ -124,7 +124,7 @@ class Newmark:
     def too_coarse(self, model: ReducedProblem, state: StepState, kept: Mapping[str, NDArray]) -> bool:
         """True in finite kinematics if the contact work of a step is more than one per cent of the energy."""
         before = state.motion
-        if not self.problem.kinematics.finite or before is None:
+        if model.linear or before is None:
             return False
         then, now = before.energies, kept["energies"]
         return bool(abs(now[4] - then[4]) > _COARSE * max(then[:2].sum(), now[:2].sum()))

@@ -23,7 +23,15 @@ from lacsolver.equilibrium.stabilization import Stabilization
 from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
 from lacsolver.problem.problem import ContactPair, Problem
-from lacsolver.problem.rigid_modes import FreeMotion, bodies, describe, free_motions, rigid_modes, still_free
+from lacsolver.problem.rigid_modes import (
+    FreeMotion,
+    bodies,
+    body_names,
+    describe,
+    free_motions,
+    rigid_modes,
+    still_free,
+)
 from lacsolver.saddle.contact_system import Rows
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
@@ -163,7 +171,9 @@ class ReducedProblem:
         node, axis = divmod(int(np.abs(u).argmax()), space.dim)
         place = ", ".join(space.told(space.mesh.points[node]))
         who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
-        message = f"the stiffness is singular: a part of a body can move without any force, most of all {who}"
+        of_node = bodies(space)
+        body = "a body" if space.share.n > 1 else body_names(space, of_node)[of_node[node]]
+        message = f"the stiffness is singular: a part of {body} can move without any force, most of all {who}"
         advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
         return SingularError(f"{message}; {advice}", error.dof, error.mode)
 

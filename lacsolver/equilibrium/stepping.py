@@ -21,6 +21,7 @@ from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
+from lacsolver.problem.passing import passing, words
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
@@ -63,16 +64,17 @@ class NotConvergedError(LacmeshError):
 
 @dataclass
 class _Step:
-    """Iterations, halvings and residuals of a step so far."""
+    """Iterations, halvings and residuals of a step so far. `refined`: halvings that the time scheme asked for."""
 
     iterations: int = 0
     halvings: int = 0
+    refined: int = 0
     residuals: list[float] = field(default_factory=list)
 
-    def add(self, outcome: Outcome) -> None:
+    def add(self, outcome: Outcome, passed: str | None) -> None:
         self.iterations += len(outcome.residuals)
         self.residuals += [balance for balance, _ in outcome.residuals]
-        self.halvings += not outcome.converged
+        self.halvings += bool(passed) or not outcome.converged
 
 
 def march(
@@ -148,22 +150,42 @@ def _marched(
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
             outcome = attempt(step, spent.halvings, told)
-            spent.add(outcome)
-            if not outcome.converged:
+            passed = _passed(step, outcome) if outcome.converged else None
+            spent.add(outcome, passed)
+            if passed or not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if spent.halvings > steps.max_halvings or state.step_size < least:
-                    raise NotConvergedError(why(step, outcome), _state(_Made(step, outcome, spent, state, last=False)))
+                    said = passed or why(step, outcome)
+                    raise NotConvergedError(said, _state(_Made(step, outcome, spent, state, last=False)))
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
             histories = step.commit(q, p, active, outcome.contact)
-            if spent.halvings < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+            if spent.refined < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+                spent.refined += 1
                 spent.halvings += 1
                 state = state.with_step_size((step.t - state.time) / 2)
                 continue
             state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
             yield _Made(step, outcome, spent, state, steps.last - state.time <= _SAME * steps.last)
             spent = _Step()
+
+
+def _passed(step: LoadStep, outcome: Outcome) -> str | None:
+    """Return a sentence about the first contact that passes through its master in a step; None if none does."""
+    problem, state = step.model.problem, step.state
+    space, q = problem.space, outcome.iterate.q
+    if not any(pair.moving for pair in problem.joints):
+        return None
+    before = state.iterate
+    x = space.places(
+        np.zeros_like(step.u0) if before is None else problem.constraints.displacement(before.q, state.time)
+    )
+    for pair, face in zip(problem.joints, step.interfaces(q), strict=True):
+        made = passing(pair, face, x, step.t, space)
+        if made is not None:
+            return words(pair, made, step.t, space)
+    return None
 
 
 def _warn_of_rounding(made: _Made) -> bool:

@@ -54,8 +54,9 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
         "status": results.status,
         **({"message": results.message} if results.message else {}),
         "steps": [],
-        "contact": {name: _roles(results, name) | _zone(zone) for name, zone in (last.contact if last else {}).items()},
+        "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
         "balance": _balance(results, worst),
+        "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,
         "energy": None if last is None else last.energy,
         "sizes": results.sizes,
@@ -69,16 +70,12 @@ def _step(step: StepFigures) -> dict[str, Any]:
     return told if step.motion is None else told | {name: getattr(step.motion, name) for name in MOTION_KEYS}
 
 
-def _roles(results: Results, name: str) -> dict[str, Any]:
-    """Return the slave and the master of a zone, and why the slave was chosen if it was."""
-    if name not in results.roles:
-        return {}
-    slave, master, why = results.roles[name]
-    return {"slave": slave, "master": master} | ({"why": why} if why else {})
-
-
-def _zone(zone: ZoneFigures) -> dict[str, Any]:
-    return {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
+    """Return the slave and the master of a zone, why the slave was chosen if it was, and the figures."""
+    slave, master, why = results.roles.get(name, ("", "", ""))
+    roles = {"slave": slave, "master": master} | ({"why": why} if why else {}) if slave else {}
+    told = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+    return {**roles, **told, "overlap_at_start": results.overlap.get(name, float("nan"))}
 
 
 def _balance(results: Results, worst: Mapping[str, Any]) -> dict[str, float | None]:

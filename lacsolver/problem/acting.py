@@ -18,7 +18,7 @@ from lacsolver.case import Temperature as Record
 from lacsolver.case.records import Entry
 from lacsolver.case.value import Value
 from lacsolver.problem import loads
-from lacsolver.space.places import nodes_of, wrong
+from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate_vector
 
@@ -55,7 +55,7 @@ def load(
         with _said_of(traction):
             f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
     for force in case.force:
-        f += loads.nodal_force(space, _nodes_before_cut(space, force), _vector(space, force, "f"), t)
+        f += _force(space, force, t)
     for body in case.body_force:
         with _said_of(body):
             f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
@@ -78,6 +78,22 @@ def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | N
             own = loads.pressure_tangent(space, cells, value, t, x=space.places(u))
             made = own if made is None else csr_array(made + own)
     return made
+
+
+def _force(space: Space, force: Force, t: float) -> NDArray[np.floating]:
+    """Return the nodal forces (n_dof,) of a force on each node, or of one in total."""
+    value = _vector(space, force, "f")
+    if not force.total:
+        return loads.nodal_force(space, _nodes_before_cut(space, force), value, t)
+    given = [getattr(force, f"f{a}") for a in _AXES[: space.dim]]
+    if any(part is not None and part.depends_on_place for part in given):
+        message = "total = true takes one force for the whole group, and not a function of place"
+        raise wrong(force, f"{message}; give numbers or formulas of t, or a traction")
+    cells = None if force.group is None else cells_of(space, force)
+    if cells is not None and space.share.largest(float(space.mesh.cell_dim[cells].max(initial=0))) > 0:
+        with _said_of(force):
+            return loads.spread_force(space, value, t, cells=cells)
+    return loads.spread_force(space, value, t, nodes=_nodes_before_cut(space, force))
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import RigidBody, moments
 from lacsolver.contact import Zone
 from lacsolver.problem.massless import Massless, massless_nodes
-from lacsolver.problem.rigid_modes import bodies, centres
+from lacsolver.problem.rigid_modes import bodies, body_names, centres
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
@@ -179,11 +179,12 @@ class Inertia:
     def told(self) -> list[str]:
         """Return warnings: skins that keep their mass, and a change of inertia above one per cent."""
         moved = self.moved()
-        worst = max(moved.values(), key=abs, default=0.0)
+        worst = max(moved, key=lambda body: abs(moved[body]), default=-1)
         said = list(self.massless.told)
-        if abs(worst) > LARGE:
+        if worst >= 0 and abs(moved[worst]) > LARGE:
+            name = body_names(self.space, bodies(self.space))[worst]
             advice = 'refine the cells at the contact, or take massless = "internal"'
-            said.append(f"massless nodes change the inertia of a body by {worst:+.2%}; {advice}")
+            said.append(f"massless nodes change the inertia of {name} by {moved[worst]:+.2%}; {advice}")
         return said
 
     def _check_rigid(self) -> None:

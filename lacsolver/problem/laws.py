@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from lacmesh.errors import DataError
-from lacsolver.bodies.finite.laws import LOCKING, NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.locking import nearly_incompressible
 from lacsolver.bodies.material import Elastic, Law, Orthotropic
 from lacsolver.case import Contact, Material, Tie
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
 
-_ISOTROPIC = {"elastic": Elastic, "saint_venant_kirchhoff": SaintVenantKirchhoff}
+_ISOTROPIC = {"elastic": Elastic, "neo_hookean": NeoHookean, "saint_venant_kirchhoff": SaintVenantKirchhoff}
 
 
 def law_of(material: Material) -> Law:
     """Return the law that a record describes. Raises DataError for constants without positive energy.
 
-    A nearly incompressible neo-Hookean law gets mean dilatation, which applies to the cells that allow it.
+    A nearly incompressible law gets mean dilatation, which applies to the cells that allow it; that of Saint
+    Venant-Kirchhoff has none.
     """
     if material.law in MATERIAL_LAWS:
         density = {"density": material.density} if material.density else {}
@@ -26,12 +29,12 @@ def law_of(material: Material) -> Law:
         return made
     given = {name: getattr(material, name) for name in ("young", "poisson", "density", "expansion")}
     given["reference_temperature"] = material.reference_temperature
-    if material.law == "neo_hookean":
-        return NeoHookean(**given, mean_dilatation=given["poisson"] > LOCKING)
     if material.law in _ISOTROPIC:
-        return _ISOTROPIC[material.law](**given)
-    assert material.shear is not None  # the record says so
-    return Orthotropic(**given, shear=material.shear, axes=material.axes)
+        law: Elastic | Orthotropic = _ISOTROPIC[material.law](**given)
+    else:
+        assert material.shear is not None  # the record says so
+        law = Orthotropic(**given, shear=material.shear, axes=material.axes)
+    return replace(law, mean_dilatation=law.takes_mean and nearly_incompressible(law))
 
 
 def contact_law_of(record: Contact | Tie) -> ContactLaw:

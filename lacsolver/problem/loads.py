@@ -165,6 +165,56 @@ def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDA
     return out.ravel()
 
 
+def spread_force(
+    space: Space, value: Vector, t: float = 1.0, *, cells: Ints | None = None, nodes: Ints | None = None
+) -> NDArray[np.floating]:
+    """Return the nodal forces (n_dof,) whose sum is a given force, one value per component: it is spread evenly.
+
+    Over `cells` (indices), those of the highest dimension among them: faces by area, edges by length, cells of the
+    body by volume, with thickness or 2 pi r; without `cells`, and for points, over nodes in equal parts. Raises
+    DataError where nothing has an area, and for what is not on the body.
+    """
+    w = _nodal_parts(space, cells, nodes)
+    whole = float(space.share.total(space.own(w).sum()))
+    if not whole > 0:
+        raise DataError("a total force is spread by area, and the group has none; name a group of faces, or of nodes")
+    return (evaluate_vector(value, space.mesh.points, t, space.dim, "force") * (w / whole)[:, None]).ravel()
+
+
+def _nodal_parts(space: Space, cells: Ints | None, nodes: Ints | None) -> NDArray[np.floating]:
+    """Return int N_a (n_nodes,) over cells, those of the highest dimension among them; over nodes, 1 at each."""
+    own = space.mesh.cell_dim[np.empty(0, np.int64) if cells is None else cells]
+    dim = int(space.share.largest(float(own.max(initial=0))))
+    if cells is not None and dim:
+        cells = cells[own == dim]
+        if dim == space.dim - 1:
+            parts = _on_faces(space, _skin(space, cells), _unit_on_faces(space.dim), None, None)
+        elif dim == space.dim:
+            parts = _on_cells(space, cells, lambda at, _block, _rows: np.ones((*at.shape[:-1], space.dim)), None)
+        else:
+            parts = _on_edges(space, cells)
+        return parts.reshape(-1, space.dim)[:, 0]
+    w = np.zeros(space.mesh.n_nodes)
+    w[_held(space, np.empty(0, np.int64) if nodes is None else nodes, "force")] = 1.0
+    return w
+
+
+def _unit_on_faces(dim: int) -> Callable[[Floats, Floats], NDArray[np.floating]]:
+    return lambda _at, normal: np.repeat(np.linalg.norm(normal, axis=-1, keepdims=True), dim, axis=-1)
+
+
+def _on_edges(space: Space, cells: Ints) -> NDArray[np.floating]:
+    """Return int N_a ds over edges in space, the same for each component (n_dof,)."""
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    for name, _, nodes in space.mesh.select(space.near(cells)):
+        _held(space, nodes, "force")
+        X, w = rule("SEG", _FACE_DEGREE[CELLS[name].order])
+        J = jacobian(name, space.local.points[nodes], X[:, :1])
+        f = np.einsum("qn,fq->fn", shape(name, X), np.linalg.norm(J[..., 0], axis=-1) * w)
+        scatter(out, nodes, np.ascontiguousarray(np.repeat(f[..., None], space.dim, axis=-1)))
+    return out.ravel()
+
+
 def thermal_force(
     space: Space, materials: Materials, temperature: TemperatureField, t: float = 1.0, *, threads: int = 1
 ) -> NDArray[np.floating]:

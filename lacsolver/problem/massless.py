@@ -62,7 +62,7 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
         if len(short):
             there = np.isin(of_node, short)
             wanted = np.where(there, levels[fallback] & movable, wanted)
-            names = body_names(space, of_node, int(space.share.largest(float(of_node.max(initial=-1)))) + 1)
+            names = body_names(space, of_node)
             told += [f"{names[body]} is too thin for massless skins: {words} are massless, if any" for body in short]
     wanted &= _reached(space, adjacent, attached & ~wanted)
     own = wanted if space.share.own is None else wanted & space.share.own

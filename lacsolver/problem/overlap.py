@@ -1,4 +1,4 @@
-"""Initial overlap of bodies: its depth, and macro-elements inside the master's body beyond the search depth.
+"""The start of a zone: overlap of the bodies and its depth, and how much of the slave has a master in front of it.
 
 A ray goes from a point of the slave backwards along its normal. If the point is inside the master's body, the ray
 leaves it: the first face of that body's skin that it meets has its outward normal in the direction of the ray. A
@@ -7,7 +7,8 @@ macro-element inside the body that finds no master within the search depth is an
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,7 @@ from lacmesh.surface import Coverage, Surface, contact_points, coverage, default
 from lacmesh.topology.facets import boundary_faces
 from lacmesh.topology.skin import Faces
 from lacsolver.contact import Interface
+from lacsolver.contact.interface import positions
 from lacsolver.problem.problem import ContactPair
 from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.places import wrong
@@ -24,6 +26,28 @@ from lacsolver.space.space import Space
 
 #: fraction of a macro-element that must be inside, or face the master
 _MOST = 0.5
+#: overlap of a mesh, relative to the size of a macro-element, from which it is doubted
+_DOUBTED = 0.1
+#: fraction of a slave that a master should be in front of
+_HALF = 0.5
+
+
+class Start(NamedTuple):
+    """A zone at the start: its deepest `overlap`, clearance included, the fraction `covered` of the slave, warnings."""
+
+    overlap: float
+    covered: float
+    told: tuple[str, ...]
+
+
+def start_of(joint: ContactPair, face: Interface, space: Space) -> Start:
+    """Return what is known of a zone from its interface in the undeformed configuration.
+
+    A zone that is paired again on deformed skins may be covered later: its coverage is not warned of here.
+    """
+    covered = float(face.w.sum() / face.area.sum())
+    told = [*_doubted_overlap(joint, face, space), *([] if joint.moving else scarcely_covered(joint, covered))]
+    return Start(space.share.largest(deepest(face)), covered, tuple(told))
 
 
 def deepest(face: Interface) -> float:
@@ -31,10 +55,39 @@ def deepest(face: Interface) -> float:
     return max(0.0, -float(face.distance.min(initial=0.0)))
 
 
+def scarcely_covered(joint: ContactPair, covered: float) -> Iterator[str]:
+    """Yield a warning for a slave of which a master is in front of less than half, and of some."""
+    if 0 < covered < _HALF:
+        slave, master = joint.record.slave, joint.record.master
+        message = f"master {master!r} is in front of {100 * covered:.3g} % of slave {slave!r}, less than half of it"
+        advice = "name as slave the faces that may come into contact, or exchange slave and master"
+        yield f"{message}; {advice}, or raise search_distance if they are farther apart"
+
+
+def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Iterator[str]:
+    """Yield a warning for an overlap of the mesh that neither a clearance nor max_penetration asks for.
+
+    Of several processes the one that has the deepest point tells.
+    """
+    if joint.tie or joint.pairing.max_penetration is not None:
+        return
+    points = face.points
+    depth = np.minimum(-points.gap, -face.distance)  # with a negative clearance that of the mesh, else what is left
+    ratio = np.divide(depth, face.length[points.macro], out=np.zeros_like(depth), where=face.length[points.macro] > 0)
+    worst = float(ratio.max(initial=0.0))
+    if worst <= _DOUBTED or worst < space.share.largest(worst):
+        return
+    k = int(ratio.argmax())
+    place = ", ".join(space.told(positions(face.slave, points)[k] + space.origin))
+    message = f"slave {joint.record.slave!r} overlaps master {joint.record.master!r} by {depth[k]:.4g} in the mesh, "
+    message += f"{worst:.2g} of a macro-element's size, near ({place}), and contact presses it apart"
+    yield f"{message}; move the bodies apart or give a clearance, or, if it is meant, give max_penetration above it"
+
+
 def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
     """Raise CaseError if macro-elements without a master lie inside its body, deeper than the search depth."""
     depth = depths(joint, face, space)
-    deep = np.flatnonzero(depth > _looked(joint, face))
+    deep = np.flatnonzero(depth > looked(joint, face))
     if not len(deep):
         return
     worst = deep[depth[deep].argmax()]
@@ -63,7 +116,7 @@ def depths(joint: ContactPair, face: Interface, space: Space) -> NDArray[np.floa
     return np.where(depth < first, depth, 0.0)
 
 
-def _looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
+def looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
     """Return a lower bound (m,) of the depth behind each macro-element to which a master was searched for."""
     zone, given = face.zone, joint.pairing.max_penetration
     if given is None and joint.moving:

@@ -23,8 +23,8 @@ from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.smooth import DOUBTFUL, told_of_few
 from lacmesh.surface import Surface
-from lacsolver.bodies.finite import locking
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
+from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints
@@ -315,14 +315,13 @@ def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | No
 
 
 def materials_of(case: Case, space: Space) -> Materials:
-    """Return the laws of a case on its cells; warn of cells that lock under finite kinematics.
+    """Return the laws of a case on its cells; warn of cells that lock.
 
     Raises CaseError, DataError and RequestError as `Materials.of` and the laws do.
     """
     materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
-    if case.kinematics == "finite":
-        for told in locking(space, materials):
-            warnings.warn(LacmeshWarning(told), stacklevel=3)
+    for told in locking(space, materials):
+        warnings.warn(LacmeshWarning(told), stacklevel=3)
     return materials
 
 

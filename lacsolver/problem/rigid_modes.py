@@ -19,6 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.body_names import body_names as names_of
 from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
@@ -83,7 +84,7 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
     """Return the rigid-body motions that constraints and springs (n_dof, n_dof) leave free, easy to `describe`.
 
     Bodies that share a rigid group are treated together, and a rigid group without cells is a body of its own. A body
-    is named after a cell group that has all its cells and no cells of others, or after its first node.
+    is named after its groups (`body_names`).
     """
     frame = _frame(space, constraints)
     rows = _rows(space, constraints, frame, springs)
@@ -195,7 +196,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
     n = len(centre)
     nodes = np.argsort(of_node, kind="stable")[np.count_nonzero(of_node < 0) :]
     parts = np.split(nodes, np.cumsum(np.bincount(of_node[nodes], minlength=n))[:-1])
-    named = zip(body_names(space, of_node, n), parts, centre, square, strict=True)
+    named = zip(body_names(space, of_node), parts, centre, square, strict=True)
     return [Body(name, there, c, _radius(s)) for name, there, c, s in named]
 
 
@@ -216,37 +217,18 @@ def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[
     return centre, sums(np.square(x - centre[own]).sum(axis=1)) / count
 
 
-def body_names(space: Space, of_node: Ints, n: int) -> list[str]:
-    """Return the name of each of n bodies: the smallest cell group with all its cells and no other body's, or its node.
+def body_names(space: Space, of_node: Ints) -> list[str]:
+    """Return the name of each body, by its groups or its place: `lacmesh.topology.body_names`.
 
-    That is the first node of the model that belongs to the body.
+    `of_node` (n_nodes,): the result of `bodies`. All processes call it at the same time.
     """
-    share, body = space.share, np.full(space.mesh.n_cells, -1)
-    for block in space.blocks:
-        ours = space.own_cells(block)
-        body[block.cell[ours]] = of_node[block.nodes[ours, 0]]
+    share = space.share
+    n = int(share.largest(float(of_node.max(initial=-1)))) + 1
 
-    def count(cells: Ints) -> Floats:
-        return share.total(np.bincount(body[cells][body[cells] >= 0], minlength=n).astype(float))
+    def largest(x: Floats) -> NDArray[np.floating]:
+        return share.gather(np.asarray(x)[None]).max(axis=0)
 
-    whole, names = count(np.arange(len(body))), [f"the body of node {number}" for number in _first(space, of_node, n)]
-    size = np.full(n, np.iinfo(np.int64).max)
-    for name, cells in space.mesh.cell_groups.items():
-        found, length = count(cells), int(share.total(np.array(len(cells))))
-        k = int(found.argmax())
-        if 0 < found[k] == whole[k] == found.sum() and length < size[k]:
-            names[k], size[k] = repr(name), length
-    return names
-
-
-def _first(space: Space, of_node: Ints, n: int) -> Ints:
-    """Return the number of the first node of each of n bodies."""
-    share, place = space.share, np.arange(len(of_node)) if space.share.node is None else space.share.node
-    own = np.flatnonzero((of_node >= 0) & (True if share.own is None else share.own))
-    own = own[np.unique(of_node[own], return_index=True)[1]]  # the first of each process, whose nodes are in order
-    body, number, at = (share.gather(values[own]) for values in (of_node, space.mesh.node_number, place))
-    order = np.lexsort((at, body))
-    return number[order[np.unique(body[order], return_index=True)[1]]]
+    return names_of(space.mesh, of_node, n, own=share.own, total=share.total, largest=largest)
 
 
 def _radius(square: float) -> float:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
+from lacsolver.problem.resultants import Resultant
 from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
@@ -127,7 +128,8 @@ class Results(Described):
     `stress`: group -> component -> least and largest value at integration points, in the last step. `sizes`: numbers
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
     run, rigid-body motions that only contact constrains, in words. `roles`: by zone its slave, its master, and why the
-    slave was chosen, "" where the case says which it is.
+    slave was chosen, "" where the case says which it is. `loads`: for a finished run, the resultant of
+    each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -144,6 +146,8 @@ class Results(Described):
     memory: int = 0
     held: tuple[str, ...] = ()
     roles: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
+    loads: tuple[Resultant, ...] = ()
+    overlap: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

@@ -73,6 +73,12 @@ def name_of(record: Entry) -> str:
     return str(name) if name else f"at [{_written(getattr(record, 'at', ()))}]"
 
 
+def where_of(record: Entry) -> str:
+    """Return where a record acts: its groups, its group or place, or `everywhere`."""
+    groups = getattr(record, "groups", None)
+    return ", ".join(groups) if groups else name_of(record) if hasattr(record, "group") else "everywhere"
+
+
 def said(record: Entry) -> str:
     """Describe a record in a message: `displacement 'left' (press.toml, line 12)`."""
     name = getattr(record, "group", None)

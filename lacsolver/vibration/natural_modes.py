@@ -47,7 +47,7 @@ def natural_modes(
     >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     >>> modes = natural_modes(Problem.of(parse_case(text), square))
     >>> modes.rigid[0], len(modes.rigid), len(modes.frequencies), round(modes.mass, 12)
-    ('the body of node 1 moves along x', 3, 5, 1.0)
+    ('the body moves along x', 3, 5, 1.0)
     """
     if count < 1:
         raise RequestError(f"the number of modes is 1 or more, not {count}")

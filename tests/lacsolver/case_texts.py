@@ -130,6 +130,10 @@ fz = 3.0
 [[force]]
 at = [1, 2, 3]
 fx = 1.0
+[[force]]
+group = "top"
+fx = 1.0
+total = true
 [[body_force]]
 groups = ["lower"]
 fx = 1.0

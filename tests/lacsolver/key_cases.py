@@ -60,6 +60,10 @@ group = "y1"
 kind = "cell"
 fy = 0.01
 [[force]]
+group = "y1"
+fx = 0.04
+total = true
+[[force]]
 at = [1.0, 1.0, 1.0]
 fx = 0.07
 [[body_force]]

@@ -36,11 +36,15 @@ def strain_matrices(space, name, nodes):
     return B[:, :, : space.model.n_stress].reshape(c, q, space.model.n_stress, n * space.dim), W
 
 
-def stiffness(space, materials):
-    """K (n_dof, n_dof), csr: B^T C B by einsum, through COO."""
+def stiffness(space, materials, mean=False):
+    """K (n_dof, n_dof), csr: B^T C B by einsum, through COO; `mean`: with the mean of the divergence over the cell."""
     rows, columns, values = [], [], []
     for (name, nodes, _), law in zip(space.blocks, materials.law, strict=True):
         B, W = strain_matrices(space, name, nodes)
+        if mean:
+            div = B[:, :, :3].sum(axis=2)
+            change = np.einsum("cq,cqi->ci", W, div)[:, None] / W.sum(axis=1)[:, None, None] - div
+            B = B + np.isin(np.arange(B.shape[2]), (0, 1, 2))[:, None] * change[:, :, None] / 3
         C = np.stack([constitutive(materials.laws[k], space.model) for k in range(len(materials.laws))])[law]
         K = np.einsum("cqki,ckm,cqmj,cq->cij", B, C, B, W, optimize=True)
         dofs = space.dofs(nodes.ravel()).reshape(len(nodes), -1)

@@ -201,13 +201,24 @@ def test_one_of_two_floats(model):
     assert all(name.startswith("'b' ") for name in names)
 
 
-def test_a_body_without_a_group_is_named_by_its_first_node():
+def test_a_body_without_a_group_of_its_own_is_named_by_what_is_on_it_or_by_its_place():
     mesh = two()
-    groups = {"z0": mesh.cell_groups["z0"], "part": mesh.cell_groups["b"][:3], "all": np.arange(mesh.n_cells)}
+    b = mesh.cell_groups["b"]
     numbers = np.arange(mesh.n_nodes)[::-1] + 500
-    mesh = Mesh.create(mesh.points, mesh.blocks, cell_groups=groups, node_number=numbers)
-    names = check(*held(mesh, displacement=[Displacement(group="z0", **ALL)]))
-    assert names[0] == f"the body of node {numbers[27]} moves along x"
+    for groups, name in (
+        ({"part": b[:3], "rest": b[3:]}, f"the body of {'rest'!r} and {'part'!r}"),
+        ({"part": b[:3]}, "the body of 'part'"),
+        ({"all": np.arange(mesh.n_cells), "top": mesh.cell_groups["z1"]}, "the body of 'all' with 'top'"),
+        ({"top": mesh.cell_groups["z1"]}, "the body with 'top'"),
+        ({"all": np.arange(mesh.n_cells)}, None),
+        ({}, None),
+    ):
+        cells = {"z0": mesh.cell_groups["z0"], **groups}
+        other = Mesh.create(mesh.points, mesh.blocks, cell_groups=cells, node_number=numbers)
+        told = check(*held(other, displacement=[Displacement(group="z0", **ALL)]))[0]
+        low, high = (f(mesh.points[27:], axis=0) for f in (np.min, np.max))
+        place = "between ({:.5g}, {:.5g}, {:.5g}) and ({:.5g}, {:.5g}, {:.5g})".format(*low, *high)
+        assert told == f"{name or ('the body of ' + repr('all') if groups else 'the body') + ' ' + place} moves along x"
 
 
 def test_the_smallest_group_that_covers_a_body_names_it():

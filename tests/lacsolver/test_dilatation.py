@@ -7,7 +7,8 @@ import pytest
 
 from lacmesh import Mesh
 from lacsolver.bodies import finite
-from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff, internal_force, locking
+from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff, internal_force
+from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material
@@ -188,9 +189,9 @@ def test_what_is_warned_of():
     space = Space.of(mixture("1"), "3d")
     told = locking(space, Materials.of(space, NeoHookean(1.0, 0.49)))
     assert len(told) == 1
-    assert told[0].startswith("poisson = 0.49 makes linear cells (HEXA8, PENTA6, PYRAM5, TETRA4) far too stiff")
-    assert "(TETRA4)" in locking(space, Materials.of(space, RUBBER))[0]
-    assert "(HEXA8, " in locking(space, Materials.of(space, SaintVenantKirchhoff(1.0, 0.46)))[0]
+    assert told[0].startswith("poisson = 0.49 makes TETRA4, HEXA8, PENTA6, PYRAM5 far too stiff")
+    assert " makes TETRA4, PENTA6, PYRAM5 far" in locking(space, Materials.of(space, RUBBER))[0]
+    assert " HEXA8, " in locking(space, Materials.of(space, SaintVenantKirchhoff(1.0, 0.46)))[0]
     assert not locking(space, Materials.of(space, NeoHookean(1.0, 0.45)))
     quadratic = Space.of(mixture("2"), "3d")
     assert not locking(quadratic, Materials.of(quadratic, RUBBER))

@@ -38,7 +38,7 @@ def test_the_scripts_make_the_meshes_again(name, script, tmp_path):
 def bar(tmp_path_factory):
     """The folder of the bar's run, and its history."""
     folder = tmp_path_factory.mktemp("bar") / "bar"
-    with pytest.warns(lacmesh.errors.LacmeshWarning, match="massless nodes change the inertia of a body by -1.57%"):
+    with pytest.warns(lacmesh.errors.LacmeshWarning, match="massless nodes change the inertia of .* by -1.57%"):
         from lacsolver.output import create
         from lacsolver.running import run
 

@@ -72,7 +72,7 @@ def test_a_large_change_of_inertia_is_told():
     (moved,) = made.moved().values()
     assert abs(moved) > LARGE
     assert made.told() == [
-        f"massless nodes change the inertia of a body by {moved:+.2%}; refine the cells at the contact, or take "
+        f"massless nodes change the inertia of 'bar' by {moved:+.2%}; refine the cells at the contact, or take "
         'massless = "internal"'
     ]
 

@@ -179,7 +179,7 @@ def test_a_law_the_model_cannot_have_is_refused_at_once():
 def test_the_terms_rebuild_the_tensor(model):
     law = Orthotropic(**WOOD, axes=((2.0, 1.0), (0.0, 1.0)))
     made = Materials(model, (ELASTIC, law), ())
-    start, at, value, _ = made.terms
+    start, at, value, *_ = made.terms
     S = model.selector
     for k, one in enumerate((ELASTIC, law)):
         A = np.einsum("kis,km,mjt->sitj", S, plain.constitutive(one, model), S)

@@ -45,6 +45,7 @@ def schema(dim, message=False):
         moment=vector if dim == 3 else NUMBER,
         coverage_min=NUMBER,
         coverage_max=NUMBER,
+        overlap_at_start=NUMBER,
         **{name: COUNT for name in ("active", "open", "unpaired")},
     )
     step = exactly(
@@ -63,6 +64,7 @@ def schema(dim, message=False):
         steps={"type": "array", "items": step},
         contact=each(zone),
         balance=exactly(force=NUMBER, moment=NUMBER),
+        loads={"type": "array", "items": exactly(section={"type": "string"}, where={"type": "string"}, force=vector)},
         stress=each(each(extremes)),
         energy=NUMBER,
         sizes=each(COUNT),

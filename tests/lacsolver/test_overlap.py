@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import json
+import re
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lacmesh import Mesh
 from lacsolver.case import CaseError, parse_case
 from lacsolver.equilibrium.stepping import march
+from lacsolver.output import create
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import UNPAIRED
+from lacsolver.running import run
 from lacsolver.validation import validate
 from tests.lacsolver.patch_meshes import stack
+from verification.meshes.blocks import block, joined
 
 CASE = """mesh = "cylinder.msh"
 model = "plane_strain"
@@ -89,6 +97,73 @@ def test_an_overlap_within_the_search_is_closed_and_told():
     assert validate(of(), cylinder_on_block(-0.01)).zones[0].overlap == 0
     zone = solved(mesh, of())
     assert (zone.pressure > 0).any()
+
+
+def ran(case, mesh, folder):
+    """The results of a run, what is in results.json, and its warnings."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        results = run(case, create(folder), mesh=mesh)
+    written = json.loads((folder / "results.json").read_text())
+    assert written.get("message", "") == results.message == "\n".join(str(one.message) for one in told)
+    return results, written["contact"]["slave"], results.message
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_a_run_tells_the_deepest_overlap_and_doubts_what_nothing_asks_for(tmp_path, kinematics):
+    """0.03 of cells of 0.08; a clearance takes it away, and max_penetration says that it is meant."""
+    mesh = cylinder_on_block(0.03)
+    said = r"slave 'slave' overlaps master 'master' by 0\.0\d+ in the mesh, 0\.\d+ of a macro-element's size, near"
+    for k, (more, overlap, doubted) in enumerate(
+        [
+            ("", 0.03, True),
+            ("max_penetration = 0.1", 0.03, False),
+            ("clearance = 0.03", 0.0, False),
+            ("clearance = -0.01", 0.04, True),
+            ("clearance = 0.028", 0.002, False),
+        ]
+    ):
+        case = of(more, kinematics)
+        (zone,) = validate(case, mesh).zones
+        results, written, message = ran(case, mesh, tmp_path / str(k))
+        assert zone.overlap == results.overlap["slave"] == written["overlap_at_start"]
+        assert zone.overlap == pytest.approx(overlap, abs=1e-3)
+        for told in ("\n".join(zone.told), message):
+            assert bool(re.search(said, told)) == doubted, told
+
+
+def test_an_interference_by_a_clearance_is_not_doubted():
+    """Blocks that touch, and a clearance of a third of a cell; the same in a mesh is doubted, for units of any size."""
+    for scale in (1e-3, 1.0, 1e3):
+        asked, meshed = (moved(stack("HEXA8", "HEXA8", 3, gap=gap, even=True), scale) for gap in (0.0, -0.1))
+        held = CASE.replace("hub", "top").replace("plane_strain", "3d").replace("uy = 0.0", "uy = 0.0\nuz = 0.0")
+        for mesh, more, count in (asked, f"clearance = {-0.1 * scale}", 0), (meshed, "", 1):
+            (zone,) = validate(parse_case(held.format(kinematics="small", law="elastic", more=more)), mesh).zones
+            assert zone.overlap == pytest.approx(0.1 * scale) and len(zone.told) == count
+
+
+def moved(mesh, scale):
+    """A mesh in other units."""
+    return replace(mesh, points=mesh.points * scale)
+
+
+def test_a_slave_that_hardly_has_a_master_is_told(tmp_path):
+    """Three tenths of a block's side on another one; not if it is pressed on that under current geometry."""
+    side = block("QUAD4", 10, [0.0, 0.0], [1.0, 1.0])
+    low = block("QUAD4", 9, [0.7, -1.0], [1.7, 0.0])
+    names = {"y1": "hub", "y0": "slave"}, {"y1": "master", "y0": "bottom"}
+    mesh = joined([(side, names[0]), (low, names[1])])
+    said = "master 'master' is in front of 30 % of slave 'slave', less than half of it; name as slave"
+    case = of()
+    (zone,) = validate(case, mesh).zones
+    assert zone.covered == pytest.approx(0.3) and zone.told[0].startswith(said)
+    assert ran(case, mesh, tmp_path / "small")[2].startswith(said)
+    follow = of(kinematics="finite")
+    assert validate(follow, mesh).zones[0].told == ()
+    below = (np.arange(mesh.n_nodes) >= side.n_nodes)[:, None]
+    pressed, apart = (replace(mesh, points=mesh.points + [0, up, 0] * below) for up in (0.005, -0.01))
+    assert ran(follow, pressed, tmp_path / "closed")[2] == ""
+    assert ran(follow, apart, tmp_path / "open")[2].startswith(said)
 
 
 def test_skins_that_are_followed_look_deeper_and_close_it():

@@ -9,7 +9,7 @@ stress, energy and thermal stretch at integration points            (fields)
 from lacsolver.bodies.finite.equations import internal_force, tangent
 from lacsolver.bodies.finite.errors import InadmissibleError
 from lacsolver.bodies.finite.fields import cauchy_stress, energy, thermal_stretches
-from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff, locking
+from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff
 
 __all__ = [
     "InadmissibleError",
@@ -18,7 +18,6 @@ __all__ = [
     "cauchy_stress",
     "energy",
     "internal_force",
-    "locking",
     "tangent",
     "thermal_stretches",
 ]

@@ -31,8 +31,9 @@ from lacmesh.kernels.threads import side_by_side, worthwhile
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.dilatation import dilate, mean_of, put_mean, stress_and_tangent_mean
 from lacsolver.bodies.finite.errors import InadmissibleError
-from lacsolver.bodies.finite.laws import KIRCHHOFF, POINTWISE, constants, may_take_the_mean
+from lacsolver.bodies.finite.laws import KIRCHHOFF, POINTWISE, constants
 from lacsolver.bodies.finite.point import apply_thermal_stretch, gradient, stress_and_tangent, work
+from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import checked
 from lacsolver.bodies.small.gradients import at_points, kind, table

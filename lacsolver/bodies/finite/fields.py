@@ -17,8 +17,9 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite.dilatation import dilate, mean_of, stress_and_tangent_mean
 from lacsolver.bodies.finite.equations import Stretches, check_admissible
-from lacsolver.bodies.finite.laws import POINTWISE, constants, may_take_the_mean
+from lacsolver.bodies.finite.laws import POINTWISE, constants
 from lacsolver.bodies.finite.point import apply_thermal_stretch, gradient, stress_and_tangent, work
+from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import PLACES, Elastic, Materials
 from lacsolver.bodies.small.fields import Field, TemperatureField, checked, gathered, temperature_at, temperatures
 from lacsolver.bodies.small.gradients import Piece, kind

@@ -13,10 +13,8 @@ unbounded in compression, J -> 0, and that needs no constants beyond young and p
 in compression (the force in a bar is largest at a length of 1/sqrt 3 = 58 % and 0 at a length of 0): it is meant for
 large rotations with small strains.
 
-Nearly incompressible bodies lock in linear cells: the volume is constrained at each integration point of a cell, and
-the nodes have too few degrees of freedom for that. With `mean_dilatation` a linear cell of several points (QUAD4,
-HEXA8, PENTA6, PYRAM5) has one constraint, on the mean of J over the cell (`dilatation`). TRIA3 and TETRA4 have one
-point, so that nothing is gained; quadratic cells do not need it.
+Nearly incompressible bodies lock in linear cells (`bodies.locking`). With `mean_dilatation` a linear cell of several
+points of neo-Hookean law has one constraint, on the mean of J over the cell (`dilatation`).
 
 Thermal expansion splits F = F_e theta, theta = 1 + expansion (T - T0). The energy above is a function of F_e, per
 volume of the warm, stress-free body: W = theta^3 W_e(F / theta).
@@ -30,33 +28,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Elastic, Materials
-from lacsolver.space.space import Space
 
 #: codes of the laws in kernels; cells of laws that are evaluated at points are left out there
 POINTWISE, KIRCHHOFF, NEO_HOOKEAN = -1, 0, 1
-#: Poisson's ratio above which linear cells are too stiff to be trusted
-LOCKING = 0.45
 
 
 @dataclass(frozen=True)
 class SaintVenantKirchhoff(Elastic):
-    """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. Raises DataError as `Elastic` does."""
+    """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. Raises DataError as `Elastic` does.
+
+    It has no mean dilatation.
+    """
 
     finite = True
+    takes_mean = False
 
 
 @dataclass(frozen=True)
 class NeoHookean(Elastic):
-    """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1. Raises DataError as `Elastic` does.
-
-    `mean_dilatation`: True if linear cells of several points use the mean of J over the cell; see the module.
-    """
-
-    mean_dilatation: bool = False
+    """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1. Raises DataError as `Elastic` does."""
 
     finite = True
 
@@ -74,7 +67,7 @@ class Constants(NamedTuple):
 
 def constants(materials: Materials) -> Constants:
     """Return the constants of the materials' laws. Raises RequestError for a law of small strains."""
-    codes, lame, mean = [], [], []
+    codes, lame = [], []
     for law in materials.laws:
         pointwise = hasattr(law, "respond")
         if not (isinstance(law, (SaintVenantKirchhoff, NeoHookean)) or (pointwise and getattr(law, "finite", False))):
@@ -82,32 +75,4 @@ def constants(materials: Materials) -> Constants:
             raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff or neo_hookean")
         codes.append(POINTWISE if pointwise else NEO_HOOKEAN if isinstance(law, NeoHookean) else KIRCHHOFF)
         lame.append(law.lame if isinstance(law, Elastic) else (0.0, 0.0))
-        mean.append(isinstance(law, NeoHookean) and law.mean_dilatation)
-    return Constants(np.array(codes), np.array(lame), np.array(mean))
-
-
-def may_take_the_mean(space: Space, block: int) -> bool:
-    """True if mean dilatation applies to a block: linear cells of several points, and not plane stress.
-
-    Plane stress does not lock, since the strain across the plane is free.
-    """
-    cell = CELLS[space.blocks[block].type]
-    return cell.order == 1 and cell.family not in ("TRIA", "TETRA") and not space.model.plane_stress
-
-
-def locking(space: Space, materials: Materials) -> tuple[str, ...]:
-    """Return a warning for each nearly incompressible law that makes linear cells too stiff to be trusted."""
-    told = []
-    for k, law in enumerate(materials.laws):
-        if not isinstance(law, Elastic) or law.poisson <= LOCKING or space.model.plane_stress:
-            continue
-        mean = isinstance(law, NeoHookean) and law.mean_dilatation
-        stiff = [
-            block.type
-            for number, (block, which) in enumerate(zip(space.blocks, materials.law, strict=True))
-            if CELLS[block.type].order == 1 and (which == k).any() and not (mean and may_take_the_mean(space, number))
-        ]
-        if stiff:
-            message = f"poisson = {law.poisson:g} makes linear cells ({', '.join(stiff)}) far too stiff: they lock"
-            told.append(f"{message}; mesh that body with quadratic cells, or take poisson = {LOCKING} or less")
-    return tuple(told)
+    return Constants(np.array(codes), np.array(lame), materials.mean)

@@ -5,6 +5,10 @@ A field is a tuple with one array (cells, points, ...) for each block of the spa
 `space.COMPONENTS`.
 
     f_int(u) = int B^T stress(u) dV, the first term of (35)
+
+In cells with mean dilatation (`bodies.locking`) stress is that of the elastic strain whose trace is its mean over the
+cell, and forces are those of the stress whose trace is its mean: int B^T P C P (B u - thermal strain) dV, with P the
+projection that takes this mean.
 """
 
 from __future__ import annotations
@@ -19,6 +23,7 @@ from numpy.typing import NDArray
 from lacmesh.kernels import kernel
 from lacmesh.kernels.threads import worthwhile
 from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.gradients import Piece, coordinates, nodal, piece, spans
 from lacsolver.space.space import Space
@@ -113,7 +118,11 @@ def internal_force(
     materials.check_small("lacsolver.bodies.finite.internal_force")
     u = checked(space, u)
     given = temperatures(space, temperature)
-    return forces(space, lambda part: _stress(space, materials, part, u, given, t), threads)
+
+    def stress(part: Piece) -> NDArray[np.floating]:
+        return _dilated(space, materials, part, _stress(space, materials, part, u, given, t))
+
+    return forces(space, stress, threads)
 
 
 def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) -> NDArray[np.floating]:
@@ -216,7 +225,20 @@ def _stress(
     t: float,
 ) -> NDArray[np.floating]:
     temperature = temperature_at(space, part, given, t)
-    return materials.stress(part.block, part.cells, _strain(space, part, u), temperature)
+    elastic = materials.elastic_strain(part.block, part.cells, _strain(space, part, u), temperature)
+    return materials.stress(part.block, part.cells, _dilated(space, materials, part, elastic))
+
+
+def _dilated(space: Space, materials: Materials, part: Piece, values: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return strains or stresses (c, q, n); in cells with mean dilatation their trace is its mean over the cell."""
+    mean = materials.mean[materials.law[part.block][part.cells]]
+    if not (mean.any() and may_take_the_mean(space, part.block)):
+        return values
+    trace, W = values[mean, :, :3].sum(axis=2), part.W[mean]
+    change = ((W * trace).sum(axis=1) / W.sum(axis=1))[:, None] - trace
+    out = values.copy()
+    out[mean, :, :3] += change[..., None] / 3
+    return out
 
 
 def gathered(

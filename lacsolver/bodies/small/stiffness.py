@@ -6,6 +6,13 @@ isotropic solid. Each thread owns some rows (nodes) of K, goes through the cells
 adds to its own rows only. So every entry is summed in one order whatever the number of threads, and the result is the
 same to the last bit; the price is that cells between two threads' nodes are computed by both. K is symmetric to the
 last bit.
+
+In a cell with mean dilatation (`bodies.locking`) the strain is P B u + m g.u / 3, with P the deviator, m = (1, 1, 1, 0,
+...), and g (d, n) the mean over the cell of the divergence of the shape functions. Then A is that of P C P, and
+
+    K_ab,st += V (r_sa g_tb + g_sa r_tb + bulk g_sa g_tb),    V r = int B^T P C m / 3 dV,    bulk = m^T C m / 9
+
+with r = 0 for an isotropic law.
 """
 
 from __future__ import annotations
@@ -19,6 +26,7 @@ from scipy.sparse import bsr_array
 from lacmesh.kernels import kernel
 from lacmesh.kernels.threads import side_by_side, worthwhile
 from lacmesh.mesh import Ints
+from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.gradients import at_points, kind, table
 from lacsolver.space.space import Space
@@ -69,7 +77,8 @@ def stiffness_values(
             made = table(name, space.model.axisymmetric)
             rows = touching(owner, nodes, mine, threads)
             law, x = materials.law[number], space.local.points
-            _add(rows, nodes, x, made, kind(space), law, materials.terms, owner, mine, space.pattern, out)
+            terms = materials.mean_terms if may_take_the_mean(space, number) else materials.terms
+            _add(rows, nodes, x, made, kind(space), law, terms, owner, mine, space.pattern, out)
 
     side_by_side(run, threads)
     return out
@@ -117,6 +126,7 @@ def _add(
     H, WH = L.reshape(n_points, m), np.empty((n_points, m))
     M, K = np.empty((m, m)), np.empty((dim * dim, n * n))
     order = np.empty(n, np.int64)
+    g, r = np.empty((dim, n)), np.empty((dim, n))
     for e in rows:
         at_points(nodes, e, x, table, kind, L, W)
         product(H, W, WH, M)
@@ -124,6 +134,8 @@ def _add(
             _isotropic(M, n, terms.lame[law[e], 0], terms.lame[law[e], 1], K)
         else:
             _combine(M, n, kind.rows, terms, law[e], K)
+        if terms.bulk[law[e]] > 0:
+            _add_mean(L, W, terms.bulk[law[e]], terms.coupling[law[e]], g, r, K)
         sort_places(nodes, e, order)
         for a in range(n):
             if owner[nodes[e, a]] == mine:
@@ -171,6 +183,30 @@ def _isotropic(M: Any, n: int, lam: float, mu: float, K: Any) -> None:
             K[4, ab] = (lam + mu) * M[y + a, y + b] + trace
             K[5, ab] = lam * M[y + a, z + b] + mu * M[z + a, y + b]
             K[8, ab] = (lam + mu) * M[z + a, z + b] + trace
+
+
+@kernel
+def _add_mean(L: Any, W: Any, bulk: float, coupling: Any, g: Any, r: Any, K: Any) -> None:
+    """Add V (r g^T + g r^T + bulk g g^T) to K (dim^2, n^2), for s <= t; g, r (dim, n) are filled with V g and V r."""
+    n_rows, dim, n = L.shape[1], g.shape[0], g.shape[1]
+    g[:] = 0.0
+    r[:] = 0.0
+    V = 0.0
+    for q in range(len(W)):
+        V += W[q]
+        for a in range(n):
+            for s in range(dim):
+                g[s, a] += W[q] * L[q, s, a]
+                for i in range(n_rows):
+                    r[s, a] += W[q] * coupling[i, s] * L[q, i, a]
+            if n_rows > dim:
+                g[0, a] += W[q] * L[q, 2, a]
+    for s in range(dim):
+        for t in range(s, dim):
+            for a in range(n):
+                x, y = (r[s, a] + bulk * g[s, a]) / V, g[s, a] / V
+                for b in range(n):
+                    K[s * dim + t, a * n + b] += x * g[t, b] + y * r[t, b]
 
 
 @kernel

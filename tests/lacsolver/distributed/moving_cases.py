@@ -64,6 +64,11 @@ CASES = {
         + thrown("wall", rotation=2.0) + thrown("bar", vy=-0.53) + steps(0.4, 4),
         lambda: bar_on_wall("QUAD4", 6, 0.05),
     ),
+    "thrown so far in a step that it would pass through the wall": (
+        _dropped(PLANE + SMALL).replace('"zone"', '"zone"\ngeometry = "current"\nsearch_distance = 0.2')
+        + thrown("bar", vy=-1.5) + "[dynamics]\n" + steps(1.0, 1),
+        lambda: bar_on_wall("QUAD4", 4, 0.7),
+    ),
     "in space, a rigid top that is thrown": (
         SPACE + SMALL + _TOUCH + _PROBE + _BOTTOM + '[[rigid]]\ngroup = "top"\n' + _ALL
         + "mass = 0.01\ninertia = [1e-4, 1e-4, 2e-4]\n[dynamics]\n" + thrown("upper", vz=-0.1) + steps(1.0, 4),

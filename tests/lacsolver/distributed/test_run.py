@@ -115,3 +115,19 @@ def test_med_of_a_large_model_is_refused(monkeypatch):
     with pytest.raises(RequestError, match=r"gathered on one, for at most 3 nodes, and the mesh has 4; take format"):
         problem._check_shared(case, share)
     problem._check_shared(case, SimpleNamespace(node=np.arange(3), largest=lambda x: x))
+
+
+def test_resultants_are_those_of_one_process(runs):
+    """They are those of forces in total on faces, on the slave and on cells, of one on each node, and of gravity."""
+    text = (runs / "two_blocks.toml").read_text().replace("poisson", "density = 3.0\npoisson")
+    for group in ("top", "slave", "upper"):
+        text += f'[[force]]\ngroup = "{group}"\nfx = 0.25\nfz = -0.5\ntotal = true\n'
+    (runs / "loads.toml").write_text(text + '[[force]]\ngroup = "top"\nfy = 0.01\n[gravity]\ngz = -0.1\n')
+    told = []
+    for n in (1, 3):
+        run(n, runs / "loads.toml", "-o", runs / f"loads_{n}")
+        found = json.loads((runs / f"loads_{n}" / "results.json").read_text())
+        told.append([one["force"] for one in found["loads"]])
+        assert [one["where"] for one in found["loads"]] == ["top", "top", "slave", "upper", "top", "everywhere"]
+        np.testing.assert_allclose(told[-1][1:4], [[0.25, 0, -0.5]] * 3, atol=1e-14)
+    np.testing.assert_allclose(*told, rtol=1e-12, atol=1e-14)

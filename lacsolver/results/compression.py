@@ -1,0 +1,85 @@
+"""Warnings about bodies of the law of Saint Venant-Kirchhoff that are compressed beyond what the law is meant for.
+
+In uniaxial strain its force is (lambda + 2 mu) (x^3 - x) / 2 at the stretch x: it is largest in compression at x = 1 /
+sqrt 3 = 0.577, falls when the body is crushed further, and is 0 at x = 0. Nothing in a solution shows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacsolver.bodies.finite.fields import evaluated
+from lacsolver.bodies.finite.laws import SaintVenantKirchhoff
+from lacsolver.bodies.kinematics import Finite
+from lacsolver.bodies.small.gradients import table
+from lacsolver.problem.problem import Problem
+from lacsolver.results.state import State
+
+#: principal stretches at which the warning begins, and at which the force is largest
+WARNED, LARGEST = 0.7, 3**-0.5
+
+
+def most_compressed(problem: Problem, state: State) -> NDArray[np.floating]:
+    """Return the least principal stretch of each law of Saint Venant-Kirchhoff, its time and point, (laws, 2 + dim).
+
+    The stretch is that without thermal expansion, the point an undeformed integration point of this process's own
+    cells. Stretches above `WARNED`, and those of other laws, are inf.
+    """
+    space, body, materials = problem.space, problem.kinematics, problem.materials
+    out = np.full((len(materials.laws), 2 + space.dim), np.inf)
+    softens = np.array([isinstance(law, SaintVenantKirchhoff) for law in materials.laws])
+    if not (softens.any() and isinstance(body, Finite)):
+        return out
+    theta = body.stretches(state.time)
+    most = WARNED * max([1.0, *(part.max(initial=0.0) for part in theta or ())])
+    found = evaluated(
+        space, materials, state.u, lambda P, F, w: _least(F, most), stretches=theta, threads=problem.threads
+    )
+    for number, (block, stretch) in enumerate(zip(space.blocks, found, strict=True)):
+        elastic = stretch if theta is None else stretch / theta[number]
+        for k in np.flatnonzero(softens):
+            cells = np.flatnonzero((materials.law[number] == k) & space.own_cells(block))
+            least = elastic[cells].min(initial=np.inf)
+            if least <= WARNED and least < out[k, 0]:
+                cell, q = np.unravel_index(elastic[cells].argmin(), elastic[cells].shape)
+                N = table(block.type, space.model.axisymmetric).N[q]
+                point = N @ space.mesh.points[block.nodes[cells[cell]]]
+                out[k] = least, state.time, *point[: space.dim]
+    return out
+
+
+def worse(one: Floats, other: Floats) -> NDArray[np.floating]:
+    """Return the rows of two results of `most_compressed` with the lesser stretch, the first one's if they are equal.
+
+    >>> worse(np.array([[0.6, 1.0, 0.0]]), np.array([[0.5, 2.0, 3.0]]))
+    array([[0.5, 2. , 3. ]])
+    """
+    return np.where((np.asarray(other)[:, 0] < np.asarray(one)[:, 0])[:, None], other, one)
+
+
+def softened(problem: Problem, rows: Floats) -> Iterator[str]:
+    """Yield a warning for each law, from the least stretches (laws, 2 + dim) of this process's cells over all steps."""
+    every = problem.space.share.gather(rows[None])
+    for k, groups in enumerate(problem.materials.groups):
+        stretch, time, *point = every[every[:, k, 0].argmin(), k].tolist()
+        if stretch <= WARNED:
+            who = f"material {', '.join(map(repr, groups))}" if groups else "the material"
+            place = ", ".join(problem.space.told(np.array(point)))
+            message = f"{who} of law saint_venant_kirchhoff is compressed to a principal stretch of {stretch:.3g}"
+            message += f", most near ({place}) at time {time:.6g}; this law is meant for small strains, and below "
+            yield f'{message}{LARGEST:.3f} its force falls while the body is crushed: take law = "neo_hookean"'
+
+
+def _least(F: Floats, most: float) -> NDArray[np.floating]:
+    """Return the least singular values of F (c, q, 3, 3) where they may be below `most`, and inf elsewhere."""
+    C = np.swapaxes(F, 2, 3) @ F
+    straight = np.einsum("cqii->cqi", C)
+    circles = straight - (np.abs(C).sum(axis=3) - straight)  # Gershgorin's lower bounds of the eigenvalues
+    there = circles.min(axis=2) <= most**2
+    out = np.full(F.shape[:2], np.inf)
+    out[there] = np.sqrt(np.linalg.eigvalsh(C[there])[:, 0])
+    return out
