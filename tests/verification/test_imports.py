@@ -22,7 +22,21 @@ PACKAGES = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 #: module and name: the public ones, and the stages for users who take one and replace another
 NAMES = {
     *((module, name) for module, package in PACKAGES.items() for name in (*package.__all__, "__version__")),
-    *((module, name) for package in PACKAGES.values() for name, module in package._MOVED.items()),
+    *(("lacmesh.mesh", name) for name in ("Block",)),
+    *(("lacmesh.cells", name) for name in ("CELLS",)),
+    *(("lacsolver.case", name) for name in (*lacsolver.__all__, "Value")),
+    *(("lacsolver.problem.problem", name) for name in ("Problem",)),
+    *(("lacsolver.equilibrium.stepping", name) for name in ("march",)),
+    *(("lacsolver.output", name) for name in ("OutputFolder", "create", "read_state")),
+    *(("lacsolver.results.answer", name) for name in ("Answer",)),
+    *(("lacsolver.results.state", name) for name in ("State", "ZoneState")),
+    *(("lacsolver.results.results", name) for name in ("Fields", "Restart", "Results", "StepFigures", "ZoneFields")),
+    *(("lacsolver.space.space", name) for name in ("Space",)),
+    *(("lacsolver.bodies.material", name) for name in ("Elastic", "Materials", "Orthotropic")),
+    *(("lacsolver.bodies.small", name) for name in ("assemble_stiffness", "stress")),
+    *(("lacsolver.constraints", name) for name in ("Constraints",)),
+    *(("lacsolver.contact", name) for name in ("Interface", "Pairing", "Zone", "integrate")),
+    *((f"{package}.errors", name) for package in PACKAGES for name in ("CaseError", "LinearError", "DataError")),
 }
 
 
