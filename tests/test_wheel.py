@@ -97,7 +97,7 @@ def test_the_first_lines_run(installed):
 
 
 def test_a_type_checker_knows_the_types(installed):
-    """Of a right script, and of one that takes a number for a mesh."""
+    """A right script has no error, and one that takes a number for a mesh has one."""
     folder, _ = installed
     (folder / "wrong.py").write_text(
         "import lacsolver as ls\nls.solve(3)\nreveal_type(ls.solve('a.toml').contact['pin'].pressure)\n"

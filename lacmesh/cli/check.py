@@ -13,6 +13,7 @@ from lacmesh.cli.options import (
     add_mesh_option,
     add_recognition_options,
     add_skin_options,
+    check_named,
     facing_options,
     sides,
     skins,
@@ -44,6 +45,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Check a file; raises DataError (status 1) where a finding is an error."""
+    check_named(args)
     from lacmesh.formats import read
     from lacmesh.origin import size_of
 

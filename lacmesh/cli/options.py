@@ -116,11 +116,16 @@ def add_skin_options(parser: argparse.ArgumentParser, slave: str, master: str) -
     )
 
 
-def skins(mesh: Mesh, args: argparse.Namespace, *, needed: bool = True, checked: bool = True) -> dict[str, Any]:
+def check_named(args: argparse.Namespace) -> None:
+    """Raise RequestError if the options name no slave, before anything is read."""
+    if not (args.slave or args.pair):
+        raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
+
+
+def skins(mesh: Mesh, args: argparse.Namespace, *, checked: bool = True) -> dict[str, Any]:
     """Return `slave`, `master` and `pairs` of the options of `add_skin_options`, for a mesh.
 
-    `needed`: whether there must be a slave; `checked`: whether slaves and masters are compared, so that several of both
-    are an error. Raises RequestError.
+    `checked`: whether slaves and masters are compared, so that several of both are an error. Raises RequestError.
     """
     from lacmesh.checks.pairs import check_one_pair, split_pairs
 
@@ -130,8 +135,6 @@ def skins(mesh: Mesh, args: argparse.Namespace, *, needed: bool = True, checked:
         pairs = split_pairs(mesh, args.pair)
         slave, master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
         return {"slave": slave, "master": master, "pairs": pairs}
-    if needed and not args.slave:
-        raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
     if checked:
         check_one_pair(args.slave or mesh.zones, args.master or (), f"lacmesh {args.command} {quote(args.input)}")
     return {"slave": args.slave, "master": args.master or [], "pairs": None}

@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
     """Options that a picture and a page share, as keyword arguments."""
-    groups = skins(mesh, args, needed=False, checked=args.check)
+    groups = skins(mesh, args, checked=args.check)
     shown: dict[str, Any] = {
         "slave": groups["slave"],
         "master": groups["master"] or None,

@@ -63,7 +63,12 @@ VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("orient: a group of volumes", GOOD, (*ORIENT, "BODY"), "BODY"),
 ]
 REQUESTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
-    ("check: no slave group", GOOD, ("check", "{in}"), "required: --slave"),
+    (
+        "check: no slave group",
+        GOOD,
+        ("check", "{in}"),
+        "no slave was named; give --slave GROUP, or --pair",
+    ),
     ("check: a slave that is not there", GOOD, (*CHECK, "SLVE"), "no cell group named 'SLVE'; did you mean SLAVE"),
     ("check: a master that is not there", GOOD, (*CHECK, "SLAVE", "--master", "x"), "named 'x'; there are: BODY"),
     ("check: held nodes that are not there", GOOD, (*CHECK, "SLAVE", "--dirichlet", "MASTR"), "did you mean MASTER"),

@@ -142,7 +142,10 @@ def asked(rng, mesh):
     usual = "slave" in mesh.cell_groups and rng.random() < 0.6
     slave = ["slave"] if usual else pick(int(rng.integers(1, 3)))
     master = ["master"] if usual and "master" in mesh.cell_groups else pick(int(rng.integers(0, 3)))
-    return {"slave": slave, "master": master, "dirichlet": pick(int(rng.integers(0, 2)))}
+    held = pick(int(rng.integers(0, 2)))
+    if len(slave) > 1 and len(master) > 1:
+        return {"pairs": list(zip(slave, master, strict=True)), "dirichlet": held}
+    return {"slave": slave, "master": master, "dirichlet": held}
 
 
 def says_what_it_finds(rng):

@@ -34,7 +34,9 @@ def keys_of(table):
 def test_the_json_has_the_keys_of_the_page(mesh):
     said = check(mesh, "slave", "master", "fixed").as_dict()
     assert said.keys() == {"findings", "summary"}
-    assert said["summary"].keys() == keys_of("key of the summary")
+    assert said["summary"].keys() == keys_of("key of the summary") - {"pairs"}
+    pairs = check(mesh, pairs=[("slave", "master")] * 2).as_dict()["summary"]["pairs"]
+    assert set(pairs[0]) <= keys_of("key of the summary") | {"slave", "master"}
     for finding in said["findings"]:
         assert finding.keys() == keys_of("key of a finding")
         assert finding["where"].keys() == {"group", "box"}

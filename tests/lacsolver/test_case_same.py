@@ -181,11 +181,11 @@ def test_groups_that_are_there():
             "line 3: material.groups: no cell group named 'bodi'; did you mean body?",
         ),
         ("slave = 7", "slave = 8", "case.toml, line 7: contact.slave: no cell group named '8'"),
-        ('master = "lower"', 'master = "tip"', "case.toml, line 7: contact.master: no cell group named 'tip'"),
+        ('master = "lower"', 'master = "tip"', "case.toml, line 7: contact.master: 'tip' is a group of nodes, and a"),
         ('group = "tip"', 'group = "top"', "line 10: displacement.group: no group named 'top'; did you mean tip?"),
         ('group = "tip"', 'group = "lower"\nkind = "node"', "displacement.group: no node group named 'lower'"),
-        ('group = "tip"', 'group = "tip"\nkind = "cell"', "displacement.group: no cell group named 'tip'"),
-        ('group = "2:7"', 'group = "tip"', "pressure.group: no cell group named 'tip'"),
+        ('group = "tip"', 'group = "tip"\nkind = "cell"', "displacement.group: 'tip' is a group of nodes, and a"),
+        ('group = "2:7"', 'group = "tip"', "pressure.group: 'tip' is a group of nodes, and a"),
     ],
 )
 def test_groups_that_are_missing(old, new, said):

@@ -15,6 +15,7 @@ import lacmesh
 import lacsolver
 from lacmesh.cells import CELLS
 from lacsolver.cli import main
+from lacsolver.problem.problem import Problem
 from tests.coarse_rings import rings
 from verification.exact.lame import Fit, Shell
 from verification.solving import solve
@@ -144,4 +145,4 @@ def test_what_was_taken_is_said(tmp_path, capsys):
     assert main(["run", str(file), "-o", str(tmp_path / "out")]) == 0
     assert said in " ".join(capsys.readouterr().err.split())
     with pytest.warns(lacmesh.LacmeshWarning, match="taken as it"):
-        lacsolver.Problem.of(lacsolver.parse_case(case(3)), pressed("HEXA8", 8, 12))
+        Problem.of(lacsolver.parse_case(case(3)), pressed("HEXA8", 8, 12))

@@ -133,7 +133,7 @@ def test_a_body_that_goes_farther_than_it_is_long_is_warned_of(tmp_path):
 
 def test_a_body_that_nothing_touches_is_warned_of(tmp_path):
     """In the end the jaws are open."""
-    warned = solved(tmp_path, 0.3)[1]
+    warned = [line for line in solved(tmp_path, 0.3)[1] if "curvature" not in line]  # of teeth that are this high
     assert [line.split(":")[0] for line in warned] == [
         "'bar' moves along x by 0",
         "'bar' moves along y by 0",
@@ -207,4 +207,5 @@ def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     axial, turning = said[:2]
     assert axial.startswith("'pin' moves along z by ") and "of its stiffness" in axial
     assert turning.startswith("'pin' turns about an axis along z through ") and "of its stiffness" in turning
-    assert all("small kinematics" in line for line in said[2:])  # where its roughness alone drives it out
+    rest = ("small kinematics", "curved skins may be off")  # where its roughness alone drives it out
+    assert all(any(words in line for words in rest) for line in said[2:])

@@ -66,7 +66,7 @@ def test_a_bar_hits_a_wall(tmp_path):
     _, forces = printed(report, "total force")
     pushes = np.array([part[0, 2] for part in forces])
     assert np.diff(times) @ (pushes[1:] + pushes[:-1]) / 2 == pytest.approx(8.0, rel=2e-2)
-    assert found.states[-1].step.motion.impulse[0, 2] == pytest.approx(8.0, rel=1e-2)
+    assert abs(found.states[-1].step.motion.impulse[0, 2]) == pytest.approx(8.0, rel=1e-2)  # on the slave, either side
     assert not found.zone.pressure.any()
 
 

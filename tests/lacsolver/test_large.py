@@ -31,6 +31,7 @@ def test_the_figures_of_a_size(found):
     assert row.count("|") == 12 and f"{found['cycles']} V-cycles" in row
 
 
+@pytest.mark.filterwarnings("ignore:contact 'slave'. slave 'slave' is stiffer than master")
 @pytest.mark.parametrize("ratio", [100.0, 0.01])
 def test_the_ratio_of_stiffnesses_hardly_matters(found, ratio):
     other = large.measured(5000, "multigrid", ratio=ratio)

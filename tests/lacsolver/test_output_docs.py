@@ -37,7 +37,8 @@ def run(tmp_path_factory):
 
 def test_keys_of_results(run):
     told = json.loads((run.folder / "results.json").read_text())
-    zone = [f.name for f in record_fields(ZoneFigures)]
+    figures = [f.name for f in record_fields(ZoneFigures)]
+    zone = ["slave", "master", "why", *figures, "overlap_at_start"]
     assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", *list(told)[2:], *zone]
     assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))
 

@@ -25,6 +25,9 @@ from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_
 from tests.lacsolver.key_meshes import overhang, punch
 from tests.lacsolver.patch_meshes import stack, three_blocks
 
+#: its slave is finer than its master, which is said
+pytestmark = pytest.mark.filterwarnings("ignore:pressures of contact 'foot' alternate")
+
 #: a contact that opens in part, a tie, springs, two conditions and three probes
 TEXT = (
     """mesh = "blocks.msh"

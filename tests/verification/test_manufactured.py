@@ -84,7 +84,7 @@ def test_the_error_is_that_of_the_state_at_the_end(tmp_path):
     row = ROWS["TRIA3"]
     lacmesh.write(tmp_path / "block.msh", mesh_of(row, 0))
     (tmp_path / "case.toml").write_text(case_text(row), encoding="utf-8")
-    results = lacsolver.run(lacsolver.read_case(tmp_path / "case.toml"), lacsolver.create(tmp_path / "out"))
+    results = lacsolver.run(tmp_path / "case.toml", tmp_path / "out")
     assert results.sizes["unknowns"] == solution(row, 0).solved.unknowns
     assert results.steps[-1].time == 1.0
     assert max(results.steps[-1].balance) < 1e-12
