@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
-from lacmesh.mesh import Floats, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.smooth import DOUBTFUL, told_of_few
 from lacmesh.surface import Surface
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
@@ -36,7 +36,7 @@ from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.roles import slaves_of, with_roles
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
-from lacsolver.space.places import nodes_of, wrong
+from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.share import ALONE, Distribution, Share
 from lacsolver.space.space import Space, check_dimension
 
@@ -308,10 +308,23 @@ def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | No
     for record in placed:
         with attempt(""):
             there.append(nodes_of(space, record))
+            if isinstance(record, Displacement):
+                _tell_of_no_body(space, record, there[-1])
     if len(there) == len(placed):
         with attempt(""):
             return Constraints.of(space, case)
     return None
+
+
+def _tell_of_no_body(space: Space, record: Displacement, nodes: Ints) -> None:
+    """Warn of a displacement without effect, as of faces whose body's cells the mesh lacks."""
+    if not space.share.largest(float(space.attached[nodes].any())):
+        message = (
+            f"{said(record)} has no effect: none of its nodes belongs to a cell of a body; were the cells behind them"
+        )
+        warnings.warn(
+            LacmeshWarning(f"{message} saved with the mesh? A skin without them is rigid and at rest"), stacklevel=3
+        )
 
 
 def materials_of(case: Case, space: Space) -> Materials:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import lacmesh
+import lacsolver
 from lacmesh import Mesh
 from lacmesh.cli import main as lacmesh_main
 from lacsolver.cli import main
@@ -91,3 +92,26 @@ def test_a_skin_that_is_a_group_of_nodes(tmp_path, capsys):
     (tmp_path / "case.toml").write_text(GOOD.replace("blocks.msh", "blocks.med"))
     assert main(["validate", str(tmp_path / "case.toml"), "-q"]) == 1
     assert "contact.slave: 'slave' is a group of nodes, and a group of cells is needed" in capsys.readouterr().err
+
+
+def test_a_support_of_a_body_that_was_not_saved_is_told():
+    """Without its volume the master is rigid, and what holds its lower side holds nothing."""
+    mesh = lacmesh.read("data/two_blocks.msh")
+    kept = np.setdiff1d(np.arange(mesh.n_cells), mesh.cells_of("lower"))
+    place = np.full(mesh.n_cells, -1)
+    place[kept] = np.arange(len(kept))
+    groups = {name: place[cells][place[cells] >= 0] for name, cells in mesh.cell_groups.items() if name != "lower"}
+    blocks = [(kind, nodes) for kind, _, nodes in mesh.select(kept)]
+    case = lacsolver.Case(
+        model="3d",
+        material=[lacsolver.Material(young=1.0, poisson=0.3)],
+        contact=[lacsolver.Contact(slave="slave", master="master")],
+        displacement=[
+            lacsolver.Displacement(group="bottom", uz=0.0),
+            lacsolver.Displacement(group="symmetry_x", ux=0.0),
+            lacsolver.Displacement(group="symmetry_y", uy=0.0),
+        ],
+        pressure=[lacsolver.Pressure(group="top", value=0.01)],
+    )
+    with pytest.warns(lacmesh.LacmeshWarning, match="displacement 'bottom' has no effect: none of its nodes belongs"):
+        lacsolver.solve(case, lacmesh.Mesh.create(mesh.points, blocks, cell_groups=groups))
