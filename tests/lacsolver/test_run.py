@@ -134,7 +134,8 @@ def test_zones_are_the_states_too(made):
             "open": (zone.status == OPEN).sum(),
             "unpaired": (~on).sum(),
         }
-        assert list(told) == list(figures)
+        assert list(told) == ["slave", "master", *figures, "overlap_at_start"]
+        assert (told["slave"], told["overlap_at_start"]) == ({"foot": "slave1", "glue": "slave2"}[zone.name], 0)
         for name, value in figures.items():
             np.testing.assert_allclose(told[name], value, rtol=1e-9, atol=1e-11, err_msg=name)
         table = made.table(f"contact_{zone.name}")
