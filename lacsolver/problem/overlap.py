@@ -26,6 +26,8 @@ from lacsolver.space.space import Space
 
 #: fraction of a macro-element that must be inside, or face the master
 _MOST = 0.5
+#: overlap, relative to the extent of the bodies, that is round-off
+_ROUNDING = 1e-13
 #: overlap of a mesh, relative to the size of a macro-element, from which it is doubted
 _DOUBTED = 0.1
 #: fraction of a slave that a master should be in front of
@@ -47,7 +49,8 @@ def start_of(joint: ContactPair, face: Interface, space: Space) -> Start:
     """
     covered = float(face.w.sum() / face.area.sum())
     told = [*_doubted_overlap(joint, face, space), *([] if joint.moving else scarcely_covered(joint, covered))]
-    return Start(space.share.largest(deepest(face)), covered, tuple(told))
+    overlap = space.share.largest(deepest(face))
+    return Start(overlap if overlap > _ROUNDING * space.extent else 0.0, covered, tuple(told))
 
 
 def deepest(face: Interface) -> float:
