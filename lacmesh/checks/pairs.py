@@ -47,6 +47,7 @@ def _is_group(mesh: Mesh, name: str) -> bool:
 
 def check_one_pair(slave: Sequence[str], master: Sequence[str], command: str = "lacmesh check IN") -> None:
     """Raise RequestError for several slaves with several masters, of which it is not known which belong together."""
+    slave, master = (list(dict.fromkeys(names)) for names in (slave, master))
     if len(slave) < 2 or len(master) < 2:
         return
     n = max(len(slave), len(master))

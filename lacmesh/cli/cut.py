@@ -16,7 +16,7 @@ from lacmesh.cli.options import (
     add_program_option,
     add_recognition_options,
     add_skin_options,
-    check_named,
+    check_skins,
     facing_options,
     pending_mesh,
     sides,
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.cutting.cut import is_cut
     from lacmesh.formats import read
 
-    check_named(args)
+    check_skins(args)
     source = Path(args.input)
     target = Path(args.output) if args.output else _beside(source)
     asked = {"check": args.master or args.pair, "report": args.report}

@@ -116,9 +116,14 @@ def add_skin_options(parser: argparse.ArgumentParser, slave: str, master: str) -
     )
 
 
-def check_named(args: argparse.Namespace) -> None:
-    """Raise RequestError if the options name no slave, before anything is read."""
-    if not (args.slave or args.pair):
+def check_skins(args: argparse.Namespace, *, needed: bool = True) -> None:
+    """Check the options of `add_skin_options` before a mesh is read; `needed`: there must be a slave.
+
+    Raises RequestError.
+    """
+    if args.pair and (args.slave or args.master):
+        raise RequestError("--pair names the slaves and masters; leave out --slave and --master")
+    if needed and not (args.slave or args.pair):
         raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
 
 
@@ -130,8 +135,6 @@ def skins(mesh: Mesh, args: argparse.Namespace, *, checked: bool = True) -> dict
     from lacmesh.checks.pairs import check_one_pair, split_pairs
 
     if args.pair:
-        if args.slave or args.master:
-            raise RequestError("--pair names the slaves and masters; leave out --slave and --master")
         pairs = split_pairs(mesh, args.pair)
         slave, master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
         return {"slave": slave, "master": master, "pairs": pairs}
@@ -180,9 +183,9 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--crease-angle",
         type=_angle,
+        default=40.0,
         metavar="DEGREES",
-        help="edges at which the normal turns by more are sharp (default: 40, but for five to eight faces to a turn "
-        "whose nodes lie on one circle, cylinder, sphere or cone)",
+        help="edges at which the normal turns by more are sharp (default: 40)",
     )
 
 

@@ -6,7 +6,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_mesh_option, add_skin_options, pending_output, sides, skins
+from lacmesh.cli.options import (
+    add_command,
+    add_mesh_option,
+    add_skin_options,
+    check_skins,
+    pending_output,
+    sides,
+    skins,
+)
 from lacmesh.cli.terminal import Stages, memory
 from lacmesh.errors import RequestError, did_you_mean
 
@@ -48,6 +56,7 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a file."""
     target = Path(args.output)
+    check_skins(args, needed=False)
     _check_request(target, args)
     args.left = pending_output(target, force=args.force).left
     from lacmesh.formats import read
