@@ -55,11 +55,7 @@ GROUPS: list[tuple[str, bytes | Callable[[Path], object], tuple[str, ...], int, 
     ("--mesh for a msh file", GOOD, _cut("SLAVE", "--mesh", "mesh"), 2, "holds one mesh"),
 ]
 REQUESTS: list[tuple[str, tuple[str, ...], str]] = [
-    (
-        "no slave group",
-        ("cut", "{in}", "-o", "{out}"),
-        "no slave was named; give --slave GROUP, or --pair",
-    ),
+    ("no slave group", ("cut", "{in}", "-o", "{out}"), "give --slave GROUP, or --pair"),
     ("an option that nobody knows", (*CUT, "--quickly"), "unrecognized arguments: --quickly"),
     ("a variant that nobody knows", (*CUT, "--hexa", "tetra"), "--hexa: invalid choice: 'tetra'"),
     ("an order that nobody knows", ("convert", "{in}", "{out}", "--order", "7"), "--order: invalid choice: '7'"),

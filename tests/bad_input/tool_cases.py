@@ -63,12 +63,14 @@ VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("orient: a group of volumes", GOOD, (*ORIENT, "BODY"), "BODY"),
 ]
 REQUESTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
+    ("check: no slave group", GOOD, ("check", "{in}"), "give --slave GROUP, or --pair"),
     (
-        "check: no slave group",
+        "check: several slaves with several masters",
         GOOD,
-        ("check", "{in}"),
-        "no slave was named; give --slave GROUP, or --pair",
+        (*CHECK, "SLAVE", "--slave", "BODY", "--master", "MASTER", "--master", "x"),
+        "--pair SLAVE:MASTER --pair BODY:x",
     ),
+    ("check: a pair with a master that is not there", GOOD, ("check", "{in}", "--pair", "SLAVE:x"), "named 'x'"),
     ("check: a slave that is not there", GOOD, (*CHECK, "SLVE"), "no cell group named 'SLVE'; did you mean SLAVE"),
     ("check: a master that is not there", GOOD, (*CHECK, "SLAVE", "--master", "x"), "named 'x'; there are: BODY"),
     ("check: held nodes that are not there", GOOD, (*CHECK, "SLAVE", "--dirichlet", "MASTR"), "did you mean MASTER"),
