@@ -84,6 +84,7 @@ def test_the_packages_are_those_of_the_wheel(installed):
     assert done.stdout.count(str(installed[0])) == 2, done.stderr
 
 
+@pytest.mark.vtk
 def test_the_first_lines_run(installed):
     done = ran(installed, "first.py")
     assert done.returncode == 0, done.stderr

@@ -340,6 +340,7 @@ def test_a_bar_is_shown_where_it_is_asked_for(mesh, capsys):
     assert "t = 1" in capsys.readouterr().err
 
 
+@pytest.mark.vtk
 def test_every_public_record_is_described_in_ten_lines(mesh, solution):
     cut = lacmesh.cut_skin(mesh, "slave")
     system = ls.assemble(case_of(), mesh)
@@ -368,6 +369,8 @@ def test_every_public_record_is_described_in_ten_lines(mesh, solution):
     assert "<table>" in solution._repr_html_() and "slave" in cut._repr_html_()
 
 
+@pytest.mark.vtk
+@pytest.mark.meshio
 def test_meshes_of_other_libraries(mesh):
     assert lacmesh.from_meshio(mesh.to_meshio()).cells_by_type == mesh.cells_by_type
     again = lacmesh.Mesh.from_pyvista(mesh.to_pyvista())
@@ -380,6 +383,7 @@ def test_a_mesh_shows_a_picture_in_a_notebook(mesh):
     assert 'src="data:image/png;base64,' in mesh._repr_html_()
 
 
+@pytest.mark.vtk
 def test_a_grid_has_the_fields(solution):
     grid = solution.to_pyvista()
     assert grid.n_cells == solution.mesh.n_cells
@@ -389,6 +393,7 @@ def test_a_grid_has_the_fields(solution):
     assert np.isclose(np.nanmax(grid.cell_data["pressure"]), solution.contact["slave"].pressure.max())
 
 
+@pytest.mark.vtk
 def test_a_picture_is_written_and_shown(solution, tmp_path):
     picture = solution.plot(tmp_path / "contact.png")
     assert (tmp_path / "contact.png").read_bytes() == picture._repr_png_()
