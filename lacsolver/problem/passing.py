@@ -25,7 +25,7 @@ from lacmesh.surface import Surface
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.skin import MAX_CORNERS
-from lacsolver.contact import Interface
+from lacsolver.contact import Interface, integrate
 from lacsolver.problem.overlap import looked
 from lacsolver.problem.problem import ContactPair
 from lacsolver.space.share import Share
@@ -93,11 +93,23 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
         return None
     seen = np.where(joint.covered(face), _seen(face, space.share), 0.0)
     left = np.flatnonzero(_SEEN * found.depth > seen[face.zone.macro[found.face]])
+    if not space.share.largest(float(len(left))):
+        return None
+    left = left[~_held_throughout(joint, face, x, t, space)[face.zone.macro[found.face[left]]]]
     if not len(left):
         return None
     worst = left[found.depth[left].argmax()]
     place = found.place[worst] + space.origin
     return Passing(len(np.unique(found.face[left])), float(found.depth[worst]), float(found.limit[worst]), place)
+
+
+def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> NDArray[np.bool_]:
+    """Return a mask (m,), True for macro-elements that have the master in front of them at both ends of a step.
+
+    Their gap is held at both. A body that turns or folds in a step comes nearer to itself on straight ways than it does.
+    """
+    before = integrate(joint.zone, space.dim, joint.pairing, x=x, t=t, share=space.share)
+    return np.asarray(joint.covered(face) & joint.covered(before))
 
 
 def words(joint: ContactPair, made: Passing, t: float, space: Space) -> str:
