@@ -106,7 +106,8 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
 def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> NDArray[np.bool_]:
     """Return a mask (m,), True for macro-elements that have the master in front of them at both ends of a step.
 
-    Their gap is held at both. A body that turns or folds in a step comes nearer to itself on straight ways than it does.
+    Their gap is held at both. A body that turns or folds crosses, on the straight ways that are looked at, others that
+    it does not meet.
     """
     before = integrate(joint.zone, space.dim, joint.pairing, x=x, t=t, share=space.share)
     return np.asarray(joint.covered(face) & joint.covered(before))
