@@ -45,10 +45,10 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Check a file; raises DataError (status 1) where a finding is an error."""
+    check_skins(args)
     from lacmesh.formats import read
     from lacmesh.origin import size_of
 
-    check_skins(args)
     stage = Stages(args, ("read", "check"))
     with stage("read"):
         mesh = read(args.input, mesh=args.mesh)

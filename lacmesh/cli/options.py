@@ -183,9 +183,9 @@ def add_facing_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--crease-angle",
         type=_angle,
-        default=40.0,
         metavar="DEGREES",
-        help="edges at which the normal turns by more are sharp (default: 40)",
+        help="edges at which the normal turns by more are sharp (default: 40, but for five to eight faces to a turn "
+        "whose nodes lie on one circle, cylinder, sphere or cone)",
     )
 
 
