@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lacmesh import __version__
 from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
@@ -82,7 +83,7 @@ def run(
         starts = _starts(problem)
     roles = {pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints}
     overlap = {name: one.overlap for name, one in starts.items()}
-    first = Results(_version(), sizes=_sizes(problem), roles=roles, overlap=overlap)
+    first = Results(__version__, sizes=_sizes(problem), roles=roles, overlap=overlap)
     made = _Run(Answer(problem), clock, first, start.number if start else 0, starts=starts)
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
@@ -270,9 +271,3 @@ def _sizes(problem: Problem) -> dict[str, int]:
         "unknowns": int(total(problem.constraints.n_q if own is None else int(own.sum()))),
         "macro_elements": sum(joint.zone.n_macros for joint in problem.joints),
     }
-
-
-def _version() -> str:
-    from lacmesh import __version__
-
-    return __version__

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh import __version__
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh, MeshLike
@@ -178,7 +179,7 @@ class Solution(Described):
         answer, state, number = self._own("files of results")
         problem = answer.problem
         writer = Writer(create(folder, force=force), problem.case, problem.space, fingerprint(problem.case, self.mesh))
-        results = Results(_version(), steps=(answer.figures(state),), stress=answer.stress_ranges(state))
+        results = Results(__version__, steps=(answer.figures(state),), stress=answer.stress_ranges(state))
         writer.step(results, lambda: self.fields, Restart.of(state, problem.case.steps.last, number))
         writer.finish(Results(**{**vars(results), "status": "done"}))
 
@@ -281,9 +282,3 @@ def _log(told: Told) -> None:
         "towards t = %.6g, iteration %d: %d closed, balance %.1e, gaps %.1e",
         told.time, told.number, told.closed, told.balance, told.gap,
     )  # fmt: skip
-
-
-def _version() -> str:
-    from lacmesh import __version__
-
-    return __version__
