@@ -17,7 +17,7 @@ from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, MeshLike, as_mesh
 from lacsolver.case import Case, as_case, fingerprint
-from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create
@@ -43,15 +43,15 @@ def run(
     *,
     mesh: MeshLike | None = None,
     start: Restart | None = None,
-    told: Callable[[Told], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
     distribution: Distribution = ALONE,
 ) -> Results:
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
     `case`: a case, or the path of a case file. `folder`: its path, which must not hold results yet, or what
-    `lacsolver.output.create` made of it. `mesh`: a mesh or its path; None for that of the case. `told` is called for
-    every iteration, `stepped` for every converged step. `distribution`: the processes that share the model, each of
+    `lacsolver.output.create` made of it. `mesh`: a mesh or its path; None for that of the case. `progress` is called
+    for every iteration, `stepped` for every converged step. `distribution`: the processes that share the model, each of
     which calls this function. Raises NotConvergedError after the last state tried is written, the errors of
     `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc
@@ -88,7 +88,7 @@ def run(
     writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
     try:
         with clock.phase("solve"):
-            for state in march(problem, start=start, told=told):
+            for state in march(problem, start=start, progress=progress):
                 with clock.phase("results"), signals_wait():  # a step is in all files or in none
                     writer = writer or Writer(folder, case, problem.space, prints, orders)
                     made.add(state)

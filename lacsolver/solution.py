@@ -28,7 +28,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh, MeshLike
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
-from lacsolver.equilibrium.attempt import Told
+from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march as march_states
 from lacsolver.output import Writer, create
@@ -249,36 +249,37 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
     answer = Answer(problem)
     with _progress(case.steps.last if progress else None) as report:
-        for number, state in enumerate(march_states(problem, told=report, kept=_LAST), start=1):
+        for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
             yield Solution.of(answer, state, number)
 
 
 @contextmanager
-def _progress(end: float | None) -> Iterator[Callable[[Told], None] | None]:
+def _progress(end: float | None) -> Iterator[Callable[[Progress], None] | None]:
     """Show a bar up to the time `end` on stderr, which follows the iterations; log them if `end` is None."""
     if end is None:
         yield _log
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
 
     columns = TextColumn("{task.description}"), BarColumn(), TextColumn("t = {task.completed:.6g}"), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task("solving", total=end)
 
-        def report(told: Told) -> None:
-            _log(told)
-            bar.update(task, description=f"step to {told.time:.6g}, iteration {told.number}")
-            if told.number == 1:
-                bar.update(task, completed=told.before)
+        def report(now: Progress) -> None:
+            _log(now)
+            bar.update(task, description=f"step to {now.time:.6g}, iteration {now.number}")
+            if now.number == 1:
+                bar.update(task, completed=now.before)
 
         yield report
         bar.update(task, completed=end)
 
 
-def _log(told: Told) -> None:
+def _log(now: Progress) -> None:
     _LOG.debug(
         "towards t = %.6g, iteration %d: %d closed, balance %.1e, gaps %.1e",
-        told.time, told.number, told.closed, told.balance, told.gap,
+        now.time, now.number, now.closed, now.balance, now.gap,
     )  # fmt: skip

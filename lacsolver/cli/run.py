@@ -102,7 +102,13 @@ def _solve(
     try:
         with watch:
             return solve(
-                case, folder, mesh=mesh, start=start, told=watch.told, stepped=watch.stepped, distribution=distribution
+                case,
+                folder,
+                mesh=mesh,
+                start=start,
+                progress=watch.iterated,
+                stepped=watch.stepped,
+                distribution=distribution,
             )
     except NotConvergedError as error:
         tried = f"the last state tried is in {folder.path / 'unconverged'}"

@@ -12,7 +12,7 @@ from lacmesh.cli.terminal import tell
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.equilibrium.attempt import Told
+    from lacsolver.equilibrium.attempt import Progress
     from lacsolver.results.results import StepFigures
 
 #: iterations of the current step that are shown at a time
@@ -36,7 +36,7 @@ class Watch:
         self._quiet, self._end = quiet, case.steps.last
         self._zones = bool(case.contact or case.tie)
         self._steps = 0
-        self._iterations: deque[Told] = deque(maxlen=SHOWN)
+        self._iterations: deque[Progress] = deque(maxlen=SHOWN)
         self._begun, self._shown = time.perf_counter(), 0.0
         self._live: Any = None
         if sys.stderr.isatty() and not quiet:
@@ -61,11 +61,11 @@ class Watch:
         if self._live:
             self._live.stop()
 
-    def told(self, told: Told) -> None:
+    def iterated(self, progress: Progress) -> None:
         """Record an iteration, and update the display."""
-        if told.number == 1:
+        if progress.number == 1:
             self._iterations.clear()
-        self._iterations.append(told)
+        self._iterations.append(progress)
         now = time.perf_counter()
         if self._live and now - self._shown > _PAUSE:
             self._shown = now

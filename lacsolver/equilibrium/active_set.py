@@ -32,7 +32,7 @@ from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
-from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance, sizes
+from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, equilibrium_residual, sizes
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16
@@ -82,36 +82,12 @@ def active_set_iterates(
             wanted = contact.next_active(active, p)
             if reduction == 0 or not np.array_equal(wanted, active):
                 break
-        off = _balance(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
+        off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
         gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
         yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
         done = tolerance.fulfilled(residual, q)
         active = wanted if done else pivots.next(active, wanted, reduction == 0)
-
-
-def solve_set(
-    problem: SaddleProblem, contact: ContactSystem, p: Floats, tolerance: ConvergenceTolerance, reduction: float,
-    moved: float, limit: int,
-) -> tuple[Floats, Floats, Bools, int, int]:  # fmt: skip
-    """Solve one linear problem for a step, and update its active set until it is consistent, in at most `limit` solves.
-
-    Returns the step dq (n,), pressures (m,), the active set of the last solve, the numbers of solves and of
-    applications of K^-1. `contact` is the system at dq = 0.
-    """
-    pivots, applications, number, m = Pivots(), 0, 0, len(p)
-    while True:
-        number += 1
-        active = np.zeros(m, bool)
-        active[problem.active] = True
-        dq, p, more, _ = solve_saddle(problem, np.zeros_like(problem.f), p, tolerance.linear(reduction, moved))
-        applications += more
-        wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_active(active, p)
-        if number == limit or np.array_equal(wanted, active):
-            return dq, p, active, number, applications
-        closed = pivots.next(active, wanted, exact=True)
-        G, S = contact.equations(p, closed)
-        problem = problem._replace(active=np.flatnonzero(closed), G=G, compliance=S)
 
 
 def close_rows_against_rigid_modes(
@@ -191,11 +167,11 @@ def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDAr
     return K.apply(q) if geometric is None else K.apply(q) + K.vectors.summed(geometric @ q)
 
 
-def _balance(
+def _residual_of_forces(
     K: Operator, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
     tolerance: ConvergenceTolerance, exact: bool,
 ) -> float:  # fmt: skip
-    """Return the relative residual of the forces f - (K + C) q - B^T p, see `balance`."""
+    """Return the relative residual of the forces f - (K + C) q - B^T p."""
     inner, contact = _internal_force(K, geometric, q), rows.B_T @ p
     force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
 
@@ -203,4 +179,4 @@ def _balance(
         size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
         return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
-    return balance(f - inner - contact, force, terms if exact else None, tolerance)
+    return equilibrium_residual(f - inner - contact, force, terms if exact else None, tolerance)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,20 +14,14 @@ from lacsolver.space.space import Space
 _CHANGES, _SWING = 2, 1e-3
 
 
-class Alternating(NamedTuple):
-    """A clause about macro-elements that alternate, and what to try for them; '' and '' if none do."""
-
-    what: str = ""
-    advice: str = ""
-
-
-def alternating(outcome: Outcome, space: Space) -> Alternating:
-    """Return what alternates most in the last iterations of an outcome."""
+def alternating(outcome: Outcome, space: Space) -> tuple[str, str]:
+    """Return a clause about what alternates most in the last iterations, and what to try for it; '' and '' for none."""
     if len(outcome.recent) <= _CHANGES:
-        return Alternating()
+        return "", ""
     covered, active = (np.array(own) for own in zip(*outcome.recent, strict=True))
-    found = [_of(group, covered[:, group.rows], active[:, group.rows], space) for group in _paired(outcome.contact)]
-    return max(found, key=lambda each: each[0], default=(0, Alternating()))[1]
+    clauses = [_of(group, covered[:, group.rows], active[:, group.rows], space) for group in _paired(outcome.contact)]
+    _, what, advice = max(clauses, key=lambda clause: clause[0], default=(0, "", ""))
+    return what, advice
 
 
 def _paired(contact: ContactSystem) -> list[RowGroup]:
@@ -37,8 +29,11 @@ def _paired(contact: ContactSystem) -> list[RowGroup]:
     return [group for group in contact.groups if group.pair is not None and group.pair.moving]
 
 
-def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Space) -> tuple[int, Alternating]:
-    """Return how many rows of a pair alternate, and what is said of them; `covered`, `active` (iterations, rows)."""
+def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
+    """Return how many rows of a pair alternate, a clause about them, and advice.
+
+    `covered`, `active` (iterations, rows): measure that is covered, and the active set.
+    """
     pair, face = group.pair, group.face
     assert pair is not None and face is not None
     area = np.where(face.area > 0, face.area, 1.0)
@@ -49,7 +44,7 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
     pairing = np.abs(np.diff((covered > 0).astype(int), axis=0)).sum(axis=0) >= _CHANGES
     closing = np.abs(np.diff(active.astype(int), axis=0)).sum(axis=0) >= _CHANGES
 
-    def told(rows: NDArray[np.bool_], what: str) -> str:
+    def clause(rows: NDArray[np.bool_], what: str) -> str:
         first = np.flatnonzero(rows)[swing[rows].argmax()]
         place = ", ".join(space.told(face.centre[first] + space.origin[: space.dim]))
         low, high = coverage[:, first].min(), coverage[:, first].max()
@@ -61,10 +56,10 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
         advice = ["exchange slave and master"]
         advice += ['ask for normals = "smoothed"'] if pair.pairing.normals == "facet" else []
         advice += ['ask for geometry = "reference"', "take another coverage_threshold"]
-        return int(rows.sum()), Alternating(told(rows, what), ", ".join(advice[:-1]) + " or " + advice[-1])
+        return int(rows.sum()), clause(rows, what), ", ".join(advice[:-1]) + " or " + advice[-1]
     if closing.any():
-        return int(closing.sum()), Alternating(told(closing, "close and open in turn"), "")
-    return 0, Alternating()
+        return int(closing.sum()), clause(closing, "close and open in turn"), ""
+    return 0, "", ""
 
 
 def _turns(moves: Floats) -> NDArray[np.bool_]:

@@ -16,8 +16,8 @@ from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.newton import Damping, Linearization, newton_iterates
+from lacsolver.equilibrium.load_step import Linearization, LoadStep
+from lacsolver.equilibrium.newton import newton_iterates
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.problem import ContactPair
@@ -37,10 +37,10 @@ _FIRST, _BOTH = (0.5, 25), (0.78, 39)
 _UNCARRIED = 1e-6
 
 
-class Told(NamedTuple):
-    """An iteration: target time, halvings so far, its number, closed rows, relative residuals of balance and gap.
+class Progress(NamedTuple):
+    """Progress of a search after an iteration: target time, halvings so far, number of iterations, closed rows.
 
-    `before`: time of the last converged step.
+    `balance`, `gap`: relative residuals; `before`: time of the last converged step.
     """
 
     time: float
@@ -52,7 +52,7 @@ class Told(NamedTuple):
     before: float = 0.0
 
 
-def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | None = None) -> Outcome:
+def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], None] | None = None) -> Outcome:
     """Search the equilibrium at one time, after so many halvings. The iterations of all attempts are counted."""
     model, solver = step.model, step.model.problem.case.solver
     moved = model.problem.space.largest(step.u0)
@@ -60,8 +60,8 @@ def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | No
     tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
 
     def report(number: int, closed: int, balance: float, gap: float) -> None:
-        if told is not None:
-            told(Told(step.t, halvings, number, closed, balance, gap, step.state.time))
+        if progress is not None:
+            progress(Progress(step.t, halvings, number, closed, balance, gap, step.state.time))
 
     def newton(start: Iterate, most: int, **how: Any) -> Outcome:
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
@@ -81,7 +81,7 @@ def attempt(step: LoadStep, halvings: int = 0, told: Callable[[Told], None] | No
     if outcome.converged or exact:
         return outcome
     left = both - len(outcome.residuals)
-    again = newton(now, left, predictor=_predictor(step, now), damping=Damping(_DAMPING))
+    again = newton(now, left, predictor=_predictor(step, now), damping=_DAMPING)
     return again._replace(
         residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
     )
@@ -136,7 +136,7 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     model, problem = step.model, step.model.problem
     q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
     contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
-    said = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
+    message = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
     off = step.reaction(q, p)
     pushed = problem.constraints.on_unknowns(off) - problem.constraints.force(step.t)
     for motion in () if model.scheme.resists_rigid_motion else model.motions:
@@ -144,15 +144,15 @@ def why(step: LoadStep, outcome: Outcome) -> str:
         left = model.vectors.dots(along[None], pushed)[0]
         whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
-            return f"{said}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
+            return f"{message}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
     balance, gap = outcome.residuals[-1]
-    said += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
-    said += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
+    message += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
+    message += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
     what, advice = alternating(outcome, problem.space)
-    said += f"; in the last iterations {what}" if what else ""
-    said += f"; {advice}; or" if advice else ";"
-    return f"{said} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+    message += f"; in the last iterations {what}" if what else ""
+    message += f"; {advice}; or" if advice else ";"
+    return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

@@ -15,7 +15,7 @@ forces do not integrate energy exactly, is numerical too.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,6 @@ from lacsolver.results.motion import MotionState
 
 if TYPE_CHECKING:
     from lacsolver.equilibrium.newmark import Newmark
-
-
-class Interval(NamedTuple):
-    """A step that has converged at q (n_q,), of size dt, with the motions `before` and after it."""
-
-    step: LoadStep
-    q: Floats
-    dt: float
-    before: MotionState
-    after: MotionState
 
 
 def kinetic(inertia: Inertia, v: Floats) -> float:
@@ -70,11 +60,13 @@ def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floatin
     return linear, inertia.total(np.cross(x, mv))
 
 
-def energies(scheme: Newmark, made: Interval) -> NDArray[np.floating]:
-    """Return the energies (6,) at the end of a step, in the order of `results.motion.ENERGIES`."""
-    step, q, before, after = made.step, made.q, made.before, made.after
-    inertia, problem, now = scheme.inertia, step.model.problem, step.state.iterate
-    assert now is not None
+def energies(scheme: Newmark, step: LoadStep, q: Floats, dt: float, after: MotionState) -> NDArray[np.floating]:
+    """Return the energies (6,) at the end of a step, in the order of `results.motion.ENERGIES`.
+
+    The step, of size dt, has converged at q (n_q,) with the motion `after`.
+    """
+    inertia, problem, now, before = scheme.inertia, step.model.problem, step.state.iterate, step.state.motion
+    assert now is not None and before is not None
     dw = inertia.places(q, step.t) - inertia.places(now.q, step.state.time)
     du = inertia.on_nodes(dw)
 
@@ -83,8 +75,13 @@ def energies(scheme: Newmark, made: Interval) -> NDArray[np.floating]:
 
     stored, heat = strain(step, q, after.internal), _heat(step, q)
     damped = 0.0 if scheme.C is None else 0.5 * inertia.dot(dw, scheme.C @ (before.velocity + after.velocity))
-    supports, turned = _supports(scheme, made, dw)
-    added = [work("load") + supports + heat, damped, work("contact"), turned + _dissipated(scheme, made, dw)]
+    supports, turned = _supports(scheme, step, q, after, dw)
+    added = [
+        work("load") + supports + heat,
+        damped,
+        work("contact"),
+        turned + _dissipated(scheme, before, after, dt, dw),
+    ]
     if not problem.kinematics.linear:  # what laws with a history do not give back is damped
         added[1 if step.state.histories.materials else 3] += work("internal") + heat - (stored - before.energies[1])
     return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:] + added)])
@@ -104,9 +101,9 @@ def _heat(step: LoadStep, q: Floats) -> float:
     return 0.5 * float(problem.space.share.total(np.array(sum(ends))))
 
 
-def _dissipated(scheme: Newmark, made: Interval, dw: Floats) -> float:
+def _dissipated(scheme: Newmark, before: MotionState, after: MotionState, dt: float, dw: Floats) -> float:
     """Return the energy that the time scheme takes in a step: N, and the work of F_alpha beyond that of F."""
-    M, dot, (_, _, dt, before, after) = scheme.inertia.M, scheme.inertia.dot, made
+    M, dot = scheme.inertia.M, scheme.inertia.dot
     da, more = after.acceleration - before.acceleration, scheme.gamma - 0.5
     Mda = M @ da
     square = dot(after.acceleration + before.acceleration, Mda)
@@ -116,19 +113,14 @@ def _dissipated(scheme: Newmark, made: Interval, dw: Floats) -> float:
     return newmark - more * dot(Mda, dw) + 0.5 * dot(dw, weighted - plain)
 
 
-def _supports(scheme: Newmark, made: Interval, dw: Floats) -> tuple[float, float]:
+def _supports(scheme: Newmark, step: LoadStep, q: Floats, after: MotionState, dw: Floats) -> tuple[float, float]:
     """Return the work of supports and of loads on rigid bodies in a step, and what finite rotations lose of it.
 
     That of free unknowns is dq times the loads on them, and not times the reactions, which must come to the same.
     """
-    step, q, _, before, after = made
-    inertia, constraints, now, then = (
-        scheme.inertia,
-        step.model.problem.constraints,
-        step.state.iterate,
-        step.state.time,
-    )
-    assert now is not None
+    inertia, constraints = scheme.inertia, step.model.problem.constraints
+    now, then, before = step.state.iterate, step.state.time, step.state.motion
+    assert now is not None and before is not None
     mean, turned = 0.5 * (before.reaction + after.reaction), 0.0
     held = inertia.places(np.zeros_like(q), step.t) - inertia.places(np.zeros_like(q), then)
     on_free = inertia.on_unknowns(before.reaction, now.q, then)

@@ -9,10 +9,9 @@ and tangents are evaluated apart: a trial that is given up costs no tangent.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,6 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
-from lacsolver.equilibrium.newton import Linearization
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear import Matrix, SingularError
@@ -97,10 +95,11 @@ class LoadStep:
         """Return the contact system on the unknowns, with its gaps at q."""
         if self._linear is not None:
             return self._linear.with_gaps(self._linear.G - self._linear.rows.D @ q)
-        made = self._reduced(self._nodal_contact(q)[1], self.model.problem.constraints.tangent(q, self.t))
+        T = self.model.problem.constraints.tangent(q, self.t)
+        contact = self._nodal_contact(q)[1].reduced(T, self.reference)
         if self.model.linear:
-            self._linear = made.with_gaps(made.G + made.rows.D @ q)
-        return made
+            self._linear = contact.with_gaps(contact.G + contact.rows.D @ q)
+        return contact
 
     def closed_rows(self, q: Floats, active: NDArray[np.bool_]) -> csr_array:
         """Return the rows (k, n_dof) of B at q that are closed, as `active` tells."""
@@ -115,7 +114,7 @@ class LoadStep:
     def forces(self, q: Floats, p: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
         """Return the internal forces, the loads, and the contact forces B^T p, (n_dof,) each."""
         u = self.u(q)
-        return self._internal_force(u), self.load(u), self._nodal_contact(q)[1].rows.B_T @ p
+        return self.internal_force(u), self.load(u), self._nodal_contact(q)[1].rows.B_T @ p
 
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
@@ -136,10 +135,10 @@ class LoadStep:
         return Histories(materials, contact.commit(p, active), scheme)
 
     def linearize(self, q: Floats) -> Linearization:
-        """Return forces and contact at q, and functions for the tangent. Raises InadmissibleError."""
+        """Return forces and contact at q, with their derivatives. Raises InadmissibleError."""
         u = self.u(q)
         self.model.check_beside_axis(u)
-        return self._linearize(q, u, self._nodal_contact(q)[1])
+        return Linearization(self, q, u, self._nodal_contact(q)[1])
 
     def predictor(self, q: Floats, u: Floats, p: Floats) -> Linearization:
         """Return a first-order prediction of `linearize`, from u (n_dof,) with earlier prescribed values.
@@ -147,9 +146,9 @@ class LoadStep:
         Forces and gaps are those at u, plus their linear change on the way to u(q, t) at pressures p (m,).
         """
         nodal = contact_system(self.model.problem, self._paired(u), u, self.state.histories.contact)
-        return self._linearize(q, u, nodal, (self.u(q) - u, p))
+        return Linearization(self, q, u, nodal, (self.u(q) - u, p))
 
-    def _internal_force(self, u: Floats) -> NDArray[np.floating]:
+    def internal_force(self, u: Floats) -> NDArray[np.floating]:
         """Return the internal forces (n_dof,). Raises InadmissibleError where u inverts a cell, on all processes."""
         f, failed = np.zeros_like(u), None
         try:
@@ -159,77 +158,9 @@ class LoadStep:
         self.model.problem.space.share.agree(failed)
         return f
 
-    def _linearize(
-        self, q: Floats, u: Floats, nodal: ContactSystem, change: tuple[Floats, Floats] | None = None
-    ) -> Linearization:
-        """Return the linearisation from the contact at u; `change`: (du (n_dof,), p) to go on by, to first order."""
-        model, problem = self.model, self.model.problem
-        c, T = problem.constraints, problem.constraints.tangent(q, self.t)
-        inner, load = self._internal_force(u), self.load(u)
-        tangent, following = self._tangents(u)
-        contact, out = self._reduced(nodal, T), inner - load
-        if change is not None:
-            du, p = change
-            out = out + tangent() @ du + (nodal.geometric_stiffness(p) @ du if nodal.moving else 0.0)
-            load_tangent = following()
-            out = out if load_tangent is None else out - load_tangent @ du
-            contact = contact.with_gaps(contact.G - nodal.rows.D @ du)
-        rigid = c.force(self.t, q)
-        scheme = np.zeros_like(q) if self.terms is None else self.terms.force(q)
-
-        def geometric_stiffness(pressure: Floats) -> csr_array | None:
-            load_tangent = following()
-            parts = [nodal.geometric_stiffness(pressure)] if nodal.moving else []
-            parts += [] if load_tangent is None else [-load_tangent]
-            total = [model.reduced(csr_array(part), T) for part in parts]
-            bent = c.turning(q, self.t, out + nodal.rows.B_T @ pressure)
-            springs = model.stabilization.springs
-            total += ([] if bent is None else [bent]) + ([] if springs is None else [-springs])
-            inertial = None if self.terms is None else self.terms.bent(q)
-            total += [] if inertial is None else [inertial]
-            return csr_array(sum(total[1:], total[0])) if total else None
-
-        def stiffness(damping: float, definite: bool) -> Operator:
-            if problem.kinematics.linear:
-                return self.reference
-            return self._factorised(model.stabilized(model.reduced(tangent(), T), self._matrix), damping, definite)
-
-        def terms() -> ForceTerms:
-            inside = c.on_unknowns(np.abs(inner) + np.abs(load), abs(T))
-            return self._force_terms(q, np.abs(rigid) + np.abs(scheme) + inside)
-
-        largest = max(problem.space.largest(v) for v in (inner, load, out))
-        largest = max(largest, *(model.vectors.largest(v) for v in (rigid, scheme)))
-        r = rigid - c.on_unknowns(out, T) - scheme
-        return Linearization(r, largest, contact, stiffness, geometric_stiffness, model.stabilization.free, terms)
-
-    def _tangents(self, u: Floats) -> tuple[Callable[[], Matrix], Callable[[], csr_array | None]]:
-        """Return functions for K and df/du (n_dof, n_dof) at u, each evaluated once, when it is called."""
-        problem = self.model.problem
-
-        @cache
-        def tangent() -> Matrix:
-            if problem.kinematics.linear:
-                return self.model.K
-            return problem.kinematics.tangent(u, self.t, self.state.histories.materials)
-
-        @cache
-        def following() -> csr_array | None:
-            return acting.load_tangent(problem.space, problem.case, u, self.t)
-
-        return tangent, following
-
-    def _force_terms(self, q: Floats, terms: Floats) -> ForceTerms:
-        """Return the terms that forces at q are summed from; `terms` (n_q,): those beside K q of a linear problem."""
-        K, summed = self.reference.K, self.model.vectors.summed
-        stiff = np.abs(summed(K.diagonal()))
-        if self.model.problem.kinematics.linear:
-            return ForceTerms(summed(sizes(K, q)) + terms, stiff)
-        largest = self.model.vectors.largest(q) + self.model.longest  # strains of about 1
-        return ForceTerms(stiff * largest, stiff)
-
-    def _factorised(self, K: csr_array, damping: float, definite: bool) -> Operator:
-        """Return K (n_q, n_q) plus `damping` times that of the undeformed bodies, factorised."""
+    def factorised(self, K_q: csr_array, damping: float, definite: bool) -> Operator:
+        """Return K_q (n_q, n_q), stabilised, plus `damping` times the undeformed bodies' stiffness, factorised."""
+        K = self.model.stabilized(K_q, self._matrix)
         K = csr_array(K + damping * self.reference.K) if damping else K
         if self._definite and definite:
             with suppress(SingularError):
@@ -237,17 +168,111 @@ class LoadStep:
         self._definite = bool(damping)  # bodies that buckle: a definite factor is not tried again before the next step
         return self.model.factors.factorise(K, definite=False)
 
-    def _reduced(self, nodal: ContactSystem, T: csr_array) -> ContactSystem:
-        return nodal.reduced(T, self.reference)
-
     def _nodal_contact(self, q: Floats) -> tuple[tuple[Interface, ...], ContactSystem]:
         """Return interfaces and contact rows on all nodes at q; the last are kept, in a linear problem for every q."""
         if self._last is None or not (self.model.linear or np.array_equal(self._last[0], q)):
             u = self.u(q)
             faces = self._paired(u)
-            made = contact_system(self.model.problem, faces, u, self.state.histories.contact)
-            self._last = q.copy(), faces, made
+            self._last = q.copy(), faces, contact_system(self.model.problem, faces, u, self.state.histories.contact)
         return self._last[1:]
 
     def _paired(self, u: Floats) -> tuple[Interface, ...]:
         return tuple(self.model.interface(pair, u, self.t) for pair in self.model.problem.joints)
+
+
+class Linearization:
+    """Forces and contact of a load step at q, and their derivatives, which are computed when they are asked for.
+
+    `r` (n_q,): residual of forces without contact; `size`: the largest force; `contact`: the contact system.
+    """
+
+    def __init__(
+        self, step: LoadStep, q: Floats, u: Floats, nodal: ContactSystem, change: tuple[Floats, Floats] | None = None
+    ) -> None:
+        """Evaluate forces and contact at u (n_dof,); `change`: (du (n_dof,), p (m,)) to go on by, to first order.
+
+        `nodal`: the contact at u, on the unknowns of all nodes. Raises InadmissibleError where u inverts a cell.
+        """
+        model, problem, constraints = step.model, step.model.problem, step.model.problem.constraints
+        self._step, self._q, self._u, self._nodal = step, q, u, nodal
+        self._T = constraints.tangent(q, step.t)
+        self._internal, self._load = step.internal_force(u), step.load(u)
+        self._unbalanced = self._internal - self._load
+        self.contact = nodal.reduced(self._T, step.reference)
+        if change is not None:
+            self._extrapolate(*change)
+        self._rigid = constraints.force(step.t, q)
+        self._inertial = np.zeros_like(q) if step.terms is None else step.terms.force(q)
+        self.r = self._rigid - constraints.on_unknowns(self._unbalanced, self._T) - self._inertial
+        nodal_forces, own_forces = (self._internal, self._load, self._unbalanced), (self._rigid, self._inertial)
+        self.size = max(*map(problem.space.largest, nodal_forces), *map(model.vectors.largest, own_forces))
+
+    @property
+    def free(self) -> NDArray[np.floating]:
+        """Rigid-body modes (n_q, r) that only contact constrains."""
+        return self._step.model.stabilization.free
+
+    def stiffness(self, damping: float, definite: bool) -> Operator:
+        """Return K_q plus `damping` times that of the undeformed bodies, factorised.
+
+        Negative energies are accepted unless `definite`. Raises LinearError.
+        """
+        step, model = self._step, self._step.model
+        if model.problem.kinematics.linear:
+            return step.reference
+        return step.factorised(model.problem.constraints.reduced(self._tangent, self._T), damping, definite)
+
+    def geometric_stiffness(self, pressure: Floats) -> csr_array | None:
+        """Return C (n_q, n_q) at pressures (m,); None if there is none.
+
+        It is the geometric stiffness of contact, of follower loads, of rigid bodies and of inertia, without the springs
+        that stabilise K_q.
+        """
+        model, nodal = self._step.model, self._nodal
+        constraints, springs = model.problem.constraints, model.stabilization.springs
+        parts = [nodal.geometric_stiffness(pressure)] if nodal.moving else []
+        parts += [] if self._load_tangent is None else [-self._load_tangent]
+        on_unknowns = [constraints.reduced(csr_array(part), self._T) for part in parts]
+        on_unknowns += [
+            constraints.turning(self._q, self._step.t, self._unbalanced + nodal.rows.B_T @ pressure),
+            None if springs is None else -springs,
+            None if self._step.terms is None else self._step.terms.bent(self._q),
+        ]
+        total = [part for part in on_unknowns if part is not None]
+        return csr_array(sum(total[1:], total[0])) if total else None
+
+    def terms(self) -> ForceTerms:
+        """Return the terms that the forces are summed from, for their round-off."""
+        model, K = self._step.model, self._step.reference.K
+        nodal = np.abs(self._internal) + np.abs(self._load)
+        beside = np.abs(self._rigid) + np.abs(self._inertial)
+        beside = beside + model.problem.constraints.on_unknowns(nodal, abs(self._T))
+        stiff = np.abs(model.vectors.summed(K.diagonal()))
+        if model.problem.kinematics.linear:
+            return ForceTerms(model.vectors.summed(sizes(K, self._q)) + beside, stiff)
+        largest = model.vectors.largest(self._q) + model.longest  # strains of about 1
+        return ForceTerms(stiff * largest, stiff)
+
+    @cached_property
+    def _tangent(self) -> Matrix:
+        """Tangent (n_dof, n_dof) of the internal forces at u."""
+        model = self._step.model
+        if model.problem.kinematics.linear:
+            return model.K
+        return model.problem.kinematics.tangent(self._u, self._step.t, self._step.state.histories.materials)
+
+    @cached_property
+    def _load_tangent(self) -> csr_array | None:
+        """Derivative (n_dof, n_dof) of the loads at u; None if no load follows the bodies."""
+        problem = self._step.model.problem
+        return acting.load_tangent(problem.space, problem.case, self._u, self._step.t)
+
+    def _extrapolate(self, du: Floats, p: Floats) -> None:
+        """Add the change of forces and gaps along du (n_dof,) at pressures p (m,), to first order."""
+        nodal = self._nodal
+        self._unbalanced = self._unbalanced + self._tangent @ du
+        if nodal.moving:
+            self._unbalanced = self._unbalanced + nodal.geometric_stiffness(p) @ du
+        if self._load_tangent is not None:
+            self._unbalanced = self._unbalanced - self._load_tangent @ du
+        self.contact = self.contact.with_gaps(self.contact.G - nodal.rows.D @ du)

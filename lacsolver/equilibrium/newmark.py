@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.equilibrium.balance_of_energy import Interval, energies, momentum
+from lacsolver.equilibrium.balance_of_energy import energies, momentum
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
@@ -113,13 +113,13 @@ class Newmark:
         internal, load, contact = motion_forces(step, q, p)
         pushes = self._pushes(before, step.zone_forces(q, p))
         impulse = dt * ((1 - self.gamma) * before.pushes[:, 1] + self.gamma * pushes[:, 1])
-        made = MotionState(
+        motion = MotionState(
             v, a, np.empty(0), internal, load, contact, before.energies, *momentum(inertia, w, v),
             before.impulse + impulse, pushes,
         )  # fmt: skip
-        reaction = inertia.M @ a + (1 - self.alpha) * self.forces(made) + self.alpha * self.forces(before)
-        made = made._replace(reaction=reaction)
-        return made._replace(energies=energies(self, Interval(step, q, dt, before, made)))._asdict()
+        reaction = inertia.M @ a + (1 - self.alpha) * self.forces(motion) + self.alpha * self.forces(before)
+        motion = motion._replace(reaction=reaction)
+        return motion._replace(energies=energies(self, step, q, dt, motion))._asdict()
 
     def too_coarse(self, model: ReducedProblem, state: StepState, kept: Mapping[str, NDArray]) -> bool:
         """True in finite kinematics if the contact work of a step is more than one per cent of the energy."""

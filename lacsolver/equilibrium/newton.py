@@ -18,25 +18,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import count
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact.laws import Bools
-from lacsolver.equilibrium.active_set import close_rows_against_rigid_modes, solve_set
+from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem
-from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.operator import product
 from lacsolver.saddle.saddle import SaddleProblem
-from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, balance
+from lacsolver.saddle.schur import solve_saddle
+from lacsolver.saddle.tolerances import ConvergenceTolerance, LinearTolerance, Residual, equilibrium_residual
+
+if TYPE_CHECKING:
+    from lacsolver.equilibrium.load_step import Linearization
 
 #: step lengths that are tried, in this order
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
@@ -58,53 +60,8 @@ _LOOSE, _FACTOR = 1e-4, 0.1
 _MAX_SETS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class Linearization:
-    """Forces and contact at some q, and their derivatives, which are computed when they are asked for.
-
-    `r` (n,): residual of forces without contact; `size`: the largest force. `terms()`: terms that the forces are summed
-    from, for their round-off; None if forces are exact. `stiffness(damping, definite)`: returns K at q plus `damping`
-    times that of the undeformed bodies, factorised; negative energies are accepted unless `definite`.
-    `geometric_stiffness`: returns C (n, n) at pressures p (m,), None if there is none. `free` (n, k): rigid-body modes
-    that only contact constrains.
-    """
-
-    r: NDArray[np.floating]
-    size: float
-    contact: ContactSystem
-    stiffness: Callable[[float, bool], Operator]
-    geometric_stiffness: Callable[[Floats], csr_array | None]
-    free: NDArray[np.floating]
-    terms: Callable[[], ForceTerms] | None = None
-
-
 #: function for the linearisation at q; raises InadmissibleError
-Linearize = Callable[[Floats], Linearization]
-
-
-class _State(NamedTuple):
-    q: NDArray[np.floating]
-    p: NDArray[np.floating]
-    active: Bools
-    there: Linearization
-    residual: Residual
-
-
-class Damping:
-    """Artificial viscous damping: pseudo-transient continuation (Kelley and Keyes 1998), for a distant equilibrium.
-
-    A fraction of the undeformed bodies' stiffness, `start` at first, is added to K, and decreases with the residual:
-    the motion of a body in a viscous medium. Residuals may grow on the way.
-    """
-
-    def __init__(self, start: float) -> None:
-        self._start, self._first = start, np.nan
-
-    def fraction(self, merits: list[float]) -> float:
-        """Return the fraction for the next step, after steps with these merits; the first is that of the start."""
-        if len(merits) < 2:
-            return self._start
-        return self._start * min(1.0, merits[-1] / merits[1])
+Linearize = Callable[[Floats], "Linearization"]
 
 
 def newton_iterates(
@@ -114,44 +71,46 @@ def newton_iterates(
     *,
     predictor: Linearization | None = None,
     exact: bool = False,
-    damping: Damping | None = None,
+    damping: float = 0.0,
 ) -> Iterator[Trial]:
     """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
     `predictor`: linearisation to use at the start, whose residual is not comparable with others. `exact`: solve each
-    linear system to round-off, which pays if one factor of K serves them all. With `damping` no line search is made.
+    linear system to round-off, which pays if one factor of K serves them all. `damping`: artificial viscous damping for
+    a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no line search is made
+    then, and residuals may grow on the way.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
-    now = _start(linearize(start.q) if predictor is None else predictor, start, tolerance)
+    there = linearize(start.q) if predictor is None else predictor
+    now = _start(there, start, tolerance)
     sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
-    active = now.active
+    active = now.iterate.active
     while True:
         again = sets.record(active, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
-        fraction = 0.0 if damping is None else damping.fraction(merits)
-        reduction = 0.0 if exact or now.there.contact.exact else _reduction(now.residual)
-        step = _newton_step(now, active, tolerance, reduction, fraction, limit)
-        worst = np.inf if damping is not None else _acceptable(merits)
-        then = None if step is None else _line_search(linearize, now, step, tolerance, worst)
-        if step is None or then is None:
-            yield Trial(Iterate(now.q, now.p, active), now.there.contact, now.residual, exact=False)
+        reduction = 0.0 if exact or there.contact.exact else _reduction(now.residual)
+        goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
+        step = _newton_step(there, now.iterate.p, active, goal, _damping_of(damping, merits), limit)
+        worst = np.inf if damping else _acceptable(merits)
+        then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
+        if then is None:
+            yield now._replace(iterate=now.iterate._replace(active=active), exact=False, applications=0, solves=1)
             return
-        now, spent = then, spent + step.solves
-        yield Trial(
-            Iterate(now.q, now.p, now.active), now.there.contact, now.residual, step.applications, solves=step.solves
-        )
+        now, there = then
+        spent += now.solves
+        yield now
         merits.append(now.residual.merit)
-        if _hopeless(merits) if damping is None else _circling(merits):
+        if _circling(merits) if damping else _hopeless(merits):
             return
-        active = now.there.contact.next_active(now.active, now.p)
+        active = there.contact.next_active(now.iterate.active, now.iterate.p)
 
 
-def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> _State:
-    """Return the state to start from, without pressures on rows that are open."""
+def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> Trial:
+    """Return the trial to start from, without pressures on rows that are open."""
     active = there.contact.start_active(start.active)
-    p = np.where(active, start.p, 0.0)
-    return _State(start.q, p, active, there, residual_of(there, start.q, p, active, tolerance))
+    start = Iterate(start.q, np.where(active, start.p, 0.0), active)
+    return Trial(start, there.contact, _residual_of(there, start, tolerance))
 
 
 def _reduction(residual: Residual) -> float:
@@ -159,8 +118,17 @@ def _reduction(residual: Residual) -> float:
     return min(_LOOSE, _FACTOR * max(residual.balance, residual.gap))
 
 
+def _damping_of(start: float, merits: list[float]) -> float:
+    """Return the damping of the next step, after steps with these merits; the first is that of the start.
+
+    Pseudo-transient continuation (Kelley and Keyes 1998), the motion of a body in a viscous medium: `start` at first,
+    it decreases with the residual.
+    """
+    return start if len(merits) < 2 else start * min(1.0, merits[-1] / merits[1])
+
+
 class _Step(NamedTuple):
-    """Step of a linear problem: dq, pressures, its active set, number of sets solved, and of applications of K^-1."""
+    """Step dq of a linear problem, with its pressures and active set; numbers of sets and applications of K^-1."""
 
     dq: NDArray[np.floating]
     p: NDArray[np.floating]
@@ -170,21 +138,28 @@ class _Step(NamedTuple):
 
 
 def _newton_step(
-    now: _State, active: Bools, tolerance: ConvergenceTolerance, reduction: float, damping: float, limit: int
+    there: Linearization, p: Floats, active: Bools, goal: LinearTolerance, damping: float, limit: int
 ) -> _Step | None:
-    """Return the step from a state; None if the tangent is singular, or the system cannot be solved."""
-    there, moved = now.there, tolerance.scale(now.q)
+    """Return the step of a linear problem, whose active set is updated until it is consistent, in `limit` solves.
+
+    p (m,): pressures of the geometric stiffness. None if the tangent is singular, or the system cannot be solved.
+    """
+    contact, R = there.contact, there.free
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
         with suppress(LinearError):
-            K = there.stiffness(damping, definite)
-            C, R = there.geometric_stiffness(now.p), there.free
-            resistance = products(tolerance.vectors, R, product(K, R, C))
-            load = tolerance.vectors.dots(R.T, there.r)
-            closed = close_rows_against_rigid_modes(R, there.contact, active, load, resistance)
-            closed = tolerance.vectors.same(closed)
-            G, S = there.contact.equations(now.p, closed)
-            problem = SaddleProblem(K, there.contact.rows, np.flatnonzero(closed), there.r, G, S, C)
-            return _Step(*solve_set(problem, there.contact, now.p, tolerance, reduction, moved, limit))
+            K, C = there.stiffness(damping, definite), there.geometric_stiffness(p)
+            resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
+            closed = K.vectors.same(close_rows_against_rigid_modes(R, contact, active, load, resistance))
+            pressures, pivots, applications = p, Pivots(), 0
+            for solves in count(1):
+                G, S = contact.equations(pressures, closed)
+                problem = SaddleProblem(K, contact.rows, np.flatnonzero(closed), there.r, G, S, C)
+                dq, pressures, more, _ = solve_saddle(problem, np.zeros_like(there.r), pressures, goal)
+                applications += more
+                wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_active(closed, pressures)
+                if solves == limit or np.array_equal(wanted, closed):
+                    return _Step(dq, pressures, closed, solves, applications)
+                closed = pivots.next(closed, wanted, exact=True)
     return None
 
 
@@ -211,23 +186,24 @@ def _circling(merits: list[float]) -> bool:
 
 
 def _line_search(
-    linearize: Linearize, now: _State, step: _Step, tolerance: ConvergenceTolerance, worst: float
-) -> _State | None:
+    linearize: Linearize, now: Iterate, step: _Step, tolerance: ConvergenceTolerance, worst: float
+) -> tuple[Trial, Linearization] | None:
     """Backtracking line search: return the first state whose merit is at most `worst`, else the best one.
 
     None if all step lengths invert a cell.
     """
     best = None
     for length in _STEP_LENGTHS:
-        q, p = now.q + length * step.dq, now.p + length * (step.p - now.p)
+        iterate = Iterate(now.q + length * step.dq, now.p + length * (step.p - now.p), step.active)
         try:
-            there = linearize(q)
+            there = linearize(iterate.q)
         except InadmissibleError:
             continue
-        then = _State(q, p, step.active, there, residual_of(there, q, p, step.active, tolerance))
-        if best is None or then.residual.merit < best.residual.merit:
-            best = then
-        if then.residual.merit <= worst:
+        residual = _residual_of(there, iterate, tolerance)
+        if best is None or residual.merit < best[0].residual.merit:
+            trial = Trial(iterate, there.contact, residual, step.applications, solves=step.solves)
+            best = trial, there
+        if residual.merit <= worst:
             break
     return best
 
@@ -247,13 +223,13 @@ class _Sets:
         return before
 
 
-def residual_of(there: Linearization, q: Floats, p: Floats, active: Bools, tolerance: ConvergenceTolerance) -> Residual:
-    """Return the residuals of forces and gaps of a state."""
+def _residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolerance) -> Residual:
+    """Return the residuals of forces and gaps of an iterate."""
     contact, vectors = there.contact, tolerance.vectors
-    forces = contact.rows.B_T @ p
+    forces = contact.rows.B_T @ at.p
     largest = max(there.size, vectors.largest(forces))
-    off, gaps = there.r - forces, contact.residuals(p, active)
+    off, gaps = there.r - forces, contact.residuals(at.p, at.active)
     closing = contact.rows.B_T @ (contact.skin * gaps)
     merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
-    gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(q)
-    return Residual(balance(off, largest, there.terms, tolerance), gap, merit)
+    gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(at.q)
+    return Residual(equilibrium_residual(off, largest, there.terms, tolerance), gap, merit)

@@ -88,7 +88,7 @@ class ReducedProblem:
     @cached_property
     def K_q(self) -> csr_array:
         """Stiffness (n_q, n_q) of the undeformed bodies, T^T K T."""
-        return self.reduced(self.K, self.problem.constraints.T)
+        return self.problem.constraints.reduced(self.K, self.problem.constraints.T)
 
     @cached_property
     def motions(self) -> tuple[FreeMotion, ...]:
@@ -233,10 +233,6 @@ class ReducedProblem:
         if free:
             said = "; ".join(describe(motion) for motion in free)
             raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
-
-    def reduced(self, K: Matrix, T: csr_array) -> csr_array:
-        """Return T^T K T."""
-        return self.problem.constraints.reduced(K, T)
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""

@@ -44,8 +44,8 @@ class Outcome(NamedTuple):
     """Result of a search for equilibrium: `converged`, the last iterate, its contact rows, and residuals.
 
     `residuals`: relative residuals (balance, gap) after each linear solve. `applications`: number of applications of
-    K^-1. `settled`: number of last solves with the same active set. `recent`: of the last iterations, the covered
-    measure (m,) of each row, 0 where it is not paired, and the active set (m,).
+    K^-1. `n_unchanged_sets`: number of last solves with the same active set. `recent`: of the last iterations, the
+    covered measure (m,) of each row, 0 where it is not paired, and the active set (m,).
     """
 
     converged: bool
@@ -53,7 +53,7 @@ class Outcome(NamedTuple):
     contact: ContactSystem
     residuals: tuple[tuple[float, float], ...]
     applications: int
-    settled: int = 0
+    n_unchanged_sets: int = 0
     recent: tuple[tuple[Floats, Bools], ...] = ()
 
 
@@ -62,7 +62,7 @@ def search(
 ) -> Outcome:
     """Take trials until one is an equilibrium, until there are no more, or up to the largest number of iterations."""
     residuals: list[tuple[float, float]] = []
-    converged, applications, settled, before = False, 0, 0, None
+    converged, applications, unchanged, before = False, 0, 0, None
     recent: deque[tuple[Floats, Bools]] = deque(maxlen=_RECENT)
     for trial in trials:
         closed = trial.iterate.active
@@ -71,10 +71,10 @@ def search(
         applications += trial.applications
         same = trial.solves == 1 and before is not None and np.array_equal(before, closed)
         recent.append((np.where(trial.contact.covered, trial.contact.rows.w, 0.0), closed))
-        before, settled = closed, settled + 1 if same else 1
+        before, unchanged = closed, unchanged + 1 if same else 1
         if report is not None:
             report(len(residuals), int(closed.sum()), *residuals[-1])
         converged = trial.exact and tolerance.fulfilled(trial.residual, trial.iterate.q)
         if converged or len(residuals) >= tolerance.max_iterations:
             break
-    return Outcome(converged, trial.iterate, trial.contact, tuple(residuals), applications, settled, tuple(recent))
+    return Outcome(converged, trial.iterate, trial.contact, tuple(residuals), applications, unchanged, tuple(recent))

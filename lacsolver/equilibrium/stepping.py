@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacsolver.case import Case
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import TOUCHING, Told, attempt, touching, why
+from lacsolver.equilibrium.attempt import TOUCHING, Progress, attempt, touching, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
@@ -63,7 +62,7 @@ class NotConvergedError(LacmeshError):
 
 
 @dataclass
-class _Step:
+class _Attempts:
     """Iterations, halvings and residuals of a step so far. `refined`: halvings that the time scheme asked for."""
 
     iterations: int = 0
@@ -81,15 +80,15 @@ def march(
     problem: Problem,
     *,
     start: Restart | None = None,
-    told: Callable[[Told], None] | None = None,
+    progress: Callable[[Progress], None] | None = None,
     scheme: TimeScheme | None = None,
     kept: list[ReducedProblem] | None = None,
 ) -> Iterator[State]:
     """Yield the converged states, step by step, from the undeformed bodies or a restart.
 
-    `told` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default. `kept`: a
-    list with the problem of an earlier call, or empty; what serves this problem too is taken from there, and the list
-    then has this problem.
+    `progress` is called for every iteration. `scheme`: time scheme of the steps, static equilibrium by default. `kept`:
+    a list with the problem of an earlier call, or empty; what serves this problem too is taken from there, and the
+    list then has this problem.
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
     CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
@@ -107,9 +106,9 @@ def march(
             model.take_from(*kept)
             kept[:] = [model]
         state = one.begin(model, state, times[0])
-        for made in _marched(model, state, times, told):
-            warned, state = warned or _warn_of_rounding(made), made.committed
-            yield _state(made)
+        for step, outcome, converged in _marched(model, state, times, progress):
+            warned, state = warned or _warn_of_rounding(step, outcome), converged.step
+            yield converged
 
 
 def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:
@@ -127,21 +126,11 @@ def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator
         yield scheme or (QuasiStatic() if case.dynamics is None else Newmark(problem)), times[len(static) :]
 
 
-class _Made(NamedTuple):
-    """A converged step: its outcome, iterations, and what it committed; `last`: True for the last one of the case."""
-
-    step: LoadStep
-    outcome: Outcome
-    spent: _Step
-    committed: StepState
-    last: bool
-
-
 def _marched(
-    model: ReducedProblem, state: StepState, times: Sequence[float], told: Callable[[Told], None] | None
-) -> Iterator[_Made]:
-    """Yield the converged steps of one time scheme, from a state to the last of some times."""
-    steps, spent = model.problem.case.steps, _Step()
+    model: ReducedProblem, state: StepState, times: Sequence[float], progress: Callable[[Progress], None] | None
+) -> Iterator[tuple[LoadStep, Outcome, State]]:
+    """Yield the converged steps of one time scheme, from a state to the last of some times, and the state of each."""
+    steps, attempts = model.problem.case.steps, _Attempts()
     planned = step_end_times(model.problem.case)
     for target in times:
         began = max((t for t in planned if target - t > _SAME * target), default=0.0)
@@ -149,26 +138,27 @@ def _marched(
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
-            outcome = attempt(step, spent.halvings, told)
+            outcome = attempt(step, attempts.halvings, progress)
             passed = _passed(step, outcome) if outcome.converged else None
-            spent.add(outcome, passed)
+            attempts.add(outcome, passed)
             if passed or not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
-                if spent.halvings > steps.max_halvings or state.step_size < least:
-                    said = passed or why(step, outcome)
-                    raise NotConvergedError(said, _state(_Made(step, outcome, spent, state, last=False)))
+                if attempts.halvings > steps.max_halvings or state.step_size < least:
+                    message = passed or why(step, outcome)
+                    raise NotConvergedError(message, _state(step, outcome, attempts, state, last=False))
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
             histories = step.commit(q, p, active, outcome.contact)
-            if spent.refined < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
-                spent.refined += 1
-                spent.halvings += 1
+            if attempts.refined < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+                attempts.refined += 1
+                attempts.halvings += 1
                 state = state.with_step_size((step.t - state.time) / 2)
                 continue
             state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
-            yield _Made(step, outcome, spent, state, steps.last - state.time <= _SAME * steps.last)
-            spent = _Step()
+            last = steps.last - state.time <= _SAME * steps.last
+            yield step, outcome, _state(step, outcome, attempts, state, last)
+            attempts = _Attempts()
 
 
 def _passed(step: LoadStep, outcome: Outcome) -> str | None:
@@ -182,15 +172,15 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
         np.zeros_like(step.u0) if before is None else problem.constraints.displacement(before.q, state.time)
     )
     for pair, face in zip(problem.joints, step.interfaces(q), strict=True):
-        made = passing(pair, face, x, step.t, space)
-        if made is not None:
-            return words(pair, made, step.t, space)
+        passed = passing(pair, face, x, step.t, space)
+        if passed is not None:
+            return words(pair, passed, step.t, space)
     return None
 
 
-def _warn_of_rounding(made: _Made) -> bool:
+def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
-    step, now, model = made.step, made.outcome.iterate, made.step.model
+    now, model = outcome.iterate, step.model
     moved = model.problem.space.largest(step.u(now.q))
     if model.linear:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
@@ -227,9 +217,8 @@ def step_end_times(case: Case) -> list[float]:
     return sorted({*case.steps.planned, *(t for t in asked if 0 < t <= case.steps.last)})
 
 
-def _state(made: _Made) -> State:
-    """Return the state of an outcome, with what the step has committed."""
-    step, outcome, spent, committed, last = made
+def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: StepState, last: bool) -> State:
+    """Return the state of an outcome, with what the step has committed; `last`: True for the last step of the case."""
     problem, held = step.model.problem, _held(step, outcome) if last else ()
     q, p, active = outcome.iterate
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
@@ -239,7 +228,7 @@ def _state(made: _Made) -> State:
     ]
     return State(
         step.t, step.u(q), step.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, step.t),
-        spent.iterations, spent.halvings, tuple(spent.residuals), committed, outcome.settled,
+        attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
         step.state.histories.materials, held, problem.space.largest(step.u0),
     )  # fmt: skip
 

@@ -126,10 +126,10 @@ class State(Described):
 
     `reaction` (n_dof,): forces of the supports on the bodies. `rigid` (name -> dofs): motion of rigid bodies,
     displacement of the centre, then rotation. `iterations`, `halvings`: numbers of the step that led here; `residuals`:
-    those of its iterations, the last `settled` of which had the same active set. `step`: what the step committed, for
-    the next one and for a restart (for a state that did not converge, what it started from); `history`: that of the
-    materials before the step, with which stress and energy at u are evaluated. At the last time of a
-    case, `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
+    those of its iterations, the last `n_unchanged_sets` of which had the same active set. `step`: what the step
+    committed, for the next one and for a restart (for a state that did not converge, what it started from); `history`:
+    that of the materials before the step, with which stress and energy at u are evaluated. At the last time of a case,
+    `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
 
     >>> from lacsolver import read_case
     >>> from lacsolver.problem.problem import Problem
@@ -148,7 +148,7 @@ class State(Described):
     halvings: int = 0
     residuals: tuple[float, ...] = ()
     step: StepState = field(default_factory=StepState)
-    settled: int = 0
+    n_unchanged_sets: int = 0
     history: tuple[NDArray[np.floating], ...] = ()
     held: tuple[Held, ...] = ()
     prescribed: float = 0.0

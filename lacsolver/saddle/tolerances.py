@@ -97,7 +97,9 @@ def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
     return np.concatenate([np.empty(0), *(abs(K[k : k + _ROWS]) @ q for k in rows)])
 
 
-def balance(r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance) -> float:
+def equilibrium_residual(
+    r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance
+) -> float:
     """Return the residual of the force balance relative to the largest `force`, or to the round-off of the sums.
 
     r (n,): residual of each sum of forces. `terms()`: terms of the sums, computed only if the tolerance is not met;

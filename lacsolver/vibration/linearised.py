@@ -55,7 +55,7 @@ class LinearisedProblem:
         moved = np.diff(B.indptr) > 0  # rows between prescribed nodes hold nothing
         compliance = base.contact.equations(base.p, base.active)[1][base.closed]
         yields = moved & (compliance > 0)
-        K = model.K_q if at is None else base.tangent(model, T)
+        K = model.K_q if at is None else base.tangent(T)
         if yields.any():
             K = csr_array(K + B[yields].T @ diags_array(1 / compliance[yields]) @ B[yields])
         rigid, R = base.rigid(model, K, csr_array(base.contact.rows.B[base.closed[moved]]))
@@ -102,7 +102,7 @@ class _Base:
         """Indices of the closed rows."""
         return np.flatnonzero(self.active)
 
-    def tangent(self, model: ReducedProblem, T: csr_array) -> csr_array:
+    def tangent(self, T: csr_array) -> csr_array:
         """Return the symmetric part (n_q, n_q) of the tangent stiffness."""
         problem, u, t = self.problem, self.u, self.t
         kinematics, materials = problem.kinematics, self.histories.materials
@@ -114,7 +114,8 @@ class _Base:
             K = csr_array(K + self.contact.geometric_stiffness(self.p))
         forces = kinematics.internal_force(u, t, materials) - problem.load(t, u) + self.contact.rows.B_T @ self.p
         bent = problem.constraints.turning(self.q, t, forces)
-        K_q = model.reduced(K, T) if bent is None else csr_array(model.reduced(K, T) + bent)
+        K_q = problem.constraints.reduced(K, T)
+        K_q = K_q if bent is None else csr_array(K_q + bent)
         return csr_array((K_q + K_q.T) / 2)
 
     def rigid(

@@ -18,7 +18,7 @@ import lacmesh
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacsolver.case import Case
-from lacsolver.equilibrium.stepping import NotConvergedError, Told
+from lacsolver.equilibrium.stepping import NotConvergedError, Progress
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.validation import validate
@@ -34,7 +34,7 @@ class Ran:
     mesh: Mesh
     folder: Path
     error: LacmeshError | None = None
-    told: list[Told] = field(default_factory=list)
+    told: list[Progress] = field(default_factory=list)
     asked: list[tuple[str, int]] = field(default_factory=list)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,18 @@ class System(NamedTuple):
     def rows(self) -> Rows:
         """B and D as the solver has them."""
         return rows(self.B, self.D, self.w)
+
+
+class Linearized(NamedTuple):
+    """What Newton's method asks of a linearisation, as `load_step.Linearization` answers it."""
+
+    r: np.ndarray
+    size: float
+    contact: ContactSystem
+    stiffness: Callable
+    geometric_stiffness: Callable
+    free: np.ndarray
+    terms: Callable | None = None
 
 
 def system(seed, n=30, m=12, free=0, turning=0.0, same=True):

@@ -65,7 +65,7 @@ class Shop:
         ran = Ran(made, mesh, self.folder / f"out_{self.count}")
         self.asked = ran.asked
         try:
-            run(made, create(ran.folder), mesh=mesh, told=ran.told.append)
+            run(made, create(ran.folder), mesh=mesh, progress=ran.told.append)
         except NotConvergedError as error:
             ran.error = error
         return ran

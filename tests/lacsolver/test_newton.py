@@ -9,10 +9,10 @@ import pytest
 from scipy.sparse import csr_array
 
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.equilibrium.newton import Damping, Linearization
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 from tests.lacsolver.systems import (
+    Linearized,
     contact,
     contact_system,
     enumerated,
@@ -36,7 +36,7 @@ def linear(s):
     """`at` of a linear system."""
     gaps, held = contact(s), s.held
     size = np.abs(s.f).max()
-    return lambda q: Linearization(s.f - s.K @ q, size, gaps(q), lambda damping, *_: held, lambda p: None, s.R)
+    return lambda q: Linearized(s.f - s.K @ q, size, gaps(q), lambda damping, *_: held, lambda p: None, s.R)
 
 
 def nonlinear(s, size):
@@ -54,7 +54,7 @@ def nonlinear(s, size):
         def turning(p):
             return csr_array(-size / 2 * s.B.T @ np.diag(p) @ s.D)
 
-        return Linearization(
+        return Linearized(
             r,
             np.abs(s.f).max(),
             made,
@@ -111,7 +111,7 @@ def test_a_cycle_of_sets_is_broken():
 
     def at(q):
         made = contact_system(there, r - M @ q, every, ~every, np.ones(3))
-        return Linearization(-q, 1.0, made, lambda damping, *_: held, lambda p: None, np.zeros((3, 0)))
+        return Linearized(-q, 1.0, made, lambda damping, *_: held, lambda p: None, np.zeros((3, 0)))
 
     active, seen = np.array([True, False, False]), []
     for _ in range(7):  # what whole exchanges do
@@ -151,7 +151,7 @@ def truss(load, admissible=lambda q: True):
                 csr_array([[slope + damping * soft]]), np.zeros((1, 0)), backend="superlu", definite=False
             )
 
-        return Linearization(
+        return Linearized(
             np.array([load - force]), max(abs(load), abs(force)), made, stiffness, lambda p: None, np.zeros((1, 0))
         )
 
@@ -181,7 +181,7 @@ def test_a_snap_through_is_got_over_when_dampingged():
     """Just beyond the peak the only equilibrium is far on the other side; Newton's method gives up."""
     at = truss(1.02 * PEAK)
     plain = solve_newton(at, begin(0.2), LIMITS)
-    made = solve_newton(at, begin(0.2), LIMITS, damping=Damping(1.0))
+    made = solve_newton(at, begin(0.2), LIMITS, damping=1.0)
     assert not plain.converged
     assert made.converged and made.iterate.q[0] > 0.8
     assert abs(at(made.iterate.q).r[0]) <= 1e-12

@@ -103,7 +103,7 @@ def test_a_search_that_goes_to_and_fro_ends_soon_and_says_where():
     deep = replace(ALIGNED, depth=0.95)
     case = text(BANK, deep, 10) + "\nmax_halvings = 0"
     with pytest.raises(NotConvergedError) as error:
-        list(march(Problem.of(parse_case(case), punched(deep)), told=told.append))
+        list(march(Problem.of(parse_case(case), punched(deep)), progress=told.append))
     assert max(Counter(each.time for each in told).values()) < 40
     message = str(error.value)
     assert "of the macro-elements of contact 'top'" in message and "exchange slave and master" in message, message

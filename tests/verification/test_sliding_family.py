@@ -114,7 +114,7 @@ def test_newton_is_judged_by_its_last_iterations():
 
         def __init__(self, *residuals, settled=None):
             self.residuals = residuals
-            self.settled = len(residuals) if settled is None else settled
+            self.n_unchanged_sets = len(residuals) if settled is None else settled
 
     good, slow = State(1.0, 1e-3, 2e-6, 3e-11), State(1.0, 1e-3, 2e-4, 5e-5, 1e-5, 1e-11)
     assert last_pairs(good.residuals, 1e-10) == [(1e-3, 2e-6), (2e-6, 3e-11)]
@@ -129,7 +129,7 @@ def test_newton_is_not_judged_while_the_set_changes():
         halvings, residuals = 0, (1e-3, 5e-4, 1e-13)
 
         def __init__(self, settled):
-            self.settled = settled
+            self.n_unchanged_sets = settled
 
     assert not newton([State(3)], 1e-10)[2].passed and newton([State(2)], 1e-10)[2].passed
     assert len(newton([State(1)], 1e-10)) == 1

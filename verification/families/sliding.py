@@ -225,7 +225,7 @@ def _iterations(given: Dragged, own: Solved) -> Result:
 
 def newton(states: Sequence[State], tolerance: float, named: str = "") -> tuple[Result, ...]:
     """Criteria for Newton's method: halved steps, quadratic last iterations, and their order."""
-    settled = [state.residuals[len(state.residuals) - state.settled :] for state in states]
+    settled = [state.residuals[len(state.residuals) - state.n_unchanged_sets :] for state in states]
     pairs = [own for residuals in settled if (own := last_pairs(residuals, tolerance))]
     halved = sum(state.halvings for state in states)
     found: tuple[Result, ...] = (at_most(f"halved steps{named}", halved, 0, source=_DESIGN),)
