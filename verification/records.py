@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from lacmesh.report.blocks import Plot
+from lacmesh.report.charts import Plot
 from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it

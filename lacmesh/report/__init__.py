@@ -4,10 +4,11 @@ records = what a mesh holds, what a cut counts, the table of patterns     (`reco
 touched = the cells that a cut replaced, and those it made               (`touched`)
 report = the mesh against its cut: quality, sizes, the worst new cells    (`compare`)
 children = the same for a cut whose original mesh is not available        (`parents`)
-blocks = what a report says, in order: titles, tables, figures            (`outline`, of `blocks`)
-files = a report as HTML, Markdown or JSON, quality as a picture          (`writing`, `html`, `markdown`, `drawing`)
+blocks = what a report says, in order: titles, tables, figures            (`outline`)
+files = a report as HTML, Markdown or JSON, quality as a picture          (`writing`, `drawing`)
 
-The blocks and what formats them (`blocks`, `charts`, `histograms`, `images`, `html`, `markdown`) serve any report.
+The blocks, each as HTML and as Markdown, and what puts them on pages (`blocks`, `charts`, `histograms`, `images`,
+`pages`) serve any report.
 """
 
 from __future__ import annotations

@@ -1,72 +1,106 @@
-"""Building blocks of a report, which a page of HTML or Markdown only has to format."""
+"""Blocks of a report, each in both forms: HTML, for a page that needs nothing else, and Markdown.
+
+A page is put together from blocks by `pages`; figures hold charts (`charts`), histograms (`histograms`) or pictures.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
-from lacmesh.quality.statistics import Histogram
+from lacmesh.report.images import address
+from lacmesh.report.markup import identifier, plain
+from lacmesh.report.markup import prose as prose_html
 
 #: how a result, a case or a row stands; `missed`: it needs attention; `none`: a case without an outcome
 Verdict = Literal["", "met", "missed", "informative", "none"]
+#: an option of the command in a sentence, and its value
+_OPTION = re.compile(r"--[a-z]+(?:-[a-z]+)*(?: (?:pyramid|hexa|auto)\b)?")
 
 
-@dataclass(frozen=True)
-class Title:
+class ReportBlock(NamedTuple):
+    """A part of a report in both forms. What only a page shows has no Markdown."""
+
+    html: str
+    markdown: str
+
+
+def title(text: str, level: int = 2) -> ReportBlock:
     """A heading of `level` 1 (of a page) to 4."""
-
-    text: str
-    level: int = 2
+    return ReportBlock(f"<h{level}>{escape(text)}</h{level}>", f"{'#' * level} {plain(text)}")
 
 
-@dataclass(frozen=True)
-class Text:
-    """Paragraphs and lists of Markdown, with words in `code`, in **bold** and in *italics*.
-
-    `literal`: one paragraph in which such signs are only signs; `lead`: the word that it explains.
-    """
-
-    text: str
-    verdict: Verdict = ""
-    literal: bool = False
-    lead: str = ""
+def prose(text: str) -> ReportBlock:
+    """Paragraphs and lists of Markdown, with words in `code`, in **bold** and in *italics*."""
+    return ReportBlock(prose_html(text), text.strip())
 
 
-@dataclass(frozen=True)
-class Fact:
+def sentence(text: str, verdict: Verdict = "", lead: str = "") -> ReportBlock:
+    """A paragraph in which the signs of Markdown are only signs; `lead`: the word that it explains."""
+    marked = f' class="{verdict}"' if verdict else ""
+    first = f"<b{marked}>{escape(lead)}</b>: " if lead else ""
+    words = _OPTION.sub(r"<code>\g<0></code>", escape(text))
+    bold = f"**{plain(lead)}**: " if lead else ""
+    return ReportBlock(f"<p{'' if lead else marked}>{first}{words}</p>", f"{bold}{plain(text)}")
+
+
+def fact(label: str, value: str, note: str = "", verdict: Verdict = "") -> ReportBlock:
     """A number to be seen first, and a word on it."""
-
-    label: str
-    value: str
-    note: str = ""
-    verdict: Verdict = ""
-
-
-@dataclass(frozen=True)
-class Facts:
-    """The numbers to be seen first."""
-
-    facts: tuple[Fact, ...]
+    return ReportBlock(
+        f'<div class="fact {verdict}"><span>{escape(label)}</span><b>{escape(value)}</b>'
+        f"<span>{escape(note)}</span></div>",
+        f"- {plain(label)}: **{plain(value)}**" + (f" ({plain(note)})" if note else ""),
+    )
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of a table. `number`: set to the right; `wide`: sentences, which take several lines."""
-
-    name: str
-    number: bool = False
-    wide: bool = False
+def facts(numbers: Iterable[ReportBlock]) -> ReportBlock:
+    """Several of `fact`, side by side."""
+    numbers = tuple(numbers)
+    html = "".join(number.html for number in numbers)
+    return ReportBlock(f'<div class="facts">{html}</div>', "\n".join(number.markdown for number in numbers))
 
 
-def columns(names: Iterable[str], *, numbers: Container[str] = (), wide: Container[str] = ()) -> tuple[Column, ...]:
-    """Columns by their names, those of numbers and of sentences marked."""
-    return tuple(Column(name, number=name in numbers, wide=name in wide) for name in names)
+def named_values(pairs: Iterable[tuple[str, str]]) -> ReportBlock:
+    """Names and their values."""
+    pairs = tuple(pairs)
+    rows = "".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in pairs)
+    return ReportBlock(f"<dl>{rows}</dl>", "; ".join(f"{plain(name)}: {plain(value)}" for name, value in pairs))
 
 
-@dataclass(frozen=True)
-class TableCell:
+def command(text: str) -> ReportBlock:
+    """A command line to type."""
+    return ReportBlock(f'<p class="command"><code>{escape(text)}</code></p>', f"```console\n$ {text}\n```")
+
+
+def drawing(svg: str) -> ReportBlock:
+    """An <svg> element, which a page shows as it is."""
+    return ReportBlock(svg, "")
+
+
+def section(name: str, heading: str, note: str, verdict: Verdict, blocks: Iterable[ReportBlock]) -> ReportBlock:
+    """A section on one case, with an id, folded where a page has many."""
+    blocks = tuple(blocks)
+    body = "\n".join(block.html for block in blocks)
+    return ReportBlock(
+        f'<details class="case {verdict}" id="{identifier(name)}" open><summary><h3>{escape(heading)}</h3>'
+        f'<span class="badge {verdict}">{escape(note)}</span></summary>\n{body}\n</details>',
+        as_markdown([ReportBlock("", f"### {plain(heading)} ({plain(note)})"), *blocks]),
+    )
+
+
+def as_markdown(blocks: Iterable[ReportBlock]) -> str:
+    """Blocks one below the other, as Markdown."""
+    return "\n\n".join(block.markdown for block in blocks if block.markdown)
+
+
+# ---- tables
+
+
+class TableCell(NamedTuple):
     """A word of a table. `sort`: what its column is sorted by, where not by the word; `link`: the id it leads to."""
 
     text: str
@@ -75,163 +109,97 @@ class TableCell:
     verdict: Verdict = ""
 
 
-@dataclass(frozen=True)
-class TableRow:
-    """A row of a table. `again`: it goes on with the row above, whose first word it repeats."""
+class TableRow(NamedTuple):
+    """A row of a table, cells or only words. `again`: it goes on with the row above, whose first word it repeats."""
 
-    cells: tuple[TableCell, ...]
+    cells: Sequence[TableCell | str]
     verdict: Verdict = ""
     again: bool = False
 
-    @classmethod
-    def of(cls, cells: Iterable[TableCell | str], verdict: Verdict = "") -> TableRow:
-        """A row of cells, of which those that are only a word may be that word."""
-        return cls(tuple(TableCell(cell) if isinstance(cell, str) else cell for cell in cells), verdict)
 
+def table(
+    names: Sequence[str],
+    rows: Sequence[TableRow],
+    *,
+    numbers: Container[str] = (),
+    wide: Container[str] = (),
+    foot: Sequence[TableRow] = (),
+    folded: str = "",
+) -> ReportBlock:
+    """Rows under the names of columns: those of `numbers` are set to the right, `wide` ones hold sentences.
 
-@dataclass(frozen=True)
-class Table:
-    """Rows under columns; the rows of `foot` stay below when the others are sorted.
-
-    `folded`: the summary of a table that is shown folded.
+    The rows of `foot` stay below when the others are sorted. `folded`: the summary of a table that is shown folded.
     """
-
-    columns: tuple[Column, ...]
-    rows: tuple[TableRow, ...]
-    foot: tuple[TableRow, ...] = ()
-    folded: str = ""
-
-    @classmethod
-    def of_words(cls, heads: Sequence[Column], rows: Iterable[Sequence[str]], folded: str = "") -> Table:
-        """A table of words alone.
-
-        >>> Table.of_words(columns(["a"]), [["b"]]).rows[0].cells[0].text
-        'b'
-        """
-        return cls(tuple(heads), tuple(map(TableRow.of, rows)), folded=folded)
+    kinds = [' class="n"' if name in numbers else ' class="w"' if name in wide else "" for name in names]
+    head = "".join(f'<th{kind} scope="col">{escape(name)}</th>' for name, kind in zip(names, kinds, strict=True))
+    body, end = ("".join(_row_html(row, kinds) for row in part) for part in (rows, foot))
+    end = f"<tfoot>{end}</tfoot>" if end else ""
+    html = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody>{end}</table>"
+    html = f'<div class="scroll" tabindex="0">{html}</div>'
+    html = f"<details><summary>{escape(folded)}</summary>{html}</details>" if folded else html
+    lines = [f"**{plain(folded)}**", ""] if folded else []
+    lines.append(f"| {' | '.join(map(plain, names))} |")
+    lines.append(f"|{'|'.join('---:' if name in numbers else '---' for name in names)}|")
+    return ReportBlock(html, "\n".join([*lines, *(_row_markdown(row) for row in (*rows, *foot))]))
 
 
-@dataclass(frozen=True)
-class NamedValues:
-    """Names and their values."""
-
-    pairs: tuple[tuple[str, str], ...]
+def _cells(row: TableRow) -> list[TableCell]:
+    return [TableCell(cell) if isinstance(cell, str) else cell for cell in row.cells]
 
 
-@dataclass(frozen=True)
-class Command:
-    """Command line to type."""
-
-    text: str
-
-
-@dataclass(frozen=True)
-class Line:
-    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (constant between its x)."""
-
-    label: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    style: Literal["line", "points", "both", "steps"] = "both"
+def _row_html(row: TableRow, kinds: Sequence[str]) -> str:
+    classes = " ".join(filter(None, (row.verdict, "again" if row.again else "")))
+    marked = f' class="{classes}"' if classes else ""
+    return f"<tr{marked}>{''.join(_cell_html(cell, kind) for cell, kind in zip(_cells(row), kinds, strict=True))}</tr>"
 
 
-@dataclass(frozen=True)
-class Plot:
-    """Lines to draw. `kind`: what a report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
-
-    kind: str
-    title: str
-    x_label: str
-    y_label: str
-    lines: tuple[Line, ...]
-    log_x: bool = False
-    log_y: bool = False
+def _cell_html(cell: TableCell, kind: str) -> str:
+    text = escape(cell.text, quote=False)
+    if cell.link:
+        text = f'<a href="#{identifier(cell.link)}">{text}</a>'
+    if cell.verdict:
+        text = f'<span class="badge {cell.verdict}">{text}</span>'
+    sort = "" if cell.sort is None or math.isnan(cell.sort) else f' data-sort="{cell.sort:.17g}"'
+    return f"<td{kind}{sort}>{text}</td>"
 
 
-@dataclass(frozen=True)
-class Chart:
-    """A plot to draw. `slopes`: of triangles drawn beside the lines; `links`: the ids that the lines lead to."""
-
-    plot: Plot
-    slopes: tuple[float, ...] = ()
-    links: tuple[str, ...] = ()
+def _row_markdown(row: TableRow) -> str:
+    words = (f"**{plain(c.text)}**" if c.verdict in ("missed", "none") else plain(c.text) for c in _cells(row))
+    return f"| {' | '.join(words)} |"
 
 
-@dataclass(frozen=True)
-class Bars:
-    """A measure of cells before a cut and after it; `before` is None where there was none (the ratio to the parent).
-
-    `scale`: what its values are: `unit` (0 to 1), `ratio` or `angle`.
-    """
-
-    measure: str
-    scale: str
-    before: Histogram | None
-    after: Histogram
-
-    @property
-    def histograms(self) -> tuple[Histogram, ...]:
-        """The histograms that there are, before and after."""
-        return (self.after,) if self.before is None else (self.before, self.after)
+# ---- figures
 
 
-@dataclass(frozen=True)
-class Image:
-    """A picture: its file, and what is seen on it."""
-
-    path: Path
-    alt: str
-
-
-@dataclass(frozen=True)
-class Figure:
+def figure(
+    heading: str, html: str, markdown: str = "", *, name: str = "", source: str = "", link: str = "", command: str = ""
+) -> ReportBlock:
     """A chart or a picture under its title.
 
-    `id`: its own; `source`: what it is of; `link`: the id that this leads to; `command`: what makes it again.
+    `name`: its id; `source`: what it is of; `link`: the id that this leads to; `command`: what makes it again.
     """
-
-    title: str
-    content: Chart | Bars | Image
-    id: str = ""
-    source: str = ""
-    link: str = ""
-    command: str = ""
-
-
-@dataclass(frozen=True)
-class Figures:
-    """Figures that stand side by side."""
-
-    figures: tuple[Figure, ...]
+    own = f' id="{identifier(name)}"' if name else ""
+    caption = (
+        f'<figcaption><a href="#{identifier(link)}">{escape(source)}</a> <code>{escape(command)}</code></figcaption>'
+        if source
+        else ""
+    )
+    return ReportBlock(f"<figure{own}><h4>{escape(heading)}</h4>{html}{caption}</figure>", markdown)
 
 
-@dataclass(frozen=True)
-class Drawing:
-    """An <svg> element that a page of HTML shows as it is, and Markdown leaves out."""
-
-    svg: str
-
-
-Simple = Title | Text | Facts | Table | NamedValues | Command | Figures | Drawing
+def figures(content: Iterable[ReportBlock]) -> ReportBlock:
+    """Several of `figure`, side by side."""
+    content = tuple(content)
+    html = "".join(one.html for one in content)
+    return ReportBlock(f'<div class="figures">{html}</div>', "\n".join(one.markdown for one in content if one.markdown))
 
 
-@dataclass(frozen=True)
-class Section:
-    """Section on one case: folded where a page has many."""
-
-    id: str
-    title: str
-    note: str
-    verdict: Verdict
-    blocks: tuple[Simple, ...]
-
-
-@dataclass(frozen=True)
-class Page:
-    """A page of a report of several; `note`: a word in the list of pages."""
-
-    id: str
-    title: str
-    note: str
-    verdict: Verdict
-    blocks: tuple[Simple | Section, ...]
+def picture(path: Path, alt: str) -> str:
+    """A picture of a file as HTML, in the page itself; a sentence where the file is gone."""
+    try:
+        source = address(path)
+    except OSError:
+        return f'<p class="none">The picture {escape(path.name)} is not in the folder of the run.</p>'
+    return (
+        f'<button class="enlarge" title="larger, smaller"><img src="{source}" alt="{escape(alt, quote=True)}"></button>'
+    )

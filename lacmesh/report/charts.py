@@ -6,12 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.report.blocks import Chart, Line, Plot
+from lacmesh.report.markup import identifier
 
 Array: TypeAlias = NDArray[np.float64]
 WIDTH, HEIGHT = 440, 290
@@ -26,6 +26,38 @@ _LEVEL, _LEVEL_LOG = 1e-6, 1e-12
 #: of a line with more points, marks are dots
 _MANY = 40
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a plot. `style`: `line` (an exact solution), `points`, `both`, `steps` (constant between its x)."""
+
+    label: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    style: Literal["line", "points", "both", "steps"] = "both"
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Lines to draw. `kind`: what a report groups plots by, such as `pressure`, `Newton`, `inf-sup`."""
+
+    kind: str
+    title: str
+    x_label: str
+    y_label: str
+    lines: tuple[Line, ...]
+    log_x: bool = False
+    log_y: bool = False
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A plot to draw. `slopes`: of triangles drawn beside the lines; `links`: the ids that the lines lead to."""
+
+    plot: Plot
+    slopes: tuple[float, ...] = ()
+    links: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -75,6 +107,20 @@ def steps(low: float, high: float) -> list[float]:
     step = power * next(m for m in (1, 2, 2.5, 5, 10) if m * power >= rough * 0.999)
     first = math.ceil(low / step - 1e-9)
     return [float(f"{k * step:.12g}") for k in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def with_legend(chart: Chart) -> str:
+    """A chart as an <svg> element, and below it the names of its lines."""
+    lines = chart.plot.lines
+    links = chart.links or ("",) * len(lines)
+    named = zip(lines, ranks(lines), links, strict=True)
+    legend = "".join(f"<li>{_named_line(line, rank, link)}</li>" for line, rank, link in named if line.label)
+    return f'{svg(chart)}<ul class="legend">{legend}</ul>'
+
+
+def _named_line(line: Line, rank: int, link: str) -> str:
+    label = escape(line.label, quote=False)
+    return swatch(line, rank) + (f'<a href="#{identifier(link)}">{label}</a>' if link else label)
 
 
 def svg(chart: Chart) -> str:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
 from lacmesh.quality.statistics import Histogram
-from lacmesh.report.blocks import Bars
+from lacmesh.report.blocks import ReportBlock, figure, figures
 
 #: legend of histograms on a page
-KEY = '<p class="key"><i class="before"></i>before<i class="after"></i>after; share of the cells</p>'
+_KEY = '<p class="key"><i class="before"></i>before<i class="after"></i>after; share of the cells</p>'
 WIDTH, HEIGHT = 340, 168
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 8, 34
 _EIGHTHS = " ▏▎▍▌▋▊▉"
@@ -23,9 +24,28 @@ _TICKS = {
 }
 
 
+class Bars(NamedTuple):
+    """A measure of cells and its histograms: before a cut, where there was one, and after it.
+
+    `scale`: what its values are: `unit` (0 to 1), `ratio` or `angle`.
+    """
+
+    measure: str
+    scale: str
+    histograms: tuple[Histogram, ...]
+
+
+def block(charts: Iterable[Bars]) -> ReportBlock:
+    """Several histograms side by side, with a legend above them; in Markdown in characters."""
+    charts = tuple(charts)
+    html = figures(figure(chart.measure, svg(chart)) for chart in charts).html
+    return ReportBlock(f"{_KEY}\n{html}", "\n".join(["```text", *map(text, charts), "```"]))
+
+
 def svg(chart: Bars) -> str:
     """A chart: the share of the cells in each bin, before and after side by side, as an <svg> element."""
-    first = chart.before or chart.after
+    first = chart.histograms[0]
+    words = [word for word, _ in lines(first)]
     low, high = _window(chart)
     shares = [_shares(h, low, high) for h in chart.histograms]
     top = _round_up(max(float(s.max(initial=0)) for s in shares))
@@ -40,7 +60,7 @@ def svg(chart: Bars) -> str:
             tall = max(float(share[k]) / top * height, 0.8)
             x = _LEFT + k * width + 0.07 * width + which * slot
             y = _TOP + height - tall
-            title = f"{name}: {share[k]:.1%}, {_bin_words(first, k + low)}"
+            title = f"{name}: {share[k]:.1%}, {words[k + low]}"
             parts.append(
                 f'<rect class="{name}" x="{x:.1f}" y="{y:.1f}" width="{slot:.1f}" height="{tall:.1f}">'
                 f"<title>{escape(title)}</title></rect>"
@@ -77,14 +97,6 @@ def _shares(h: Histogram, low: int, high: int) -> np.ndarray:
 def _round_up(share: float) -> float:
     """Upper end of the axis for a largest share."""
     return next(step for step in (0.06, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.01) if share <= step)
-
-
-def _bin_words(h: Histogram, k: int) -> str:
-    if k == 0:
-        return f"below {h.edges[0]:.3g}"
-    if k > len(h.counts):
-        return f"above {h.edges[-1]:.3g}"
-    return f"{h.edges[k - 1]:.3g} to {h.edges[k]:.3g}"
 
 
 def _frame(top: float, height: float) -> str:

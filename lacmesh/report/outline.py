@@ -1,10 +1,8 @@
-"""Content of a report of a cut, in order, as blocks that the writers of HTML and Markdown only have to format."""
+"""Content of a report of a cut, in order, as blocks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,19 +11,8 @@ from lacmesh.quality.measures import SCALES
 from lacmesh.quality.statistics import PERCENTS, Statistics
 from lacmesh.quality.summary import TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.report.blocks import (
-    Bars,
-    Fact,
-    Facts,
-    Figure,
-    Figures,
-    Simple,
-    Table,
-    Text,
-    Title,
-    Verdict,
-    columns,
-)
+from lacmesh.report import histograms
+from lacmesh.report.blocks import ReportBlock, TableRow, Verdict, fact, facts, prose, sentence, table, title
 from lacmesh.report.compare import Comparison, CutReport
 
 if TYPE_CHECKING:
@@ -37,34 +24,39 @@ _WORDS = {3: "Solid cells", 2: "Surface cells", 1: "Lines"}
 _SIZE = {3: "volume", 2: "area", 1: "length"}
 
 
-def outline(report: CutReport, name: str = "") -> Iterator[Simple]:
+def heading(name: str = "") -> str:
+    """The title of a report of the cut of a mesh."""
+    return f"The cut of {name}" if name else "The cut"
+
+
+def outline(report: CutReport, name: str = "") -> Iterator[ReportBlock]:
     """Yield the blocks of a report; `name`: of the mesh, for its title."""
-    yield Title(f"The cut of {name}" if name else "The cut", 1)
-    yield Facts(tuple(_facts(report)))
-    yield Text(" ".join(_sentences(report)), literal=True)
+    yield title(heading(name), 1)
+    yield facts(_facts(report))
+    yield sentence(" ".join(_sentences(report)))
     if report.findings is not None:
-        yield Title("What the check found", 2)
+        yield title("What the check found")
         yield from _findings(report.findings)
     for comparison in report.comparisons:
         if comparison.dim > 1 or any(comparison.invalid):
             yield from _comparison(comparison)
     if report.worst:
-        yield Title("New cells of lowest quality", 2)
+        yield title("New cells of lowest quality")
         yield _worst(report)
     if report.sizes:
-        yield Title("What the touched cells hold", 2)
-        yield Text(
+        yield title("What the touched cells hold")
+        yield prose(
             "Lengths, areas and volumes of the touched cells, which the cut keeps; the other cells are unchanged."
         )
         yield _sizes(report)
     if report.types_after.types:
-        yield Title("Verdict's measures, type by type", 2)
-        yield Text("As ParaView computes them; Verdict defines none on quadratic cells. Touched cells only.")
+        yield title("Verdict's measures, type by type")
+        yield prose("As ParaView computes them; Verdict defines none on quadratic cells. Touched cells only.")
         for when, quality in (("before", report.types_before), ("after", report.types_after)):
             for kind in quality.types:
                 yield from _type(kind, when)
-    yield Title("What the numbers mean", 2)
-    yield from (Text(text, literal=True, lead=lead) for lead, text in _MEANINGS.items())
+    yield title("What the numbers mean")
+    yield from (sentence(text, lead=lead) for lead, text in _MEANINGS.items())
 
 
 _MEANINGS = {
@@ -81,23 +73,23 @@ _MEANINGS = {
 }
 
 
-def _facts(report: CutReport) -> Iterator[Fact]:
+def _facts(report: CutReport) -> Iterator[ReportBlock]:
     s = report.summary
     macros = sum(n for n, _ in report.internal.values())
-    yield Fact("macro-elements", f"{macros:,}", ", ".join(report.internal))
-    yield Fact("cells", f"{s.cells[1]:,}", f"{s.cells[1] - s.cells[0]:+,}")
-    yield Fact("nodes", f"{s.nodes[1]:,}", f"{s.nodes[1] - s.nodes[0]:+,}")
+    yield fact("macro-elements", f"{macros:,}", ", ".join(report.internal))
+    yield fact("cells", f"{s.cells[1]:,}", f"{s.cells[1] - s.cells[0]:+,}")
+    yield fact("nodes", f"{s.nodes[1]:,}", f"{s.nodes[1] - s.nodes[0]:+,}")
     if not report.comparisons:
         return
     before, after = s.worst
-    yield Fact(
+    yield fact(
         "minimum Jacobian", number(after), f"of the parents {number(before)}", "" if after >= _HARD else "missed"
     )
     top = report.comparisons[0]
-    yield Fact("child / parent", number(top.ratio.median), f"median; least {number(top.ratio.least)}")
+    yield fact("child / parent", number(top.ratio.median), f"median; least {number(top.ratio.least)}")
     invalid = [sum(c.invalid[k] for c in report.comparisons) for k in (0, 1)]
     verdict: Verdict = "missed" if invalid[1] else ""
-    yield Fact("invalid children", f"{invalid[1]:,}", f"{invalid[0]:,} invalid parents", verdict)
+    yield fact("invalid children", f"{invalid[1]:,}", f"{invalid[0]:,} invalid parents", verdict)
 
 
 def _sentences(report: CutReport) -> Iterator[str]:
@@ -134,40 +126,45 @@ def _variant_sentence(report: CutReport) -> str:
     return f"{start}: {counts}. --hexa auto chooses for each set of hexahedra that share slave faces."
 
 
-def _findings(findings: Sequence[Finding]) -> Iterator[Text]:
+def _findings(findings: Sequence[Finding]) -> Iterator[ReportBlock]:
     if not findings:
-        yield Text("Nothing.")
+        yield prose("Nothing.")
     for f in findings:
         group = f" in {f.where.group}" if f.where.group else ""
         verdict: Verdict = "missed" if f.severity == "error" else ""
-        yield Text(f"{f.message}.", verdict, literal=True, lead=f"{f.severity}, {f.rule}{group}")
+        yield sentence(f"{f.message}.", verdict, lead=f"{f.severity}, {f.rule}{group}")
 
 
 def _count(cells: dict[str, int]) -> str:
     return ", ".join(f"{n:,} {kind}" for kind, n in cells.items())
 
 
-def _comparison(c: Comparison) -> Iterator[Simple]:
-    yield Title(f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after", 2)
+#: names of the columns of statistics
+_STATISTICS = ("min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
+
+
+def _comparison(c: Comparison) -> Iterator[ReportBlock]:
+    yield title(f"{_WORDS[c.dim]}: {c.cells[0]:,} before, {c.cells[1]:,} after")
     ordered = sorted(c.after, key=lambda m: (m != "corner_jacobian", m == "validity"))
-    charts = [Bars(m, SCALES[m].kind, c.before[m].histogram, c.after[m].histogram) for m in ordered if c.dim > 1]
+    both = [(m, (c.before[m], c.after[m])) for m in ordered]
+    rows = [
+        TableRow((m, when, *_values(s)), again=when == "after")
+        for m, pair in both
+        for when, s in zip(("before", "after"), pair, strict=True)
+    ]
     if c.dim > 1:
-        charts.insert(1, Bars("ratio to the parent", "unit", None, c.ratio.histogram))
-        yield Figures(tuple(Figure(bars.measure, bars) for bars in charts))
-    rows = [_values_row(m, when, s) for m in ordered for when, s in (("before", c.before[m]), ("after", c.after[m]))]
-    if c.dim > 1:
-        rows.insert(2, _values_row("ratio to the parent", "after", c.ratio))
-    names = ("measure", "", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean")
-    table = Table.of_words(columns(names, numbers=names[2:]), rows)
-    again = [b[0] == a[0] for a, b in pairwise([("",), *rows])]
-    yield replace(table, rows=tuple(replace(row, again=b) for row, b in zip(table.rows, again, strict=True)))
+        charts = [histograms.Bars(m, SCALES[m].kind, tuple(s.histogram for s in pair)) for m, pair in both]
+        charts.insert(1, histograms.Bars("ratio to the parent", "unit", (c.ratio.histogram,)))
+        yield histograms.block(charts)
+        rows.insert(2, TableRow(("ratio to the parent", "after", *_values(c.ratio))))
+    yield table(("measure", "", *_STATISTICS), rows, numbers=_STATISTICS)
 
 
-def _values_row(measure: str, when: str, s: Statistics) -> tuple[str, ...]:
-    return (measure, when, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
+def _values(s: Statistics) -> tuple[str, ...]:
+    return tuple(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean))
 
 
-def _worst(report: CutReport) -> Table:
+def _worst(report: CutReport) -> ReportBlock:
     names: tuple[str, ...] = ("cell", "type", "corner_jacobian", "of the parent", "parent", "place", "angles", "groups")
     names += ("better",) if any(w.better for w in report.worst) else ()
     rows = []
@@ -177,31 +174,30 @@ def _worst(report: CutReport) -> Table:
         angles = "" if np.isnan(w.angles[0]) else f"{w.angles[0]:.1f} to {w.angles[1]:.1f}"
         parent = f"{w.parent_type} {w.parent}"
         values = (str(w.number), w.type, number(w.value), number(w.parent_value), parent, place, angles)
-        rows.append((*values, ", ".join(w.groups), better)[: len(names)])
-    return Table.of_words(columns(names, numbers=("cell", "corner_jacobian", "of the parent")), rows)
+        rows.append(TableRow((*values, ", ".join(w.groups), better)[: len(names)]))
+    return table(names, rows, numbers=("cell", "corner_jacobian", "of the parent"))
 
 
-def _sizes(report: CutReport) -> Table:
-    rows = [
-        (s.group or "all", _SIZE[s.dim], f"{s.before:.10g}", f"{s.after:.10g}", f"{s.change:+.1e}" if s.change else "0")
-        for s in report.sizes
-    ]
+def _sizes(report: CutReport) -> ReportBlock:
     names = ("group", "", "before", "after", "relative change")
-    return Table.of_words(columns(names, numbers=names[2:]), rows)
-
-
-def _type(t: TypeQuality, when: str) -> Iterator[Simple]:
-    accepted = ACCEPTED.get(t.type, {})
-    measures = {m: s for m, s in t.measures.items() if m in accepted}
-    if not measures:
-        return
-    names = ("measure", "min", *(f"{p} %" if p != 50 else "median" for p in PERCENTS), "max", "mean", "accepted")
     rows = []
-    for m, s in measures.items():
-        limits = accepted[m]
-        allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
-        rows.append((*(_values_row(m, "", s)[0:1] + _values_row(m, "", s)[2:]), allowed))
-    yield Table.of_words(columns(names, numbers=names[1:]), rows, folded=f"{t.type} {when}: {t.count:,} cells")
+    for s in report.sizes:
+        change = f"{s.change:+.1e}" if s.change else "0"
+        rows.append(TableRow((s.group or "all", _SIZE[s.dim], f"{s.before:.10g}", f"{s.after:.10g}", change)))
+    return table(names, rows, numbers=names[2:])
+
+
+def _type(t: TypeQuality, when: str) -> Iterator[ReportBlock]:
+    accepted = ACCEPTED.get(t.type, {})
+    rows = []
+    for m, s in t.measures.items():
+        if m in accepted:
+            limits = accepted[m]
+            allowed = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
+            rows.append(TableRow((m, *_values(s), allowed)))
+    if rows:
+        names = ("measure", *_STATISTICS, "accepted")
+        yield table(names, rows, numbers=names[1:], folded=f"{t.type} {when}: {t.count:,} cells")
 
 
 def number(value: float) -> str:

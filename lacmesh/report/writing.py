@@ -8,10 +8,9 @@ from pathlib import Path
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import check_place, replace_file
-from lacmesh.report import html, markdown
-from lacmesh.report.blocks import Title
 from lacmesh.report.compare import CutReport
-from lacmesh.report.outline import outline
+from lacmesh.report.outline import heading, outline
+from lacmesh.report.pages import html_page, markdown_page
 
 SUFFIXES = (".html", ".md", ".json")
 
@@ -34,10 +33,8 @@ def report_bytes(suffix: str, report: CutReport, name: str = "") -> bytes:
         return (json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
     from lacmesh import __version__
 
-    blocks = list(outline(report, name))
-    footer = f"lacmesh {__version__}"
-    title = next(block.text for block in blocks if isinstance(block, Title))
-    text = html.page(blocks, title, footer) if suffix == ".html" else markdown.page(blocks, footer)
+    blocks, footer = outline(report, name), f"lacmesh {__version__}"
+    text = html_page(blocks, heading(name), footer) if suffix == ".html" else markdown_page(blocks, footer)
     return text.encode()
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from verification.records import (
     Case,
     Failure,

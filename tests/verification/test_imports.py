@@ -16,7 +16,7 @@ WHOLE = {
     # parts of a mesh, and the processes that share a model (docs/partition.md, docs/install_petsc.md)
     *("lacmesh.partition", "lacsolver.distributed.launch", "lacsolver.distributed.processes"),
     # what its reports are made of, as lacmesh's own are
-    *("lacmesh.report", "lacmesh.report.blocks", "lacmesh.report.charts", "lacmesh.report.markdown"),
+    *("lacmesh.report", *(f"lacmesh.report.{name}" for name in ("blocks", "charts", "markup", "pages"))),
 }
 PACKAGES = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 #: module and name: the public ones, and the stages for users who take one and replace another

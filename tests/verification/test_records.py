@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from verification import families
 from verification.records import (
     SUITES,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lacmesh.report import charts
-from lacmesh.report.blocks import Chart, Line, Plot
+from lacmesh.report.charts import Chart, Line, Plot
 from tests.browser import Browser
 from tests.verification.report_runs import NASTY, TYPES, make_run
 from verification import report

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from lacsolver.problem.problem import Problem
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors

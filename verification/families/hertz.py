@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh.cells import CELLS
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from lacsolver.case import Displacement, Value
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure

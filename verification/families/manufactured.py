@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.blocks import Plot
+from lacmesh.report.charts import Plot
 from verification.exact.sources import SymbolicFunction, compiled, derive
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Outcome, Published, Result, at_most
 from verification.solving import Solved, balanced, entry, solve

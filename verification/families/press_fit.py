@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.rings import octant, pair, ring

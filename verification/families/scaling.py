@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.blocks import Line, Plot
+from lacmesh.report.charts import Line, Plot
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, informative

@@ -7,8 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from lacmesh.report.blocks import Simple, Table, TableRow, Title, columns
-from lacmesh.report.markdown import blocks
+from lacmesh.report.blocks import ReportBlock, TableRow, as_markdown, table, title
 from verification.records import Result
 from verification.report import words
 from verification.report.judging import SAID, verdict
@@ -33,15 +32,13 @@ class Pair:
 def compare(before: Run, after: Run) -> str:
     """Differences between two runs as Markdown; the first line gives their number."""
     pairs = paired(before, after)
-    found = [(name, [p for p in pairs if holds(p)]) for name, holds in _KINDS]
-    different = {id(p) for _, group in found for p in group}
-    counts = ", ".join(f"{len(group)} {name}" for name, group in found if group)
+    kinds = {name: own for name, holds in _KINDS if (own := [p for p in pairs if holds(p)])}
+    different = {id(p) for own in kinds.values() for p in own}
+    counts = ", ".join(f"{len(own)} {name}" for name, own in kinds.items())
     first = f"{len(different):,} of {words.count(len(pairs), 'result')} differ{'' if len(different) != 1 else 's'}"
     lines = [f"{first}: {counts}." if different else f"No result differs, of {len(pairs):,}.", _versions(before, after)]
-    shown: list[Simple] = []
-    for name, group in found:
-        shown += [Title(name.capitalize(), 3), _table(group)] if group else []
-    return "\n\n".join([*lines, *blocks(shown)])
+    shown = (block for name, own in kinds.items() for block in (title(name.capitalize(), 3), _table(own)))
+    return "\n\n".join([*lines, *([as_markdown(shown)] if kinds else [])])
 
 
 def paired(before: Run, after: Run) -> list[Pair]:
@@ -130,10 +127,9 @@ def _versions(before: Run, after: Run) -> str:
     return f"Before: {versions[0]}; after: {versions[1]}."
 
 
-def _table(pairs: Iterable[Pair]) -> Table:
+def _table(pairs: Iterable[Pair]) -> ReportBlock:
     names = ("case", "quantity", "before", "after", "error before", "error after", "verdict")
-    heads = columns(names, numbers=("before", "after", "error before", "error after"))
-    return Table(heads, tuple(_row(p) for p in pairs))
+    return table(names, [_row(p) for p in pairs], numbers=names[2:6])
 
 
 def _row(p: Pair) -> TableRow:
@@ -141,4 +137,4 @@ def _row(p: Pair) -> TableRow:
     errors = [words.error(e) for e in ends] if ends else ["", ""]
     said = [SAID[verdict(r)] for r in (p.before, p.after) if r is not None]
     values = [words.value_of(r) if r is not None else "" for r in (p.before, p.after)]
-    return TableRow.of((p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))
+    return TableRow((p.case, p.quantity, *values, *errors, " → ".join(dict.fromkeys(said))))

@@ -5,53 +5,44 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from lacmesh.report.blocks import Chart, Column, Line, Plot, Table, TableCell, TableRow
-from lacmesh.report.charts import COLOURS
+from lacmesh.report.blocks import ReportBlock, TableCell, TableRow, table
+from lacmesh.report.charts import COLOURS, Chart, Line, Plot
 from verification.records import Level, Result
 from verification.report import words
+from verification.report.tables import grouped
 from verification.running.folder import CaseResult
 
 Sizes = tuple[tuple[float, int], ...]
 
 
-def tables(results: Iterable[Result]) -> Iterator[Table]:
+def tables(results: Iterable[Result]) -> Iterator[ReportBlock]:
     """Sizes, errors and pairwise rates; below them the fitted rates, and what is wanted. One for each row of meshes."""
-    groups: dict[Sizes, list[Result]] = {}
-    for result in results:
-        if result.levels:
-            groups.setdefault(tuple((v.h, v.unknowns) for v in result.levels), []).append(result)
+    groups = grouped((tuple((v.h, v.unknowns) for v in r.levels), r) for r in results if r.levels)
     for sizes, group in groups.items():
         yield _table(sizes, group)
 
 
-def _table(sizes: Sizes, results: Sequence[Result]) -> Table:
-    columns = [Column("level", number=True), Column("h", number=True), Column("unknowns", number=True)]
+def _table(sizes: Sizes, results: Sequence[Result]) -> ReportBlock:
+    names = ["level", "h", "unknowns"]
     for result in results:
-        columns += [Column(result.quantity, number=True), Column("rate", number=True)]
+        names += [result.quantity, "rate"]
     rows = [_row(k, size, [r.levels[k] for r in results]) for k, size in enumerate(sizes)]
     fitted = [text for r in results for text in ("", words.rate(r.value) if words.is_rate(r) else "")]
     wanted = [text for r in results for text in ("", _wanted(r))]
-    foot = (
-        TableRow.of(("fitted", "", "", *fitted)),
-        TableRow.of(("expected", "", "", *wanted)),
-    )
-    return Table(tuple(columns), tuple(rows), foot)
+    foot = (TableRow(("fitted", "", "", *fitted)), TableRow(("expected", "", "", *wanted)))
+    return table(names, rows, numbers=names, foot=foot)
 
 
 def _row(k: int, size: tuple[float, int], levels: Sequence[Level]) -> TableRow:
     h, unknowns = size
     cells = [TableCell(str(k + 1), k + 1), TableCell(f"{h:.3g}", h), TableCell(f"{unknowns:,}", unknowns)]
     for level in levels:
-        cells += TableCell(words.error(level.error), level.error), TableCell(words.rate(level.rate), _known(level.rate))
-    return TableRow.of(cells)
+        cells += TableCell(words.error(level.error), level.error), TableCell(words.rate(level.rate), level.rate)
+    return TableRow(cells)
 
 
 def _wanted(r: Result) -> str:
     return "" if r.expected is None or not words.is_rate(r) else f"≥ {words.rate(r.expected)}"
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def chart_of(done: CaseResult) -> Chart | None:
@@ -64,21 +55,14 @@ def chart_of(done: CaseResult) -> Chart | None:
 
 def charts_of(cases: Iterable[CaseResult]) -> Iterator[Chart]:
     """A chart for each quantity and rate that is wanted, with the cases as its lines."""
-    groups: dict[tuple[str, float | None], list[tuple[CaseResult, Result]]] = {}
-    for done in cases:
-        for r in done.results:
-            if len(r.levels) > 1:
-                groups.setdefault((r.quantity, r.expected), []).append((done, r))
+    groups = grouped(((r.quantity, r.expected), (done, r)) for done in cases for r in done.results if len(r.levels) > 1)
     for (quantity, wanted), group in groups.items():
+        is_rate = wanted is not None and words.is_rate(group[0][1])
+        title = f"{quantity}, rate wanted {wanted:.4g}" if is_rate else quantity
         for k in range(0, len(group), COLOURS):
             part = group[k : k + COLOURS]
             lines = [_line(done.case, r) for done, r in part]
             count = f" ({k // COLOURS + 1} of {math.ceil(len(group) / COLOURS)})" if len(group) > COLOURS else ""
-            title = (
-                quantity
-                if wanted is None or not words.is_rate(group[0][1])
-                else f"{quantity}, rate wanted {wanted:.4g}"
-            )
             slopes = (wanted,) if wanted and words.is_rate(part[0][1]) else ()
             yield Chart(_plot(f"{title}{count}", lines), slopes, tuple(d.id for d, _ in part))
 

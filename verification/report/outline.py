@@ -3,36 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
-from lacmesh.report.blocks import (
-    Chart,
-    Column,
-    Command,
-    Drawing,
-    Fact,
-    Facts,
-    Figure,
-    Figures,
-    Image,
-    Line,
-    NamedValues,
-    Page,
-    Plot,
-    Section,
-    Simple,
-    Table,
-    TableCell,
-    TableRow,
-    Text,
-    Title,
-    columns,
-)
-from lacmesh.report.charts import COLOURS
+from lacmesh.report import blocks
+from lacmesh.report.blocks import ReportBlock, TableCell, TableRow, figures, prose, sentence, table, title
+from lacmesh.report.charts import COLOURS, Chart, Line, Plot, with_legend
+from lacmesh.report.markup import plain
+from lacmesh.report.pages import Page
 from verification.families import MODULES, family
 from verification.report import convergence, tables, words
 from verification.report.drawings import drawing
 from verification.report.judging import Count, counted
+from verification.report.tables import grouped
 from verification.running.folder import CaseResult, Run
 
 #: plots of a kind that a family's page shows; all are with their cases
@@ -58,16 +41,19 @@ def outline(run: Run) -> Iterator[Page]:
 
 def by_family(cases: Iterable[CaseResult]) -> dict[str, list[CaseResult]]:
     """The cases of each family, in the order of the run."""
-    groups: dict[str, list[CaseResult]] = {}
-    for done in cases:
-        groups.setdefault(done.family, []).append(done)
-    return groups
+    return grouped((done.family, done) for done in cases)
+
+
+def titled(text: str, content: ReportBlock | None, *before: ReportBlock, level: int = 2) -> Iterator[ReportBlock]:
+    """A title, what is said before a block, and the block; nothing where there is no block."""
+    if content is not None:
+        yield from (title(text, level), *before, content)
 
 
 def title_of(name: str) -> str:
     """The title of a family; its name where the family is not known here."""
-    found = _family(name)
-    return found.title if found else name.capitalize()
+    known = _family(name)
+    return known.title if known else name.capitalize()
 
 
 def _family(name: str) -> Any:
@@ -97,17 +83,19 @@ def verdict_sentence(run: Run) -> str:
     return f"{start} {judged}{failed}. {more}."
 
 
-def facts(n: Count, seconds: float) -> Facts:
+def facts(n: Count, seconds: float) -> ReportBlock:
     """The numbers to be seen first."""
     share = f"{n.met / n.judged:.1%} of {n.judged:,} judged" if n.judged else "none judged"
-    found = [
-        Fact("results met", f"{n.met:,}", share, "met" if n.met else ""),
-        Fact("missed", f"{n.missed:,}", "each with its reason" if n.missed else "", "missed" if n.missed else ""),
-        Fact("no outcome", f"{n.failed:,}", f"of {words.count(n.cases, 'case')}", "none" if n.failed else ""),
-        Fact("for information", f"{n.informative:,}", "without a bound"),
-        Fact("time", words.seconds(seconds)),
-    ]
-    return Facts(tuple(found))
+    fact = blocks.fact
+    return blocks.facts(
+        (
+            fact("results met", f"{n.met:,}", share, "met" if n.met else ""),
+            fact("missed", f"{n.missed:,}", "each with its reason" if n.missed else "", "missed" if n.missed else ""),
+            fact("no outcome", f"{n.failed:,}", f"of {words.count(n.cases, 'case')}", "none" if n.failed else ""),
+            fact("for information", f"{n.informative:,}", "without a bound"),
+            fact("time", words.seconds(seconds)),
+        )
+    )
 
 
 def summary_page(run: Run) -> Page:
@@ -118,41 +106,35 @@ def summary_page(run: Run) -> Page:
     )
 
 
-def _summary(run: Run, n: Count) -> Iterator[Simple]:
-    yield Text(verdict_sentence(run))
+def _summary(run: Run, n: Count) -> Iterator[ReportBlock]:
+    nothing = prose("Nothing: every case has an outcome, and every result with a bound is met.")
+    compared = prose("What the results are compared with. No expected value was computed by the solver under test.")
+    others = prose("Results of other codes for the same problem. Only those with a bound are compared for better.")
+    yield prose(verdict_sentence(run))
     yield facts(n, run.seconds)
-    yield Title("Families")
-    yield families_table(run)
-    yield Title("What fell short")
-    short = tables.missed(run.done)
-    yield short if short.rows else Text("Nothing: every case has an outcome, and every result with a bound is met.")
-    yield Title("Reference solutions")
-    yield Text("What the results are compared with. No expected value was computed by the solver under test.")
-    yield tables.sources(run.done)
-    others = tables.peers(run.done)
-    if others.rows:
-        yield Title("Published results")
-        yield Text("Results of other codes for the same problem. Only those with a bound are compared for better.")
-        yield others
-    yield Title("Software")
-    yield NamedValues(tuple((name, str(value)) for name, value in run.environment.items()))
-    yield Command(command(run))
-    yield Title("How to read it")
-    yield Text(_MEANING)
+    yield from titled("Families", families_table(run))
+    yield from titled("What fell short", tables.missed(run.done) or nothing)
+    yield from titled("Reference solutions", tables.sources(run.done), compared)
+    yield from titled("Published results", tables.peers(run.done), others)
+    yield from titled("Software", blocks.named_values((name, str(value)) for name, value in run.environment.items()))
+    yield blocks.command(command(run))
+    yield from titled("How to read it", prose(_MEANING))
 
 
-def families_table(run: Run) -> Table:
-    """A line for each family."""
+def families_table(run: Run, *, verdicts: bool = True) -> ReportBlock:
+    """A line for each family; `verdicts`: with what the counts say, in a word."""
     names = ("family", "what", "cases", "met", "missed", "for information", "no outcome", "time", "verdict")
-    heads = columns(names, numbers=("cases", "met", "missed", "for information", "no outcome", "time"), wide=("what",))
-    return Table(heads, tuple(_family_row(name, cases) for name, cases in by_family(run.done).items()))
+    rows = [_family_row(name, cases) for name, cases in by_family(run.done).items()]
+    if not verdicts:
+        names, rows = names[:-1], [row._replace(cells=row.cells[:-1]) for row in rows]
+    return table(names, rows, numbers=names[2:8], wide=("what",))
 
 
 def _family_row(name: str, cases: Sequence[CaseResult]) -> TableRow:
-    n, time = counted(cases), sum(done.seconds for done in cases)
-    counts = (TableCell(f"{k:,}", k) for k in (n.cases, n.met, n.missed, n.informative, n.failed))
-    ends = TableCell(words.seconds(time), time), tables.judged(n.verdict)
-    return TableRow.of((TableCell(name, link=name), title_of(name), *counts, *ends), n.verdict)
+    n = counted(cases)
+    counts = map(tables.whole, (n.cases, n.met, n.missed, n.informative, n.failed))
+    time = tables.seconds(sum(done.seconds for done in cases))
+    return TableRow((TableCell(name, link=name), title_of(name), *counts, time, tables.judged(n.verdict)), n.verdict)
 
 
 def family_page(run: Run, name: str, cases: Sequence[CaseResult]) -> Page:
@@ -164,58 +146,43 @@ def family_page(run: Run, name: str, cases: Sequence[CaseResult]) -> Page:
     return Page(name, title_of(name), note, n.verdict, parts)
 
 
-def _family_page(run: Run, name: str, cases: Sequence[CaseResult], n: Count) -> Iterator[Simple]:
-    found = _family(name)
-    yield Drawing(drawing(name))
-    if found:
-        yield Text(found.text)
+def _family_page(run: Run, name: str, cases: Sequence[CaseResult], n: Count) -> Iterator[ReportBlock]:
+    known = _family(name)
+    yield blocks.drawing(drawing(name))
+    if known:
+        yield prose(known.text)
     yield facts(n, sum(done.seconds for done in cases))
-    yield Command(command(run, name))
-    short = tables.missed(cases)
-    if short.rows:
-        yield Title("What fell short")
-        yield short
-    yield Title("The worst of each quantity")
-    yield tables.worst(cases)
+    yield blocks.command(command(run, name))
+    yield from titled("What fell short", tables.missed(cases))
+    yield from titled("The worst of each quantity", tables.worst(cases))
     yield from _graphs(run, name, cases)
-    others = tables.published(cases)
-    if others.rows:
-        yield Title("Published results")
-        yield others
-    yield Title("Cases")
-    yield tables.index(cases)
+    yield from titled("Published results", tables.published(cases))
+    yield from titled("Cases", tables.index(cases))
 
 
-def _graphs(run: Run, name: str, cases: Sequence[CaseResult]) -> Iterator[Simple]:
+def _graphs(run: Run, name: str, cases: Sequence[CaseResult]) -> Iterator[ReportBlock]:
     """Convergence of all cases, pictures, and some plots of each kind."""
-    charts = list(convergence.charts_of(cases))
-    if charts:
-        yield Title("Against the size of the mesh")
-        yield Figures(tuple(_common(run, name, f"errors-{k}", chart) for k, chart in enumerate(charts)))
-    pictures = tuple(_picture(run, done, k) for done in cases for k in range(len(done.pictures)))
-    if pictures:
-        yield Title("Pictures")
-        yield Figures(pictures)
-    kinds: dict[str, list[tuple[CaseResult, int]]] = {}
-    for done in cases:
-        for k, plot in enumerate(done.plots):
-            kinds.setdefault(plot.kind, []).append((done, k))
+    charts = [_common(run, name, f"errors-{k}", chart) for k, chart in enumerate(convergence.charts_of(cases))]
+    pictures = [_picture(run, done, k) for done in cases for k in range(len(done.pictures))]
+    yield from titled("Against the size of the mesh", figures(charts) if charts else None)
+    yield from titled("Pictures", figures(pictures) if pictures else None)
+    kinds = grouped((plot.kind, (done, k)) for done in cases for k, plot in enumerate(done.plots))
     for kind, group in kinds.items():
-        yield Title(kind[:1].upper() + kind[1:])
+        yield title(kind[:1].upper() + kind[1:])
         yield from _kind(run, name, kind, group)
 
 
-def _kind(run: Run, name: str, kind: str, group: Sequence[tuple[CaseResult, int]]) -> Iterator[Simple]:
+def _kind(run: Run, name: str, kind: str, group: Sequence[tuple[CaseResult, int]]) -> Iterator[ReportBlock]:
     """Plots of a kind: those of few points joined, of others some."""
     if len(group) > 1 and all(_is_short(done.plots[k]) for done, k in group):
         joined = _joined(kind, group)
-        yield Figures(tuple(_common(run, name, f"{kind}-{k}", chart) for k, chart in enumerate(joined)))
+        yield figures(_common(run, name, f"{kind}-{k}", chart) for k, chart in enumerate(joined))
         return
     if len(group) > EXAMPLES:
-        yield Text(f"{EXAMPLES} of {len(group)}; all of them stand with their cases.")
+        yield prose(f"{EXAMPLES} of {len(group)}; all of them stand with their cases.")
     spread = [group[round(k * (len(group) - 1) / (EXAMPLES - 1))] for k in range(EXAMPLES)]
     chosen = group if len(group) <= EXAMPLES else list(dict(((d.id, k), (d, k)) for d, k in spread).values())
-    yield Figures(tuple(_drawn(run, done, k, "-example") for done, k in chosen))
+    yield figures(_drawn(run, done, k, "-example") for done, k in chosen)
 
 
 def _is_short(plot: Plot) -> bool:
@@ -224,93 +191,97 @@ def _is_short(plot: Plot) -> bool:
 
 def _joined(kind: str, group: Sequence[tuple[CaseResult, int]]) -> Iterator[Chart]:
     """Plots with the same axes, in one."""
-    axes: dict[tuple[str, str, bool, bool], list[tuple[str, Line]]] = {}
-    for done, k in group:
-        plot = done.plots[k]
-        for line in plot.lines:
-            label = f"{done.case}: {line.label}" if len(plot.lines) > 1 else done.case
-            own = Line(label, line.x, line.y, line.style)
-            axes.setdefault((plot.x_label, plot.y_label, plot.log_x, plot.log_y), []).append((done.id, own))
+    plots = [(done, done.plots[k]) for done, k in group]
+    axes = grouped(
+        ((plot.x_label, plot.y_label, plot.log_x, plot.log_y), (done.id, _of_case(done, plot, line)))
+        for done, plot in plots
+        for line in plot.lines
+    )
     for (x, y, log_x, log_y), lines in axes.items():
         for start in range(0, len(lines), COLOURS):
-            part = lines[start : start + COLOURS]
-            plot = Plot(kind, f"{y} against {x}", x, y, tuple(line for _, line in part), log_x, log_y)
-            yield Chart(plot, links=tuple(link for link, _ in part))
+            links, part = zip(*lines[start : start + COLOURS], strict=True)
+            yield Chart(Plot(kind, f"{y} against {x}", x, y, part, log_x, log_y), links=links)
 
 
-def _common(run: Run, name: str, which: str, chart: Chart) -> Figure:
+def _of_case(done: CaseResult, plot: Plot, line: Line) -> Line:
+    """A line of a plot, named after the case."""
+    return replace(line, label=f"{done.case}: {line.label}" if len(plot.lines) > 1 else done.case)
+
+
+def _common(run: Run, name: str, which: str, chart: Chart) -> ReportBlock:
     """A chart of several cases."""
-    place = f"{name}:{'-'.join(which.split())}"
-    return Figure(chart.plot.title, chart, place, name, name, command(run, name))
+    place, again = f"{name}:{'-'.join(which.split())}", command(run, name)
+    return blocks.figure(chart.plot.title, with_legend(chart), name=place, source=name, link=name, command=again)
 
 
-def _drawn(run: Run, done: CaseResult, k: int, more: str = "") -> Figure:
+def _drawn(run: Run, done: CaseResult, k: int, more: str = "") -> ReportBlock:
     """A plot of a case."""
     plot = done.plots[k]
-    return _figure(run, done, f"plot-{k}{more}", plot.title, Chart(plot))
+    return _figure(run, done, f"plot-{k}{more}", plot.title, with_legend(Chart(plot)))
 
 
-def _picture(run: Run, done: CaseResult, k: int) -> Figure:
+def _picture(run: Run, done: CaseResult, k: int) -> ReportBlock:
+    """A picture of a case; in Markdown its file in the folder of the run."""
     own = done.pictures[k]
-    image = Image(run.path / "cases" / done.family / own.file, own.alt)
-    return _figure(run, done, f"picture-{k}", own.title, image)
+    path = run.path / "cases" / done.family / own.file
+    line = f"- {plain(done.id)}, {plain(own.title)}: `cases/{done.family}/{own.file}`"
+    return _figure(run, done, f"picture-{k}", own.title, blocks.picture(path, own.alt), line)
 
 
-def _figure(run: Run, done: CaseResult, name: str, title: str, content: Chart | Image) -> Figure:
+def _figure(run: Run, done: CaseResult, name: str, heading: str, html: str, markdown: str = "") -> ReportBlock:
     """A figure of a case."""
-    return Figure(title, content, f"{done.id}:{name}", done.id, done.id, _again(run, done))
+    return blocks.figure(
+        heading, html, markdown,
+        name=f"{done.id}:{name}", source=done.id, link=done.id, command=_again(run, done),
+    )  # fmt: skip
 
 
 def _again(run: Run, done: CaseResult) -> str:
     return command(run, done.family, done.case)
 
 
-def case_section(run: Run, done: CaseResult) -> Section:
+def case_section(run: Run, done: CaseResult) -> ReportBlock:
     """Section of a case."""
     n = counted([done])
-    parts = [
-        f"{n.met} met" if n.met else "",
-        f"{n.missed} missed" if n.missed else "",
-        f"{n.informative} for information" if n.informative else "",
-    ]
-    note = ", ".join(p for p in (*parts, "no outcome" if n.failed else "", words.seconds(done.seconds)) if p)
-    return Section(done.id, done.case, note, n.verdict, tuple(_case(run, done)))
+    counts = ((n.met, "met"), (n.missed, "missed"), (n.informative, "for information"))
+    parts = [*(f"{k} {word}" for k, word in counts if k), *(["no outcome"] if n.failed else [])]
+    note = ", ".join([*parts, words.seconds(done.seconds)])
+    return blocks.section(done.id, done.case, note, n.verdict, _case(run, done))
 
 
-def _case(run: Run, done: CaseResult) -> Iterator[Simple]:
-    yield Text(done.description, literal=True)
+def _case(run: Run, done: CaseResult) -> Iterator[ReportBlock]:
+    yield sentence(done.description)
     if done.failure:
-        yield Text(f"No outcome: {done.failure}", "none", literal=True)
+        yield sentence(f"No outcome: {done.failure}", "none")
     levels, memory = words.count(done.levels, "level"), words.memory(done.memory)
-    yield Text(f"{levels}, {words.seconds(done.seconds)}, {memory} at most.")
-    yield Command(_again(run, done))
+    yield prose(f"{levels}, {words.seconds(done.seconds)}, {memory} at most.")
+    yield blocks.command(_again(run, done))
     if done.parameters:
-        yield NamedValues(tuple((name, _told(value)) for name, value in done.parameters.items()))
+        yield blocks.named_values((name, _in_words(value)) for name, value in done.parameters.items())
     if done.results:
         yield tables.results_of(done.results)
     chart = convergence.chart_of(done)
-    drawn = [_figure(run, done, "errors", "Errors", chart)] if chart else []
+    drawn = [_figure(run, done, "errors", "Errors", with_legend(chart))] if chart else []
     yield from convergence.tables(done.results)
     drawn += [_drawn(run, done, k) for k in range(len(done.plots))]
     if drawn:
-        yield Figures(tuple(drawn))
+        yield figures(drawn)
     if done.pictures:
-        yield Table((Column("picture"),), tuple(_to_picture(done, k) for k in range(len(done.pictures))))
+        links = enumerate(done.pictures)
+        yield table(
+            ("picture",), [TableRow((TableCell(own.title, link=f"{done.id}:picture-{k}"),)) for k, own in links]
+        )
     others = tables.published([done], with_case=False)
-    if others.rows:
+    if others:
         yield others
 
 
-def _to_picture(done: CaseResult, k: int) -> TableRow:
-    return TableRow.of((TableCell(done.pictures[k].title, link=f"{done.id}:picture-{k}"),))
-
-
-def _told(value: Any) -> str:
+def _in_words(value: Any) -> str:
     """Format a value of a problem's definition for reading."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):
-        return ", ".join(f"{name} {_told(own)}" for name, own in value.items())
+        return ", ".join(f"{name} {_in_words(own)}" for name, own in value.items())
     if isinstance(value, (list, tuple)):
-        return ", ".join(_told(own) for own in value)
+        return ", ".join(_in_words(own) for own in value)
     return words.number(value) if isinstance(value, float) else str(value)

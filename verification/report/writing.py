@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lacmesh.formats.output import replace_file
-from lacmesh.report import html, markdown
+from lacmesh.report.pages import html_pages, markdown_pages
 from verification.report.drawings import style
 from verification.report.outline import outline
 from verification.running.folder import RESULTS, Run
@@ -18,7 +18,7 @@ def write(run: Run, path: Path) -> None:
     """
     pages = list(outline(run))
     footer = f"lacmesh {run.version}, suite {run.suite}"
-    replace_file(path, html.pages(pages, footer, style()).encode())
-    replace_file(path.with_suffix(".md"), markdown.pages(pages, footer).encode())
+    replace_file(path, html_pages(pages, footer, style()).encode())
+    replace_file(path.with_suffix(".md"), markdown_pages(pages, footer).encode())
     if not (path.parent.exists() and path.parent.samefile(run.path)):
         replace_file(path.with_suffix(".json"), (run.path / RESULTS).read_bytes())

@@ -26,7 +26,7 @@ import numpy as np
 
 from lacmesh import LacmeshError
 from lacmesh.formats.output import replace_file
-from lacmesh.report.blocks import Plot
+from lacmesh.report.charts import Plot
 from verification.records import Case, Failure, Outcome, Result
 
 #: of the files of a folder; a folder of another format is not resumed
