@@ -1,7 +1,8 @@
 """The report of a run: a page of HTML that needs nothing else, Markdown beside it; a summary; what changed.
 
 what is said = pages of blocks: tables, charts, sentences     (`outline`, `brief`, `tables`, `convergence`, `judging`)
-as files = the pages as HTML and as Markdown                  (`writing`, `drawings`; the rest by `lacmesh.report`)
+as files = the pages as HTML and as Markdown                  (`writing`; the rest by `lacmesh.report`)
+problem = a drawing of each family's, with its style          (`problems/`)
 two runs = which results appeared, vanished, changed          (`changes`)
 """
 

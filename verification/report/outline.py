@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from importlib.resources import files
 from typing import Any
 
 from lacmesh.report import blocks
@@ -13,7 +14,6 @@ from lacmesh.report.markup import plain
 from lacmesh.report.pages import Page
 from verification.families import MODULES, family
 from verification.report import convergence, tables, words
-from verification.report.drawings import drawing
 from verification.report.judging import Count, counted
 from verification.report.tables import grouped
 from verification.running.folder import CaseResult, Run
@@ -158,6 +158,18 @@ def _family_page(run: Run, name: str, cases: Sequence[CaseResult], n: Count) -> 
     yield from _graphs(run, name, cases)
     yield from titled("Published results", tables.published(cases))
     yield from titled("Cases", tables.index(cases))
+
+
+def drawing(name: str) -> str:
+    """The drawing of a family's problem as an <svg> element, without its namespace, which a page has not to name.
+
+    Its classes are those of `problems/style.css`. Empty for a family without a drawing.
+    """
+    file = files("verification.report") / "problems" / f"{name}.svg"
+    if not file.is_file():
+        return ""
+    lines = file.read_text(encoding="utf-8").replace(' xmlns="http://www.w3.org/2000/svg"', "").splitlines()
+    return "".join(line.strip() for line in lines)
 
 
 def _graphs(run: Run, name: str, cases: Sequence[CaseResult]) -> Iterator[ReportBlock]:

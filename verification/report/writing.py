@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
 from pathlib import Path
 
 from lacmesh.formats.output import replace_file
 from lacmesh.report.pages import html_pages, markdown_pages
-from verification.report.drawings import style
 from verification.report.outline import outline
 from verification.running.folder import RESULTS, Run
 
@@ -16,9 +16,10 @@ def write(run: Run, path: Path) -> None:
 
     Away from the run's folder its results stand beside the page, with .json; in that folder they are `results.json`.
     """
+    style = (files("verification.report") / "problems" / "style.css").read_text(encoding="utf-8")
     pages = list(outline(run))
     footer = f"lacmesh {run.version}, suite {run.suite}"
-    replace_file(path, html_pages(pages, footer, style()).encode())
+    replace_file(path, html_pages(pages, footer, style).encode())
     replace_file(path.with_suffix(".md"), markdown_pages(pages, footer).encode())
     if not (path.parent.exists() and path.parent.samefile(run.path)):
         replace_file(path.with_suffix(".json"), (run.path / RESULTS).read_bytes())
