@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from os.path import relpath
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
-from lacsolver.case.draft import Draft
 from lacsolver.case.dynamics import Dynamics, Initial
+from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import As, Section, key, keys_of, section, section_of, sections_of
-from lacsolver.case.kinds import POSITIVE, Bounds, Choice, Count, MeshFile, Number, Option, Text, Times
+from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
+from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, Choice, number, text, whole
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
     WHERE,
@@ -24,7 +24,6 @@ from lacsolver.case.records import (
     BodyForce,
     Contact,
     Displacement,
-    Entry,
     Force,
     Gravity,
     Material,
@@ -58,13 +57,12 @@ class Probe(AtNodes):
         "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
         one_of=WHERE, not_both=NOT_KIND_OF_AT,
     )  # fmt: skip
-    name: str = key(Text("a name"), "", "name in the results", default=None, default_words="the group's name")
+    name: str = key(text("a name"), "", "name in the results", None, "the group's name")
 
-    def _complete(self, values: Mapping[str, Any]) -> None:
-        """Take the values that were read, and name the probe after its group if it has no name."""
-        super()._complete(values)
-        if self.name is None:
-            object.__setattr__(self, "name", self.group)
+    def _complete(self) -> None:
+        """Name the probe after its group if it has no name."""
+        if not self.has("name"):
+            self._set("name", self.group)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -79,22 +77,13 @@ class Steps(Entry):
         "steps", False, "times, from 0 on; a step that does not converge is halved",
         not_both=(("end", "times"), ("count", "times")),
     )  # fmt: skip
-    end: float = key(
-        Number(POSITIVE), "time", "end of the analysis; numbers given as loads reach their value then", default=1.0
-    )
-    count: int = key(Count(1), "", "number of equal steps", default=1)
-    times: As[tuple[float, ...] | None, Sequence[float] | None] = key(
-        Times(), "time", "instead of end and count: the times at which steps end", default=None
-    )
+    end: float = key(POSITIVE, "time", "end of the analysis; numbers given as loads reach their value then", 1.0)
+    count: int = key(whole(1), "", "number of equal steps", 1)
+    times: Numbers = key(TIMES, "time", "instead of end and count: the times at which steps end", None)
     growth: float = key(
-        Number(Bounds(low=1, open=False)),
-        "",
-        "factor from a halved step that converged to the step after it",
-        default=2.0,
+        number(low=1, open=False), "", "factor from a halved step that converged to the step after it", 2.0
     )
-    max_halvings: int = key(
-        Count(0), "", "cutbacks in a row, each to half the step, before the run gives up", default=6
-    )
+    max_halvings: int = key(whole(0), "", "cutbacks in a row, each to half the step, before the run gives up", 6)
 
     @property
     def planned(self) -> tuple[float, ...]:
@@ -113,48 +102,36 @@ class Solver(Entry):
 
     SECTION: ClassVar = Section("solver", False, "solution of the equations")
     engine: str = key(
-        Choice(
-            (
-                Option("auto", "that of the backend; else petsc in several processes of mpiexec, and serial in one"),
-                Option("serial", "one process"),
-                Option("petsc", "PETSc, in any number of processes of mpiexec"),
-            )
-        ),
-        "", "program part that solves", default="auto",
+        Choice({
+            "auto": "that of the backend; else petsc in several processes of mpiexec, and serial in one",
+            "serial": "one process",
+            "petsc": "PETSc, in any number of processes of mpiexec",
+        }), "", "program part that solves", "auto",
     )  # fmt: skip
     backend: str = key(
-        Choice(
-            (
-                Option("auto", "the best one installed, by the size of the model"),
-                Option("rslab", "direct"),
-                Option("pardiso", "direct"),
-                Option("mumps", "direct, of both engines"),
-                Option("cholmod", "direct"),
-                Option("superlu", "direct, slow"),
-                Option("multigrid", "iterative, for large models; of both engines"),
-                Option("gamg", "iterative: PETSc's own multigrid, of the engine petsc"),
-                Option("hypre", "iterative: multigrid of hypre, of the engine petsc"),
-            )
-        ),
-        "", "the linear solver", default="auto",
+        Choice({
+            "auto": "the best one installed, by the size of the model",
+            "rslab": "direct",
+            "pardiso": "direct",
+            "mumps": "direct, of both engines",
+            "cholmod": "direct",
+            "superlu": "direct, slow",
+            "multigrid": "iterative, for large models; of both engines",
+            "gamg": "iterative: PETSc's own multigrid, of the engine petsc",
+            "hypre": "iterative: multigrid of hypre, of the engine petsc",
+        }), "", "the linear solver", "auto",
     )  # fmt: skip
     threads: int | None = key(
-        Count(1), "", "largest number of cores to use, of each process", default=None,
-        default_words="all cores that the process may use; 1 in several processes",
+        whole(1), "", "largest number of cores to use, of each process", None,
+        "all cores that the process may use; 1 in several processes",
     )  # fmt: skip
     tolerance: float = key(
-        Number(Bounds(0, 1)), "", "for a step: residual relative to forces, and violation of the contact conditions",
-        default=1e-10,
-    )  # fmt: skip
-    max_iterations: int = key(Count(1), "", "per attempt; a damped second attempt precedes cutback", default=50)
+        number(0, 1), "", "for a step: residual relative to forces, and violation of the contact conditions", 1e-10
+    )
+    max_iterations: int = key(whole(1), "", "per attempt; a damped second attempt precedes cutback", 50)
     tangent: str = key(
-        Choice(
-            (
-                Option("consistent", "exact derivative"),
-                Option("symmetric", "without the derivatives of normal and measure"),
-            )
-        ),
-        "", "tangent matrix of Newton's method", default="consistent",
+        Choice({"consistent": "exact derivative", "symmetric": "without the derivatives of normal and measure"}), "",
+        "tangent matrix of Newton's method", "consistent",
     )  # fmt: skip
 
     def engine_for(self, n_ranks: int) -> str:
@@ -178,18 +155,13 @@ class Output(Entry):
     """
 
     SECTION: ClassVar = Section("output", False, "fields to be written", not_both=(("every", "times"),))
-    format: str = key(
-        Choice((Option("vtu", "for ParaView"), Option("med", "for Salome"))),
-        "",
-        "file format of the fields",
-        default="vtu",
-    )
+    format: str = key(Choice({"vtu": "for ParaView", "med": "for Salome"}), "", "file format of the fields", "vtu")
     every: int | None = key(
-        Count(1), "", "write the fields of every k-th step, and of the last one", default=None,
-        default_words="1; with [dynamics] what gives about a hundred",
+        whole(1), "", "write the fields of every k-th step, and of the last one", None,
+        "1; with [dynamics] what gives about a hundred",
     )  # fmt: skip
-    times: As[tuple[float, ...] | None, Sequence[float] | None] = key(
-        Times(), "time", "instead of every: write the fields at these times, at which steps then end", default=None
+    times: Numbers = key(
+        TIMES, "time", "instead of every: write the fields at these times, at which steps then end", None
     )
 
 
@@ -209,36 +181,22 @@ class Case(Entry):
 
     SECTION: ClassVar = Section("", False, "the problem to solve")
     mesh: As[Path | Mesh | None, MeshLike | None] = key(
-        MeshFile(), "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", default=None,
-        default_words="required",
-    )  # fmt: skip
+        MESH_FILE, "", "mesh file; lacsolver cuts the slaves where the mesh is not cut yet", None, "required"
+    )
     model: str = key(
-        Choice(
-            (
-                Option("3d", "three dimensions"),
-                Option("plane_strain", "no strain normal to the plane; forces are per unit of thickness"),
-                Option("plane_stress", "no stress normal to the plane"),
-                Option("axisymmetric", "r = x, axis y; forces and areas are those of the full circle"),
-            )
-        ),
-        "", "dimension and plane hypothesis",
+        Choice({
+            "3d": "three dimensions",
+            "plane_strain": "no strain normal to the plane; forces are per unit of thickness",
+            "plane_stress": "no stress normal to the plane",
+            "axisymmetric": "r = x, axis y; forces and areas are those of the full circle",
+        }), "", "dimension and plane hypothesis",
     )  # fmt: skip
     thickness: float | None = key(
-        Number(POSITIVE),
-        "length",
-        "thickness of the plane body",
-        default=None,
-        models=("plane_stress",),
-        default_words="1.0",
+        POSITIVE, "length", "thickness of the plane body", None, "1.0", models=("plane_stress",)
     )
     kinematics: str = key(
-        Choice(
-            (
-                Option("small", "small strains and rotations"),
-                Option("finite", "large strains and rotations (total Lagrangian)"),
-            )
-        ),
-        "", "size of the displacements", default="small",
+        Choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
+        "", "size of the displacements", "small",
     )  # fmt: skip
     material: As[tuple[Material, ...], Material | Sequence[Material]] = section(Material)
     contact: As[tuple[Contact, ...], Contact | Sequence[Contact]] = section(Contact)
@@ -263,19 +221,11 @@ class Case(Entry):
     def __post_init__(self) -> None:
         """Check the whole case, then set the values that depend on it. Raises CaseError, TypeError."""
         super().__post_init__()
-        self._take_records()
-        found = check(drafted(self, ()), (drafted(r, path) for path, r in self.records()))
-        if found:
-            raise CaseError([Issue(f.message) for f in found], self.path)
-        self._settle()
-
-    @classmethod
-    def of_read(cls, values: Mapping[str, Any]) -> Case:
-        """Return the case of values and records that were read and checked already."""
-        made = super().of_read(values)
-        made._take_records()
-        made._settle()
-        return made
+        for name, record in sections_of(Case).items():
+            self._set(name, _records(name, record, getattr(self, name)))
+        if found := check(self):
+            raise CaseError([Issue(one.message) for one in found], self.path)
+        self.settle()
 
     @property
     def skins(self) -> tuple[str, ...]:
@@ -301,12 +251,11 @@ class Case(Entry):
         if not isinstance(self.mesh, Path):
             advice = "write the mesh with lacmesh.write, and name its file, as dataclasses.replace(case, mesh=path)"
             raise RequestError(f"a case file names its mesh by a path, and the mesh of this case is none; {advice}")
-        top = drafted(self, ()).told() | {"mesh": Path(relpath(self.mesh, path.parent))}
-        sections = [section_text("", top)]
-        for name, record in self.records():
-            keys = drafted(record, name).told()
-            if keys or section_of(type(record)).several or name == ("dynamics",):
-                sections.append(section_text(section_of(type(record)).header, keys))
+        sections = [section_text("", self.told() | {"mesh": Path(relpath(self.mesh, path.parent))})]
+        for (name, *_), record in self.records():
+            keys = record.told()
+            if keys or record.SECTION.several or name == "dynamics":
+                sections.append(section_text(record.SECTION.header, keys))
         from lacmesh.formats.output import replace_file  # reading a case needs no numpy
 
         replace_file(path, "\n".join(sections).encode())
@@ -315,34 +264,29 @@ class Case(Entry):
         facts = {"model": f"{self.model}, {self.kinematics} displacements"}
         facts["mesh"] = "in memory" if self.mesh is not None and not isinstance(self.mesh, Path) else str(self.mesh)
         for name in sections_of(Case):
-            held = getattr(self, name)
-            if isinstance(held, tuple) and held:
-                facts[name] = listed(_named(record) for record in held)
+            records = getattr(self, name)
+            if isinstance(records, tuple) and records:
+                facts[name] = listed(map(_named, records))
         return facts | {"steps": f"{len(self.steps.planned)}, up to t = {self.steps.last:g}"}
 
     def __repr__(self) -> str:
         return Described.__repr__(self)
 
-    def _take_records(self) -> None:
-        """Store the records of each section as a tuple of them, or as a single one. Raises TypeError."""
-        for name, record in sections_of(Case).items():
-            object.__setattr__(self, name, _records(name, record, getattr(self, name)))
-
-    def _settle(self) -> None:
+    def settle(self) -> None:
         """Set the values of records that depend on the whole case."""
         for name in sections_of(Case):
-            held = getattr(self, name)
-            done = tuple(_settled(r, self) for r in held) if isinstance(held, tuple) else held and _settled(held, self)
-            object.__setattr__(self, name, done)
+            one = getattr(self, name)
+            done = tuple(_settled(r, self) for r in one) if isinstance(one, tuple) else one and _settled(one, self)
+            self._set(name, done)
 
     def records(self) -> Iterator[tuple[tuple[str | int, ...], Entry]]:
         """Yield every record of the sections with its path: `("contact", 0)`, `("steps",)`."""
         for name in sections_of(Case):
-            held = getattr(self, name)
-            if isinstance(held, tuple):
-                yield from (((name, k), record) for k, record in enumerate(held))
-            elif held is not None:
-                yield (name,), held
+            one = getattr(self, name)
+            if isinstance(one, tuple):
+                yield from (((name, k), record) for k, record in enumerate(one))
+            elif one is not None:
+                yield (name,), one
 
 
 def _named(record: Any) -> str:
@@ -354,23 +298,16 @@ def _named(record: Any) -> str:
     return "the whole mesh"
 
 
-def drafted(record: Entry, path: tuple[str | int, ...]) -> Draft:
-    """Return the draft of a finished record, with the values that differ from their defaults."""
-    values = {name: getattr(record, name) for name in keys_of(type(record))}
-    whole = Draft(type(record), path, values, values)
-    told = whole.told()
-    return Draft(type(record), path, told, told)
-
-
-def _records(name: str, record: type, held: Any) -> Any:
-    several = section_of(record).several
-    items = tuple(held) if several and isinstance(held, (list, tuple)) else (held,)
-    if not several and held is None:
+def _records(name: str, record: type[Entry], given: Any) -> Any:
+    """Return the records of a section as a tuple of them, or as a single one. Raises TypeError."""
+    several = record.SECTION.several
+    if not several and given is None:
         return None if name in ("gravity", "dynamics") else record()
+    items = tuple(given) if several and isinstance(given, (list, tuple)) else (given,)
     if not all(isinstance(item, record) for item in items):
         what = f"a list of {record.__name__} records" if several else f"a {record.__name__} record"
-        raise TypeError(f"{name} is {what}, not {held!r}")
-    return items if several else held
+        raise TypeError(f"{name} is {what}, not {given!r}")
+    return items if several else given
 
 
 def _settled(record: Any, case: Case) -> Any:
@@ -383,7 +320,7 @@ def _settled(record: Any, case: Case) -> Any:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
     if isinstance(record, Output) and record.every is None:
         changes["every"] = 1 if case.dynamics is None else max(1, round(len(case.steps.planned) / _OUTPUTS))
-    return record.of_read({**vars(record), **changes}) if changes else record
+    return record.altered(**changes) if changes else record
 
 
 def _ramp_end(value: Value, case: Case) -> float | None:

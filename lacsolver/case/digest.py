@@ -14,7 +14,7 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from lacsolver.case.case import Case, drafted
+from lacsolver.case.case import Case
 from lacsolver.case.formula import Formula
 from lacsolver.case.groups import named_groups
 from lacsolver.case.value import Value
@@ -32,15 +32,14 @@ def fingerprint(case: Case, mesh: Mesh, part: MeshPart | None = None) -> dict[st
 
     `part`: where the mesh is a part, which part of the whole it is; all processes call this, and get the same.
     """
-    top = drafted(case, ()).values
-    parts: dict[str, Any] = {name: value for name, value in top.items() if name != "mesh"}
+    parts: dict[str, Any] = {name: value for name, value in case.told().items() if name != "mesh"}
     for path, record in case.records():
         if path[0] not in FREE:
-            parts.setdefault(str(path[0]), []).append(drafted(record, path).values)
-    told = {name: _digest(json.dumps(_plain(held), sort_keys=True).encode()) for name, held in parts.items()}
+            parts.setdefault(str(path[0]), []).append(record.told())
+    digests = {name: _digest(json.dumps(_plain(part), sort_keys=True).encode()) for name, part in parts.items()}
     from lacsolver.case.mesh_digest import mesh_digest  # with numpy, which reading a case does not need
 
-    return {"mesh": mesh_digest(_groups(case), mesh, part), **told}
+    return {"mesh": mesh_digest(_groups(case), mesh, part), **digests}
 
 
 def fingerprint_as(before: Mapping[str, str], prints: Mapping[str, str], case: Case, mesh: Mesh) -> Mapping[str, str]:

@@ -53,15 +53,7 @@ FUNCTIONS = {
     "heaviside": Function(1, 1, "0 below 0, 1 from 0 on"),
     "where": Function(3, 3, "b where a is true, c elsewhere: `where(x < 0.5, 1, 0)`; also `b if a else c`"),
 }
-_BINARY = {
-    ast.Add: "+",
-    ast.Sub: "-",
-    ast.Mult: "*",
-    ast.Div: "/",
-    ast.Pow: "pow",
-    ast.Mod: "mod",
-    ast.FloorDiv: "//",
-}
+_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "pow", ast.Mod: "mod", ast.FloorDiv: "//"}
 _UNARY = {ast.USub: "neg", ast.UAdd: "pos", ast.Not: "not"}
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 #: operations other than functions, and the number of arguments of each

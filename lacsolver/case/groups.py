@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.case.case import Case
+from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import keys_of, section_of
-from lacsolver.case.kinds import Group, Groups
-from lacsolver.case.records import Entry
+from lacsolver.case.keys import keys_of
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -26,19 +25,19 @@ def check_groups(case: Case, mesh: Mesh) -> None:
 def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
     """Yield the groups of the mesh that a record names, each with its key: `("slave", "top")`."""
     for name, key in keys_of(type(record)).items():
-        held = getattr(record, name)
-        if isinstance(key.kind, (Group, Groups)) and held is not None:
-            yield from ((name, group) for group in ([held] if isinstance(held, str) else held))
+        groups = getattr(record, name)
+        if key.kind.is_group and groups is not None:
+            yield from ((name, group) for group in ([groups] if isinstance(groups, str) else groups))
 
 
 def _missing(record: Entry, mesh: Mesh) -> Iterator[Issue]:
     kind = getattr(record, "kind", None)
     nodes_too = "kind" in keys_of(type(record))
     for key, group in named_groups(record):
-        told = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
-        if told:
+        message = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
+        if message:
             place = f"{record.place}: " if record.place else ""
-            yield Issue(f"{place}{section_of(type(record)).name}.{key}: {told}")
+            yield Issue(f"{place}{record.SECTION.name}.{key}: {message}")
 
 
 def _lookup(group: str, mesh: Mesh, *, cells: bool, nodes: bool) -> str | None:

@@ -8,10 +8,12 @@ page of docs and the checks of records made from Python all read these rows, and
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import MISSING, field, fields
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from lacsolver.case.kinds import KeyType
+from lacsolver.case.kinds import Choice, Kind
+from lacsolver.case.value import Value, ValueLike
 
 MODELS = ("3d", "plane_strain", "plane_stress", "axisymmetric")
 PLANE = MODELS[1:]
@@ -53,6 +55,12 @@ class As(Generic[_Stored, _Given]):
         raise NotImplementedError
 
 
+Load = As[Value | None, ValueLike | None]
+Values = As[tuple[Value, ...] | None, ValueLike | Sequence[ValueLike] | None]
+Groups = As[tuple[str, ...] | None, Sequence[str] | None]
+Numbers = As[tuple[float, ...] | None, Sequence[float] | None]
+
+
 class Key(NamedTuple):
     """A row of the table; the key's name is that of the field.
 
@@ -62,7 +70,7 @@ class Key(NamedTuple):
     `unless`: another key, without which this one is required.
     """
 
-    kind: KeyType
+    kind: Kind | Choice
     unit: str
     meaning: str
     load: bool = False
@@ -73,9 +81,11 @@ class Key(NamedTuple):
     unless: str = ""
 
 
-def key(kind: KeyType, unit: str, meaning: str, *, default: Any = MISSING, **rest: Any) -> Any:
+def key(
+    kind: Kind | Choice, unit: str, meaning: str, default: Any = MISSING, default_words: str = "", **rest: Any
+) -> Any:
     """Return a field that is a key; without a default it is required. `rest`: other columns of Key."""
-    return field(default=default, metadata={"key": Key(kind, unit, meaning, **rest)})
+    return field(default=default, metadata={"key": Key(kind, unit, meaning, default_words=default_words, **rest)})
 
 
 class Section(NamedTuple):
@@ -109,18 +119,12 @@ def defaults_of(record: Any) -> dict[str, Any]:
     return {f.name: f.default for f in fields(record) if "key" in f.metadata}
 
 
-def section(record: type, default: Any = None) -> Any:
+def section(record: Any, default: Any = None) -> Any:
     """Return a field of the case for the records of a section: a tuple of them, or a single one or `default`."""
-    return field(default=() if section_of(record).several else default, metadata={"section": record})
+    return field(default=() if record.SECTION.several else default, metadata={"section": record})
 
 
-def section_of(record: Any) -> Section:
-    """Return the section of a record."""
-    made: Section = record.SECTION
-    return made
-
-
-def sections_of(case: Any) -> dict[str, type]:
+def sections_of(case: Any) -> dict[str, Any]:
     """Return the record of each section of a case, by the section's name."""
     return {f.name: f.metadata["section"] for f in fields(case) if "section" in f.metadata}
 

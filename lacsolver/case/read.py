@@ -5,20 +5,19 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacsolver.case.case import Case
-from lacsolver.case.draft import Draft, Found, draft
+from lacsolver.case.entry import Found
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import keys_of, section_of, sections_of
-from lacsolver.case.lines import Lines
+from lacsolver.case.keys import keys_of, sections_of
+from lacsolver.case.lines import KeyPath, Lines
 from lacsolver.case.misread import meant, other_than_case
 from lacsolver.case.rules import check
-from lacsolver.case.value import described, with_values
+from lacsolver.case.value import described
 
 
 def read_case(path: str | Path, *, matrices: bool = False) -> Case:
@@ -64,11 +63,14 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
     """
     path = Path(path)
     document, lines = _document(text, path)
-    top, drafts, found = _drafts(document)
-    found += [*check(top, drafts), *_needed(top, drafts, found, matrices)]
+    case, found = _drafted(document, lines, path)
+    found += [*check(case), *_needed(case, document, matrices)]
     if found:
-        raise CaseError(dict.fromkeys(Issue(f.message, lines[f.path]) for f in found), path)
-    return _case(top, drafts, lines, path)
+        raise CaseError(dict.fromkeys(Issue(one.message, lines[one.path]) for one in found), path)
+    assert isinstance(case.mesh, Path)
+    case = case.altered(mesh=path.parent / case.mesh, path=path)
+    case.settle()
+    return case
 
 
 def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
@@ -93,29 +95,43 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         raise ReadError(path, f"is no TOML text ({said})") from None
 
 
-def _drafts(document: Mapping[str, Any]) -> tuple[Draft, list[Draft], list[Found]]:
-    """Read the top of the file and every section; return their drafts, and the mistakes within each of them."""
-    sections = sections_of(Case)
-    top, found = draft(Case, (), {k: v for k, v in document.items() if k in keys_of(Case)})
-    drafts = []
+def _drafted(document: Mapping[str, Any], lines: Lines, path: Path) -> tuple[Case, list[Found]]:
+    """Return the case with the records of all sections, and the mistakes that each of them shows."""
+
+    def place(*keys: str | int) -> str:
+        return f"{path}, line {lines[keys]}" if keys else str(path)
+
+    sections, top = sections_of(Case), keys_of(Case)
+    case, found = Case.from_table({name: value for name, value in document.items() if name in top}, (), place)
     for name, given in document.items():
         if name in sections:
             tables, wrong = _tables(name, sections[name], given)
-            found += wrong
-            for path, table in tables:
-                made, mistakes = draft(sections[name], path, table)
-                drafts.append(made)
-                found += _explained(mistakes, made)
-        elif name not in keys_of(Case):
-            known = [*keys_of(Case), *sections]
+            drafts = [_record(sections[name], table, at, place) for at, table in tables]
+            found += [*wrong, *(one for _, mistakes in drafts for one in mistakes)]
+            records = tuple(record for record, _ in drafts)
+            if sections[name].SECTION.several:
+                case = case.altered(**{name: records})
+            elif records:
+                case = case.altered(**{name: records[0]})
+        elif name not in top:
             what = "section" if isinstance(given, dict) or _is_tables(given) else "key"
-            found.append(Found((name,), f"{name} is no {what} of a case{did_you_mean(name, known)}"))
-    return top, drafts, found
+            near = did_you_mean(name, [*top, *sections])
+            found.append(Found((name,), f"{name} is no {what} of a case{near}"))
+    return case, found
 
 
-def _tables(name: str, record: type, given: Any) -> tuple[list[tuple[tuple[str | int, ...], Any]], list[Found]]:
+def _record(record: Any, table: Mapping[str, Any], path: KeyPath, place: Any) -> tuple[Any, list[Found]]:
+    """Return the record of a table, and its mistakes; keys that belong at the top of the file get a hint."""
+    top = [name for name in table if name in keys_of(Case) and name not in keys_of(record)]
+    rest = {name: value for name, value in table.items() if name not in top}
+    made, found = record.from_table(rest, path, lambda *keys: place(*path, *keys))
+    hint = f"is no key of {record.SECTION.header}; it belongs at the top of the file, before the first section"
+    return made, [*found, *(Found((*path, name), f"{name} {hint}") for name in top)]
+
+
+def _tables(name: str, record: Any, given: Any) -> tuple[list[tuple[KeyPath, Any]], list[Found]]:
     """Return the tables of a section with their paths; and a mistake for `[x]` or `[[x]]` confused, or no table."""
-    section = section_of(record)
+    section = record.SECTION
     if section.several and _is_tables(given):
         return [((name, k), table) for k, table in enumerate(given)], []
     if not section.several and isinstance(given, dict):
@@ -132,52 +148,14 @@ def _is_tables(given: Any) -> bool:
     return isinstance(given, list) and all(isinstance(item, dict) for item in given)
 
 
-def _explained(mistakes: list[Found], made: Draft) -> Iterator[Found]:
-    """Yield the mistakes; a key that belongs at the top of the file but is below a header gets a hint."""
-    elsewhere = {(*made.path, name): name for name in made.given if name in keys_of(Case)}
-    for found in mistakes:
-        name = elsewhere.get(found.path)
-        if name is not None and name not in keys_of(made.record):
-            hint = "; it belongs at the top of the file, before the first section"
-            yield Found(found.path, f"{name} is no key of {section_of(made.record).header}{hint}")
-        else:
-            yield found
-
-
-def _needed(top: Draft, drafts: list[Draft], found: list[Found], matrices: bool) -> Iterator[Found]:
-    """Yield a mistake if a required section is missing, unless a mistake of that section is already reported."""
-    there = {made.section for made in drafts} | {f.path[0] for f in found if f.path}
+def _needed(case: Case, document: Mapping[str, Any], matrices: bool) -> Iterator[Found]:
+    """Yield a mistake if the mesh or a required section is missing."""
+    there = {name for name, given in document.items() if given != []}
     mesh = keys_of(Case)["mesh"]
-    if not top.has("mesh"):
-        yield top.wrong(f"needs mesh ({mesh.meaning}; {mesh.kind.words})")
+    if not case.has("mesh"):
+        yield case.wrong(f"needs mesh ({mesh.meaning}; {mesh.kind.words})")
     if matrices:
         if not there & {"contact", "tie"}:
-            yield top.wrong("needs a [[contact]] or a [[tie]], for its matrices are wanted")
+            yield case.wrong("needs a [[contact]] or a [[tie]], for its matrices are wanted")
     elif "material" not in there:
-        yield top.wrong("needs a [[material]]")
-
-
-def _case(top: Draft, drafts: list[Draft], lines: Lines, path: Path) -> Case:
-    held: dict[str, Any] = {}
-    for made in drafts:
-        kind: Any = made.record
-        record = kind.of_read(_placed(made, lines, path))
-        if section_of(kind).several:
-            held.setdefault(made.section, []).append(record)
-        else:
-            held[made.section] = record
-    mesh = path.parent / top.values["mesh"]
-    return Case.of_read({**top.values, "mesh": mesh, **held, "path": path, "place": str(path)})
-
-
-def _placed(made: Draft, lines: Lines, path: Path) -> dict[str, Any]:
-    """Return the values of a draft, each Value named by its file, line and key, and the record's place."""
-
-    def place(*key: str) -> str:
-        line = lines[(*made.path, *key)]
-        return f"{path}, line {line}"
-
-    def named(key: str, stored: Any) -> Any:
-        return with_values(stored, lambda value: replace(value, name=f"{place(key)}: {value.name}"))
-
-    return {**{key: named(key, stored) for key, stored in made.values.items()}, "place": place()}
+        yield case.wrong("needs a [[material]]")

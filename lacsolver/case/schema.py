@@ -18,7 +18,6 @@ from lacsolver.case.keys import (
     defaults_of,
     is_required,
     keys_of,
-    section_of,
     sections_of,
     told_default,
 )
@@ -27,7 +26,7 @@ from lacsolver.case.kinds import Choice, Schema
 _WIDE = 118
 
 
-def records() -> list[type]:
+def records() -> list[Any]:
     """Return the records of the table: the top of the file, then every section."""
     return [Case, *sections_of(Case).values()]
 
@@ -46,8 +45,8 @@ _INTRODUCTION = (
 )
 
 
-def _section_text(record: type) -> Iterator[str]:
-    section = section_of(record)
+def _section_text(record: Any) -> Iterator[str]:
+    section = record.SECTION
     yield f"{section.header}  {section.meaning}" if section.name else "# the top of the file"
     for name, key in keys_of(record).items():
         default = told_default(key, defaults_of(record)[name])
@@ -59,9 +58,10 @@ def _section_text(record: type) -> Iterator[str]:
             f"{told}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
         )
         if isinstance(key.kind, Choice):
-            for option in key.kind.options:
-                only = "" if option.kinematics == ANY else f" (kinematics: {option.kinematics})"
-                yield f"{'':27}{option.word}: {option.meaning}{only}"
+            for word, meaning in key.kind.options.items():
+                kinematics = key.kind.kinematics.get(word)
+                only = f" (kinematics: {kinematics})" if kinematics else ""
+                yield f"{'':27}{word}: {meaning}{only}"
     yield from (f"  {rule}" for rule in _rules(section))
 
 
@@ -88,18 +88,14 @@ def json_schema() -> Schema:
 
     It holds the rules of each row and section; only `validate` checks rules on the model or between sections.
     """
-    return {
-        "$schema": "http://json-schema.org/draft-07/schema#",
-        "title": "A case of lacsolver",
-        **_table_schema(Case),
-    }
+    return {"$schema": "http://json-schema.org/draft-07/schema#", "title": "A case of lacsolver", **_table_schema(Case)}
 
 
-def _table_schema(record: type) -> Schema:
-    section, defaults = section_of(record), defaults_of(record)
+def _table_schema(record: Any) -> Schema:
+    section, defaults = record.SECTION, defaults_of(record)
     properties = {name: _key_schema(key, defaults[name]) for name, key in keys_of(record).items()}
     if record is Case:
-        properties |= {name: _section_schema(held) for name, held in sections_of(Case).items()}
+        properties |= {name: _section_schema(section) for name, section in sections_of(Case).items()}
     made: Schema = {
         "type": "object",
         "description": section.meaning,
@@ -118,26 +114,26 @@ def _table_schema(record: type) -> Schema:
     return made | ({"allOf": rules} if rules else {})
 
 
-def _section_schema(record: type) -> Schema:
+def _section_schema(record: Any) -> Schema:
     made = _table_schema(record)
-    return {"type": "array", "items": made} if section_of(record).several else made
+    return {"type": "array", "items": made} if record.SECTION.several else made
 
 
 def _key_schema(key: Key, default: Any) -> Schema:
     told = "; ".join([key.meaning, *_conditions(key), *([f"unit: {key.unit}"] if key.unit else [])])
-    made = {**key.kind.schema(), "description": told}
+    made = {**key.kind.schema, "description": told}
     plain = isinstance(default, (bool, int, float, str))
     return made | ({"default": default} if plain and default is not MISSING else {})
 
 
 def page_tables() -> dict[str, str]:
     """Return the tables of docs/case.md, by the names of their markers."""
-    tables = {section_of(r).name or "top": "\n".join(_key_table(r)) for r in records()}
+    tables = {r.SECTION.name or "top": "\n".join(_key_table(r)) for r in records()}
     return {**tables, "formulas": "\n".join(_formula_table())}
 
 
-def _key_table(record: type) -> Iterator[str]:
-    section = section_of(record)
+def _key_table(record: Any) -> Iterator[str]:
+    section = record.SECTION
     if section.name:
         yield f"### {section.header}\n\n{section.meaning[0].upper()}{section.meaning[1:]}.\n"
     yield "| key | takes | unit | default | meaning |\n|---|---|---|---|---|"
@@ -154,8 +150,10 @@ def _key_table(record: type) -> Iterator[str]:
 def _takes(key: Key, words: str) -> str:
     if not isinstance(key.kind, Choice):
         return words
+    only = key.kind.kinematics
     return "<br>".join(
-        f"`{o.word}`: {o.meaning}" + ("" if o.kinematics == ANY else f" ({o.kinematics})") for o in key.kind.options
+        f"`{word}`: {meaning}" + (f" ({only[word]})" if word in only else "")
+        for word, meaning in key.kind.options.items()
     )
 
 

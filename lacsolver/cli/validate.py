@@ -12,7 +12,7 @@ from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
-    from lacsolver.case.records import Entry
+    from lacsolver.case.entry import Entry
     from lacsolver.problem.first_look import MotionFound
     from lacsolver.validation import Validation, ZoneFound
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lacsolver.case.case import Case
-from lacsolver.case.keys import section_of, sections_of
+from lacsolver.case.keys import sections_of
 from lacsolver.case.toml import section_text
 from lacsolver.decks.draft import Record
 
@@ -20,7 +20,7 @@ def case_text(head: Iterable[str], top: dict[str, Any], records: Iterable[Record
 
 
 def _record(record: Record) -> str:
-    header = section_of(sections_of(Case)[record.section]).header
+    header = sections_of(Case)[record.section].SECTION.header
     of = record.card.of if record.card else None
     comment = [f"*{of.name} ({Path(of.file).name}, line {of.line})"] if of else []
     return section_text(header, record.keys, comment)

@@ -15,7 +15,7 @@ from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import TemperatureField
 from lacsolver.case import Case, Force, Spring, Traction
 from lacsolver.case import Temperature as Record
-from lacsolver.case.records import Entry
+from lacsolver.case.entry import Entry
 from lacsolver.case.value import Value
 from lacsolver.problem import loads
 from lacsolver.space.places import cells_of, nodes_of, wrong

@@ -11,8 +11,7 @@ import numpy as np
 from lacmesh.mesh import Floats
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case
-from lacsolver.case.keys import section_of
-from lacsolver.case.records import Entry
+from lacsolver.case.entry import Entry
 from lacsolver.problem import acting
 from lacsolver.space.places import where_of
 from lacsolver.space.space import Space
@@ -59,5 +58,5 @@ def resultants(
         f = space.own(acting.load(space, materials, alone, t, u=u, weight=weight))
         sums = space.share.total(np.stack([f.sum(axis=0), np.abs(f).sum(axis=0)]))
         force = np.where(np.abs(sums[0]) > _ROUNDING * sums[1].max(), sums[0], 0.0)
-        found.append(Resultant(section_of(type(record)).name, where_of(record), tuple(force.tolist())))
+        found.append(Resultant(record.SECTION.name, where_of(record), tuple(force.tolist())))
     return tuple(found)

@@ -57,7 +57,7 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
             )
     contacts = tuple(one for one in made if isinstance(one, Contact))
     ties = tuple(one for one in made if isinstance(one, Tie))
-    return Case.of_read({**vars(case), "contact": contacts, "tie": ties})
+    return case.altered(contact=contacts, tie=ties)
 
 
 def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
@@ -87,9 +87,8 @@ def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> C
         message = f"{slave.name!r} has faces without one cell behind them, so that it cannot be cut"
         raise wrong(record, f"{message}, and neither can the other surface; name the skin of a body")
     master = next(side.name for side in sides if side is not slave)
-    named = record.name or slave.name
-    changes = {"slave": slave.name, "master": master, "surfaces": None, "why": why, "name": named}
-    return type(record).of_read({**vars(record), **changes})
+    name = record.name or slave.name
+    return record.altered(slave=slave.name, master=master, surfaces=None, why=why, name=name)
 
 
 def _by_rules(a: _Side, b: _Side) -> tuple[_Side, str]:

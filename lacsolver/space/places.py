@@ -11,9 +11,9 @@ import numpy as np
 
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
 from lacmesh.mesh import Floats, Ints
+from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.keys import section_of
-from lacsolver.case.records import AtNodes, Entry, Rigid
+from lacsolver.case.records import AtNodes, Rigid
 from lacsolver.space.space import Space
 
 #: largest distance of a place from its node, relative to the bodies' extent
@@ -83,13 +83,13 @@ def said(record: Entry) -> str:
     """Describe a record in a message: `displacement 'left' (press.toml, line 12)`."""
     name = getattr(record, "group", None)
     which = repr(name) if name else name_of(record)
-    return f"{section_of(type(record)).name} {which}" + (f" ({record.place})" if record.place else "")
+    return f"{record.SECTION.name} {which}" + (f" ({record.place})" if record.place else "")
 
 
 def wrong(record: Entry, message: str) -> CaseError:
     """Return the error for a record, with its line in the file."""
     place = f"{record.place}: " if record.place else ""
-    return CaseError([Issue(f"{place}{section_of(type(record)).name}: {message}")])
+    return CaseError([Issue(f"{place}{record.SECTION.name}: {message}")])
 
 
 def _written(at: Iterable[float]) -> str:

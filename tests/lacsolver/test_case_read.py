@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 import lacmesh
 from lacmesh.errors import LacmeshError, ReadError
 from lacsolver.case import Case, CaseError, parse_case, read_case
-from lacsolver.case.draft import same
-from lacsolver.case.keys import defaults_of, keys_of, section_of
+from lacsolver.case.entry import same
+from lacsolver.case.keys import defaults_of, keys_of
 from lacsolver.case.kinds import Choice
 from lacsolver.case.schema import records
 from lacsolver.cli import main
@@ -28,7 +28,7 @@ def tables(text):
     """(record class, the table of the file) of every section of a text."""
     document = tomllib.loads(text)
     for record in records():
-        section = section_of(record)
+        section = record.SECTION
         if not section.name:
             yield record, {k: v for k, v in document.items() if k in keys_of(record)}
         else:
@@ -262,7 +262,7 @@ def test_depth_is_no_crash(what, depth):
 
 # ---- fuzzing: nothing but the documented errors
 
-NAMES = sorted({n for r in records() for n in [*keys_of(r), section_of(r).name] if n} | {"x", "a"})
+NAMES = sorted({n for r in records() for n in [*keys_of(r), r.SECTION.name] if n} | {"x", "a"})
 TEXTS = st.sampled_from(
     ["3d", "plane_strain", "small", "finite", "x * t", "1 /", "a", "", "neo_hookean", "smoothed", "node"]
 )

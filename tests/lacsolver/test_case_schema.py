@@ -14,7 +14,7 @@ import pytest
 
 from lacmesh.surface.points import NORMALS
 from lacsolver.case import Case, Contact, parse_case
-from lacsolver.case.keys import keys_of, section_of, sections_of, told_default
+from lacsolver.case.keys import keys_of, sections_of, told_default
 from lacsolver.case.kinds import Choice
 from lacsolver.case.schema import json_schema, page_tables, records, schema_text
 from lacsolver.space.space import MODELS
@@ -92,7 +92,7 @@ def test_json_schema_sees_the_mistakes_that_a_row_shows():
 def test_json_schema_has_every_key_with_its_meaning():
     schema = json_schema()
     for record in records():
-        section = section_of(record)
+        section = record.SECTION
         table = schema if not section.name else schema["properties"][section.name]
         table = table.get("items", table)
         for name, key in keys_of(record).items():
@@ -104,14 +104,14 @@ def test_text_has_every_section_key_option_and_unit():
     text = schema_text()
     assert max(map(len, text.splitlines())) <= 120
     for record in records():
-        section, keys = section_of(record), keys_of(record)
+        section, keys = record.SECTION, keys_of(record)
         start = text.index(f"\n{section.header}  ") if section.name else 0
         part = text[start : text.find("\n\n", start) if section.name else text.index("\n\n[[")]
         for name, key in keys.items():
             assert re.search(rf"^  {name} ", part, re.MULTILINE), name
             assert not key.unit or f"[{key.unit}]" in re.sub(r"\s+", " ", part), name
             if isinstance(key.kind, Choice):
-                assert all(f"  {option.word}: {option.meaning}" in part for option in key.kind.options)
+                assert all(f"  {word}: {meaning}" in part for word, meaning in key.kind.options.items())
 
 
 def test_every_row_of_the_page_has_its_columns():
@@ -140,7 +140,7 @@ def test_every_field_of_a_record_is_a_key_or_a_section():
 
 
 def test_sections_are_named_as_their_fields():
-    assert all(section_of(record).name == name for name, record in sections_of(Case).items())
+    assert all(record.SECTION.name == name for name, record in sections_of(Case).items())
 
 
 def test_every_key_says_what_it_means_and_what_is_without_it():
@@ -149,7 +149,7 @@ def test_every_key_says_what_it_means_and_what_is_without_it():
             assert key.meaning and key.kind.words, name
             default = next(f.default for f in fields(record) if f.name == name)
             assert "Value(" not in told_default(key, default)
-            for names in (*section_of(record).one_of, *section_of(record).some_of, *section_of(record).not_both):
+            for names in (*record.SECTION.one_of, *record.SECTION.some_of, *record.SECTION.not_both):
                 assert set(names) <= set(keys_of(record))
             if key.needs:
                 needed = keys_of(record)[key.needs.key].kind
@@ -165,11 +165,11 @@ def test_options_are_those_of_the_stages():
 
 def test_loads_are_marked():
     """Every ramped value is a load, and every value that is not a load is named here."""
-    loads = {f"{section_of(r).name}.{n}" for r in records() for n, k in keys_of(r).items() if k.load}
+    loads = {f"{r.SECTION.name}.{n}" for r in records() for n, k in keys_of(r).items() if k.load}
     assert {name.split(".")[0] for name in loads} == {
         "displacement", "pressure", "traction", "force", "body_force", "gravity", "temperature", "rigid",
     }  # fmt: skip
-    values = {f"{section_of(r).name}.{n}" for r in records() for n, k in keys_of(r).items() if "value" in k.kind.words}
+    values = {f"{r.SECTION.name}.{n}" for r in records() for n, k in keys_of(r).items() if "value" in k.kind.words}
     initial = {f"initial.{n}" for n in ("vx", "vy", "vz", "rotation", "ux", "uy", "uz")}
     assert values - loads == {"contact.clearance", *initial}
 

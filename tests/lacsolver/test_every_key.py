@@ -175,8 +175,8 @@ def table():
             if name == "constants":  # of laws that a program adds: test_added_*.py
                 continue
             yield section, name
-            for option in key.kind.options if isinstance(key.kind, Choice) else ():
-                yield section, name, option.word
+            for word in key.kind.options if isinstance(key.kind, Choice) else ():
+                yield section, name, word
 
 
 def test_every_key_and_every_option_is_in_some_case():
