@@ -17,6 +17,7 @@ from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
 from lacmesh.mesh import Floats, MeshLike, as_mesh
 from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.distributed.share import UNDIVIDED, Distribution
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
 from lacsolver.equilibrium.stepping import NotConvergedError, march
@@ -34,7 +35,6 @@ from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.results import Fields, Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
-from lacsolver.space.share import ALONE, Distribution
 
 
 def run(
@@ -45,7 +45,7 @@ def run(
     start: Restart | None = None,
     progress: Callable[[Progress], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
-    distribution: Distribution = ALONE,
+    distribution: Distribution = UNDIVIDED,
 ) -> Results:
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
@@ -64,7 +64,7 @@ def run(
     ('done', [0.5, 1.0])
     """
     case = as_case(case)
-    if distribution is ALONE and case.solver.engine_for(1) != "serial":
+    if distribution is UNDIVIDED and case.solver.engine_for(1) != "serial":
         message = "the case names the engine petsc or a backend of it, which needs the processes of MPI"
         raise RequestError(f"{message}; give distribution=Processes(comm), or call the command lacsolver run")
     clock = Clock()

@@ -1,24 +1,27 @@
 """Slices of a mesh file: consecutive nodes, and consecutive cells of each type, so that nobody holds the whole mesh.
 
-Slice k of n has as many nodes, and cells of each type, as any other. It is read by one of n `Readers`, which ask one
-another where a number of the file must be found among all; a whole file is the only slice of `ALONE`.
+Slice k of n has as many nodes, and cells of each type, as any other. It is read by process k of n. Where a number must
+be found among all of the file, a hash of it names the process that meets all that are the same. A whole file is the
+only slice of one process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.formats import ids
 from lacmesh.formats.ids import Index
 from lacmesh.mesh import Floats, Ints, Mesh
 
-T = TypeVar("T")
+#: 2^64 divided by the golden ratio, for Fibonacci hashing: Knuth, The Art of Computer Programming 3, section 6.4
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 
 
 class RowRange(NamedTuple):
@@ -106,57 +109,46 @@ def _inverse(place: Ints) -> Ints:
     return order
 
 
-class Readers(Protocol):
-    """Interface of n processes that read a file together, each a slice of it; all call each method.
-
-    All of them raise an error that is raised by the `work` of one.
-    """
-
-    rank: int
-    n: int
-
-    def on_each(self, work: Callable[[], T]) -> T:
-        """Do something on every process by itself, and return its result."""
-
-    def total(self, x: NDArray) -> NDArray:
-        """Return the sum of an array over all processes."""
-
-    def greatest(self, x: NDArray) -> NDArray:
-        """Return the largest value of all processes at each place of an array."""
-
-    def gather(self, x: NDArray) -> NDArray:
-        """Return the arrays of all processes, one after the other."""
-
-    def repeated(self, number: Ints) -> int | None:
-        """Return the smallest of the numbers (k,) of all processes that occurs several times, or None."""
-
-    def index(self, own: Index, wanted: Iterable[Ints]) -> Index:
-        """Return a map from numbers to indices in the whole, for the numbers `wanted`; `own`: that of this slice."""
-
-
-class _Alone:
-    """The reader of a whole file."""
-
-    rank, n = 0, 1
-
-    def on_each(self, work: Callable[[], T]) -> T:
-        return work()
-
-    def total(self, x: NDArray) -> NDArray:
-        return x
-
-    def greatest(self, x: NDArray) -> NDArray:
-        return x
-
-    def gather(self, x: NDArray) -> NDArray:
-        return x
-
-    def repeated(self, number: Ints) -> int | None:
+def repeated(number: Ints, comm: Communicator = SERIAL) -> int | None:
+    """Return the smallest of the numbers (k,) of all processes that occurs several times, or None."""
+    if comm.size == 1:
         return ids.repeated(number)
+    ends = comm.gather(number[[0, -1]] if len(number) else number)
+    ascending = (np.diff(number) > 0).all() and (ends[1:-1:2] < ends[2::2]).all()
+    if comm.greatest(np.array(not ascending, np.int64)) == 0:
+        return None
+    order, counts = _meetings(number, comm)
+    ordered = np.sort(comm.exchange(number[order], counts)[0])
+    again = ordered[1:][ordered[1:] == ordered[:-1]]
+    none = np.iinfo(np.int64).max
+    least = -int(comm.greatest(np.array(-again[0] if len(again) else -none)))
+    return None if least == none else least
 
-    def index(self, own: Index, wanted: Iterable[Ints]) -> Index:
+
+def whole_index(own: Index, wanted: Iterable[Ints], comm: Communicator = SERIAL) -> Index:
+    """Return a map from numbers to indices in the whole, for the numbers `wanted`; `own`: that of this slice."""
+    if comm.size == 1:
         return own
+    first = comm.before(own.n)
+    place = np.arange(first, first + own.n)
+    n = int(comm.total(np.array(own.n)))
+    if comm.greatest(np.array(not np.array_equal(own.numbers, place + 1), np.int64)) == 0:
+        return Index.counting(n)
+    order, counts = _meetings(own.numbers, comm)
+    numbers, received = comm.exchange(own.numbers[order], counts)
+    met = Index(numbers, table=False)
+    place = comm.exchange(place[order], counts, received)[0]
+    distinct = [np.unique(np.asarray(number, np.int64)) for number in wanted]
+    number = np.unique(np.concatenate([np.empty(0, np.int64), *distinct]))
+    order, counts = _meetings(number, comm)
+    asked, received = comm.exchange(number[order], counts)
+    places = np.empty(len(number), np.int64)
+    places[order] = comm.exchange(np.append(place, -1)[met.places(asked)], received, counts)[0]
+    return Index.of_places(number, places, n)
 
 
-#: the reader of a whole file
-ALONE: Readers = _Alone()
+def _meetings(number: Ints, comm: Communicator) -> tuple[Ints, Ints]:
+    """Return an order (k,) of some numbers (k,) by the process that meets all that are the same, and counts (size,)."""
+    mixed = number.astype(np.uint64) * _GOLDEN >> np.uint64(32)
+    where = (mixed % np.uint64(comm.size)).astype(np.int64)
+    return np.argsort(where, kind="stable"), np.bincount(where, minlength=comm.size)

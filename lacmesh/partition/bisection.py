@@ -7,11 +7,10 @@ in 2^20, so that nodes in one plane of the model are in one plane here, wherever
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 
@@ -22,36 +21,6 @@ _PLANES = 2**20
 _EQUAL = 1e-6
 #: bits of a digit of a plane, and the number of digits below the highest one
 _BITS, _DIGITS = 7, 2
-
-
-class Holders(Protocol):
-    """Interface of the processes that hold some points together, in the order of the points; all call each method."""
-
-    def total(self, x: NDArray) -> NDArray:
-        """Return the sum of an array over all processes."""
-
-    def greatest(self, x: NDArray) -> NDArray:
-        """Return the largest value of all processes at each place of an array."""
-
-    def before(self, count: int) -> int:
-        """Return the sum of a number over the processes before this one."""
-
-
-class _Alone:
-    """The holder of all points."""
-
-    def total(self, x: NDArray) -> NDArray:
-        return x
-
-    def greatest(self, x: NDArray) -> NDArray:
-        return x
-
-    def before(self, count: int) -> int:
-        return 0
-
-
-#: the holder of all points
-ALONE = _Alone()
 
 
 def distribute_nodes(mesh: Mesh, n: int) -> Ints:
@@ -69,14 +38,14 @@ def distribute_nodes(mesh: Mesh, n: int) -> Ints:
     return distribute_points(mesh.points, mesh.node_number, n)
 
 
-def distribute_points(points: Floats, number: Ints, n: int, holders: Holders = ALONE) -> Ints:
-    """Return the rank (k,) that owns each of the points (k, 3) that this one of their `holders` has.
+def distribute_points(points: Floats, number: Ints, n: int, comm: Communicator = SERIAL) -> Ints:
+    """Return the rank (k,) that owns each of the points (k, 3) that this process has.
 
     `number` (k,): how messages name them. Raises DataError for coordinates that are not finite.
     """
     x = np.ascontiguousarray(points.T)
-    _check_finite(x, number, holders)
-    return bisect(x, n, holders)
+    _check_finite(x, number, comm)
+    return bisect(x, n, comm)
 
 
 def check_count(mesh: Mesh, n: int) -> None:
@@ -85,13 +54,13 @@ def check_count(mesh: Mesh, n: int) -> None:
         raise RequestError(f"a mesh of {mesh.n_nodes:,} nodes has from 1 to {mesh.n_nodes:,} parts, not {n:,}")
 
 
-def bisect(x: Floats, n: int, holders: Holders = ALONE) -> Ints:
+def bisect(x: Floats, n: int, comm: Communicator = SERIAL) -> Ints:
     """Return the box (k,), 0 to n - 1, that each of the points x (3, k) belongs to.
 
-    `holders`: the processes that hold the points, each of which gives its own here and gets their boxes.
+    Of several processes each gives its own points, in the order of all, and gets their boxes.
     """
     box = np.zeros(x.shape[1], np.int32)
-    left = [(np.arange(x.shape[1]), x, int(holders.total(np.array(x.shape[1]))), 0, n)]
+    left = [(np.arange(x.shape[1]), x, int(comm.total(np.array(x.shape[1]))), 0, n)]
     while left:
         nodes, x, size, first, count = left.pop()
         if count == 1:
@@ -99,18 +68,18 @@ def bisect(x: Floats, n: int, holders: Holders = ALONE) -> Ints:
             continue
         low = count // 2
         below = size * low // count
-        lower = _come_first(x, below, holders)
+        lower = _come_first(x, below, comm)
         left.append((nodes[lower], np.compress(lower, x, axis=1), below, first, low))
         left.append((nodes[~lower], np.compress(~lower, x, axis=1), size - below, first + low, count - low))
     return box
 
 
-def _come_first(x: Floats, size: int, holders: Holders) -> Bools:
+def _come_first(x: Floats, size: int, comm: Communicator) -> Bools:
     """Return a mask (k,) of the first `size` (>= 1) of the points x (3, k) along the longest side of their box.
 
     Of points in one plane across it the other coordinates decide, of points at one place their order.
     """
-    corner, upper = extent(x, holders)
+    corner, upper = extent(x, comm)
     sides = upper - corner
     longest = sides.max()
     axis = int(np.argmax(sides >= (1 - _EQUAL) * longest))
@@ -118,29 +87,29 @@ def _come_first(x: Floats, size: int, holders: Holders) -> Bools:
     tied: Ints = np.arange(x.shape[1])
     for k in (axis, (axis + 1) % 3, (axis + 2) % 3):
         plane = np.rint((x[k, tied] - corner[k]) / (longest or 1.0) * _PLANES).astype(np.int32)
-        last, size = _nth(plane, size, holders)
+        last, size = _nth(plane, size, comm)
         first[tied[plane < last]] = True
         tied = tied[plane == last]
-    first[tied[: max(size - holders.before(len(tied)), 0)]] = True
+    first[tied[: max(size - comm.before(len(tied)), 0)]] = True
     return first
 
 
-def extent(x: Floats, holders: Holders) -> tuple[Floats, Floats]:
-    """Return the lower and the upper corner (3,) of the box of the points x (3, k) of all holders."""
+def extent(x: Floats, comm: Communicator) -> tuple[Floats, Floats]:
+    """Return the lower and the upper corner (3,) of the box of the points x (3, k) of all processes."""
     ends = np.stack([-x.min(axis=1, initial=np.inf), x.max(axis=1, initial=-np.inf)])
-    least, upper = holders.greatest(ends)
+    least, upper = comm.greatest(ends)
     return -least, upper
 
 
-def _nth(plane: Ints, n: int, holders: Holders) -> tuple[int, int]:
-    """Return the n-th smallest (n >= 1) of the planes (k,) of all holders, and n less the number of smaller ones.
+def _nth(plane: Ints, n: int, comm: Communicator) -> tuple[int, int]:
+    """Return the n-th smallest (n >= 1) of the planes (k,) of all processes, and n less the number of smaller ones.
 
     The counts of each digit are added up, from the highest to the lowest: few numbers, however many planes there are.
     """
     found = 0
     for shift in range(_DIGITS * _BITS, -1, -_BITS):
         digit = plane >> shift
-        count = np.cumsum(holders.total(np.bincount(digit, minlength=1 << _BITS)))
+        count = np.cumsum(comm.total(np.bincount(digit, minlength=1 << _BITS)))
         last = int(np.searchsorted(count, n))
         n -= int(count[last - 1]) if last else 0
         found += last << shift
@@ -148,14 +117,14 @@ def _nth(plane: Ints, n: int, holders: Holders) -> tuple[int, int]:
     return found, n
 
 
-def _check_finite(x: Floats, number: Ints, holders: Holders) -> None:
+def _check_finite(x: Floats, number: Ints, comm: Communicator) -> None:
     """Raise DataError if one of the points x (3, k) has no place, or all of them no finite extent."""
     with np.errstate(over="ignore", invalid="ignore"):
-        lower, upper = extent(x, holders)
+        lower, upper = extent(x, comm)
         finite = np.isfinite(upper - lower).all()
-    if not finite and int(holders.total(np.array(x.shape[1]))):
+    if not finite and int(comm.total(np.array(x.shape[1]))):
         far = np.nan_to_num(np.abs(x), nan=np.inf).max(axis=0, initial=0.0)
         farthest = far.max(initial=0.0)
-        here = farthest == holders.greatest(np.array(farthest)) and len(far) > 0
-        told = int(holders.greatest(np.array(number[far.argmax()] if here else -1, np.int64)))
+        here = farthest == comm.greatest(np.array(farthest)) and len(far) > 0
+        told = int(comm.greatest(np.array(number[far.argmax()] if here else -1, np.int64)))
         raise DataError(f"node {told} has a coordinate that is not finite, or is huge; repair or remove it")

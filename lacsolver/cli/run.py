@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
     from lacsolver.case import Case
     from lacsolver.cli.watch import Watch
+    from lacsolver.distributed.share import Distribution
     from lacsolver.output import OutputFolder
     from lacsolver.results.results import Restart, Results
-    from lacsolver.space.share import Distribution
 
 
 def add(commands: Any) -> None:
@@ -117,10 +117,10 @@ def _solve(
 
 def _distribution(case: Case, n_ranks: int) -> Distribution:
     """Return the processes that share the model: those of MPI for the engine petsc, else this one alone."""
-    from lacsolver.space.share import ALONE
+    from lacsolver.distributed.share import UNDIVIDED
 
     if case.solver.engine_for(n_ranks) == "serial":
-        return ALONE
+        return UNDIVIDED
     from lacsolver.distributed.launch import import_mpi, import_petsc
     from lacsolver.distributed.processes import Processes
 

@@ -28,7 +28,7 @@ from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.zone import Zone
-from lacsolver.space.share import ALONE, Share
+from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.space import Space
 from lacsolver.space.values import ScalarField, evaluate
 

@@ -1,4 +1,4 @@
-"""The processes of a run, and the share of the model that each of them has (`lacsolver.space.share`)."""
+"""The processes of a run, and the share of the model that each of them has (`share`)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,19 @@ from lacmesh.errors import RequestError
 from lacmesh.formats import detect_format
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
-from lacsolver.distributed.collective import Collective
-from lacsolver.distributed.slices import SLICE_OF, read_in_slices
+from lacmesh.partition.slices import SLICE_OF, read_in_slices
+from lacsolver.distributed.mpi import MpiCommunicator
+from lacsolver.distributed.share import Distribution, Share
 
 #: bytes of a MED or msh file from which on it is read by slices; every process reads a smaller one as a whole
 LARGE = 1 << 26
 
 
-class Processes:
+class Processes(Distribution):
     """The processes of an MPI communicator `comm`, each of which takes a part of a mesh."""
 
     def __init__(self, comm: Any) -> None:
-        self.comm, self.rank, self.n = comm, comm.Get_rank(), comm.Get_size()
+        self.comm = MpiCommunicator(comm)
         self._read: Part | None = None  # as the file has it
         self._part: Part | None = None  # with the slaves cut
 
@@ -54,47 +55,49 @@ class Processes:
     def _divided(self, path: Path, skins: Sequence[str]) -> Part:
         """Return this process's part from a folder. Raises ReadError, RequestError."""
         there = len(describe_parts(path)["parts"]["nodes"])
-        if there != self.n:
-            again = f"divide it again: lacmesh partition MESH -n {self.n} -o {path}"
+        n = self.comm.size
+        if there != n:
+            again = f"divide it again: lacmesh partition MESH -n {n} -o {path}"
             advice = f"start {there} processes, name the mesh file itself, or {again}"
-            raise RequestError(f"{path} has {there} parts, and {self.n} processes were started; {advice}")
-        return read_part(path, self.rank, everywhere=skins)
+            raise RequestError(f"{path} has {there} parts, and {n} processes were started; {advice}")
+        return read_part(path, self.comm.rank, everywhere=skins)
 
     def _sliced(self, path: Path, skins: Sequence[str]) -> Part | None:
         """Return this process's part of the mesh in a large MED or msh file, read by slices; None for any other file.
 
         Groups that are not there are left to the check of the case, which knows its lines.
         """
-        if self.n == 1:
+        if self.comm.size == 1:
             return None
-        together = Collective(self.comm)
-        large = together.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
-        return read_in_slices(path, together, skins) if large else None
+        large = self.comm.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
+        return read_in_slices(path, self.comm, skins) if large else None
 
     def as_read(self, mesh: Mesh) -> tuple[Mesh, PartShare | None]:
         """Return a mesh of `read` before its cut, and which part it is of the mesh in the file; None for the whole."""
         if self._read is None or self._part is None or self._part.mesh is not mesh:
             return mesh, None
-        return self._read.mesh, PartShare(self.comm, self._read)
+        return self._read.mesh, PartShare(self.comm.mpi, self._read)
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
         part = self._part
         if part is None or part.mesh is not mesh:
-            part = part_of(mesh, distribute_nodes(mesh, self.n), self.rank, everywhere=skins)
+            part = part_of(mesh, distribute_nodes(mesh, self.comm.size), self.comm.rank, everywhere=skins)
         common = np.zeros(part.mesh.n_nodes, bool)
         for name in skins:
             for _, _, nodes in part.mesh.select(part.mesh.cells_of(name)):
                 common[nodes] = True
-        return part.mesh, ProcessShare(self.comm, part, common)
+        return part.mesh, ProcessShare(self.comm.mpi, part, common)
 
 
-class PartShare(Collective):
+class PartShare(MpiCommunicator, Share):
     """The part of a mesh that one process of a communicator has: its `own` nodes, and indices in the whole mesh."""
 
     def __init__(self, comm: Any, part: Part) -> None:
         super().__init__(comm)
-        self.own, self.node, self.cell = part.own, part.node, part.cell
+        self.own: NDArray[np.bool_] = part.own
+        self.node: Ints = part.node
+        self.cell: Ints = part.cell
 
 
 class ProcessShare(PartShare):
@@ -106,42 +109,31 @@ class ProcessShare(PartShare):
     def __init__(self, comm: Any, part: Part, common: NDArray[np.bool_]) -> None:
         super().__init__(comm, part)
         self.part, self.common, self.origin, self.body = part, common, part.origin, part.body
-        self._asked, self._given = self._neighbours()
+        others = np.flatnonzero(~self.own)
+        self._asked = others[np.argsort(part.owner[others], kind="stable")]
+        self._counts = np.bincount(part.owner[others], minlength=self.size)
+        wanted, self._given_counts = self.exchange(self.node[self._asked], self._counts)
+        self._given = np.searchsorted(self.node, wanted)
         first = self.before(int(self.own.sum()))
         mine = np.zeros(len(self.node))
         mine[self.own] = first + np.arange(int(self.own.sum()))
         self.number: Ints = self.update(mine[:, None]).ravel().astype(np.int64)
 
-    def _neighbours(self) -> tuple[Sequence[Ints], Sequence[Ints]]:
-        """Return the nodes that this process asks each of the others for, and those that it gives to each."""
-        others = np.flatnonzero(~self.own)
-        others = others[np.argsort(self.part.owner[others], kind="stable")]
-        ends = np.searchsorted(self.part.owner[others], np.arange(1, self.comm.Get_size()))
-        asked = np.split(others, ends)
-        wanted = self.comm.alltoall([self.node[nodes] for nodes in asked])
-        return asked, [np.searchsorted(self.node, nodes) for nodes in wanted]
-
     def update(self, x: Floats) -> NDArray[np.floating]:
         """Return x (n_nodes, k) with the values at other nodes that their own processes have."""
-        k, out = x.shape[1], np.array(x, float)
-        sent = np.ascontiguousarray(out[np.concatenate(self._given)])
-        there = np.concatenate(self._asked)
-        got = np.empty((len(there), k))
-        self.comm.Alltoallv([sent, _counts(self._given, k)], [got, _counts(self._asked, k)])
-        out[there] = got
+        out = np.array(x, float)
+        out[self._asked] = self.exchange(out[self._given], self._given_counts, self._counts)[0]
         return out
 
     def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
-        """Return the sum over all processes of matrices of one size, see `lacsolver.space.share.Share`."""
-        entries, dim = A.tocoo(), max(A.shape) // max(len(self.node), 1)
-        places = [self._to_whole(i, dim) if by_node else i for i, by_node in zip(entries.coords, nodal, strict=True)]
-        row, column, value = (self.gather(part) for part in (*(i.astype(np.int64) for i in places), entries.data))
-        row, column = (
-            self._from_whole(i, dim) if by_node else i for i, by_node in zip((row, column), nodal, strict=True)
-        )
-        made = coo_array((value, (row, column)), shape=A.shape).tocsr()
-        made.sum_duplicates()
-        return csr_array(made)
+        """Return the sum over all processes of matrices of one size, see `Share`."""
+        if not any(nodal):
+            return self.total_matrix(A)
+        entries, dim, index = A.tocoo(), max(A.shape) // max(len(self.node), 1), []
+        for own, by_node in zip(entries.coords, nodal, strict=True):
+            everywhere = self.gather((self._to_whole(own, dim) if by_node else own).astype(np.int64))
+            index.append(self._from_whole(everywhere, dim) if by_node else everywhere)
+        return csr_array(coo_array((self.gather(entries.data), tuple(index)), shape=A.shape).tocsr())
 
     def _to_whole(self, unknown: Ints, dim: int) -> Ints:
         """Return the index in the whole model of unknowns at nodes of this process."""
@@ -150,7 +142,3 @@ class ProcessShare(PartShare):
     def _from_whole(self, unknown: Ints, dim: int) -> Ints:
         """Return the index here of unknowns of the whole model, at nodes that this process has."""
         return dim * np.searchsorted(self.node, unknown // dim) + unknown % dim
-
-
-def _counts(nodes: Sequence[Ints], k: int) -> Any:
-    return [k * len(part) for part in nodes]

@@ -108,7 +108,7 @@ class ReducedProblem:
         share, c = self.problem.space.share, self.problem.constraints
         if c.own is None:
             return WHOLE
-        return SharedVectors(c.own, c.summed, share.total, share.largest, share.same, share.rank == 0)
+        return SharedVectors(c.own, c.summed, share)
 
     @cached_property
     def factors(self) -> FactorCache | SharedFactors:
@@ -172,7 +172,7 @@ class ReducedProblem:
         place = ", ".join(space.told(space.mesh.points[node]))
         who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
         of_node = bodies(space)
-        body = "a body" if space.share.n > 1 else body_names(space, of_node)[of_node[node]]
+        body = "a body" if space.share.size > 1 else body_names(space, of_node)[of_node[node]]
         message = f"the stiffness is singular: a part of {body} can move without any force, most of all {who}"
         advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
         return SingularError(f"{message}; {advice}", error.dof, error.mode)

@@ -1,45 +1,23 @@
 """Operations on vectors that the iterative loops use: products, norms and sums; the only place that a loop sums in.
 
-`multigrid.cycle.Team` has the same operations on several threads, `SharedVectors` on several processes.
+`multigrid.cycle.Team` has them on several threads, `SharedVectors` on several processes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.communicator import Communicator
 from lacmesh.mesh import Floats
 
 
-class Vectors(Protocol):
-    """Interface of the operations on vectors (n,)."""
+class Vectors:
+    """Vectors (n,) that are whole arrays of numpy.
 
-    def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
-        """Return the products (k,) of rows A (k, n) with x."""
-
-    def norm(self, x: Floats) -> float:
-        """Return the Euclidean norm."""
-
-    def largest(self, x: Floats) -> float:
-        """Return the largest magnitude of an entry, 0 for an empty vector."""
-
-    def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
-        """Subtract c A from x in place, for rows A (k, n)."""
-
-    def summed(self, f: Floats) -> NDArray[np.floating]:
-        """Return f (n,) with sums over all processes at unknowns that all have, where each process has a part."""
-
-    def same(self, x: NDArray) -> NDArray:
-        """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
-
-
-class WholeVectors:
-    """Vectors that are whole arrays of numpy.
-
-    >>> WholeVectors().norm(np.array([3.0, 4.0])), WholeVectors().largest(np.array([3.0, -4.0]))
+    >>> WHOLE.norm(np.array([3.0, 4.0])), WHOLE.largest(np.array([3.0, -4.0]))
     (5.0, 4.0)
     """
 
@@ -60,36 +38,31 @@ class WholeVectors:
         x -= c @ A
 
     def summed(self, f: Floats) -> NDArray[np.floating]:
-        """Return f."""
+        """Return f (n,) with sums over all processes at unknowns that all have, where each process has a part."""
         return f
 
     def same(self, x: NDArray) -> NDArray:
-        """Return x."""
+        """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
         return x
 
 
-class SharedVectors:
-    """Vectors of unknowns of which each process holds some, its `own` (n,), and copies of others.
+class SharedVectors(Vectors):
+    """Vectors of unknowns of which each process of `comm` holds some, its `own` (n,), and copies of others.
 
-    Entries beyond the n unknowns, such as pressures, are the same on all processes. `summed`: the method; `total` and
-    `largest` combine the arrays and numbers of all processes, `same` takes those of the first one; `first`: True there.
+    Entries beyond the n unknowns, such as pressures, are the same on all processes. `summed`: the method.
     """
 
-    def __init__(
-        self, own: NDArray[np.bool_], summed: Callable[[Floats], Floats], total: Callable[[Floats], Floats],
-        largest: Callable[[float], float], same: Callable[[NDArray], NDArray], first: bool,
-    ) -> None:  # fmt: skip
-        self._summed = summed
+    def __init__(self, own: NDArray[np.bool_], summed: Callable[[Floats], Floats], comm: Communicator) -> None:
         self._own, self._weight = np.flatnonzero(own), own.astype(float)
-        self._total, self._largest, self._same, self._first = total, largest, same, first
+        self._summed, self._comm = summed, comm
 
     def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
         """Return the products (k,) of rows A (k, n) with x."""
         if not len(A):
             return np.zeros(0)
         n = len(self._weight)
-        rest = A[:, n:] @ x[n:] if self._first and len(x) > n else 0.0
-        return np.asarray(self._total(A[:, :n] @ (x[:n] * self._weight) + rest))
+        rest = A[:, n:] @ x[n:] if self._comm.rank == 0 and len(x) > n else 0.0
+        return np.asarray(self._comm.total(A[:, :n] @ (x[:n] * self._weight) + rest))
 
     def norm(self, x: Floats) -> float:
         """Return the Euclidean norm."""
@@ -99,11 +72,7 @@ class SharedVectors:
         """Return the largest magnitude of an entry, 0 for an empty vector."""
         n = len(self._weight)
         own = float(np.abs(x[self._own]).max(initial=0.0))
-        return self._largest(max(own, float(np.abs(x[n:]).max(initial=0.0))))
-
-    def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
-        """Subtract c A from x in place, for rows A (k, n)."""
-        x -= c @ A
+        return self._comm.largest(max(own, float(np.abs(x[n:]).max(initial=0.0))))
 
     def summed(self, f: Floats) -> NDArray[np.floating]:
         """Return f (n,) with sums over all processes at unknowns that all have, where each process has a part."""
@@ -111,7 +80,7 @@ class SharedVectors:
 
     def same(self, x: NDArray) -> NDArray:
         """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
-        return self._same(x)
+        return self._comm.same(x)
 
 
 def products(vectors: Vectors, A: Floats, B: Floats) -> NDArray[np.floating]:
@@ -122,4 +91,4 @@ def products(vectors: Vectors, A: Floats, B: Floats) -> NDArray[np.floating]:
 
 
 #: whole arrays
-WHOLE = WholeVectors()
+WHOLE = Vectors()

@@ -9,8 +9,8 @@ from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Mesh
+from lacsolver.distributed.share import Share
 from lacsolver.output.names import vtu_file
-from lacsolver.space.share import Share
 
 _SECTION = re.compile(r"<(PointData|CellData|Points)>(.*?)</\1>", re.DOTALL)
 _ARRAY = re.compile(r"<DataArray (.*?) format=")
@@ -31,7 +31,7 @@ def write_pieces(folder: Path, stem: str, number: int, mesh: Mesh, share: Share)
         failed = error
     share.agree(failed)
     file = str(Path(vtu_file(stem, number)).with_suffix(".pvtu"))
-    names = [Path(vtu_file(stem, number, rank)).name for rank in range(share.n)]
+    names = [Path(vtu_file(stem, number, rank)).name for rank in range(share.size)]
     share.on_first(lambda: replace_file(folder / file, _collection(own, names).encode()))
     return file
 

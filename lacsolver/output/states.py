@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint, fingerprint_as
+from lacsolver.distributed.share import ALONE, Share
 from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
 from lacsolver.output.tables import same_time
@@ -31,7 +32,6 @@ from lacsolver.problem.skin import mesh_of
 from lacsolver.results.results import Restart
 from lacsolver.results.state import Histories, Iterate, StepState
 from lacsolver.results.whole import Order, grows, whole_arrays, with_arrays
-from lacsolver.space.share import ALONE, Share
 
 #: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
 VERSION = 3

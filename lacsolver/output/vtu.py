@@ -77,7 +77,7 @@ class VtuSeries:
         )
         share, file = self._space.share, vtu_file(stem, number)
         _make(self._folder / FIELDS)
-        if share.n > 1 and stem == SOLID:
+        if share.size > 1 and stem == SOLID:
             file = write_pieces(self._folder, stem, number, mesh, share)
         else:
             write(self._folder / file, mesh, compress=True)

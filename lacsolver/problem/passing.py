@@ -26,9 +26,9 @@ from lacmesh.surface.record import mean_normals
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.skin import MAX_CORNERS
 from lacsolver.contact import Interface, integrate
+from lacsolver.distributed.share import Share
 from lacsolver.problem.overlap import looked
 from lacsolver.problem.problem import ContactPair
-from lacsolver.space.share import Share
 from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate
 

@@ -30,6 +30,7 @@ from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.laws import ContactLaw
+from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.inertia import Inertia
@@ -37,7 +38,6 @@ from lacsolver.problem.laws import contact_law_of, law_of
 from lacsolver.problem.roles import slaves_of, with_roles
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
 from lacsolver.space.places import nodes_of, said, wrong
-from lacsolver.space.share import ALONE, Distribution, Share
 from lacsolver.space.space import Space, check_dimension
 
 #: round-off of a coverage
@@ -139,7 +139,7 @@ class Problem(Described):
         cls,
         case: Case,
         mesh: Mesh | None = None,
-        distribution: Distribution = ALONE,
+        distribution: Distribution = UNDIVIDED,
         like: Problem | None = None,
     ) -> Problem:
         """Read the mesh of a case (or take `mesh`), cut slaves that are not cut, and check everything against the case.
@@ -221,7 +221,7 @@ def build(
     attempt: Attempt | None = None,
     *,
     bodies: bool = True,
-    distribution: Distribution = ALONE,
+    distribution: Distribution = UNDIVIDED,
     like: Problem | None = None,
 ) -> ProblemParts:
     """Build the parts of a case's problem stage by stage: for a run, for a validation, and for contact matrices.
@@ -233,7 +233,7 @@ def build(
     attempt = attempt or (lambda place: nullcontext())
     parts, usable = ProblemParts(case, mesh), False
     with attempt(""):
-        if distribution is ALONE:
+        if distribution is UNDIVIDED:
             named = f" {case.mesh.name}" if isinstance(case.mesh, Path) else ""
             check_dimension(mesh, case.model, f"the mesh{named}")
         check_groups(case, mesh)
@@ -268,7 +268,7 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
         skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.tie))
         return case.model, case.thickness, skins
 
-    return distribution is ALONE and like.source is mesh and settings(case) == settings(like.case)
+    return distribution is UNDIVIDED and like.source is mesh and settings(case) == settings(like.case)
 
 
 def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Distribution) -> None:
@@ -294,7 +294,7 @@ def _check_shared(case: Case, share: Share) -> None:
         raise RequestError(f'{message}, and the mesh has {n:,}; take format = "vtu", of which each writes its own part')
 
 
-def read_mesh(case: Case, distribution: Distribution = ALONE) -> Mesh:
+def read_mesh(case: Case, distribution: Distribution = UNDIVIDED) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
     if not isinstance(case.mesh, Path):
         return mesh_of(case)

@@ -21,9 +21,9 @@ from lacsolver.contact import Interface
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap, covered_derivative
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
+from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.problem import ContactPair, Problem
 from lacsolver.saddle.operator import Operator
-from lacsolver.space.share import ALONE, Share
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import moments
 from lacsolver.linear import MULTIGRID_ABOVE, Matrix, backends, choose
 from lacsolver.linear.multigrid.aggregation import aggregated
-from lacsolver.linear.multigrid.cycle import Cycle
+from lacsolver.linear.multigrid.cycle import Cycle, Team
 from lacsolver.linear.multigrid.factor import Hierarchy
-from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo, SharedTeam
+from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
@@ -69,7 +69,7 @@ class SharedStiffness(KeptParts):
 
     def _total(self, A: csr_array) -> csr_array:
         """Return the sum of a matrix over all processes."""
-        return self.constraints.space.share.add_matrices(A, (False, False))
+        return self.constraints.space.share.total_matrix(A)
 
     def _submatrix(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, without the rows of other processes."""
@@ -225,7 +225,7 @@ def _aggregated(rows: bsr_array, constraints: Constraints) -> Cycle:
     length = np.diff(rows.indptr)
     length = length[share.own] if len(length) == len(share.own) else length
     K, halo = SharedHalo.of_rows(BlockRows(length, share.number[rows.indices], rows.data), share)
-    return aggregated(K, _own_modes(constraints), SharedTeam(share), halo)
+    return aggregated(K, _own_modes(constraints), Team(1, share), halo)
 
 
 def _own_modes(constraints: Constraints) -> NDArray[np.floating]:
@@ -243,7 +243,7 @@ def _petsc_cycle(rows: csr_array, constraints: Constraints, backend: str) -> Pet
     petsc, space, share = import_petsc(), constraints.space, constraints.space.share
     assert share.number is not None
     with petsc_errors():
-        A = petsc_matrix(petsc, share.comm, rows, space.dofs(share.number).ravel(), space.dim)
+        A = petsc_matrix(petsc, share.mpi, rows, space.dofs(share.number).ravel(), space.dim)
         return PetscCycle(set_up(petsc, A, _own_modes(constraints), backend), backend)
 
 

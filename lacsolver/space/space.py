@@ -28,11 +28,11 @@ from lacmesh.mesh import Floats, Ints, Mesh, fixed
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
 from lacmesh.topology.faces import lacking
+from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
 from lacsolver.space.rules import cell_rule
-from lacsolver.space.share import ALONE, Share
 
 #: components of stress and strain, in their order; plane and axisymmetric models have the first four
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")

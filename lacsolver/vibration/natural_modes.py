@@ -75,7 +75,7 @@ def natural_modes(
 def _check_alone(problem: Problem) -> None:
     """Raise RequestError for several processes, and for a linear solver without a factorisation."""
     solver = problem.case.solver
-    if problem.space.share.n > 1 or solver.engine_for(1) != "serial":
+    if problem.space.share.size > 1 or solver.engine_for(1) != "serial":
         raise RequestError('natural modes are found by one process, not with PETSc; take [solver] engine = "serial"')
     if solver.backend == "multigrid":
         raise RequestError('natural modes need a factorisation; take [solver] backend = "auto" in place of "multigrid"')

@@ -13,7 +13,7 @@ from lacmesh import Mesh, cut_skin, read, write
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.formats.msh.reader import slice_of
-from lacmesh.formats.slices import ALONE, Slice
+from lacmesh.formats.slices import Slice
 from tests.formats.msh_meshes import meshes
 from tests.formats.msh_texts import swapped
 from tests.formats.readers import in_slices
@@ -28,7 +28,7 @@ IN_MSH = tuple(name for name, cell in ALL_CELLS.items() if cell.msh is not None)
 
 def check(path, n):
     """Compare n slices with the whole."""
-    whole, slices = slice_of(path, ALONE), in_slices(slice_of, path, n)
+    whole, slices = slice_of(path), in_slices(slice_of, path, n)
     by_row = [(Slice(k, n).rows(whole.rows.size), one) for k, one in enumerate(slices)]
     assert [one.rows for one in slices] == [rows for rows, _ in by_row]
     for name in ("points", "node_number"):
@@ -79,7 +79,7 @@ def test_slices_together_are_the_whole(tmp_path_factory, mesh, n):
 
 
 def test_slices_of_a_file_of_gmsh():
-    whole = slice_of(OF_GMSH, ALONE)
+    whole = slice_of(OF_GMSH)
     assert len(whole.noted["model"].periodic[0].nodes) and set(whole.cell_data["partition"]) == {1, 2}
     check(OF_GMSH, 3)
 
@@ -93,7 +93,7 @@ def cut(tmp_path_factory):
 
 
 def test_slices_of_a_cut(cut):
-    assert slice_of(cut, ALONE).cell_data["lac_macro"].max() > 7
+    assert slice_of(cut).cell_data["lac_macro"].max() > 7
     check(cut, 3)
 
 
@@ -126,7 +126,7 @@ def test_damage_is_told_as_by_one(cut, tmp_path_factory, data):
         content[at : at + 8] = data.draw(st.sampled_from([b"", b"\0" * 8, b"\xff" * 8, b"\x7f\xff", b"\1", b"$"]))
     path.write_bytes(content)
     try:
-        slice_of(path, ALONE)
+        slice_of(path)
     except LacmeshError as error:
         assert {str(one) for one in in_slices(slice_of, path, 3)} == {str(error)}
     else:

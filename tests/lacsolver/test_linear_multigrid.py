@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import block_diag, bsr_array, csr_array, diags_array, random_array
 from scipy.sparse.linalg import eigsh
 
+from lacmesh.communicator import SERIAL
 from lacmesh.errors import RequestError
 from lacsolver.linear import LinearError, SingularError, analyse, factorise
 from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
@@ -256,12 +257,12 @@ def test_the_smoother_with_rows_by_dense_algebra():
     inverse = np.linalg.inv(M).astype(np.float32)
     r = rng.normal(size=n_nodes * b).astype(np.float32)
     x = block_diag(inverse) @ r
-    RowTerm.smoothed(N, inverse, Team(1)).correct(1.0, r, Team(1), x)
+    RowTerm.smoothed(N, inverse, SERIAL).correct(1.0, r, SERIAL, x)
     exact = np.linalg.solve(block_diag(M).toarray() + dense.T @ dense, r)
     np.testing.assert_allclose(x, exact, atol=1e-5 * np.abs(exact).max())
-    L = np.linalg.inv(bounded(inverse, N, Team(1))) - M
+    L = np.linalg.inv(bounded(inverse, N, SERIAL)) - M
     least = np.linalg.eigvalsh(block_diag(L).toarray() - dense.T @ dense)[0]
     assert -1e-4 < least < 1e-2  # a bound, and one that is reached
     Q = np.linalg.qr(rng.normal(size=(b, b)))[0].astype(np.float32)
-    other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape), Team(1))
-    np.testing.assert_allclose(other, Q @ bounded(inverse, N, Team(1)) @ Q.T, atol=1e-5)
+    other = bounded(Q @ inverse @ Q.T, bsr_array((N.data @ Q.T, N.indices, N.indptr), shape=N.shape), SERIAL)
+    np.testing.assert_allclose(other, Q @ bounded(inverse, N, SERIAL) @ Q.T, atol=1e-5)

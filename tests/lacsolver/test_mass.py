@@ -12,8 +12,8 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacsolver.bodies.mass import DEGREE, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.distributed.share import Share
 from lacsolver.space.rules import SOLID_CELLS
-from lacsolver.space.share import Alone
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, one_cell, plane_mixture, rim
 
@@ -161,7 +161,7 @@ def test_lumped_mass_of_serendipity_cells_has_the_published_shares():
 def test_the_rows_of_a_process_s_own_nodes_are_complete(kind):
     mesh = skewed("HEXA8", 3)
 
-    class Half(Alone):
+    class Half(Share):
         own = mesh.points[:, 0] < 0.4
 
     whole = assemble_mass(*made(mesh, "3d"), kind=kind)

@@ -23,7 +23,6 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.med import families, fields, notes, reader
 from lacmesh.formats.med.hdf5 import add_array, add_group, compact, created, encoded, text
 from lacmesh.formats.med.types import MED_TYPES, MedType
-from lacmesh.formats.slices import ALONE
 from lacmesh.mesh import Ints, Mesh
 
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
@@ -35,7 +34,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     Raises ReadError for a file that is damaged or holds what a Mesh cannot (polygons, grids); RequestError for the
     choice of the mesh. What is left out is named in one LacmeshWarning.
     """
-    made = reader.slice_of(path, ALONE, mesh)
+    made = reader.slice_of(path, mesh=mesh)
     for message in made.said:
         warnings.warn(message, LacmeshWarning, stacklevel=2)
     return reader.with_zones(made).mesh()

@@ -6,19 +6,19 @@ Families, groups, names and sizes are those of the whole file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacmesh.formats.med import families, fields, notes
 from lacmesh.formats.med.blocks import ENTITIES, Cells, family_in, number_in, read_cells, read_points
 from lacmesh.formats.med.hdf5 import Branch, Name, opened, text
 from lacmesh.formats.notes import zone_names
-from lacmesh.formats.slices import CellRows, MeshSlice, Readers, RowRange, Slice
+from lacmesh.formats.slices import CellRows, MeshSlice, RowRange, Slice, repeated
 from lacmesh.mesh import Floats, Ints
 
 #: Parts of a file that no Mesh holds.
@@ -58,14 +58,13 @@ class MedSlice:
         """(k,): the family of each cell."""
         return np.concatenate([np.empty(0, np.int64), *(c.family for c in self.cells)])
 
-    def numbers(self, repeated: Callable[[Ints], int | None], said: list[str]) -> tuple[Ints, Ints]:
+    def numbers(self, comm: Communicator, said: list[str]) -> tuple[Ints, Ints]:
         """Return the numbers of the nodes and of the cells: the file's if they are distinct, else they are counted.
 
-        `repeated`: a function that returns a number which occurs twice in the whole mesh, or None. Types without
-        numbers are counted in libmed's order.
+        Types without numbers are counted in libmed's order.
         """
         counted = np.arange(self.rows.start, self.rows.stop) + 1
-        nodes = _distinct(self.node_number, counted, "nodes", repeated, said)
+        nodes = _distinct(self.node_number, counted, "nodes", comm, said)
         first: dict[str, int] = {}
         for c in sorted(self.cells, key=lambda c: c.kind.bit):
             first[c.support] = 1 + sum(other.rows.size for other in self.cells if other.support in first)
@@ -73,22 +72,22 @@ class MedSlice:
         given = [by if c.number is None else c.number for c, by in zip(self.cells, by_count, strict=True)]
         none = np.empty(0, np.int64)
         all_cells = np.concatenate([none, *given]), np.concatenate([none, *by_count])
-        return nodes, _distinct(*all_cells, "cells", repeated, said)
+        return nodes, _distinct(*all_cells, "cells", comm, said)
 
 
-def slice_of(path: Path, readers: Readers, mesh: str | None = None) -> MeshSlice:
-    """Return the slice that one of the readers has of the mesh of a file, or of the one of that name.
+def slice_of(path: Path, comm: Communicator = SERIAL, mesh: str | None = None) -> MeshSlice:
+    """Return the slice that this process reads of the mesh of a file, or of the one of that name.
 
     Raises ReadError, RequestError.
     """
-    content = readers.on_each(lambda: read_slice(path, Slice(readers.rank, readers.n), mesh))
+    content = comm.on_each(lambda: read_slice(path, Slice(comm.rank, comm.size), mesh))
     said = list(content.said)
     for what, used, defined in (
         ("cells", content.cell_family, content.cell_families),
         ("nodes", content.node_family, content.node_families),
     ):
-        said += families.undefined(np.unique(readers.gather(np.unique(used))), defined, what)
-    node_number, cell_number = content.numbers(readers.repeated, said)
+        said += families.undefined(np.unique(comm.gather(np.unique(used))), defined, what)
+    node_number, cell_number = content.numbers(comm, said)
     return MeshSlice(
         rows=content.rows,
         points=content.points,
@@ -189,13 +188,11 @@ def _step(home: Branch, said: list[str]) -> Branch:
     return (timeless or steps)[0]
 
 
-def _distinct(
-    number: Ints | None, counted: Ints, what: str, repeated: Callable[[Ints], int | None], said: list[str]
-) -> Ints:
+def _distinct(number: Ints | None, counted: Ints, what: str, comm: Communicator, said: list[str]) -> Ints:
     """The file's numbers if they are distinct, else `counted`."""
     if number is None:
         return counted
-    again = repeated(number)
+    again = repeated(number, comm)
     if again is None:
         return number
     said.append(f"{what} are numbered from 1, the file gives several the number {again}")

@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import LacmeshWarning, some
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import cells as msh_cells
@@ -20,36 +21,36 @@ from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.groups import cell_groups, known
 from lacmesh.formats.msh.notes import SECTION, Notes
-from lacmesh.formats.slices import ALONE, MeshSlice, Readers, RowRange, Slice
+from lacmesh.formats.slices import MeshSlice, RowRange, Slice, whole_index
 from lacmesh.mesh import Ints, Mesh, Model, Periodic
 
 
 def to_mesh(content: Content) -> Mesh:
     """Convert the content of a whole file to a mesh. Raises ReadError."""
-    made = to_slice(content, ALONE)
+    made = to_slice(content)
     for message in made.said:
         warnings.warn(LacmeshWarning(message), stacklevel=4)
     return made.mesh()
 
 
-def to_slice(content: Content, readers: Readers) -> MeshSlice:
-    """Convert what one of the readers of a file has read of its nodes, and the cells of its slice. Raises ReadError."""
+def to_slice(content: Content, comm: Communicator = SERIAL) -> MeshSlice:
+    """Convert the nodes that this process has read of a file, and the cells of its slice. Raises ReadError."""
     said: list[str] = []
-    own = _node_index(content, readers)
+    own = _node_index(content, comm)
     node_rows = content.node_rows or RowRange(0, own.n, own.n)
     notes = _fitting(content, node_rows.size, said)
     msh_cells.add_extra_cells(content, notes)
     whole = msh_cells.describe(content.pieces)
-    content = replace(content, pieces=msh_cells.in_slice(content.pieces, whole.sizes, Slice(readers.rank, readers.n)))
+    content = replace(content, pieces=msh_cells.in_slice(content.pieces, whole.sizes, Slice(comm.rank, comm.size)))
     pairs = (link[-1] for link in content.links)
-    nodes = readers.index(own, (*(p.nodes for p in content.pieces), *pairs))
-    cells = msh_cells.joined(content, whole, nodes, readers)
-    index = {"node": own, "cell": msh_cells.cell_index(content, cells.number, readers)}
-    groups, group_tags = cell_groups(content, cells.first, notes, index["cell"], readers, said)
+    nodes = whole_index(own, (*(p.nodes for p in content.pieces), *pairs), comm)
+    cells = msh_cells.joined(content, whole, nodes, comm)
+    index = {"node": own, "cell": msh_cells.cell_index(content, cells.number, comm)}
+    groups, group_tags = cell_groups(content, cells.first, notes, index["cell"], comm, said)
     sizes = {"node": node_rows.size, "cell": sum(whole.sizes.values())}
-    fields = readers.on_each(lambda: msh_fields.to_mesh(content.source, content.rows, index, sizes, notes.fields))
+    fields = comm.on_each(lambda: msh_fields.to_mesh(content.source, content.rows, index, sizes, notes.fields))
     node_groups = {name: known(own, number) for name, number in notes.node_groups.items()}
-    _say_lost(content, notes, fields.known + sum(map(len, node_groups.values())), readers, said)
+    _say_lost(content, notes, fields.known + sum(map(len, node_groups.values())), comm, said)
     if whole.entities:
         fields.cell_data["entity"] = cells.entity
     if cells.partition is not None:
@@ -60,7 +61,7 @@ def to_slice(content: Content, readers: Readers) -> MeshSlice:
     return MeshSlice(
         rows=node_rows,
         points=content.points,
-        space_dim=_space_dim(content, whole, notes, readers),
+        space_dim=_space_dim(content, whole, notes, comm),
         node_number=content.node_number,
         cells=cells.rows,
         cell_number=cells.number,
@@ -80,14 +81,14 @@ def to_slice(content: Content, readers: Readers) -> MeshSlice:
     )
 
 
-def _node_index(content: Content, readers: Readers) -> Index:
+def _node_index(content: Content, comm: Communicator) -> Index:
     """Map from the numbers of the nodes that are read to their indices among them. Raises ReadError."""
     numbers = content.node_number
-    msh_cells.check_numbers("node", numbers, content.source, content.nodes_at, readers)
-    bad = readers.gather(numbers[~np.isfinite(content.points).all(axis=1)])
+    msh_cells.check_numbers("node", numbers, content.source, content.nodes_at, comm)
+    bad = comm.gather(numbers[~np.isfinite(content.points).all(axis=1)])
     if len(bad):
         raise content.source.error(f"the coordinates of nodes {some(bad)} are not finite numbers", content.nodes_at)
-    return Index(numbers, table=readers.n == 1)
+    return Index(numbers, table=comm.size == 1)
 
 
 def _fitting(content: Content, n_nodes: int, said: list[str]) -> Notes:
@@ -104,18 +105,18 @@ def _fitting(content: Content, n_nodes: int, said: list[str]) -> Notes:
     return notes
 
 
-def _say_lost(content: Content, notes: Notes, found: int, readers: Readers, said: list[str]) -> None:
+def _say_lost(content: Content, notes: Notes, found: int, comm: Communicator, said: list[str]) -> None:
     """Say how many values and members of node groups have no place; `found`: those in the slice that have one."""
     there = sum(len(r.number) for r in content.rows) + sum(map(len, notes.node_groups.values()))
-    lost = there - int(readers.total(np.array(found)))
+    lost = there - int(comm.total(np.array(found)))
     if lost:
         said.append(f"{lost} values or members belong to nodes or cells that the file does not hold: left out")
 
 
-def _space_dim(content: Content, whole: msh_cells.AllCells, notes: Notes, readers: Readers) -> int:
+def _space_dim(content: Content, whole: msh_cells.AllCells, notes: Notes, comm: Communicator) -> int:
     """The dimension of the space: that of our notes, else 3 if there are solids or points out of the plane."""
     least = max((ALL_CELLS[name].dim for name in whole.sizes), default=0)
-    found = int(readers.greatest(np.array(max(least, Mesh.create(content.points, []).space_dim))))
+    found = int(comm.greatest(np.array(max(least, Mesh.create(content.points, []).space_dim))))
     return found if notes.space_dim is None else notes.space_dim
 
 

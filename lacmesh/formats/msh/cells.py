@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.communicator import Communicator
 from lacmesh.errors import some
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.notes import SECTION, Notes
 from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.slices import CellRows, Readers, Slice
+from lacmesh.formats.slices import CellRows, Slice, repeated
 from lacmesh.mesh import Ints
 
 _NEVER = np.iinfo(np.int64).max
@@ -115,9 +116,9 @@ def in_slice(pieces: list[Piece], sizes: dict[str, int], piece: Slice) -> list[P
     return mine
 
 
-def joined(content: Content, whole: AllCells, nodes: Index, readers: Readers) -> SliceCells:
+def joined(content: Content, whole: AllCells, nodes: Index, comm: Communicator) -> SliceCells:
     """Join the pieces of a slice, one block a type; `nodes`: from numbers to indices in the whole. Raises ReadError."""
-    rows = {name: Slice(readers.rank, readers.n).rows(size) for name, size in whole.sizes.items()}
+    rows = {name: Slice(comm.rank, comm.size).rows(size) for name, size in whole.sizes.items()}
     sizes = {name: r.n for name, r in rows.items()}
     first, total = _first(content.pieces, sizes), sum(sizes.values())
     begin = dict(zip(sizes, accumulate(sizes.values(), initial=0), strict=False))
@@ -140,18 +141,18 @@ def joined(content: Content, whole: AllCells, nodes: Index, readers: Readers) ->
         if bad is not None:
             stray = p, bad
             break
-    _check_nodes(content, stray, nodes, readers)
+    _check_nodes(content, stray, nodes, comm)
     cells = tuple(CellRows(name, rows[name], nodes) for name, nodes in arrays.items())
     return SliceCells(cells, number, entity, partition, place, first)
 
 
-def _check_nodes(content: Content, stray: tuple[Piece, int] | None, nodes: Index, readers: Readers) -> None:
+def _check_nodes(content: Content, stray: tuple[Piece, int] | None, nodes: Index, comm: Communicator) -> None:
     """Raise the ReadError of the file's first cell with an unknown node; `stray`: piece and row of this slice's."""
     place = _NEVER
     if stray is not None:
         at = stray[0].at
         place = at + stray[1] if isinstance(at, int) else int(at[stray[1]])
-    least = -int(readers.greatest(np.array(-place, np.int64)))
+    least = -int(comm.greatest(np.array(-place, np.int64)))
 
     def check() -> None:
         if stray is not None and place == least:
@@ -160,20 +161,20 @@ def _check_nodes(content: Content, stray: tuple[Piece, int] | None, nodes: Index
             message = f"the {p.type} {p.number[bad]} has node {some(lost)}, which $Nodes does not hold"
             raise content.source.error(message, content.elements_at)
 
-    readers.on_each(check)
+    comm.on_each(check)
 
 
-def cell_index(content: Content, number: Ints, readers: Readers) -> Index:
+def cell_index(content: Content, number: Ints, comm: Communicator) -> Index:
     """Map from cell numbers, also of those merged into another, to indices in the slice. Raises ReadError."""
-    check_numbers("cell", number, content.source, content.elements_at, readers)
-    return Index(number, content.repeats.number, content.repeats.of, table=readers.n == 1)
+    check_numbers("cell", number, content.source, content.elements_at, comm)
+    return Index(number, content.repeats.number, content.repeats.of, table=comm.size == 1)
 
 
-def check_numbers(what: str, number: Ints, source: MshBytes, place: int, readers: Readers) -> None:
-    """Raise ReadError, at a place in the file, unless the numbers of all readers are positive and distinct."""
-    least = ~int(readers.greatest(~number.min(initial=1)))
+def check_numbers(what: str, number: Ints, source: MshBytes, place: int, comm: Communicator) -> None:
+    """Raise ReadError, at a place in the file, unless the numbers of all processes are positive and distinct."""
+    least = ~int(comm.greatest(~number.min(initial=1)))
     if least < 1:
         raise source.error(f"a {what} has the number {least}; numbers start at 1", place)
-    twice = readers.repeated(number)
+    twice = repeated(number, comm)
     if twice is not None:
         raise source.error(f"two {what}s have the number {twice}", place)

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.communicator import Communicator
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.msh.notes import Notes
-from lacmesh.formats.slices import Readers
 from lacmesh.mesh import Ints, Tag
 
 
@@ -22,7 +22,7 @@ def known(index: Index, number: Ints) -> Ints:
 
 
 def cell_groups(
-    content: Content, first: list[int], notes: Notes, index: Index, readers: Readers, said: list[str]
+    content: Content, first: list[int], notes: Notes, index: Index, comm: Communicator, said: list[str]
 ) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
     """Indices and tags of the cell groups, by name; a group without a name is named after its tag.
 
@@ -50,7 +50,7 @@ def cell_groups(
         here = known(index, number)
         groups.setdefault(name, []).append(here)
         found += len(here)
-    lost = sum(map(len, notes.cell_groups.values())) - int(readers.total(np.array(found)))
+    lost = sum(map(len, notes.cell_groups.values())) - int(comm.total(np.array(found)))
     if lost:
         said.append(f"{lost} members of groups are cells that the file does not hold: left out")
     joined = {name: parts[0] if len(parts) == 1 else _joined(parts) for name, parts in groups.items()}

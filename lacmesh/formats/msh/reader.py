@@ -7,6 +7,7 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh import names as msh_names
@@ -16,7 +17,7 @@ from lacmesh.formats.msh import reader4 as msh_read4
 from lacmesh.formats.msh.assembly import to_mesh, to_slice
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.slices import MeshSlice, Readers, Slice
+from lacmesh.formats.slices import MeshSlice, Slice
 from lacmesh.mesh import Mesh
 
 #: Versions that we read -> the layout they have.
@@ -39,8 +40,8 @@ def read(path: Path) -> Mesh:
     return to_mesh(content)
 
 
-def slice_of(path: Path, readers: Readers) -> MeshSlice | None:
-    """Return the slice that one of the readers has of the mesh in a file; None for a file that is read as a whole.
+def slice_of(path: Path, comm: Communicator = SERIAL) -> MeshSlice | None:
+    """Return the slice that this process reads of the mesh in a file; None for a file that is read as a whole.
 
     Such a file is not msh 4.1 in binary, or has cells of a type that msh lacks. Raises ReadError.
     """
@@ -50,12 +51,12 @@ def slice_of(path: Path, readers: Readers) -> MeshSlice | None:
         read_format(source)
         if not source.binary or source.version != "4.1":
             return None
-        return _read_content(source, Slice(readers.rank, readers.n))
+        return _read_content(source, Slice(comm.rank, comm.size))
 
-    found = readers.on_each(content)
+    found = comm.on_each(content)
     if found is None or found[0].notes.extra_cells:
         return None
-    made = to_slice(found[0], readers)
+    made = to_slice(found[0], comm)
     return replace(made, said=(*found[1], *made.said))
 
 

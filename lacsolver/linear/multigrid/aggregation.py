@@ -10,13 +10,13 @@ process, and so are those below it.
 
 from __future__ import annotations
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.multigrid.cycle import NO_HALO, Cycle, Halo, Level, RowHalo, Team, jacobi, transposed
+from lacsolver.linear.multigrid.cycle import NO_HALO, Cycle, Halo, Level, Team, jacobi, transposed
 from lacsolver.linear.multigrid.halo import SharedHalo
 
 #: couplings weaker than this, relative to the diagonals, do not join nodes; 0.03 took least time on HEXA8 and TETRA10
@@ -37,13 +37,13 @@ class _Rows(NamedTuple):
 
     K: bsr_array
     modes: Floats
-    halo: RowHalo
+    halo: Halo
     team: Team
 
     @property
     def n_nodes(self) -> int:
         """Number of nodes on all processes."""
-        return int(self.team.total(np.array(self.K.shape[0] // self.K.blocksize[0])))
+        return int(self.team.comm.total(np.array(self.K.shape[0] // self.K.blocksize[0])))
 
     def whole(self) -> _Rows:
         """Return the rows of all processes."""
@@ -52,11 +52,11 @@ class _Rows(NamedTuple):
 
     def mean_diagonal(self) -> float:
         """Return the mean entry of the diagonal; 1 for a matrix without rows."""
-        total, count = self.team.total(np.array([self.K.diagonal().sum(), self.K.shape[0]]))
+        total, count = self.team.comm.total(np.array([self.K.diagonal().sum(), self.K.shape[0]]))
         return float(total / count) if count else 1.0
 
 
-def aggregated(K: bsr_array, modes: Floats, team: Team, halo: RowHalo = NO_HALO) -> Cycle:
+def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO) -> Cycle:
     """Return the V-cycle of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi.
 
     Of several processes each gives the rows K of its own nodes, with columns of `halo`, and the modes at its own nodes.
@@ -83,9 +83,9 @@ def _coarsened(rows: _Rows, unit: float) -> tuple[Level, _Rows] | None:
     P = _smoothed(K, tentative, near, inverse, _SMOOTHING / largest)
     del tentative, near  # memory is at its largest here
     all_P, wide = halo.with_ghosts(P, coarse)
-    coarse_K, wide = coarse.summed(_galerkin(K, P, all_P), wide)
-    made, below = _Rows(coarse_K, modes, wide, team), cast(Halo, coarse)
-    if isinstance(coarse, SharedHalo) and made.n_nodes <= max(_WHOLE, _FEW * coarse.n_processes):
+    coarse_K, wide = coarse.add_rows(_galerkin(K, P, all_P), wide)
+    made, below = _Rows(coarse_K, modes, wide, team), coarse
+    if isinstance(coarse, SharedHalo) and made.n_nodes <= max(_WHOLE, _FEW * team.comm.size):
         P, below, made = coarse.whole_columns(P), coarse.everywhere, made.whole()
     return Level.of(K, P, inverse / largest, unit, team, (halo, below)), made
 

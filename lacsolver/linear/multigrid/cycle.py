@@ -18,15 +18,17 @@ by products of the rows with the prolongations, and everything that belongs to t
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array
 
+from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded, scaled_rows
+from lacsolver.linear.vectors import Vectors
 
 #: degree of the polynomial: 2 takes least time on HEXA8 and TETRA10
 _DEGREE = 2
@@ -54,11 +56,14 @@ class Blocks(NamedTuple):
         return Blocks(A.indptr, A.indices, np.multiply(A.data, scale, out=data, casting="same_kind"))
 
 
-class Team:
-    """Threads that share the rows of a matrix; results do not depend on their number."""
+class Team(Vectors):
+    """Threads that share the rows of a matrix; results do not depend on their number.
 
-    def __init__(self, threads: int) -> None:
-        self._threads = threads
+    `comm`: the processes that share a vector; each has its own entries, of which products and norms are sums over all.
+    """
+
+    def __init__(self, threads: int, comm: Communicator = SERIAL) -> None:
+        self.comm, self._threads = comm, threads
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def run(self, work: Any, n_rows: int, *arguments: Any, worth: int | None = None) -> None:
@@ -82,7 +87,7 @@ class Team:
         n_parts = -(-len(x) // _PART)
         out = np.zeros((n_parts, len(A)))
         self.run(_dots, n_parts, np.ascontiguousarray(A), x, out, worth=_WORTH_PARTS)
-        return np.asarray(out.sum(axis=0))
+        return self.comm.total(np.asarray(out.sum(axis=0)))
 
     def dot(self, x: Floats, y: Floats) -> float:
         """Return the product of two vectors, the same for any number of threads."""
@@ -94,84 +99,45 @@ class Team:
 
     def largest(self, x: Floats) -> float:
         """Return the largest magnitude of an entry, 0 for an empty vector."""
-        return float(np.abs(x).max(initial=0.0))
+        return self.comm.largest(super().largest(x))
 
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for a few long rows A (k, n)."""
         self.run(_subtract, -(-len(x) // _PART), c, A, x, worth=_WORTH_PARTS)
 
-    def summed(self, f: Floats) -> NDArray[np.floating]:
-        """Return f."""
-        return f
 
-    def same(self, x: NDArray[Any]) -> NDArray[Any]:
-        """Return x."""
-        return x
+class Halo:
+    """Vectors of a level: own entries, then those of neighbours; here those that one process has whole, without any.
 
-    def total(self, x: Floats) -> NDArray[np.floating]:
-        """Return the sum of an array over all processes: x."""
-        return x
-
-    def total_matrix(self, A: csr_array) -> csr_array:
-        """Return the sum of a matrix over all processes: A."""
-        return A
-
-
-class Halo(Protocol):
-    """Interface of the vectors of a level that several processes share: own entries, then those of neighbours."""
+    It fills in entries of neighbours, and adds up what several processes have; rows that it sends set up a hierarchy.
+    """
 
     def fill(self, x: NDArray[np.floating]) -> None:
         """Fill the entries of neighbours in place."""
 
     def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the own entries with what all processes have for them added."""
-
-    def add_columns(self, A: bsr_array) -> bsr_array:
-        """Return the own columns of a matrix with what all processes have for them added."""
-
-
-class RowHalo(Halo, Protocol):
-    """Interface of a halo that sends rows of matrices, too, by which a hierarchy is set up."""
-
-    def of_columns(self, A: bsr_array) -> RowHalo:
-        """Return the halo of vectors of the columns of A, all of which are own entries."""
-
-    def with_ghosts(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
-        """Return own rows of A with those of neighbours below them, and the halo of the columns that they have."""
-
-    def summed(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
-        """Return the own rows of A with what all processes have for them added, and the halo of their columns."""
-
-
-class NoHalo:
-    """Vectors that one process has whole."""
-
-    def fill(self, x: NDArray[np.floating]) -> None:
-        """Do nothing: there are no other entries."""
-
-    def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Return x."""
         return x
 
     def add_columns(self, A: bsr_array) -> bsr_array:
-        """Return A."""
+        """Return the own columns of a matrix with what all processes have for them added."""
         return A
 
-    def of_columns(self, A: bsr_array) -> RowHalo:
-        """Return this halo."""
+    def of_columns(self, A: bsr_array) -> Halo:
+        """Return the halo of vectors of the columns of A, all of which are own entries."""
         return self
 
-    def with_ghosts(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
-        """Return what was given."""
+    def with_ghosts(self, A: bsr_array, columns: Any) -> tuple[bsr_array, Halo]:
+        """Return own rows of A with those of neighbours below them, and the halo of the columns that they have."""
         return A, columns
 
-    def summed(self, A: bsr_array, columns: Any) -> tuple[bsr_array, RowHalo]:
-        """Return what was given."""
+    def add_rows(self, A: bsr_array, columns: Any) -> tuple[bsr_array, Halo]:
+        """Return the own rows of A with what all processes have for them added, and the halo of their columns."""
         return A, columns
 
 
 #: vectors that one process has whole
-NO_HALO = NoHalo()
+NO_HALO = Halo()
 
 
 def extended(halo: Halo, x: NDArray[np.floating], size: int) -> NDArray[np.floating]:
@@ -217,8 +183,8 @@ class Level(NamedTuple):
     def with_rows(self, N: bsr_array, finest: bool) -> Level:
         """Return the level of K + N^T N, for rows of blocks (1, b)."""
         if finest:
-            return self._replace(added=RowTerm.smoothed(N, self.inverse, self.team))
-        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N, self.team))
+            return self._replace(added=RowTerm.smoothed(N, self.inverse, self.team.comm))
+        return self._replace(added=RowTerm.of(N), inverse=bounded(self.inverse, N, self.team.comm))
 
     def rows_below(self, N: bsr_array) -> bsr_array:
         """Return N P, the rows N on the next coarser level."""
@@ -230,7 +196,7 @@ class Level(NamedTuple):
         self.halo.fill(x)
         out = r - self.team.product(self.K, x)
         if self.added is not None:
-            self.added.subtract(out, x, self.team)
+            self.added.subtract(out, x, self.team.comm)
         return np.asarray(out)
 
     def restrict(self, r: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -252,11 +218,11 @@ class Level(NamedTuple):
             else:
                 self.halo.fill(z)
                 if self.added is not None:
-                    self.added.subtract(r, z, self.team)
+                    self.added.subtract(r, z, self.team.comm)
                 run(_advance, rows, *self.K, self.inverse, z, r, new, x, old, fresh)
                 z, new = new, z
             if self.added is not None:
-                self.added.correct(float(fresh), r, self.team, z, x)
+                self.added.correct(float(fresh), r, self.team.comm, z, x)
         return r if last else self.residual(r, z)
 
 

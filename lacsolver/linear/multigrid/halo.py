@@ -6,66 +6,15 @@ nodes that its rows of a matrix touch, the nodes of lower processes first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from lacmesh.communicator import Communicator
 from lacmesh.mesh import Floats, Ints
-from lacsolver.linear.multigrid.cycle import Team
-
-
-class Communication(Protocol):
-    """Interface of sums and messages between the processes that share a level: `lacsolver.space.share.Share` has it."""
-
-    @property
-    def comm(self) -> Any:
-        """The communicator of MPI."""
-
-    @property
-    def rank(self) -> int:
-        """Number of the process, from 0."""
-
-    def total(self, x: Floats) -> NDArray[np.floating]:
-        """Return the sum of an array over all processes."""
-
-    def largest(self, x: float) -> float:
-        """Return the largest value of all processes."""
-
-    def gather(self, x: NDArray) -> NDArray:
-        """Return the arrays of all processes, one after the other."""
-
-    def gather_rows(self, A: csr_array) -> csr_array:
-        """Return the rows of all processes, one process after the other; columns mean the same on all."""
-
-    def add_matrices(self, A: csr_array, nodal: tuple[bool, bool]) -> csr_array:
-        """Return the sum over all processes of matrices of one size, whose rows and columns mean the same on all."""
-
-
-class SharedTeam(Team):
-    """A team of one thread on each of several processes."""
-
-    def __init__(self, processes: Communication) -> None:
-        super().__init__(1)
-        self._processes = processes
-
-    def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
-        """Return A x for a few long rows A (k, n) of own entries, summed over all processes."""
-        return self.total(super().dots(A, x))
-
-    def largest(self, x: Floats) -> float:
-        """Return the largest magnitude of an entry on all processes."""
-        return self._processes.largest(super().largest(x))
-
-    def total(self, x: Floats) -> NDArray[np.floating]:
-        """Return the sum of an array over all processes."""
-        return self._processes.total(x)
-
-    def total_matrix(self, A: csr_array) -> csr_array:
-        """Return the sum of a matrix over all processes."""
-        return self._processes.add_matrices(A, (False, False))
+from lacsolver.linear.multigrid.cycle import Halo
 
 
 class BlockRows(NamedTuple):
@@ -90,69 +39,70 @@ class BlockRows(NamedTuple):
         index = np.int32 if max(indptr[-1], *shape) < np.iinfo(np.int32).max else np.int64
         return bsr_array((self.data, local.astype(index), indptr.astype(index)), shape=shape), ghosts
 
-    @staticmethod
-    def joined(parts: Sequence[BlockRows]) -> BlockRows:
-        """Return the rows of several parts, one after the other."""
-        return BlockRows(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    def some(self, chosen: Ints) -> BlockRows:
+        """Return the `chosen` rows."""
+        ends = np.cumsum(self.length)
+        length = self.length[chosen]
+        first = np.repeat((ends - self.length)[chosen] - (np.cumsum(length) - length), length)
+        at = first + np.arange(len(first))
+        return BlockRows(length, self.columns[at], self.data[at])
+
+    def followed_by(self, others: BlockRows) -> BlockRows:
+        """Return these rows and others after them."""
+        return BlockRows(*(np.concatenate(arrays) for arrays in zip(self, others, strict=True)))
+
+    def exchanged(self, comm: Communicator, counts: Ints, expected: Ints) -> BlockRows:
+        """Send rows to other processes, and return those that they send; see `Communicator.exchange`."""
+        length = comm.exchange(self.length, counts, expected)[0]
+        blocks, incoming = _sums(self.length, counts), _sums(length, expected)
+        columns, data = (comm.exchange(values, blocks, incoming)[0] for values in (self.columns, self.data))
+        return BlockRows(length, columns, data)
 
 
-class SharedHalo:
-    """The entries at `ghosts` (g,), nodes of other processes, after the own entries of a vector.
+def _sums(x: Ints, counts: Ints) -> Ints:
+    """Return the sums (n,) of consecutive parts of x, of `counts` (n,) entries each."""
+    return np.diff(np.append(0, np.cumsum(x))[np.append(0, np.cumsum(counts))])
 
-    `starts` (processes + 1,): first node of each process; `block`: unknowns of a node.
+
+class SharedHalo(Halo):
+    """The entries at `ghosts` (g,), nodes of other processes, ascending, after the own entries of a vector.
+
+    `starts` (size + 1,): first node of each process; `block`: unknowns of a node.
     """
 
-    def __init__(self, processes: Communication, starts: Ints, ghosts: Ints, block: int) -> None:
-        comm, rank = processes.comm, processes.rank
-        self._processes, self._comm, self._block, self._starts = processes, comm, block, starts
-        self._first, self._whole = int(starts[rank]), int(starts[-1])
-        self._n_own, self._ghosts = int(starts[rank + 1] - starts[rank]), ghosts
-        ends = np.searchsorted(ghosts, starts)
-        wanted = comm.alltoall([ghosts[ends[k] : ends[k + 1]] for k in range(len(starts) - 1)])
-        #: process, and the places of what comes from it
-        self._asked = [
-            (k, slice(self._n_own + ends[k], self._n_own + ends[k + 1])) for k in np.flatnonzero(np.diff(ends)).tolist()
-        ]
-        #: process, and the own nodes that it asks for
-        self._given = [(k, nodes - self._first) for k, nodes in enumerate(wanted) if len(nodes)]
+    def __init__(self, comm: Communicator, starts: Ints, ghosts: Ints, block: int) -> None:
+        self._comm, self._starts, self._ghosts, self._block = comm, starts, ghosts, block
+        self._first, self._whole = int(starts[comm.rank]), int(starts[-1])
+        self._n_own = int(starts[comm.rank + 1]) - self._first
+        #: (size,): number of ghosts that each process owns
+        self._n_ghosts = np.diff(np.searchsorted(ghosts, starts))
+        wanted, self._n_wanted = comm.exchange(ghosts, self._n_ghosts)
+        #: own nodes that are ghosts of other processes, process after process, `n_wanted` (size,) of each
+        self._wanted = wanted - self._first
 
     @staticmethod
-    def of_rows(rows: BlockRows, processes: Communication) -> tuple[bsr_array, SharedHalo]:
+    def of_rows(rows: BlockRows, comm: Communicator) -> tuple[bsr_array, SharedHalo]:
         """Return the own rows of a square matrix of all processes, and the halo of their columns."""
-        counts = processes.gather(np.array([len(rows.length)]))
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        made, ghosts = rows.compressed(int(starts[processes.rank]), int(starts[processes.rank + 1]))
-        return made, SharedHalo(processes, starts, ghosts, made.blocksize[1])
-
-    @property
-    def n_processes(self) -> int:
-        """Number of processes."""
-        return len(self._starts) - 1
+        starts = np.cumsum(np.append(0, comm.gather(np.array([len(rows.length)]))))
+        own, ghosts = rows.compressed(int(starts[comm.rank]), int(starts[comm.rank + 1]))
+        return own, SharedHalo(comm, starts, ghosts, own.blocksize[1])
 
     @property
     def everywhere(self) -> Everywhere:
         """The halo of these vectors where each process has them whole."""
-        return Everywhere(self._processes, self._block)
+        return Everywhere(self._comm, self._block)
 
     def fill(self, x: NDArray[np.floating]) -> None:
         """Fill the entries of ghosts with those of their own processes."""
         nodes = x.reshape(-1, self._block)
-        waits = [self._comm.Irecv(nodes[part], k) for k, part in self._asked]
-        sent = [np.ascontiguousarray(nodes[own]) for _, own in self._given]
-        waits += [self._comm.Isend(part, k) for part, (k, _) in zip(sent, self._given, strict=True)]
-        for wait in waits:
-            wait.Wait()
+        nodes[self._n_own :] = self._comm.exchange(nodes[self._wanted], self._n_wanted, self._n_ghosts)[0]
 
     def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the own entries with those that other processes have for them added, in the order of processes."""
         nodes = x.reshape(-1, self._block)
-        got = [np.empty((len(own), self._block), x.dtype) for _, own in self._given]
-        waits = [self._comm.Irecv(part, k) for part, (k, _) in zip(got, self._given, strict=True)]
-        waits += [self._comm.Isend(nodes[part], k) for k, part in self._asked]
-        for wait in waits:
-            wait.Wait()
-        out = nodes[: self._n_own].copy()
-        for (_, own), part in zip(self._given, got, strict=True):
+        others = self._comm.exchange(nodes[self._n_own :], self._n_ghosts, self._n_wanted)[0]
+        out, ends = nodes[: self._n_own].copy(), np.cumsum(self._n_wanted)[:-1]
+        for own, part in zip(np.split(self._wanted, ends), np.split(others, ends), strict=True):
             out[own] += part
         return out.ravel()
 
@@ -161,7 +111,7 @@ class SharedHalo:
         number = np.concatenate([self._first + np.arange(self._n_own), self._ghosts])
         placed = (A.data, number[A.indices], A.indptr)
         whole = bsr_array(placed, shape=(A.shape[0], self._block * self._whole)).tocsr()
-        added = self._processes.add_matrices(csr_array(whole), (False, False)).tocoo()
+        added = self._comm.total_matrix(csr_array(whole)).tocoo()
         row, column = added.coords[0], added.coords[1] - self._block * self._first
         own = (column >= 0) & (column < self._block * self._n_own)
         shape = A.shape[0], self._block * self._n_own
@@ -171,24 +121,21 @@ class SharedHalo:
     def of_columns(self, A: bsr_array) -> SharedHalo:
         """Return the halo of vectors of the columns of A, all of which are own entries."""
         block = A.blocksize[1]
-        counts = self._processes.gather(np.array([A.shape[1] // block]))
-        return SharedHalo(self._processes, np.concatenate([[0], np.cumsum(counts)]), np.empty(0, np.int64), block)
+        starts = np.cumsum(np.append(0, self._comm.gather(np.array([A.shape[1] // block]))))
+        return SharedHalo(self._comm, starts, np.empty(0, np.int64), block)
 
     def with_ghosts(self, A: bsr_array, columns: SharedHalo) -> tuple[bsr_array, SharedHalo]:
         """Return own rows of A with those of neighbours below them, and the halo of the columns that they have."""
         rows = columns._numbered(A)
-        sent = [(k, _some(rows, own)) for k, own in self._given]
-        got = self._exchanged(sent, [k for k, _ in self._asked])
-        return columns._compressed(BlockRows.joined([rows, *got]))
+        of_ghosts = rows.some(self._wanted).exchanged(self._comm, self._n_wanted, self._n_ghosts)
+        return columns._compressed(rows.followed_by(of_ghosts))
 
-    def summed(self, A: bsr_array, columns: SharedHalo) -> tuple[bsr_array, SharedHalo]:
+    def add_rows(self, A: bsr_array, columns: SharedHalo) -> tuple[bsr_array, SharedHalo]:
         """Return the own rows of A with what all processes have for them added, and the halo of their columns."""
-        rows = columns._numbered(A)
-        sent = [(k, _some(rows, np.arange(part.start, part.stop))) for k, part in self._asked]
-        got = self._exchanged(sent, [k for k, _ in self._given])
-        own = _some(rows, np.arange(self._n_own))
-        made, halo = columns._compressed(BlockRows.joined([own, *got]))
-        return _folded(made, np.concatenate([np.empty(0, np.int64), *(nodes for _, nodes in self._given)])), halo
+        rows, n = columns._numbered(A), self._n_own
+        others = rows.some(np.arange(n, n + len(self._ghosts))).exchanged(self._comm, self._n_ghosts, self._n_wanted)
+        sums, halo = columns._compressed(rows.some(np.arange(n)).followed_by(others))
+        return _folded(sums, self._wanted), halo
 
     def whole_columns(self, A: bsr_array) -> bsr_array:
         """Return own rows of A for vectors that each process has whole."""
@@ -198,8 +145,8 @@ class SharedHalo:
 
     def whole(self, A: bsr_array, x: Floats) -> tuple[bsr_array, NDArray[np.floating]]:
         """Return the rows of all processes, of a square matrix and of x (own unknowns, r)."""
-        made = self._processes.gather_rows(csr_array(self.whole_columns(A).tocsr()))
-        return bsr_array(made.tobsr(A.blocksize)), self._processes.gather(x)
+        made = self._comm.gather_rows(csr_array(self.whole_columns(A).tocsr()))
+        return bsr_array(made.tobsr(A.blocksize)), self._comm.gather(x)
 
     def _numbered(self, A: bsr_array) -> BlockRows:
         """Return rows with the columns of this halo."""
@@ -209,24 +156,7 @@ class SharedHalo:
     def _compressed(self, rows: BlockRows) -> tuple[bsr_array, SharedHalo]:
         """Return rows with the own columns before others, and the halo of these."""
         made, ghosts = rows.compressed(self._first, self._first + self._n_own)
-        return made, SharedHalo(self._processes, self._starts, ghosts, self._block)
-
-    def _exchanged(self, sent: Sequence[tuple[int, BlockRows]], sources: Sequence[int]) -> list[BlockRows]:
-        """Send rows to processes, and return those that the `sources` send."""
-        waits = [self._comm.isend(tuple(rows), k) for k, rows in sent]
-        got = [BlockRows(*self._comm.recv(source=k)) for k in sources]
-        for wait in waits:
-            wait.Wait()
-        return got
-
-
-def _some(rows: BlockRows, chosen: Ints) -> BlockRows:
-    """Return the `chosen` rows."""
-    ends = np.cumsum(rows.length)
-    length = rows.length[chosen]
-    first = np.repeat((ends - rows.length)[chosen] - (np.cumsum(length) - length), length)
-    at = first + np.arange(len(first))
-    return BlockRows(length, rows.columns[at], rows.data[at])
+        return made, SharedHalo(self._comm, self._starts, ghosts, self._block)
 
 
 def _folded(A: bsr_array, place: Ints) -> bsr_array:
@@ -234,26 +164,23 @@ def _folded(A: bsr_array, place: Ints) -> bsr_array:
     length, order = np.diff(A.indptr), np.argsort(place, kind="stable")
     n, end = len(length) - len(place), A.indptr[-1 - len(place)]
     shape = A.blocksize[0] * n, A.shape[1]
-    last = _some(BlockRows(length[n:], A.indices[end:], A.data[end:]), order)
+    last = BlockRows(length[n:], A.indices[end:], A.data[end:]).some(order)
     counts = np.bincount(place[order], last.length, minlength=n)
     indptr = np.concatenate([[0], np.cumsum(counts)]).astype(A.indptr.dtype)
     first = bsr_array((A.data[:end], A.indices[:end], A.indptr[: n + 1]), shape=shape)
     return bsr_array(first + bsr_array((last.data, last.columns, indptr), shape=shape))
 
 
-class Everywhere:
+class Everywhere(Halo):
     """A level whose vectors all processes have whole."""
 
-    def __init__(self, processes: Communication, block: int) -> None:
-        self._processes, self._block = processes, block
-
-    def fill(self, x: NDArray[np.floating]) -> None:
-        """Do nothing: there are no other entries."""
+    def __init__(self, comm: Communicator, block: int) -> None:
+        self._comm, self._block = comm, block
 
     def add(self, x: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return the sum over all processes."""
-        return self._processes.total(x)
+        return self._comm.total(x)
 
     def add_columns(self, A: bsr_array) -> bsr_array:
         """Return the sum of a matrix over all processes."""
-        return bsr_array(self._processes.add_matrices(csr_array(A.tocsr()), (False, False)).tobsr((1, self._block)))
+        return bsr_array(self._comm.total_matrix(csr_array(A.tocsr())).tobsr((1, self._block)))

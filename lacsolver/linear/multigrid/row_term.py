@@ -1,7 +1,7 @@
 """The term N^T N that a few rows N add to a matrix K: its products, and its part in the smoother of a V-cycle.
 
 Of a level that several processes share, each has the columns of its own nodes, of all rows; sums over columns are those
-of all processes, by `Sums`.
+of all processes.
 
 The smoother is a polynomial in M^-1 K, with M block diagonal and v K v <= v M v for all v. With rows, M + N^T N takes
 the place of M on the finest level. Its inverse is M^-1 and a correction on the unknowns of the rows (Woodbury), for
@@ -11,25 +11,16 @@ be dense, M + L takes its place, with L block diagonal and v N^T N v <= v L v.
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, eye_array
 from scipy.sparse.linalg import SuperLU
 
+from lacmesh.communicator import Communicator
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.direct.superlu import factor_of
-
-
-class Sums(Protocol):
-    """Interface of the sums over processes: `multigrid.cycle.Team`, where one process has everything."""
-
-    def total(self, x: Floats) -> NDArray[np.floating]:
-        """Return the sum of an array over all processes."""
-
-    def total_matrix(self, A: csr_array) -> csr_array:
-        """Return the sum of a matrix over all processes."""
 
 
 class RowTerm(NamedTuple):
@@ -53,24 +44,26 @@ class RowTerm(NamedTuple):
         return RowTerm((b * nodes[:, None] + np.arange(b)).ravel(), own, own.T.tocsr())
 
     @staticmethod
-    def smoothed(N: bsr_array, inverse: Floats, sums: Sums) -> RowTerm:
+    def smoothed(N: bsr_array, inverse: Floats, comm: Communicator) -> RowTerm:
         """Return the term of rows of blocks (1, b) with its correction of M^-1, whose blocks are (n / b, b, b)."""
         made = RowTerm.of(N)
         nodes, at = np.unique(N.indices, return_inverse=True)
         N_M = _rows(N.data @ inverse[N.indices], at, N.indptr, len(nodes))
-        products = sums.total_matrix(csr_array(N_M.astype(float) @ made.N_T))
+        products = comm.total_matrix(csr_array(N_M.astype(float) @ made.N_T))
         factor = factor_of(csc_array(eye_array(N.shape[0]) + products))
         return made._replace(factor=factor, N_M=N_M)
 
-    def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating], sums: Sums) -> None:
+    def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating], comm: Communicator) -> None:
         """Subtract N^T N x from r in place."""
-        r[self.unknowns] -= self.N_T @ sums.total(self.N @ x[self.unknowns])
+        r[self.unknowns] -= self.N_T @ comm.total(self.N @ x[self.unknowns])
 
-    def correct(self, factor: float, r: NDArray[np.floating], sums: Sums, *vectors: NDArray[np.floating]) -> None:
+    def correct(
+        self, factor: float, r: NDArray[np.floating], comm: Communicator, *vectors: NDArray[np.floating]
+    ) -> None:
         """Add `factor` (M + N^T N)^-1 r - `factor` M^-1 r to each of the `vectors`, in place."""
         if self.factor is None or self.N_M is None:
             return
-        p = factor * self.factor.solve(sums.total(self.N_M @ r[self.unknowns]).astype(float))
+        p = factor * self.factor.solve(comm.total(self.N_M @ r[self.unknowns]).astype(float))
         change = self.N_M.T @ p.astype(r.dtype)
         for one in vectors:
             one[self.unknowns] -= change
@@ -93,7 +86,7 @@ def _rows(blocks: Floats, nodes: Ints, indptr: Ints, n_nodes: int) -> csr_array:
     return made
 
 
-def bounded(inverse: NDArray[np.floating], N: bsr_array, sums: Sums) -> NDArray[np.floating]:
+def bounded(inverse: NDArray[np.floating], N: bsr_array, comm: Communicator) -> NDArray[np.floating]:
     """Return the blocks (n / b, b, b) of (M + L)^-1 for those of M^-1, with v N^T N v <= v L v for rows N (a, n).
 
     Of the entries n_j of a row at the nodes j, n_j n_j^T / t_j is added at each node, with t_j > 0 and sum t_j = 1
@@ -103,7 +96,7 @@ def bounded(inverse: NDArray[np.floating], N: bsr_array, sums: Sums) -> NDArray[
     nodes, at = np.unique(N.indices, return_inverse=True)
     own = inverse[nodes].astype(float)
     part = np.sqrt(np.maximum(np.einsum("ki,kij,kj->k", n, own[at], n), 0.0))
-    whole = sums.total(np.bincount(row, part, minlength=N.shape[0]).astype(float))[row]
+    whole = comm.total(np.bincount(row, part, minlength=N.shape[0]).astype(float))[row]
     weight = np.divide(whole, part, out=np.zeros_like(part), where=part > 0)
     terms = ((weight[:, None] * n)[:, :, None] * n[:, None, :]).reshape(len(n), n.shape[1] ** 2)
     L = csr_array((np.ones(len(at)), (at, np.arange(len(at)))), shape=(len(nodes), len(at))) @ terms

@@ -81,6 +81,6 @@ def kinds(problem):
     number = problem.space.dofs(share.number).ravel()
     modes = np.tile(np.eye(problem.space.dim), (len(own) // problem.space.dim, 1))
     return [
-        set_up(petsc, petsc_matrix(petsc, share.comm, one, number, problem.space.dim), modes, backend).getType()
+        set_up(petsc, petsc_matrix(petsc, share.mpi, one, number, problem.space.dim), modes, backend).getType()
         for backend in ("gamg", "hypre", "mumps", "gamg")
     ]

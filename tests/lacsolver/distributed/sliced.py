@@ -11,9 +11,9 @@ from pathlib import Path
 import lacmesh
 from lacmesh.errors import LacmeshError
 from lacmesh.partition import cut_part, distribute_nodes, part_of
-from lacsolver.distributed.collective import Collective
+from lacmesh.partition.slices import read_in_slices
 from lacsolver.distributed.launch import import_mpi
-from lacsolver.distributed.slices import read_in_slices
+from lacsolver.distributed.mpi import MpiCommunicator
 from tests.lacsolver.distributed.allocations import watched
 from tests.partition.compare import differences
 
@@ -35,14 +35,14 @@ def told(MPI, folder):
     """Print for each file, and for 1, 2 and all processes, what differs on any of them; then the allocations."""
     world = MPI.COMM_WORLD
     for n in (1, 2, world.size):
-        group = Collective(world.Split(min(world.rank // n, 1)))
+        group = MpiCommunicator(world.Split(min(world.rank // n, 1)))
         for path in sorted(folder.glob("*.m[es][dh]")) if world.rank < n else ():  # .med, .msh
-            told = group.comm.gather(found(path, group))
+            told = group.mpi.gather(found(path, group))
             if world.rank == 0:
                 print(json.dumps([n, path.name, told]), flush=True)
         for path in sorted(folder.glob("large/*")) if n > 1 and world.rank < n else ():
             sizes = watched(MPI, lambda path=path, group=group: read_in_slices(path, group, ["slave", "master"]))
-            told = group.comm.gather(sizes)
+            told = group.mpi.gather(sizes)
             if world.rank == 0:
                 print(json.dumps([n, f"allocations of {path.name}", told]), flush=True)
 
@@ -61,7 +61,7 @@ def found(path, group):
         warnings.simplefilter("always")
         mesh = lacmesh.read(path)
     skins = [name for name in SKINS if name in mesh.cell_groups or ((2, 7) in mesh.entities and name == "entity:2:7")]
-    there = part_of(mesh, distribute_nodes(mesh, group.n), group.rank, everywhere=skins)
+    there = part_of(mesh, distribute_nodes(mesh, group.size), group.rank, everywhere=skins)
     told = differences(there, part)
     if [str(one.message) for one in heard] != [str(one.message) for one in heard_of_one]:
         told.append(f"warnings: {[str(one.message) for one in heard]}")

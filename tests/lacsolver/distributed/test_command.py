@@ -24,7 +24,7 @@ def run(case, folder, **rest):
     shared = rest["distribution"]
     warnings.warn(LacmeshWarning("of all"))
     told = f"{type(shared).__name__} {case.solver.threads} {folder.path}"
-    Path(f"rank_{getattr(shared, 'rank', 0)}.txt").write_text(told)
+    Path(f"rank_{shared.comm.rank if hasattr(shared, 'comm') else 0}.txt").write_text(told)
     return solve(case, folder, **rest)
 running.run = run
 from lacsolver.cli import main
@@ -60,7 +60,7 @@ def test_a_run_shows_what_one_process_shows(folder):
     assert [(folder / f"rank_{k}.txt").read_text() for k in range(3)] == ["Processes 1 several"] * 3
     assert json.loads((folder / "several" / "results.json").read_text())["status"] == "done"
     serial = alone("run", "case.toml", "-o", "several", "--force")
-    assert (folder / "rank_0.txt").read_text() == "Alone None several"
+    assert (folder / "rank_0.txt").read_text() == "Distribution None several"
     assert serial.returncode == 0 and shown(done.stdout) == shown(serial.stdout)
     assert done.stdout.count("results: several") == 1 and "\x1b" not in done.stdout
     # and the folder now holds results, which rank 0 finds

@@ -1,4 +1,4 @@
-"""Operations of the processes of a communicator together: sums, and arrays sent to all, to one, or to each other."""
+"""The communicator of several processes, those of MPI."""
 
 from __future__ import annotations
 
@@ -7,46 +7,47 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array
 
+from lacmesh.communicator import Communicator
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Ints
 
 T = TypeVar("T")
 
 
-class Collective:
-    """The processes of an MPI communicator; all of them call each method."""
+class MpiCommunicator(Communicator):
+    """The processes of an MPI communicator `comm`; see `lacmesh.communicator`."""
 
     def __init__(self, comm: Any) -> None:
         from mpi4py.MPI import MAX
 
-        self.comm, self.rank, self.n = comm, comm.Get_rank(), comm.Get_size()
+        self.mpi, self.rank, self.size = comm, comm.Get_rank(), comm.Get_size()
         self._maximum = MAX
 
     def total(self, x: NDArray) -> NDArray:
         """Return the sum of an array over all processes."""
         sent = np.ascontiguousarray(x)
         got = np.empty_like(sent)
-        self.comm.Allreduce(sent, got)
+        self.mpi.Allreduce(sent, got)
         return got.reshape(np.shape(x))[()]
 
     def greatest(self, x: NDArray) -> NDArray:
         """Return the largest value of all processes at each place of an array without NaN."""
         sent = np.ascontiguousarray(x)
         got = np.empty_like(sent)
-        self.comm.Allreduce(sent, got, self._maximum)
+        self.mpi.Allreduce(sent, got, self._maximum)
         return got.reshape(np.shape(x))[()]
 
     def before(self, count: int) -> int:
         """Return the sum of a number over the processes before this one."""
-        return sum(self.comm.allgather(count)[: self.rank])
+        return sum(self.mpi.allgather(count)[: self.rank])
 
     def largest(self, x: float) -> float:
         """Return the largest value of all processes; NaN if one is."""
         got = np.empty(2)
         sent = np.array([np.isnan(x), -np.inf if np.isnan(x) else x])  # the maximum of MPI does not keep NaN
-        self.comm.Allreduce(sent, got, self._maximum)
+        self.mpi.Allreduce(sent, got, self._maximum)
         return float("nan") if got[0] else float(got[1])
 
     def gather(self, x: NDArray) -> NDArray:
@@ -54,19 +55,19 @@ class Collective:
         sent, counts = self._rows(x)
         got = np.empty((int(counts.sum()), *sent.shape[1:]), sent.dtype)
         size = _width(sent)
-        self.comm.Allgatherv(sent, [got, (size * counts).tolist()])
+        self.mpi.Allgatherv(sent, [got, (size * counts).tolist()])
         return got
 
     def _rows(self, x: NDArray) -> tuple[NDArray, Ints]:
         """Return an array (k, ...) as it is sent, and the number of rows (n,) of all processes."""
-        sent, counts = np.ascontiguousarray(x), np.empty(self.n, np.int64)
-        self.comm.Allgather(np.array([len(sent)], np.int64), counts)
+        sent, counts = np.ascontiguousarray(x), np.empty(self.size, np.int64)
+        self.mpi.Allgather(np.array([len(sent)], np.int64), counts)
         return sent, counts
 
     def same(self, x: NDArray) -> NDArray:
         """Return the array that the first process has."""
         out = np.ascontiguousarray(x)
-        self.comm.Bcast(out)
+        self.mpi.Bcast(out)
         return out
 
     def collect(self, x: NDArray) -> NDArray:
@@ -74,16 +75,16 @@ class Collective:
         sent, counts = self._rows(x)
         got = np.empty((int(counts.sum()) if self.rank == 0 else 0, *sent.shape[1:]), sent.dtype)
         size = _width(sent)
-        self.comm.Gatherv(sent, [got, (size * counts).tolist()] if self.rank == 0 else None)
+        self.mpi.Gatherv(sent, [got, (size * counts).tolist()] if self.rank == 0 else None)
         return got
 
     def deal(self, x: NDArray, counts: Ints) -> NDArray:
         """Return this process's part of an array that the first process has, of which each takes as many rows."""
-        kind, shape = self.comm.bcast((x.dtype, x.shape[1:]) if self.rank == 0 else None)
+        kind, shape = self.mpi.bcast((x.dtype, x.shape[1:]) if self.rank == 0 else None)
         got = np.empty((int(counts[self.rank]), *shape), kind)
         size = _width(got)
         sent = [np.ascontiguousarray(x), (size * counts).tolist()] if self.rank == 0 else None
-        self.comm.Scatterv(sent, got)
+        self.mpi.Scatterv(sent, got)
         return got
 
     def gather_rows(self, A: csr_array) -> csr_array:
@@ -93,16 +94,46 @@ class Collective:
         columns = self.gather(A.indices.astype(np.int64))
         return csr_array((self.gather(A.data), columns, ends), shape=(len(ends) - 1, A.shape[1]))
 
+    def total_matrix(self, A: csr_array) -> csr_array:
+        """Return the sum of a sparse matrix over all processes; rows and columns mean the same on all."""
+        entries = A.tocoo()
+        row, column, value = (
+            self.gather(part) for part in (*(i.astype(np.int64) for i in entries.coords), entries.data)
+        )
+        return csr_array(coo_array((value, (row, column)), shape=A.shape).tocsr())
+
+    def exchange(self, x: NDArray, counts: Ints, expected: Ints | None = None) -> tuple[NDArray, Ints]:
+        """Send rows x (k, ...), `counts` (size,) of them to each process in order; return those that come, and counts.
+
+        Only processes with rows for each other send messages.
+        """
+        from mpi4py.MPI import BYTE
+
+        if expected is None:
+            expected = np.empty(self.size, np.int64)
+            self.mpi.Alltoall(np.ascontiguousarray(counts, np.int64), expected)
+        sent = np.ascontiguousarray(x)
+        got = np.empty((int(expected.sum()), *sent.shape[1:]), sent.dtype)
+        row = BYTE.Create_contiguous(sent.itemsize * _width(sent)).Commit()
+        try:
+            waits = [self.mpi.Irecv([part, len(part), row], k) for k, part in _parts(got, expected)]
+            waits += [self.mpi.Isend([part, len(part), row], k) for k, part in _parts(sent, counts)]
+            for wait in waits:
+                wait.Wait()
+        finally:
+            row.Free()
+        return got, expected
+
     def texts(self, own: Sequence[str]) -> tuple[str, ...]:
         """Return the different texts of all processes, those of the first one first."""
-        return tuple(dict.fromkeys(text for texts in self.comm.allgather(tuple(own)) for text in texts))
+        return tuple(dict.fromkeys(text for texts in self.mpi.allgather(tuple(own)) for text in texts))
 
     def agree(self, error: Exception | None) -> None:
         """Raise the error of the first process that has one, on all of them."""
-        first = int(-self.largest(-float(self.rank if error is not None else self.n)))
-        if first == self.n:
+        first = int(-self.largest(-float(self.rank if error is not None else self.size)))
+        if first == self.size:
             return
-        found = self.comm.bcast(None if error is None else (type(error), str(error)), root=first)
+        found = self.mpi.bcast(None if error is None else (type(error), str(error)), root=first)
         raise error if error is not None else _made(*found)
 
     def on_first(self, work: Callable[[], T]) -> T | None:
@@ -135,30 +166,7 @@ def _width(x: NDArray) -> int:
     return int(np.prod(x.shape[1:], dtype=np.int64))
 
 
-class Routes:
-    """Ways of rows from each process to others: `counts` (n,) rows to each of them, in their order."""
-
-    def __init__(self, together: Collective, counts: Ints) -> None:
-        self._comm, self._sent = together.comm, np.ascontiguousarray(counts, np.int64)
-        self._got = np.empty_like(self._sent)
-        self._comm.Alltoall(self._sent, self._got)
-
-    def there(self, x: NDArray) -> NDArray:
-        """Send the rows x (k, ...), and return those that all processes have sent to this one, in their order."""
-        return self._moved(x, self._sent, self._got)
-
-    def back(self, x: NDArray) -> NDArray:
-        """Send rows x back to where others came from, and return those that come back, in the order of those sent."""
-        return self._moved(x, self._got, self._sent)
-
-    def _moved(self, x: NDArray, counts: Ints, others: Ints) -> NDArray:
-        from mpi4py.MPI import BYTE
-
-        sent = np.ascontiguousarray(x)
-        got = np.empty((int(others.sum()), *sent.shape[1:]), sent.dtype)
-        row = BYTE.Create_contiguous(sent.itemsize * _width(sent)).Commit()
-        try:
-            self._comm.Alltoallv([sent, counts.tolist(), row], [got, others.tolist(), row])
-        finally:
-            row.Free()
-        return got
+def _parts(x: NDArray, counts: Ints) -> list[tuple[int, NDArray]]:
+    """Return the rows of x (k, ...) of each process that has some, `counts` (size,) in order, with its number."""
+    ends = np.cumsum(counts)
+    return [(k, x[ends[k] - counts[k] : ends[k]]) for k in np.flatnonzero(counts).tolist()]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.communicator import Communicator
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.formats import detect_format, med, msh
 from lacmesh.formats.slices import MeshSlice
@@ -26,11 +27,9 @@ from lacmesh.mesh import Floats, Ints, Mesh, entity_rows, entity_tag
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
+from lacmesh.partition.homes import Homes, join_bodies
 from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
-from lacsolver.distributed.collective import Collective, Routes
-from lacsolver.distributed.homes import Homes, join_bodies
-from lacsolver.distributed.numbers import NumberedReaders
 
 _Bools = NDArray[np.bool_]
 #: types of cells, with their nodes (k, n)
@@ -42,7 +41,7 @@ _NONE = np.empty(0, np.int64)
 SLICE_OF = {"med": med.reader.slice_of, "msh": msh.reader.slice_of}
 
 
-def read_in_slices(path: Path, together: Collective, everywhere: Sequence[str]) -> Part | None:
+def read_in_slices(path: Path, comm: Communicator, everywhere: Sequence[str]) -> Part | None:
     """Return the part of the mesh in a MED or msh file that this process needs; None if it must be read as a whole.
 
     `everywhere`: groups of skin faces that are in every part, as for `part_of`; those that the file does not have are
@@ -51,25 +50,25 @@ def read_in_slices(path: Path, together: Collective, everywhere: Sequence[str]) 
     4.1 in binary, or has cells of a type that msh lacks. Raises ReadError, DataError and RequestError, on all processes
     alike.
     """
-    slice_of = SLICE_OF[together.on_each(lambda: detect_format(path).format)]
-    content = slice_of(path, NumberedReaders(together.comm))
-    if content is None or _must_be_whole(content, together):
+    slice_of = SLICE_OF[comm.on_each(lambda: detect_format(path).format)]
+    content = slice_of(path, comm)
+    if content is None or _must_be_whole(content, comm):
         return None
     for message in content.said:
         warnings.warn(message, LacmeshWarning, stacklevel=2)
-    owner = distribute_points(content.points, content.node_number, together.n, together)
-    return _Dealer(content, owner, together).part(everywhere)
+    owner = distribute_points(content.points, content.node_number, comm.size, comm)
+    return _Dealer(content, owner, comm).part(everywhere)
 
 
-def _must_be_whole(content: MeshSlice, together: Collective) -> bool:
+def _must_be_whole(content: MeshSlice, comm: Communicator) -> bool:
     """True for a mesh that `read_in_slices` does not read."""
     most = max((c.rows.size for c in content.cells if ALL_CELLS[c.type].dim == content.dim), default=0)
-    if min(most, content.rows.size) < together.n:
+    if min(most, content.rows.size) < comm.size:
         return True
     macro = content.cell_data.get("lac_macro")
     if macro is None or content.noted.get("zones"):
         return False
-    return bool(together.greatest(np.array(macro.max(initial=-1))) >= 0)
+    return bool(comm.greatest(np.array(macro.max(initial=-1))) >= 0)
 
 
 @dataclass(frozen=True)
@@ -78,12 +77,12 @@ class _Dealer:
 
     content: MeshSlice
     owner: Ints
-    together: Collective
+    comm: Communicator
 
     @cached_property
     def homes(self) -> Homes:
         """The processes that have the nodes in their slices."""
-        return Homes(self.together, self.content.rows.start, self.content.rows.stop)
+        return Homes(self.comm, self.content.rows.start, self.content.rows.stop)
 
     @cached_property
     def index(self) -> Ints:
@@ -97,18 +96,20 @@ class _Dealer:
         groups = {**self.content.cell_groups, **self._entities(everywhere)}
         names = self._named(everywhere, groups)
         sent = self._cells_to_send(names, groups)
-        routes = Routes(self.together, np.diff(sent.start))
-        index = routes.there(self.index[sent.index])
+        n_sent = np.diff(sent.start)
+        index, n_received = self.comm.exchange(self.index[sent.index], n_sent)
         order = np.argsort(index)
         blocks = self._blocks(sent)
         node = _distinct([self._own_nodes(), *(nodes for _, nodes in blocks)])
         ask = self.homes.ask(node)
-        mesh = self._mesh(node, blocks, ask, lambda values: routes.there(values[sent.index])[order])
+        mesh = self._mesh(
+            node, blocks, ask, lambda values: self.comm.exchange(values[sent.index], n_sent, n_received)[0][order]
+        )
         owner = ask(self.owner)
-        own = np.asarray(owner == self.together.rank)
+        own = np.asarray(owner == self.comm.rank)
         body, n_bodies = join_bodies(mesh, self.content.dim, node, own, self.homes)
         whole = self._whole(mesh, own, body, n_bodies)
-        return Part(mesh, self.together.rank, self.together.n, node, owner, index[order], body, whole, names)
+        return Part(mesh, self.comm.rank, self.comm.size, node, owner, index[order], body, whole, names)
 
     def _mesh(self, node: Ints, blocks: _Blocks, of_nodes: _Dealt, of_cells: _Dealt) -> Mesh:
         """Return the mesh of some nodes and blocks, by indices in the whole mesh; values on them come by functions."""
@@ -139,7 +140,7 @@ class _Dealer:
             if name.startswith("entity:") and name not in self.content.cell_groups:
                 with suppress(RequestError):
                     found[name] = np.flatnonzero((entity == entity_tag(name)).all(axis=1))
-        return {name: here for name, here in found.items() if self.together.total(np.array(len(here)))}
+        return {name: here for name, here in found.items() if self.comm.total(np.array(len(here)))}
 
     def _named(self, everywhere: Sequence[str], groups: Mapping[str, Ints]) -> tuple[str, ...]:
         """Return the names of those groups that the file has. Raises RequestError for a tag of several groups."""
@@ -154,17 +155,16 @@ class _Dealer:
     def _own_nodes(self) -> Ints:
         """Return the nodes that this process owns, ascending."""
         order = np.argsort(self.owner, kind="stable")
-        return Routes(self.together, np.bincount(self.owner, minlength=self.together.n)).there(
-            self.content.rows.start + order
-        )
+        counts = np.bincount(self.owner, minlength=self.comm.size)
+        return self.comm.exchange(self.content.rows.start + order, counts)[0]
 
     def _blocks(self, sent: PieceIndices) -> _Blocks:
         """Return the nodes of the cells of each type that come to this process, in the order of the whole mesh."""
         blocks, start = [], 0
         for c in self.content.cells:
             mine = (sent.index >= start) & (sent.index < start + c.rows.n)
-            routes = Routes(self.together, np.diff(sent.count(mine)))
-            blocks.append((c.type, routes.there(c.nodes[sent.index[mine] - start])))
+            counts = np.diff(sent.count(mine))
+            blocks.append((c.type, self.comm.exchange(c.nodes[sent.index[mine] - start], counts)[0]))
             start += c.rows.n
         return blocks
 
@@ -177,22 +177,22 @@ class _Dealer:
             cell_groups=groups,
         )
         owner = self.homes.ask(node)(self.owner)
-        return cells_of_ranks(mesh, owner, self.together.n, self._around_skins(mesh, node, names))
+        return cells_of_ranks(mesh, owner, self.comm.size, self._around_skins(mesh, node, names))
 
     def _around_skins(self, mesh: Mesh, node: Ints, names: Sequence[str]) -> Ints:
         """Return the cells of the slice that `cells_of_skins` finds for some groups of the whole mesh, ascending.
 
         `mesh`: the slice, of the nodes (k,) of the whole mesh.
         """
-        self.together.on_each(lambda: check_skins(mesh, names))
+        self.comm.on_each(lambda: check_skins(mesh, names))
         around = np.zeros(mesh.n_cells, bool)
         for name in names:
             around[mesh.cells_of(name)] = True
-        skin = np.unique(self.together.gather(node[nodes_of(mesh, around)]))
+        skin = np.unique(self.comm.gather(node[nodes_of(mesh, around)]))
         around |= touching(mesh, np.isin(node, skin))
         parent = self.content.cell_data.get("lac_parent")
         if parent is not None:
-            cut = np.unique(self.together.gather(np.unique(parent[around & (parent >= 0)])))
+            cut = np.unique(self.comm.gather(np.unique(parent[around & (parent >= 0)])))
             around |= np.isin(parent, cut)
         return np.flatnonzero(around)
 
@@ -200,7 +200,7 @@ class _Dealer:
         """Return the figures of the whole mesh from those of all parts; `own`, `body` (n_nodes,): as in a Part."""
         used = nodes_of(mesh, np.ones(mesh.n_cells, bool)) if self.content.cells else np.ones(mesh.n_nodes, bool)
         numbers = self.content.node_number, self.content.cell_number
-        largest = [int(self.together.greatest(np.array(number.max(initial=0)))) for number in numbers]
+        largest = [int(self.comm.greatest(np.array(number.max(initial=0)))) for number in numbers]
         return WholeMesh(
             n_nodes=self.content.rows.size,
             types=tuple((c.type, c.rows.size) for c in self.content.cells),
@@ -214,10 +214,10 @@ class _Dealer:
 
     def _bounds(self, x: Floats) -> NDArray[np.floating]:
         """Return the corners (2, 3) of the box of the points x (k, 3) of all processes, as by `bounds_of`."""
-        if not self.together.total(np.array(len(x))):
+        if not self.comm.total(np.array(len(x))):
             return np.zeros((2, 3))
         low, high = bounds_of(x) if len(x) else np.full((2, 3), [[np.inf], [-np.inf]])
-        return np.array([-self.together.greatest(-low), self.together.greatest(high)])
+        return np.array([-self.comm.greatest(-low), self.comm.greatest(high)])
 
 
 def _distinct(nodes: Sequence[Ints]) -> Ints:
