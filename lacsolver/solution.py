@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from lacmesh import __version__
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described
-from lacmesh.mesh import Floats, Mesh, MeshLike
+from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.equilibrium.attempt import Progress
@@ -35,6 +35,7 @@ from lacsolver.output import Writer, create
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
 from lacsolver.results.answer import Answer
+from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, ZoneFields
 from lacsolver.results.state import State
 
@@ -203,17 +204,6 @@ class Solution(Described):
         if len(self.contact) > 6:
             facts["contact"] = f"{len(self.contact) - 6} more"
         return facts
-
-
-def von_mises(stress: Floats) -> NDArray[np.floating]:
-    """Return the equivalent stress (n,) of von Mises of stresses (n, 4 or 6), xx yy zz xy (yz xz).
-
-    >>> von_mises(np.array([[100.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 10.0, 0]])).round(6).tolist()
-    [100.0, 17.320508]
-    """
-    xx, yy, zz = stress[:, 0], stress[:, 1], stress[:, 2]
-    shear = np.square(stress[:, 3:]).sum(axis=1)
-    return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * shear)
 
 
 def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bool = False) -> Solution:

@@ -2,10 +2,11 @@
 
 scene = what is drawn, and from where               (`lacmesh.scene`)
 image = the scene drawn by pyvista                  (`png`; `draw`, in a subprocess that `offscreen` starts)
+frames = bodies at several times, drawn in the same way                 (`png`)
 page = the same faces and a small viewer            (`page`, `page.html`: one file that opens offline)
 """
 
 from lacmesh.view.page import page
-from lacmesh.view.png import picture, thumbnail
+from lacmesh.view.png import frames, picture, thumbnail
 
-__all__ = ["page", "picture", "thumbnail"]
+__all__ = ["frames", "page", "picture", "thumbnail"]

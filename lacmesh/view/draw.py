@@ -34,52 +34,62 @@ class Sheet(NamedTuple):
 
 
 def draw(folder: str) -> None:
-    """Draw the scene in a folder into its file PICTURE."""
+    """Draw the scene in a folder into its file PICTURE, or each of its frames into 0.png, 1.png, ..."""
     pyvista: Any = import_module("pyvista")
     scene = json.loads((Path(folder) / "scene.json").read_text(encoding="utf-8"))
     arrays = np.load(Path(folder) / "scene.npz")
     width, height = scene["size"]
     plotter = open_plotter(scene["size"])
     sheet = Sheet(plotter, pyvista, unit_of((width, height)), scene)
-    for k, layer in enumerate(scene["layers"]):
-        _add_layer(sheet, layer, [arrays[f"{a}{k}"] for a in ARRAYS])
+    layers = [_add_layer(sheet, layer, [arrays[f"{a}{k}"] for a in ARRAYS]) for k, layer in enumerate(scene["layers"])]
     set_camera(plotter, scene["camera"])
     plotter.reset_camera_clipping_range()
     if width * height <= 4_000_000:  # this costs four times the memory of the picture
         plotter.enable_anti_aliasing("ssaa")
     _add_words(sheet)
     _add_labels(sheet)
-    plotter.screenshot(Path(folder) / PICTURE)
+    if not scene["frames"]:
+        plotter.screenshot(Path(folder) / PICTURE)
+    for k in range(scene["frames"]):
+        for layer in layers:
+            layer.points = arrays["x"][k]
+        layers[0]["rgb"] = arrays["rgb"][k]
+        plotter.reset_camera_clipping_range()
+        plotter.render()
+        plotter.screenshot(Path(folder) / f"{k}.png")
 
 
-def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArray]) -> None:
-    """Add a layer: its kind, width and opacity; the arrays of ARRAYS."""
+def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArray]) -> Any:
+    """Add a layer: its kind, width and opacity; the arrays of ARRAYS. Return its points and cells in pyvista."""
     (kind, width, opacity), (points, cells, rgb, normals) = layer, arrays
     plotter, pyvista = sheet.plotter, sheet.pyvista
     rows = np.hstack([np.full((len(cells), 1), cells.shape[1]), cells]).ravel()
     if kind == "dots":
-        _add_dots(sheet, points, rgb[0].tolist(), width)
-    elif kind == "lines":
-        lines = pyvista.PolyData(points, lines=rows)
-        add_lines(plotter, lines, width * sheet.unit, scalars=rgb, rgb=True, opacity=opacity)
+        return _add_dots(sheet, points, rgb[0].tolist(), width)
+    data = pyvista.PolyData(points, **{kind: rows})
+    data["rgb"] = rgb
+    if kind == "lines":
+        add_lines(plotter, data, width * sheet.unit, scalars="rgb", rgb=True, opacity=opacity)
     else:
-        faces = pyvista.PolyData(points, faces=rows)
-        faces.point_data.active_normals = normals
-        plotter.add_mesh(faces, scalars=rgb, rgb=True, ambient=0.65, diffuse=0.45, specular=0.0, opacity=opacity)
+        if len(normals):
+            data.point_data.active_normals = normals
+        style = {"ambient": 0.65, "diffuse": 0.45, "specular": 0.0}
+        plotter.add_mesh(data, scalars="rgb", rgb=True, opacity=opacity, **style)
+    return data
 
 
-def _add_dots(sheet: Sheet, points: NDArray, colour: list[int], radius: float) -> None:
+def _add_dots(sheet: Sheet, points: NDArray, colour: list[int], radius: float) -> Any:
     plotter, pyvista = sheet.plotter, sheet.pyvista
+    data = pyvista.PolyData(points)
     around = min(24, int(np.sqrt(BALLS / len(points) / 2)))
     if around >= 6:
         ball = pyvista.Sphere(radius=radius, theta_resolution=around, phi_resolution=around)
-        dots = pyvista.PolyData(points).glyph(geom=ball, scale=False, orient=False)
+        dots = data.glyph(geom=ball, scale=False, orient=False)
         plotter.add_mesh(dots, color=colour, smooth_shading=True)
     else:
         pixels = radius / sheet.scene["camera"]["scale"] * sheet.scene["size"][1]
-        plotter.add_mesh(
-            pyvista.PolyData(points), color=colour, style="points", point_size=max(pixels, 1.5), lighting=False
-        )
+        plotter.add_mesh(data, color=colour, style="points", point_size=max(pixels, 1.5), lighting=False)
+    return data
 
 
 def _add_words(sheet: Sheet) -> None:
@@ -87,8 +97,9 @@ def _add_words(sheet: Sheet) -> None:
     plotter, _, unit, scene = sheet
     width, height = scene["size"]
     style = {"viewport": True, "color": f"#{INK}"}
-    title = _fitted(scene["title"], 0.96 * width, 13 / 11 * LETTER * unit)
-    plotter.add_text(title, position=(0.02, 0.945), font_size=round(13 * unit), **style)
+    if scene["title"]:
+        title = _fitted(scene["title"], 0.96 * width, 13 / 11 * LETTER * unit)
+        plotter.add_text(title, position=(0.02, 0.945), font_size=round(13 * unit), **style)
     if "ramp" in scene:
         _add_ramp(sheet)
     for row, (kind, words, colours) in enumerate(reversed(scene["legend"])):

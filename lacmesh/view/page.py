@@ -105,44 +105,22 @@ def _content(
     mesh: Mesh, visible: VisibleSurface, marks: Marks, values: Values | None
 ) -> tuple[dict[str, Any], PageArrays]:
     """Data of the page: a head of names and small tables, and the arrays."""
-    count = len(visible.faces)
     shown = _limited(marks)
-    faces = Faces(
-        np.append(visible.faces.type, marks.faces.type[shown]),
-        np.vstack([visible.faces.nodes, marks.faces.nodes[shown]]),
-    )
+    faces = Faces.stack([visible.faces, marks.faces.take(shown)])
     cell = np.append(visible.cell, marks.cell[shown])
-    skin = np.where(visible.skin < 0, -1, mesh.cell_number[visible.skin])
-    edges, kind, face = _edges(mesh, visible, marks, shown)
-    ends = group_ends(visible.faces.take(visible.rows(SLAVE)), visible.macro[visible.rows(SLAVE)])
-    used = np.zeros(mesh.n_nodes + 1, bool)
-    for nodes in (faces.nodes, visible.internal, ends, marks.nodes):
-        used[nodes] = True
-    used[-1] = False
-    place = np.cumsum(used) - 1
-    used = used[:-1]
+    slaves = visible.rows(SLAVE)
+    ends = group_ends(visible.faces.take(slaves), visible.macro[slaves])
+    used, place = _numbering(mesh, (faces.nodes, visible.internal, ends, marks.nodes))
     box = mesh.points[used]
     centre, half = (box.min(axis=0) + box.max(axis=0)) / 2, diagonal(box) / 2 or 1.0
     names, bodies = np.unique(visible.body_of_node[used], return_inverse=True)
     combination, combinations = _group_sets(mesh, visible, cell)
-    slaves = visible.rows(SLAVE)
-    paint = np.zeros(len(faces), np.uint8)
-    paint[slaves] = colours.paint(visible.macro[slaves], visible.faces.corners[slaves])
-    kinds = [b.type for b in mesh.blocks]
+    edges, kind, face = _edges(mesh, visible, marks, shown)
     arrays: PageArrays = {
         "points": ((box - centre) / half).astype(np.float32),
         "nodeNumber": _numbers(mesh.node_number[used]),
         "nodeBody": bodies.astype(np.int32),
-        "type": faces.type.astype(np.uint8),
-        "nodes": place[faces.nodes[np.arange(faces.nodes.shape[1]) < N_NODES[faces.type][:, None]]].astype(np.int32),
-        "role": np.append(visible.role, np.full(len(shown), MARK)).astype(np.uint8),
-        "of": np.append(np.full(count, -1), marks.of[shown]).astype(np.int32),
-        "macro": np.append(visible.macro, np.full(len(shown), -1)).astype(np.int32),
-        "paint": paint,
-        "cutOpen": np.append(visible.cut_open, np.zeros(len(shown), bool)).astype(np.uint8),
-        "cell": _numbers(mesh.cell_number[cell]),
-        "cellType": (np.searchsorted(mesh.offsets, cell, side="right") - 1).astype(np.uint8),
-        "skin": _numbers(np.append(skin, np.full(len(shown), -1))),
+        **_face_arrays(mesh, visible, faces, place, cell, marks.of[shown]),
         "groups": combination.astype(np.int32),
         "edges": np.where(edges < 0, -1, place[edges]).astype(np.int32),
         "edgeKind": kind.astype(np.uint8),
@@ -152,18 +130,59 @@ def _content(
         "markNodes": place[marks.nodes].astype(np.int32),
         "markOf": marks.node_of.astype(np.int32),
     }
-    head = {
+    head = _head(mesh, visible, marks, faces) | {
+        **{"centre": centre.tolist(), "half": half},
+        **{"nBodies": len(names), "bodies": names.tolist(), "combinations": combinations},
+    }
+    if values is not None:
+        arrays["value"] = values.values[cell].astype(np.float32)
+        arrays["invalid"] = values.invalid[cell].astype(np.uint8)
+        head["values"] = {"what": values.what, "bad": values.bad, "good": values.good}
+    return head, arrays
+
+
+def _numbering(mesh: Mesh, lists: Iterable[Ints]) -> tuple[NDArray[np.bool_], Ints]:
+    """True for nodes (n_nodes,) that stand in lists, whose -1 are none; the index of each among these."""
+    used = np.zeros(mesh.n_nodes + 1, bool)
+    for nodes in lists:
+        used[nodes] = True
+    used[-1] = False
+    return used[:-1], np.cumsum(used) - 1
+
+
+def _face_arrays(
+    mesh: Mesh, visible: VisibleSurface, faces: Faces, place: Ints, cell: Ints, finding: Ints
+) -> PageArrays:
+    """Arrays with a row for each face: those in sight, then those that the findings (m,) name."""
+    none = np.full(len(finding), -1)
+    slaves = visible.rows(SLAVE)
+    paint = np.zeros(len(faces), np.uint8)
+    paint[slaves] = colours.paint(visible.macro[slaves], visible.faces.corners[slaves])
+    skin = np.where(visible.skin < 0, -1, mesh.cell_number[visible.skin])
+    own = np.arange(faces.nodes.shape[1]) < N_NODES[faces.type][:, None]
+    return {
+        "type": faces.type.astype(np.uint8),
+        "nodes": place[faces.nodes[own]].astype(np.int32),
+        "role": np.append(visible.role, np.full(len(finding), MARK)).astype(np.uint8),
+        "of": np.append(np.full(len(visible.faces), -1), finding).astype(np.int32),
+        "macro": np.append(visible.macro, none).astype(np.int32),
+        "paint": paint,
+        "cutOpen": np.append(visible.cut_open, np.zeros(len(finding), bool)).astype(np.uint8),
+        "cell": _numbers(mesh.cell_number[cell]),
+        "cellType": (np.searchsorted(mesh.offsets, cell, side="right") - 1).astype(np.uint8),
+        "skin": _numbers(np.append(skin, none)),
+    }
+
+
+def _head(mesh: Mesh, visible: VisibleSurface, marks: Marks, faces: Faces) -> dict[str, Any]:
+    """Names and small tables: types, groups, findings, colours."""
+    return {
         "counts": title_of(mesh),
-        "centre": centre.tolist(),
-        "half": half,
         "plane": mesh.space_dim == 2,
         "faceTypes": _face_types(faces),
-        "cellTypes": kinds,
+        "cellTypes": [b.type for b in mesh.blocks],
         "cut": len(visible.internal) > 0,
-        "nBodies": len(names),
-        "bodies": names.tolist(),
         "groups": [{"name": g, "dim": mesh.group_dim(g), "cells": len(ids)} for g, ids in mesh.cell_groups.items()],
-        "combinations": combinations,
         "findings": [{"severity": s, "message": m} for s, m in zip(marks.severity, marks.message, strict=True)],
         "legend": [entry.words for entry in legend_of(visible)],
         "colours": {
@@ -171,11 +190,6 @@ def _content(
             "dot": colours.DOT, "ramp": colours.RAMP, "invalid": colours.INVALID, **colours.SEVERITIES,
         },
     }  # fmt: skip
-    if values is not None:
-        arrays["value"] = values.values[cell].astype(np.float32)
-        arrays["invalid"] = values.invalid[cell].astype(np.uint8)
-        head["values"] = {"what": values.what, "bad": values.bad, "good": values.good}
-    return head, arrays
 
 
 def _limited(marks: Marks) -> Ints:
@@ -201,25 +215,18 @@ def _edges(mesh: Mesh, visible: VisibleSurface, marks: Marks, shown: Ints) -> tu
 
 
 def _face_types(faces: Faces) -> dict[int, dict[str, Any]]:
-    """Types of faces: the nodes of each, and its drawing (weights of its nodes at points, triangles of these)."""
-    parts, found = curved_parts(faces), {}
-    for code in np.unique(faces.type).tolist():
+    """Types of faces and curved edges: the nodes of each, and its drawing (weights of these at points, triangles)."""
+    parts, types = curved_parts(faces), {}
+    for code in dict.fromkeys([*np.unique(faces.type).tolist(), FACE_TYPES.index("SEG3")]):
         name = FACE_TYPES[code]
-        entry: dict[str, Any] = {"name": name, "nodes": int(N_NODES[code])}
         if CELLS[name].dim == 1:
-            X, triangles = (
-                np.linspace(-1, 1, (parts if CELLS[name].order == 2 else 1) + 1)[:, None],
-                np.empty((0, 3), int),
-            )
+            X = np.linspace(-1, 1, (parts if CELLS[name].order == 2 else 1) + 1)[:, None]
+            triangles = np.empty((0, 3), int)
         else:
             X, triangles = grid(name, parts)
-        entry |= {"weights": np.round(shape(name, X), 9).tolist(), "triangles": triangles.tolist()}
-        found[code] = entry
-    line = np.linspace(-1, 1, parts + 1)[:, None]
-    found[FACE_TYPES.index("SEG3")] = {
-        "name": "SEG3", "nodes": 3, "weights": np.round(shape("SEG3", line), 9).tolist(), "triangles": [],
-    }  # fmt: skip
-    return found
+        weights = np.round(shape(name, X), 9).tolist()
+        types[code] = {"name": name, "nodes": int(N_NODES[code]), "weights": weights, "triangles": triangles.tolist()}
+    return types
 
 
 def _group_sets(mesh: Mesh, visible: VisibleSurface, cell: Ints) -> tuple[Ints, list[list[int]]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,13 +13,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.formats.output import replace_file, temporary_folder
-from lacmesh.mesh import Mesh, MeshLike, as_mesh
+from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
+from lacmesh.origin import origin_of
 from lacmesh.scene import Scene, camera_of, laid_out, make_scene
+from lacmesh.scene.layers import Layer
 from lacmesh.scene.marks import MarkedFinding, Values
-from lacmesh.scene.visible import Groups, Vector
+from lacmesh.scene.placing import fit_camera
+from lacmesh.scene.visible import Groups, Vector, unit
 from lacmesh.view.draw import ARRAYS, PICTURE
 from lacmesh.view.offscreen import ADVICE, render
 
@@ -27,6 +31,8 @@ from lacmesh.view.offscreen import ADVICE, render
 LARGEST = 16384
 #: largest number of cells of a thumbnail, which is drawn without being asked for
 _SMALL = 50_000
+#: heights between which the bodies of frames are, as parts of that of the picture; seconds for all frames together
+_FRAMED, _FILM_TIMEOUT = (0.015, 0.985), 1800.0
 #: what is quicker than a drawing that takes too long, and what to do where nothing can be drawn
 _QUICKER, _ADVICE = "a smaller size, near or a page (.html) is", f"{ADVICE}, and a page (.html) needs none"
 
@@ -75,7 +81,8 @@ def picture(
         camera=camera, explode=explode, tilt=tilt, near=near, cutaway=cutaway,
     )  # fmt: skip
     with temporary_folder() as folder:
-        _save(folder, laid_out(scene if title is None else replace(scene, title=title), size), size)
+        scene = laid_out(scene if title is None else replace(scene, title=title), size)
+        _save(folder, scene, size, camera_of(scene, size))
         (image,) = render(
             "lacmesh.view.draw", folder, [PICTURE], output=path, timeout=timeout, quicker=_QUICKER, advice=_ADVICE
         )
@@ -95,17 +102,38 @@ def thumbnail(mesh: Mesh) -> str:
         return f'<img alt="the mesh" src="data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}">'
 
 
-def _save(folder: Path, scene: Scene, size: tuple[int, int]) -> None:
-    """Write a scene for `draw`: `scene.npz` holds the arrays, `scene.json` the rest."""
+def frames(
+    layers: Sequence[Layer], x: Floats, rgb: NDArray[np.uint8], eye: Vector, size: tuple[int, int], path: Path
+) -> list[bytes]:
+    """Draw bodies at several times, all from the same camera, as PNG images for the file `path`.
+
+    `layers`: the faces, then lines, all of the same points; `x` (k, p, 3): the points at each time, and `rgb` (k, p, 3)
+    the colours of the faces there. `eye`: direction from the bodies to the eye. Raises WriteError.
+    """
+    x = x - origin_of(x.reshape(-1, 3))  # a graphics card counts with seven digits
+    camera = fit_camera(x.reshape(-1, 3), unit(eye), size, *_FRAMED)
+    layers = [replace(layer, points=x[0]) for layer in layers]
+    scene = Scene(tuple(layers), unit(eye), "", ())
+    names = [f"{k}.png" for k in range(len(x))]
+    with temporary_folder() as folder:
+        _save(folder, scene, size, camera, x=x, rgb=rgb)
+        return render(
+            "lacmesh.view.draw", folder, names, output=path, timeout=_FILM_TIMEOUT, quicker="fewer frames are"
+        )
+
+
+def _save(folder: Path, scene: Scene, size: tuple[int, int], camera: Mapping[str, Any], **moving: NDArray) -> None:
+    """Write a scene for `draw`: `scene.npz` has the arrays, `scene.json` the rest; `moving`: `x`, `rgb` of frames."""
     arrays = {f"{name}{k}": getattr(layer, name) for k, layer in enumerate(scene.layers) for name in ARRAYS}
-    np.savez(folder / "scene.npz", **arrays)
+    np.savez(folder / "scene.npz", **arrays, **moving)
     rest: dict[str, Any] = {
         "layers": [(layer.kind, layer.width, layer.opacity) for layer in scene.layers],
         "size": size,
         "title": scene.title,
         "legend": scene.legend,
         "labels": scene.labels,
-        "camera": camera_of(scene, size),
+        "camera": camera,
+        "frames": len(moving["x"]) if moving else 0,
     }
     if scene.values is not None:
         rest["ramp"] = (scene.values.what, scene.values.bad, scene.values.good)

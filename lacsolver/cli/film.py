@@ -64,8 +64,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Make a film."""
-    from lacsolver.pictures.filming import check_film, film
-    from lacsolver.pictures.offscreen import CAMERA
+    from lacsolver.pictures.filming import CAMERA, check_film, film
 
     check_alone()
     folder, target = Path(args.folder), Path(args.output)

@@ -2,7 +2,7 @@
 
 frames = fields of the run's folder, time by time          (frames)
 scale = one scale of colours for all times
-pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (offscreen)
+pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (lacmesh.view)
 curves = columns of history.csv, one against the other
 film = an animated GIF of one colour table; or a sheet, PNG
 
@@ -26,12 +26,16 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
-from lacmesh.scene.colours import RAMP, ends_of
+from lacmesh.scene import unit_of
+from lacmesh.scene.colours import INK, RAMP, ends_of, rgb
+from lacmesh.scene.layers import Layer
+from lacmesh.view import frames as draw_frames
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
 from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, read_frames, read_mode
-from lacsolver.pictures.offscreen import CAMERA, Scene, render_frames
 
+#: default direction from bodies in space to the eye
+CAMERA = (-0.55, -1.0, 0.6)
 #: default number of pictures of a sheet and of a film
 SHEET, FILM = 6, 60
 #: number of pictures of a natural mode's period
@@ -48,7 +52,7 @@ _LEVEL = 1e-6
 #: duration of the last picture of a film, in seconds
 _STAYS = 1.5
 #: colours of faces without a value, of surfaces without parent cells, of lines
-_PLAIN, _SEGMENTS, _INK = "#dfe3e6", "#44546a", "#1b1f24"
+_PLAIN, _SEGMENTS, _INK = "#dfe3e6", "#44546a", f"#{INK}"
 
 
 class Curve(NamedTuple):
@@ -263,15 +267,22 @@ class _Sheet:
         frames, surface = self.frames.frames, self.frames.surface
         if surface.dim == 2:
             return [None] * len(frames)
-        x, rgb = np.stack([frame.x for frame in frames]), np.stack([self._rgb(frame) for frame in frames])
         size = (round(inches[0] * 2 * _DPI), round(inches[1] * 2 * _DPI))
-        return list(render_frames(Scene(surface.triangles, surface.edges, x, rgb, self.camera, size), self.path))
+        x, colours = np.stack([frame.x for frame in frames]), np.stack([self._rgb(frame) for frame in frames])
+        none, ink = np.empty((0, 3)), np.repeat(rgb([INK]), len(x[0]), axis=0)
+        layers = (
+            Layer("faces", x[0], surface.triangles, colours[0], none, 0.0),
+            Layer("lines", x[0], surface.edges, ink, none, 1.0 / unit_of(size), 0.35),
+        )
+        image = import_module("matplotlib.image")
+        pngs = draw_frames(layers, x, colours, self.camera, size, self.path)
+        return [(255 * image.imread(io.BytesIO(png))[..., :3]).round().astype(np.uint8) for png in pngs]
 
     def _rgb(self, frame: Frame) -> NDArray[np.uint8]:
         """Return the colour of each point, (p, 3)."""
-        rgb = self.scale.bar.to_rgba(np.nan_to_num(frame.value, nan=self.scale.low), bytes=True)[:, :3].copy()
-        rgb[np.isnan(frame.value)] = [int(_PLAIN[k : k + 2], 16) for k in (1, 3, 5)]
-        return np.asarray(rgb, np.uint8)
+        colours = self.scale.bar.to_rgba(np.nan_to_num(frame.value, nan=self.scale.low), bytes=True)[:, :3].copy()
+        colours[np.isnan(frame.value)] = rgb([_PLAIN[1:]])
+        return np.asarray(colours, np.uint8)
 
     def draw(self, axes: Any, frame: Frame, rendered: Any) -> None:
         """Draw the bodies at one time."""

@@ -25,6 +25,7 @@ from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
 from lacsolver.output.vtu import read_pvd
+from lacsolver.results.nodal import von_mises
 
 #: quantities that bodies may be coloured by, and their labels beside the scale
 COLOURS = {"stress": "von Mises stress", "pressure": "contact pressure"}
@@ -136,8 +137,10 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
         mesh = lacmesh.read(folder / entry.file)
         if mesh.n_nodes != first.n_nodes:
             raise DataError(f"{folder / entry.file} is of another mesh than the files before; run the case again")
-        value = _mises(mesh) if colour == "stress" else _pressure(mesh, folder, entry.time, zones)
-        x = mesh.points + _field(mesh, "displacement", folder / entry.file)
+        path = folder / entry.file
+        stress = colour == "stress"
+        value = von_mises(_field(mesh, "stress", path)) if stress else _pressure(mesh, folder, entry.time, zones)
+        x = mesh.points + _field(mesh, "displacement", path)
         frames.append(Frame(entry.time, surface.points(x), surface.points(value), f"t = {entry.time:.4g}"))
     return Frames(surface, tuple(frames))
 
@@ -179,13 +182,6 @@ def _field(mesh: Mesh, name: str, path: Path) -> NDArray[np.floating]:
     if name not in mesh.node_data:
         raise DataError(f"{path} has no field {name!r}; run the case again")
     return np.asarray(mesh.node_data[name], float)
-
-
-def _mises(mesh: Mesh) -> NDArray[np.floating]:
-    """Return the von Mises stress (n_nodes,) of the stress with components XX YY ZZ XY YZ XZ."""
-    xx, yy, zz, xy, yz, xz = _field(mesh, "stress", Path(SOLID)).T
-    normal = (xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2
-    return np.asarray(np.sqrt(normal / 2 + 3 * (xy**2 + yz**2 + xz**2)))
 
 
 def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[float, str]]) -> NDArray[np.floating]:

@@ -25,6 +25,17 @@ _TERMS: dict[str, tuple[tuple[int, ...], ...]] = {
 }
 
 
+def von_mises(stress: Floats) -> NDArray[np.floating]:
+    """Return the equivalent stress (n,) of von Mises of stresses (n, 4 or 6), xx yy zz xy (yz xz).
+
+    >>> von_mises(np.array([[100.0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 10.0, 0]])).round(6).tolist()
+    [100.0, 17.320508]
+    """
+    xx, yy, zz = stress[:, 0], stress[:, 1], stress[:, 2]
+    shear = np.square(stress[:, 3:]).sum(axis=1)
+    return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * shear)
+
+
 def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArray[np.floating]:
     """Return at the nodes (n_nodes, 4 or 6) a stress given at the integration points of the stiffness.
 

@@ -123,7 +123,7 @@ def _summary(run: Run, n: Count) -> Iterator[ReportBlock]:
 
 def families_table(run: Run, *, verdicts: bool = True) -> ReportBlock:
     """A line for each family; `verdicts`: with what the counts say, in a word."""
-    names = ("family", "what", "cases", "met", "missed", "for information", "no outcome", "time", "verdict")
+    names = ["family", "what", "cases", "met", "missed", "for information", "no outcome", "time", "verdict"]
     rows = [_family_row(name, cases) for name, cases in by_family(run.done).items()]
     if not verdicts:
         names, rows = names[:-1], [row._replace(cells=row.cells[:-1]) for row in rows]

@@ -11,7 +11,8 @@ from verification.report import words
 from verification.report.judging import SAID, as_good, counted, used, verdict
 from verification.running.folder import CaseResult
 
-K, V = TypeVar("K"), TypeVar("V")
+K = TypeVar("K")
+V = TypeVar("V")
 _BOUNDS = {"equal": "equal", "at most": "at most", "at least": "at least", "informative": "for information"}
 
 
