@@ -24,7 +24,7 @@ from lacmesh import LacmeshError, cut_skin
 from lacsolver.decks import import_deck
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.answer import Answer
+from lacsolver.results.figures import step_figures
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
@@ -177,12 +177,12 @@ def _impact(text: str, work: Path, program: str) -> str:
     forces = np.array([part[0, 2] for part in printed(report, "total force")[1]])
     made = import_deck(work / "model.inp", work / "case.toml")
     problem = Problem.of(made.case, made.mesh)
-    states, answer = list(march(problem)), Answer(problem)
+    states = list(march(problem))
     nodes = np.isin(problem.space.mesh.node_number, rows[0][:, 0])
     t = np.array([state.time for state in states])
     mine = np.array([state.u.reshape(-1, 3)[nodes, 2].mean() for state in states])
     support = made.case.displacement[0].group
-    pushes = np.array([answer.figures(state).reactions[support][2] for state in states])
+    pushes = np.array([step_figures(problem, state).reactions[support][2] for state in states])
     cells = [f"{np.diff(s) @ (f[1:] + f[:-1]) / 2:.3g}" for s, f in ((times, forces), (t, pushes))]
     cells += [f"{forces.max():.3g}", f"{pushes.max():.3g}"]
     cells.append(f"{times[forces.argmax()]:.3f}, {t[pushes.argmax()]:.3f}")

@@ -4,35 +4,38 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
+from typing import Any
 
 import numpy as np
 
 from lacmesh import __version__
-from lacmesh.cli.terminal import peak_memory
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
-from lacmesh.mesh import Floats, MeshLike, as_mesh
+from lacmesh.kernels.threads import peak_memory
+from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.distributed.share import UNDIVIDED, Distribution
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
 from lacsolver.equilibrium.stepping import NotConvergedError, march
-from lacsolver.output import OutputFolder, Writer, check_same, create
-from lacsolver.output.states import deal_state
+from lacsolver.output import OutputFolder, Writer, check_same, create_output
+from lacsolver.output.states import scatter_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.overlap import Start, scarcely_covered, start_of
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.alternation import alternating
-from lacsolver.results.answer import Answer
 from lacsolver.results.compression import most_compressed, softened, worse
 from lacsolver.results.faceted import faceted
+from lacsolver.results.fields import point_stress, state_fields
+from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
-from lacsolver.results.results import Fields, Restart, Results, StepFigures
+from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
 
@@ -50,9 +53,9 @@ def run(
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
     `case`: a case, or the path of a case file. `folder`: its path, which must not hold results yet, or what
-    `lacsolver.output.create` made of it. `mesh`: a mesh or its path; None for that of the case. `progress` is called
-    for every iteration, `stepped` for every converged step. `distribution`: the processes that share the model, each of
-    which calls this function. Raises NotConvergedError after the last state tried is written, the errors of
+    `lacsolver.output.create_output` made of it. `mesh`: a mesh or its path; None for that of the case. `progress` is
+    called for every iteration, `stepped` for every converged step. `distribution`: the processes that share the model,
+    each of which calls this function. Raises NotConvergedError after the last state tried is written, the errors of
     `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc
     without a distribution, such as `lacsolver.distributed.processes.Processes` of MPI's communicator.
@@ -70,58 +73,26 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else as_mesh(mesh)
-        folder = folder if isinstance(folder, OutputFolder) else create(folder, restart=start)
+        folder = folder if isinstance(folder, OutputFolder) else create_output(folder, restart=start)
         problem = Problem.of(case, mesh, distribution)
-        case = problem.case
-        prints = fingerprint(case, *distribution.as_read(mesh))
-        points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
-        orders = orders_of(problem.constraints, points)
-        if start is not None:
-            again, there = start, mesh
-            problem.space.share.on_first(lambda: check_same(again, case, there, prints))
-            start = deal_state(start, problem.space.share, orders) if orders else start
-        starts = _starts(problem)
-    roles = {pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints}
-    overlap = {name: one.overlap for name, one in starts.items()}
-    first = Results(__version__, sizes=_sizes(problem), roles=roles, overlap=overlap)
-    made = _Run(Answer(problem), clock, first, start.number if start else 0, starts=starts)
-    writer: Writer | None = None  # made once there is something to write, so that no earlier results are lost before
-    try:
-        with clock.phase("solve"):
-            for state in march(problem, start=start, progress=progress):
-                with clock.phase("results"), signals_wait():  # a step is in all files or in none
-                    writer = writer or Writer(folder, case, problem.space, prints, orders)
-                    made.add(state)
-                    writer.step(made.results, made.fields_of(state), made.restart(state))
-                    if stepped is not None:
-                        stepped(made.results.steps[-1])
-    except BaseException as error:
-        if writer is None and isinstance(error, NotConvergedError):
-            writer = Writer(folder, case, problem.space, prints, orders)
-        if writer is not None:
-            writer.finish(*made.ended(error))
-        if isinstance(error, NotConvergedError):
-            for doubt in made.softened():
-                warnings.warn(LacmeshWarning(doubt), stacklevel=2)
-        raise
-    held = tuple(one.words for one in made.last.held if np.isnan(one.part)) if made.last else ()
-    doubts = _doubts(problem, made)
-    loads = _resultants(problem, made.last)
-    made.results = replace(made.told(), status="done", held=held, message="\n".join(doubts), loads=loads)
-    for doubt in doubts:
-        warnings.warn(LacmeshWarning(doubt), stacklevel=2)
-    writer = writer or Writer(folder, case, problem.space, prints, orders)
-    writer.finish(made.results)
-    return made.results
+        output = RunOutput(problem, folder, fingerprint(problem.case, *distribution.as_read(mesh)), clock)
+        start = None if start is None else output.continued(start, mesh)
+    with output, clock.phase("solve"):
+        for state in march(problem, start=start, progress=progress):
+            with clock.phase("results"), signals_wait():  # a step is in all files or in none
+                output.add(state)
+                if stepped is not None:
+                    stepped(output.results.steps[-1])
+    return output.results
 
 
-@dataclass
 class Clock:
     """Seconds of each phase; a phase inside another is not counted in the outer one."""
 
-    seconds: dict[str, float] = field(default_factory=dict)
-    _open: list[str] = field(default_factory=list)
-    _since: float = 0.0
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._open: list[str] = []
+        self._since = 0.0
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
@@ -141,86 +112,126 @@ class Clock:
         self._since = now
 
 
-@dataclass
-class _Run:
-    """A run so far: its results, number of steps, last state; its zones at the start.
+class RunOutput:
+    """Output of a run: its `results` so far, which are written into a folder after every step and at the end.
 
-    `covered`: largest covered fraction of each zone so far, 1 once it has been in contact.
+    A context that completes the results: with the warnings about a finished run, or the error that ended it. Nothing is
+    written before the first step has converged, or has failed to, so that earlier results are not lost before.
     """
 
-    answer: Answer
-    clock: Clock
-    results: Results
-    number: int
-    last: State | None = None
-    compressed: Floats | None = None
-    starts: Mapping[str, Start] = field(default_factory=dict)
-    covered: dict[str, float] = field(default_factory=dict)
+    def __init__(self, problem: Problem, folder: OutputFolder, prints: dict[str, str], clock: Clock) -> None:
+        """`prints`: the fingerprint of the case and its mesh."""
+        points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
+        self._problem, self._folder, self._prints, self._clock = problem, folder, prints, clock
+        self._orders = orders_of(problem.constraints, points)
+        self._starts, self._number = _starts(problem), 0
+        self._writer: Writer | None = None
+        self._last: State | None = None
+        self._compressed: Floats | None = None
+        #: largest covered fraction of each zone so far, 1 once it has been in contact
+        self._covered: dict[str, float] = {}
+        self.results = Results(
+            __version__,
+            sizes=_sizes(problem),
+            roles={pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints},
+            overlap={name: one.overlap for name, one in self._starts.items()},
+        )
 
-    @property
-    def problem(self) -> Problem:
-        """The problem that is solved."""
-        return self.answer.problem
+    def continued(self, start: Restart, mesh: Mesh) -> Restart:
+        """Return the share of this process in a state to restart from, after whose step the output goes on.
+
+        Raises DataError for a state of another case or mesh.
+        """
+        problem, self._number = self._problem, start.number
+        problem.space.share.on_first(lambda: check_same(start, problem.case, mesh, self._prints))
+        return scatter_state(start, problem.space.share, self._orders) if self._orders else start
 
     def add(self, state: State) -> None:
-        """Add a converged step to the results."""
-        self.number += 1
-        self.last = state
-        step = self.answer.figures(state)
+        """Add a converged step to the results, and write it."""
+        problem = self._problem
+        writer = self._writer = self._writer or self._open()
+        self._number, self._last = self._number + 1, state
         for zone in state.zones:  # a ball that touches a plane has most of its skin away from it, as it should
             touches = (zone.status == CONTACT).any()
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
-            self.covered[zone.name] = max(self.covered.get(zone.name, 0.0), covered)
-        ranges = self.answer.stress_ranges(state)
-        self.results = replace(self.told(), steps=(*self.results.steps, step), stress=ranges)
-        now = most_compressed(self.problem, state)
-        self.compressed = now if self.compressed is None else worse(self.compressed, now)
+            self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
+        stress = point_stress(problem, state)
+        steps, ranges = (*self.results.steps, step_figures(problem, state)), stress_ranges(problem.space, stress)
+        self.results = replace(self.results, steps=steps, stress=ranges, **self._spent())
+        now = most_compressed(problem, state)
+        self._compressed = now if self._compressed is None else worse(self._compressed, now)
+        size = state.step.step_size if np.isfinite(state.step.step_size) else problem.case.steps.last
+        writer.step(self.results, lambda: state_fields(problem, state, stress), Restart.of(state, size, self._number))
 
-    def softened(self) -> tuple[str, ...]:
-        """Return warnings about bodies that a step so far has crushed, of all processes."""
-        return () if self.compressed is None else tuple(softened(self.problem, self.compressed))
+    def __enter__(self) -> RunOutput:
+        return self
 
-    def fields_of(self, state: State) -> Callable[[], Fields]:
-        """Return a function that computes the fields of a state when it is called."""
-        return lambda: self.answer.fields(state)
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        if error is None:
+            self._finish()
+        else:
+            self._end(error)
 
-    def restart(self, state: State) -> Restart:
-        """Return a converged state for a restart."""
-        size = state.step.step_size if np.isfinite(state.step.step_size) else self.problem.case.steps.last
-        return Restart.of(state, size, self.number)
+    def _finish(self) -> None:
+        """Complete the results of a finished run, warn of what is doubtful in them, and write them."""
+        problem, last = self._problem, self._last
+        messages = problem.space.share.texts([*self._doubts()])
+        held: tuple[str, ...] = ()
+        loads: tuple[Resultant, ...] = ()
+        if last is not None:
+            held = tuple(motion.words for motion in last.held if np.isnan(motion.part))
+            weight = None if problem.inertia is None else problem.inertia.weight
+            loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
+        message = "\n".join(messages)
+        self.results = replace(self.results, status="done", held=held, message=message, loads=loads, **self._spent())
+        for message in messages:
+            warnings.warn(LacmeshWarning(message), stacklevel=4)
+        writer = self._writer or self._open()
+        writer.finish(self.results)
 
-    def told(self) -> Results:
-        """Return the results with current timings and peak memory."""
-        return replace(self.results, timings=dict(self.clock.seconds), memory=peak_memory())
-
-    def ended(self, error: BaseException) -> tuple[Results, Callable[[], Fields] | None]:
-        """Return the results of a run ended by an error or a signal, and a function for the last state's fields.
-
-        The function is None unless the run did not converge.
-        """
-        failed = isinstance(error, Exception)
-        results = replace(self.told(), status="failed" if failed else "interrupted", message=str(error))
+    def _end(self, error: BaseException) -> None:
+        """Write the results of a run ended by an error or a signal, with the last state tried if none converged."""
+        status = "failed" if isinstance(error, Exception) else "interrupted"
+        self.results = replace(self.results, status=status, message=str(error), **self._spent())
         if isinstance(error, NotConvergedError):
-            return results, self.fields_of(error.state)
-        return results, None
+            tried = error.state
+            writer = self._writer or self._open()
+            writer.finish(self.results, lambda: state_fields(self._problem, tried))
+            for message in self._softened():
+                warnings.warn(LacmeshWarning(message), stacklevel=4)
+        elif self._writer is not None:
+            self._writer.finish(self.results)
 
+    def _spent(self) -> dict[str, Any]:
+        """Return the timings and the peak memory of now, as keywords of `Results`."""
+        return {"timings": dict(self._clock.seconds), "memory": peak_memory()}
 
-def _doubts(problem: Problem, made: _Run) -> tuple[str, ...]:
-    """Return warnings about doubtful results of a finished run, those of all processes."""
-    told = list(_strangers(problem, made.results))
-    told += [said for start in made.starts.values() for said in start.told]
-    for pair in problem.joints:
-        told += scarcely_covered(pair, made.covered.get(pair.name, 0.0)) if pair.moving else ()
-    told += doubts(problem)
-    told += _doubtful_energy(problem.case, made.results)
-    told += made.softened()
-    if made.last is not None:
-        told += warnings_of(made.last.held, made.last.prescribed)
-        told += faceted(problem, made.last)
-        told += alternating(problem, made.last)
-        if not problem.kinematics.finite:
-            told += filter(None, [beyond_a_cell(problem.space, made.last.u)])
-    return problem.space.share.texts(told)
+    def _open(self) -> Writer:
+        problem = self._problem
+        return Writer(self._folder, problem.case, problem.space, self._prints, self._orders)
+
+    def _doubts(self) -> Iterator[str]:
+        """Yield warnings about doubtful results of a finished run."""
+        problem, last = self._problem, self._last
+        yield from _never_facing(problem, self.results)
+        for start in self._starts.values():
+            yield from start.told
+        for pair in problem.joints:
+            if pair.moving:
+                yield from scarcely_covered(pair, self._covered.get(pair.name, 0.0))
+        yield from doubts(problem)
+        yield from _doubtful_energy(problem.case, self.results)
+        yield from self._softened()
+        if last is not None:
+            yield from warnings_of(last.held, last.prescribed)
+            yield from faceted(problem, last)
+            yield from alternating(problem, last)
+            if not problem.kinematics.finite:
+                yield from filter(None, [beyond_a_cell(problem.space, last.u)])
+
+    def _softened(self) -> tuple[str, ...]:
+        """Return warnings about bodies that a step so far has crushed, of all processes."""
+        return () if self._compressed is None else tuple(softened(self._problem, self._compressed))
 
 
 def _starts(problem: Problem) -> dict[str, Start]:
@@ -230,20 +241,12 @@ def _starts(problem: Problem) -> dict[str, Start]:
     return {pair.name: start_of(pair, pair.integrate(space, u, t), space) for pair in problem.joints}
 
 
-def _resultants(problem: Problem, last: State | None) -> tuple[Resultant, ...]:
-    """Return the resultants of all loads in the last state; none without one."""
-    if last is None:
-        return ()
-    weight = None if problem.inertia is None else problem.inertia.weight
-    return resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
-
-
-def _strangers(problem: Problem, results: Results) -> Iterator[str]:
+def _never_facing(problem: Problem, results: Results) -> Iterator[str]:
     """Yield a warning for each zone whose slave had no master in front of it at any step."""
-    for joint in problem.joints:
-        seen = [step.contact[joint.name] for step in results.steps]
-        if seen and not any(zone.active + zone.open for zone in seen):
-            message = f"slave {joint.record.slave!r} never had master {joint.record.master!r} in front of it"
+    for pair in problem.joints:
+        zones = [step.contact[pair.name] for step in results.steps]
+        if zones and not any(zone.active + zone.open for zone in zones):
+            message = f"slave {pair.record.slave!r} never had master {pair.record.master!r} in front of it"
             yield f"{message}; check which groups these are and that their faces turn outward, or raise search_distance"
 
 
@@ -251,23 +254,23 @@ def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
     """Yield a warning if the steps in motion have made energy, or have lost too much of it in contact."""
     steps = [(step.time, step.motion.energies) for step in results.steps if step.motion is not None]
     table = np.array([[energies[name] for name in ENERGIES] for _, energies in steps]).reshape(-1, len(ENERGIES))
-    there = np.isfinite(table).all(axis=1)  # static steps before have none
+    known = np.isfinite(table).all(axis=1)  # static steps before have none
     rigid = all(pair.type in ("unilateral", "bilateral") and pair.stiffness is None for pair in case.contact)
-    said = doubtful_energy([time for (time, _), on in zip(steps, there, strict=True) if on], table[there], rigid)
-    if said is not None and case.dynamics is not None:
+    message = doubtful_energy([time for (time, _), on in zip(steps, known, strict=True) if on], table[known], rigid)
+    if message is not None and case.dynamics is not None:
         skins = case.dynamics.massless == "skins"
-        yield f"{said}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')
+        yield f"{message}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')
 
 
 def _sizes(problem: Problem) -> dict[str, int]:
     space, own = problem.space, problem.constraints.own
 
-    def total(n: int) -> Floats:
-        return space.share.total(np.array(n))
+    def total(n: int) -> int:
+        return int(space.share.total(np.array(n)))
 
     return {
-        "nodes": int(total(len(space.own(np.empty(space.mesh.n_nodes))))),
-        "cells": int(total(sum(int(space.own_cells(block).sum()) for block in space.blocks))),
-        "unknowns": int(total(problem.constraints.n_q if own is None else int(own.sum()))),
-        "macro_elements": sum(joint.zone.n_macros for joint in problem.joints),
+        "nodes": total(len(space.own(np.empty(space.mesh.n_nodes)))),
+        "cells": total(sum(int(space.own_cells(block).sum()) for block in space.blocks)),
+        "unknowns": total(problem.constraints.n_q if own is None else int(own.sum())),
+        "macro_elements": sum(pair.zone.n_macros for pair in problem.joints),
     }

@@ -14,7 +14,7 @@ import logging
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,10 +31,11 @@ from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march as march_states
-from lacsolver.output import Writer, create
+from lacsolver.output import Writer, create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
-from lacsolver.results.answer import Answer
+from lacsolver.results.fields import point_stress, state_fields
+from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, ZoneFields
 from lacsolver.results.state import State
@@ -42,14 +43,6 @@ from lacsolver.results.state import State
 _LOG = logging.getLogger("lacsolver")
 #: what the last call of `march` has made, for the next one
 _LAST: list[ReducedProblem] = []
-
-
-class _Solved(NamedTuple):
-    """The problem and the state of a solution of this process, and the number of its step."""
-
-    answer: Answer
-    state: State
-    number: int
 
 
 class Picture(NamedTuple):
@@ -86,13 +79,13 @@ class Solution(Described):
     time: float
     iterations: int
     evaluate: Callable[[], Fields]
-    solved: _Solved | None = None
+    _solved: tuple[Problem, State, int] | None = None
 
     @classmethod
-    def of(cls, answer: Answer, state: State, number: int = 1) -> Solution:
+    def of(cls, problem: Problem, state: State, number: int = 1) -> Solution:
         """Return the solution of a state, the one after `number` steps."""
-        mesh = answer.problem.space.mesh
-        return cls(mesh, state.time, state.iterations, lambda: answer.fields(state), _Solved(answer, state, number))
+        mesh = problem.space.mesh
+        return cls(mesh, state.time, state.iterations, lambda: state_fields(problem, state), (problem, state, number))
 
     @cached_property
     def fields(self) -> Fields:
@@ -125,10 +118,10 @@ class Solution(Described):
             return self.fields.stress
         if at != "cells":
             raise ValueError(f'at is "nodes" or "cells", not {at!r}')
-        answer, state, _ = self._own("stresses of cells")
-        space = answer.problem.space
+        problem, state, _ = self._own("stresses of cells")
+        space = problem.space
         out = np.full((self.mesh.n_cells, space.model.n_stress), np.nan)
-        for block, values, w in zip(space.blocks, answer.stress(state), weights(space), strict=True):
+        for block, values, w in zip(space.blocks, point_stress(problem, state), weights(space), strict=True):
             out[block.cell] = np.einsum("cq,cqk->ck", w, values) / w.sum(axis=1)[:, None]
         return out
 
@@ -166,10 +159,10 @@ class Solution(Described):
         """
         from lacsolver.pictures.drawing import plot
 
-        answer, state, number = self._own("pictures")
+        problem, state, number = self._own("pictures")
         with tempfile.TemporaryDirectory() as folder:
             at = Path(folder, "picture.png") if path is None else Path(path)
-            plot(answer.problem.case, Restart.of(state, 1.0, number), at, self.mesh, zoom=zoom)
+            plot(problem.case, Restart.of(state, 1.0, number), at, self.mesh, zoom=zoom)
             return Picture(at.read_bytes())
 
     def save(self, folder: str | Path, *, force: bool = False) -> None:
@@ -177,17 +170,20 @@ class Solution(Described):
 
         `force`: replace results that are there. Raises RequestError if there are any, WriteError.
         """
-        answer, state, number = self._own("files of results")
-        problem = answer.problem
-        writer = Writer(create(folder, force=force), problem.case, problem.space, fingerprint(problem.case, self.mesh))
-        results = Results(__version__, steps=(answer.figures(state),), stress=answer.stress_ranges(state))
+        problem, state, number = self._own("files of results")
+        writer = Writer(
+            create_output(folder, force=force), problem.case, problem.space, fingerprint(problem.case, self.mesh)
+        )
+        ranges = stress_ranges(problem.space, point_stress(problem, state))
+        results = Results(__version__, steps=(step_figures(problem, state),), stress=ranges)
         writer.step(results, lambda: self.fields, Restart.of(state, problem.case.steps.last, number))
-        writer.finish(Results(**{**vars(results), "status": "done"}))
+        writer.finish(replace(results, status="done"))
 
-    def _own(self, wanted: str) -> _Solved:
-        if self.solved is None:
+    def _own(self, wanted: str) -> tuple[Problem, State, int]:
+        """Return the problem, the state, and the number of its step. Raises RequestError for what was read."""
+        if self._solved is None:
             raise RequestError(f"{wanted} need the problem, which a solution read from a folder does not have")
-        return self.solved
+        return self._solved
 
     def _facts(self) -> dict[str, str]:
         d = self.u.shape[1]
@@ -237,11 +233,10 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     case = as_case(case)
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
-    answer = Answer(problem)
     with _progress(case.steps.last if progress else None) as report:
         for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
-            yield Solution.of(answer, state, number)
+            yield Solution.of(problem, state, number)
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import analyse
 from lacsolver.linear.multigrid.cycle import Team
 from lacsolver.problem.problem import Problem
-from lacsolver.results.answer import Answer
+from lacsolver.results.fields import state_fields
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
@@ -147,6 +147,6 @@ def _march(model: str, cells: str, head: str, more: str) -> None:
     sides = "".join(held(f"{a}0", **{f"u{a}": 0.0}) for a in "xyz"[: dim - 1] if model != "axisymmetric")
     pressing = held("bottom", **{f"u{up}": 0.0}) + held("top", **{f"u{up}": -0.01})
     case = parse_case(head + CONTACT + more + sides + pressing)
-    answer = Answer(Problem.of(case, mesh))
-    for state in march(answer.problem):
-        answer.fields(state)
+    problem = Problem.of(case, mesh)
+    for state in march(problem):
+        state_fields(problem, state)

@@ -18,7 +18,8 @@ from lacmesh import Mesh
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.answer import Answer
+from lacsolver.results.fields import state_fields
+from lacsolver.results.figures import step_figures
 from lacsolver.results.results import Fields, Restart, StepFigures
 from lacsolver.results.state import State, ZoneState
 from verification.measures.balance import Balance, unbalanced
@@ -92,19 +93,14 @@ class Solved:
         return self.state.u.reshape(-1, self.problem.space.dim)
 
     @cached_property
-    def answer(self) -> Answer:
-        """Solver's answer for this problem, from which figures and fields are computed."""
-        return Answer(self.problem)
-
-    @cached_property
     def figures(self) -> StepFigures:
         """The last step's figures."""
-        return self.answer.figures(self.state)
+        return step_figures(self.problem, self.state)
 
     @cached_property
     def fields(self) -> Fields:
         """The last state's fields: nodal stress, recovered pressures."""
-        return self.answer.fields(self.state)
+        return state_fields(self.problem, self.state)
 
     @cached_property
     def balance(self) -> Balance:

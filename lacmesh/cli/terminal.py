@@ -104,16 +104,9 @@ def as_json(data: Any) -> str:
     return "".join(c if c.isprintable() or c == "\n" else json.dumps(c)[1:-1] for c in text)
 
 
-def peak_memory() -> int:
-    """Peak memory of this process in bytes; 0 if the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # not on Windows
-        return 0
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
-
-
 def memory() -> str:
     """End of a sentence: the peak memory of this process; empty if the system does not tell."""
+    from lacmesh.kernels.threads import peak_memory
+
     peak = peak_memory()
     return f"; peak memory {peak / 1e6:.0f} MB" if peak else ""

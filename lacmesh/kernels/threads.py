@@ -1,8 +1,12 @@
-"""Threads for kernels, which run without Python's lock: slices of rows, as many at once as there are cores."""
+"""Threads for kernels, which run without Python's lock: slices of rows, as many at once as there are cores.
+
+The cores and the memory of this process, too.
+"""
 
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
@@ -17,6 +21,15 @@ T = TypeVar("T")
 def available_cores() -> int:
     """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def peak_memory() -> int:
+    """Return the peak memory of this process in bytes; 0 if the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return 0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
 def worthwhile(threads: int, count: int) -> int:

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     from lacsolver.case import read_case
-    from lacsolver.output import create, read_state
+    from lacsolver.output import create_output, read_state
     from lacsolver.problem.problem import read_mesh
 
     if args.from_time is not None and args.restart is None:
@@ -70,7 +70,7 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
         mesh = read_mesh(case, distribution)
         start = ranks.on_first(lambda: read_state(args.restart, case, args.from_time, mesh=mesh, large=ranks.n == 1))
     output = args.output or _beside(Path(args.case))
-    folder = ranks.on_first(lambda: create(output, force=args.force, restart=start))
+    folder = ranks.on_first(lambda: create_output(output, force=args.force, restart=start))
     if args.plot is not None:
         ranks.on_first(lambda: _check_plot(case, args))
     results = _solve(case, mesh, folder, start, args, distribution)

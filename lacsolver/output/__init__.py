@@ -11,8 +11,8 @@
 The writers use only the records of `lacsolver.results.results`, and do not depend on the solver.
 """
 
-from lacsolver.output.folder import OutputFolder, create
+from lacsolver.output.folder import OutputFolder, create_output
 from lacsolver.output.states import check_same, read_state
 from lacsolver.output.writer import Writer
 
-__all__ = ["OutputFolder", "Writer", "check_same", "create", "read_state"]
+__all__ = ["OutputFolder", "Writer", "check_same", "create_output", "read_state"]

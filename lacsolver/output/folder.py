@@ -74,7 +74,7 @@ class OutputFolder:
             raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
 
 
-def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restart | None = None) -> OutputFolder:
+def create_output(path: str | os.PathLike[str], *, force: bool = False, restart: Restart | None = None) -> OutputFolder:
     """Return the folder that a run is to write into; no file is written or removed until `OutputFolder.take`.
 
     `restart`: state that the run starts from; if it came from the same folder, the files there are continued. Raises
@@ -83,7 +83,7 @@ def create(path: str | os.PathLike[str], *, force: bool = False, restart: Restar
 
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as place:
-    ...     create(f"{place}/results").path.name
+    ...     create_output(f"{place}/results").path.name
     'results'
     """
     path = Path(path)

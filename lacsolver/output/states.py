@@ -104,10 +104,10 @@ def read_state(
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create
+    >>> from lacsolver.output import create_output
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(case, create(folder))
+    ...     done = run(case, create_output(folder))
     ...     read_state(folder, case).time
     1.0
     """
@@ -127,7 +127,7 @@ def read_state(
     return found
 
 
-def deal_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> Restart:
+def scatter_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> Restart:
     """Return the share of this process in a state, of which the first process has the whole arrays, or their file.
 
     All processes call this. Raises RequestError for a state with histories of an added time scheme, ReadError.

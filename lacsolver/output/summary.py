@@ -1,13 +1,14 @@
-"""results.json: the figures of a run, replaced as a whole after every step, so that it is valid at any time.
+"""results.json: the figures of a run, valid after every step.
 
-Values that are not finite are null. Each step is converted once, and its line is kept.
+Values that are not finite are null. A step adds its line, and replaces what follows the steps; the file is written as a
+whole at first, and at the end, when the status changes.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ import numpy as np
 
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
+from lacmesh.mesh import Floats
+from lacsolver.output.files import append
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
@@ -33,29 +36,49 @@ class Summary:
     def __init__(self, folder: Path, end: float | None = None) -> None:
         self._path = folder / RESULTS
         before = {} if end is None else _read(self._path)
-        self._before = [_line(step) for step in before.get("steps", []) if until(step["time"], end or 0.0)]
-        self._worst = before.get("balance", {}) if self._before else {}
-        self._told: list[str] = []
+        self._steps = [_line(step) for step in before.get("steps", []) if until(step["time"], end or 0.0)]
+        self._balance = np.full(len(_BALANCE), -np.inf)
+        if self._steps:
+            worst = [before.get("balance", {}).get(name, -np.inf) for name in _BALANCE]
+            self._balance = np.array([np.nan if value is None else value for value in worst])
+        self._count = 0
+        #: what precedes the steps in the file, and the length of that and the steps
+        self._head, self._length = b"", 0
 
     def write(self, results: Results) -> None:
-        """Write the results so far. Raises WriteError."""
-        self._told += [_line(_step(step)) for step in results.steps[len(self._told) :]]
-        parts = {name: _line(value) for name, value in _whole(results, self._worst).items()}
-        parts["steps"] = "[" + ",".join(f"\n  {line}" for line in (*self._before, *self._told)) + "\n ]"
-        text = "{" + ",".join(f"\n {_line(name)}: {part}" for name, part in parts.items()) + "\n}\n"
-        replace_file(self._path, text.encode())
+        """Write the results so far: new steps and what follows them, or all if what precedes them is another.
+
+        Raises WriteError.
+        """
+        new, self._count = results.steps[self._count :], len(results.steps)
+        lines = [_line(_step(step)) for step in new]
+        for step in new:
+            self._balance = np.maximum(self._balance, step.balance)  # NaN counts as the largest
+        head, tail = _parts(results, self._balance)
+        begun, self._steps = bool(self._steps), self._steps + lines
+        if head == self._head:
+            content = _joined(lines, begun)
+            append(self._path, content + tail, self._length)
+            self._length += len(content)
+        else:
+            content = head + _joined(self._steps)
+            replace_file(self._path, content + tail)
+            self._head, self._length = head, len(content)
 
 
-def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of the file, in its order, with `steps` empty; `message` only if there is one."""
+def _joined(lines: Sequence[str], begun: bool = False) -> bytes:
+    """Return steps as items of a list, which has `begun` before them or not."""
+    return "".join(f"{',' * (begun or k > 0)}\n  {line}" for k, line in enumerate(lines)).encode()
+
+
+def _parts(results: Results, balance: Floats) -> tuple[bytes, bytes]:
+    """Return what precedes the steps in the file, and what follows them; `message` only if there is one."""
     last = results.steps[-1] if results.steps else None
-    return {
-        "version": results.version,
-        "status": results.status,
-        **({"message": results.message} if results.message else {}),
-        "steps": [],
+    message = {"message": results.message} if results.message else {}
+    head = {"version": results.version, "status": results.status, **message}
+    tail = {
         "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
-        "balance": _balance(results, worst),
+        "balance": dict(zip(_BALANCE, balance.tolist(), strict=True)),
         "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,
         "energy": None if last is None else last.energy,
@@ -63,29 +86,23 @@ def _whole(results: Results, worst: Mapping[str, Any]) -> dict[str, Any]:
         "timings": results.timings,
         "memory": results.memory,
     }
+    first, rest = (
+        ",".join(f"\n {_line(name)}: {_line(value)}" for name, value in part.items()) for part in (head, tail)
+    )
+    return f'{{{first},\n "steps": ['.encode(), f"\n ],{rest}\n}}\n".encode()
 
 
 def _step(step: StepFigures) -> dict[str, Any]:
-    told = {name: getattr(step, name) for name in STEP_KEYS}
-    return told if step.motion is None else told | {name: getattr(step.motion, name) for name in MOTION_KEYS}
+    figures = {name: getattr(step, name) for name in STEP_KEYS}
+    return figures if step.motion is None else figures | {name: getattr(step.motion, name) for name in MOTION_KEYS}
 
 
 def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
     """Return the slave and the master of a zone, why the slave was chosen if it was, and the figures."""
     slave, master, why = results.roles.get(name, ("", "", ""))
     roles = {"slave": slave, "master": master} | ({"why": why} if why else {}) if slave else {}
-    told = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
-    return {**roles, **told, "overlap_at_start": results.overlap.get(name, float("nan"))}
-
-
-def _balance(results: Results, worst: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the largest imbalance of all steps; NaN counts as the largest."""
-    told = {}
-    for k, name in enumerate(_BALANCE):
-        before = [float("nan") if worst[name] is None else worst[name]] if name in worst else []
-        values = np.array([*before, *(step.balance[k] for step in results.steps)], float)
-        told[name] = float(values.max()) if len(values) else None
-    return told
+    figures = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+    return {**roles, **figures, "overlap_at_start": results.overlap.get(name, float("nan"))}
 
 
 def _line(value: Any) -> str:
@@ -108,9 +125,9 @@ def _read(path: Path) -> dict[str, Any]:
     if not path.exists():
         return {}
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(told, dict) and all(isinstance(step["time"], (int, float)) for step in told["steps"]):
-            return told
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(content, dict) and all(isinstance(step["time"], (int, float)) for step in content["steps"]):
+            return content
         reason = "it holds something else"
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__

@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
@@ -25,19 +25,9 @@ from lacsolver.results.results import Fields, Restart, Results
 from lacsolver.results.whole import Order
 from lacsolver.space.space import Space
 
-
-class Series(Protocol):
-    """Interface of files with fields in some format, to which times are added."""
-
-    def write(self, fields: Fields, number: int) -> None:
-        """Add the fields after `number` steps. Raises WriteError."""
-
-
-class _Unwritten(NamedTuple):
-    """The last converged step, if its fields are not written yet: the function that makes them, and its state."""
-
-    fields: Callable[[], Fields]
-    state: Restart
+if TYPE_CHECKING:
+    from lacsolver.output.gathered import GatheredSeries
+    from lacsolver.output.med import MedSeries
 
 
 class Writer:
@@ -61,7 +51,8 @@ class Writer:
         with signals_wait():
             self._share.on_first(lambda: self._take(folder, end))
             self._series = self._fields_to(folder.path, end)
-        self._unwritten: _Unwritten | None = None
+        #: the last converged step, if its fields are not written yet: the function that makes them, and its state
+        self._unwritten: tuple[Callable[[], Fields], Restart] | None = None
 
     def _take(self, folder: OutputFolder, end: float | None) -> None:
         """Lock the folder, clear it of results after the time `end`, and open its tables."""
@@ -78,14 +69,14 @@ class Writer:
         `fields` is called if they are due, or later, by `finish`, if this is the last step.
         """
         with signals_wait():
-            self._share.on_first(lambda: self._tell(results))
-            self._unwritten = _Unwritten(fields, state)  # before a signal that came up meanwhile does
+            self._share.on_first(lambda: self._add_figures(results))
+            self._unwritten = fields, state  # before a signal that came up meanwhile does
         if not is_due(self._output, state.number, state.time):
             return False
-        made = fields()  # it may take its time: a signal that comes up here leaves the rest to `finish`
+        values = fields()  # it may take its time: a signal that comes up here leaves the rest to `finish`
         with signals_wait():
             self._unwritten = None
-            self._write(made, state)
+            self._write(values, state)
         return True
 
     def finish(self, results: Results, tried: Callable[[], Fields] | None = None) -> None:
@@ -94,30 +85,31 @@ class Writer:
         For a finished run with times in [output], only the state is added. `tried`: fields of the last state tried by a
         run that failed, which are written to the subfolder `unconverged`.
         """
-        last, self._unwritten = self._unwritten, None
-        made = last.fields() if last and not (results.status == "done" and self._output.times) else None
+        unwritten, self._unwritten = self._unwritten, None
+        state_alone = results.status == "done" and self._output.times
+        last = unwritten[0]() if unwritten and not state_alone else None
         failed = tried() if tried else None
         with signals_wait(), ExitStack() as ending:
             ending.callback(self._release)
             self._share.on_first(lambda: self._summary.write(results))
-            if last and made:
-                self._write(made, last.state)
-            elif last:
-                self._state(last.state)
+            if unwritten and last:
+                self._write(last, unwritten[1])
+            elif unwritten:
+                self._write_state(unwritten[1])
             if failed:
-                self._share.on_first(lambda: _made(self._path / UNCONVERGED))
+                self._share.on_first(lambda: _make(self._path / UNCONVERGED))
                 self._fields_to(self._path / UNCONVERGED).write(failed, 1)
 
     def _release(self) -> None:
         if self._share.rank == 0:
             self._let_go()
 
-    def _tell(self, results: Results) -> None:
+    def _add_figures(self, results: Results) -> None:
         """Add the last step to the table of the history, and write the summary."""
         self._history.add(results.steps[-1])
         self._summary.write(results)
 
-    def _fields_to(self, folder: Path, end: float | None = None) -> Series:
+    def _fields_to(self, folder: Path, end: float | None = None) -> VtuSeries | MedSeries | GatheredSeries:
         """Return the files of fields in a folder; `end`: existing ones are continued after this time."""
         if self._output.format == "med":
             from lacsolver.output.gathered import GatheredSeries
@@ -135,9 +127,9 @@ class Writer:
                 add_contact(self._path / f"{stem}.csv", fields.time, fields.zones[zone])
 
         self._share.on_first(tables)
-        self._state(state)
+        self._write_state(state)
 
-    def _state(self, state: Restart) -> None:
+    def _write_state(self, state: Restart) -> None:
         write_state(self._path, state, self._prints, self._share, self._orders)
 
 
@@ -154,9 +146,8 @@ def is_due(output: Output, number: int, time: float) -> bool:
     return number % (output.every or 1) == 0
 
 
-def _made(folder: Path) -> Path:
+def _make(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except OSError as error:
         raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error
-    return folder

@@ -83,10 +83,10 @@ def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zo
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create, read_state
+    >>> from lacsolver.output import create_output, read_state
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(case, create(folder))
+    ...     done = run(case, create_output(folder))
     ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
     """
     check_plot(case, path)

@@ -132,9 +132,9 @@ def film(
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create
+    >>> from lacsolver.output import create_output
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(read_case("data/two_blocks.toml"), create(folder))
+    ...     done = run(read_case("data/two_blocks.toml"), create_output(folder))
     ...     film(folder, f"{folder}/press.png", colour="pressure", frames=2)
     """
     folder, path = Path(folder), Path(path)

@@ -41,9 +41,9 @@ def plot_history(
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create
+    >>> from lacsolver.output import create_output
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(read_case("data/two_blocks.toml"), create(folder))
+    ...     done = run(read_case("data/two_blocks.toml"), create_output(folder))
     ...     plot_history(folder, f"{folder}/forces.png", ["reaction.bottom.*"])
     """
     folder, path = Path(folder), Path(path)

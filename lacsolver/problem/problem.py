@@ -170,6 +170,11 @@ class Problem(Described):
         )  # fmt: skip
 
     @cached_property
+    def probes(self) -> dict[str, Ints]:
+        """Nodes (k,) of each probe, by its name."""
+        return {probe.name: nodes_of(self.space, probe) for probe in self.case.probe}
+
+    @cached_property
     def springs(self) -> csr_array | None:
         """Stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
         return acting.springs(self.space, self.case)

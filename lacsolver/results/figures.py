@@ -1,4 +1,4 @@
-"""Figures of a converged state, for `results`: zones, balance, stress ranges, probes.
+"""Figures of a converged state: of its step, its zones, their balance, stress ranges, probes.
 
 Forces and areas are those of the whole thickness or circle. The moments in a zone's figures are about the origin, those
 in its balance about the centre of the contact forces.
@@ -13,9 +13,66 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
-from lacsolver.results.results import ZoneFigures
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, ZoneState
+from lacsolver.problem.problem import Problem
+from lacsolver.results.motion import ENERGIES
+from lacsolver.results.results import MotionFigures, StepFigures, ZoneFigures
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
 from lacsolver.space.space import COMPONENTS, Space
+
+
+def step_figures(problem: Problem, state: State) -> StepFigures:
+    """Return the figures of the step that led to a state.
+
+    >>> from lacsolver import read_case
+    >>> from lacsolver.equilibrium.stepping import march
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> step_figures(problem, state).contact["joint"].active
+    36
+    """
+    space = problem.space
+    pairs = [
+        (zone, pair.zone.slave.faces.nodes, pair.places(space, state.u)[:, : space.dim])
+        for pair, zone in zip(problem.joints, state.zones, strict=True)
+    ]
+    return StepFigures(
+        time=state.time,
+        iterations=state.iterations,
+        halvings=state.halvings,
+        residuals=state.residuals,
+        reactions=problem.constraints.reactions(state.reaction),
+        probes={name: probe(space, state.u, nodes) for name, nodes in problem.probes.items()},
+        contact={
+            zone.name: zone_figures(zone, np.unique(nodes[nodes >= 0]), x + space.origin[: space.dim])
+            for zone, nodes, x in pairs
+        },
+        balance=balance((zone.force, x) for zone, _, x in pairs),
+        energy=float(space.share.total(np.array(problem.kinematics.energy(state.u, state.time, state.history)))),
+        displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
+        motion=None if problem.case.dynamics is None else _motion(problem, state),
+    )
+
+
+def _motion(problem: Problem, state: State) -> MotionFigures:
+    """Return the figures of a state in motion; NaN for a static state."""
+    space, motion, names = problem.space, state.step.motion, [pair.name for pair in problem.joints]
+    if motion is None:
+        none = np.full(space.dim, np.nan)
+        return MotionFigures(
+            dict.fromkeys(ENERGIES, float("nan")),
+            {"linear": none, "angular": np.full(3, np.nan) if space.dim == 3 else np.array(np.nan)},
+            *(dict.fromkeys(of, none) for of in (names, problem.probes, problem.probes)),
+        )
+    of_probes = [
+        {name: probe(space, values[: space.n_dof], nodes) for name, nodes in problem.probes.items()}
+        for values in (motion.velocity, motion.acceleration)
+    ]
+    return MotionFigures(
+        dict(zip(ENERGIES, motion.energies.tolist(), strict=True)),
+        {"linear": motion.linear, "angular": motion.angular},
+        dict(zip(names, motion.impulse, strict=True)),
+        *of_probes,
+    )
 
 
 def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:

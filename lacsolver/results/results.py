@@ -33,12 +33,12 @@ class ZoneFigures(Described):
     contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
 
     >>> from lacsolver import read_case
+    >>> from lacsolver.results.figures import step_figures
     >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.results.answer import Answer
     >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
-    >>> zone = Answer(problem).figures(state).contact["joint"]
+    >>> zone = step_figures(problem, state).contact["joint"]
     >>> zone.active, zone.open, float(zone.resultant[2].round(6))
     (36, 0, 10.435185)
     """
@@ -67,14 +67,14 @@ class MotionFigures(Described):
 
     >>> from dataclasses import replace
     >>> from lacsolver import read_case
+    >>> from lacsolver.results.figures import step_figures
     >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.results.answer import Answer
     >>> from lacsolver.equilibrium.stepping import march
     >>> from lacsolver.case import Steps
     >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
     >>> problem = Problem.of(case)
     >>> *_, state = march(problem)
-    >>> motion = Answer(problem).figures(state).motion
+    >>> motion = step_figures(problem, state).motion
     >>> round(motion.energies["kinetic"], 12), float(motion.velocities["top"][1].round(12))
     (1.25e-05, -0.01)
     """
@@ -97,11 +97,11 @@ class StepFigures(Described):
     energies, velocities and the like of a case with [dynamics], None for others.
 
     >>> from lacsolver import read_case
+    >>> from lacsolver.results.figures import step_figures
     >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.results.answer import Answer
     >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> figures = [Answer(problem).figures(state) for state in march(problem)]
+    >>> figures = [step_figures(problem, state) for state in march(problem)]
     >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in figures]
     [(0.5, 5.217593), (1.0, 10.435185)]
     """
@@ -164,12 +164,12 @@ class ZoneFields(Described):
     off the slave.
 
     >>> from lacsolver import read_case
+    >>> from lacsolver.results.fields import state_fields
     >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.results.answer import Answer
     >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
-    >>> zone = Answer(problem).fields(state).zones["joint"]
+    >>> zone = state_fields(problem, state).zones["joint"]
     >>> len(zone.pressure), zone.contact_force.shape, bool((zone.status == 1).all())
     (36, (512, 3), True)
     """
@@ -219,10 +219,10 @@ class ZoneFields(Described):
         cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats
     ) -> ZoneFields:
         """Make the fields of a zone's state; `nodal` is `pressure_recovered`."""
-        told = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
-        own = {name: getattr(state, name) for name in told}
+        names = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
+        of_state = {name: getattr(state, name) for name in names}
         return cls(
-            surface, macro, number, recovered=recovered, contact_force=state.force, pressure_recovered=nodal, **own
+            surface, macro, number, recovered=recovered, contact_force=state.force, pressure_recovered=nodal, **of_state
         )
 
 
@@ -234,12 +234,12 @@ class Fields(Described):
     `acceleration` (n_nodes, d) are those of a case with [dynamics], 0 in its static steps; None for other cases.
 
     >>> from lacsolver import read_case
+    >>> from lacsolver.results.fields import state_fields
     >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.results.answer import Answer
     >>> from lacsolver.equilibrium.stepping import march
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> *_, state = march(problem)
-    >>> fields = Answer(problem).fields(state)
+    >>> fields = state_fields(problem, state)
     >>> fields.time, fields.displacement.shape, fields.stress.shape
     (1.0, (512, 3), (512, 6))
     """
@@ -263,10 +263,10 @@ class Restart(Described):
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create, read_state
+    >>> from lacsolver.output import create_output, read_state
     >>> case = read_case("data/two_blocks.toml")
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(case, create(folder))
+    ...     done = run(case, create_output(folder))
     ...     restart = read_state(folder, case, 0.5)
     >>> restart.time, restart.number, list(restart.multipliers)
     (0.5, 1, ['joint'])

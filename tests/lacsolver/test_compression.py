@@ -12,7 +12,7 @@ from lacmesh import Mesh
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import parse_case
 from lacsolver.equilibrium.stepping import NotConvergedError, march
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.compression import LARGEST, most_compressed, softened, worse
 from lacsolver.running import run
@@ -46,7 +46,7 @@ def told(tmp_path, case, mesh):
     lacmesh.write(tmp_path / "body.msh", mesh)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        done = run(parse_case(case), create(tmp_path / "out", force=True), mesh=mesh)
+        done = run(parse_case(case), create_output(tmp_path / "out", force=True), mesh=mesh)
     said = [str(w.message) for w in caught if issubclass(w.category, LacmeshWarning)]
     assert done.message == "\n".join(said)
     return said
@@ -127,7 +127,7 @@ def test_a_run_that_does_not_converge_tells_what_was_crushed(tmp_path):
     case += '[[pressure]]\ngroup = "top"\nvalue = "30 * t"\n'
     with warnings.catch_warnings(record=True) as caught, pytest.raises(NotConvergedError):
         warnings.simplefilter("always")
-        run(parse_case(case), create(tmp_path / "out"), mesh=mesh)
+        run(parse_case(case), create_output(tmp_path / "out"), mesh=mesh)
     assert ["compressed to a principal stretch of 0.66" in str(w.message) for w in caught] == [True]
 
 

@@ -20,7 +20,7 @@ from lacsolver.case.keys import keys_of, sections_of
 from lacsolver.case.kinds import Choice
 from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.linear import analyse, backends
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.running import run
 from tests.lacsolver.key_cases import CASES, ENGINES, SOLVERS
 from tests.lacsolver.key_checks import CHECKS, Ran, check_tower
@@ -65,7 +65,7 @@ class Shop:
         ran = Ran(made, mesh, self.folder / f"out_{self.count}")
         self.asked = ran.asked
         try:
-            run(made, create(ran.folder), mesh=mesh, progress=ran.told.append)
+            run(made, create_output(ran.folder), mesh=mesh, progress=ran.told.append)
         except NotConvergedError as error:
             ran.error = error
         return ran

@@ -10,7 +10,7 @@ import pytest
 
 import lacmesh
 import lacsolver
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.results.faceted import faceted
 from lacsolver.running import run
 from verification.families.press_fit import PressFit, case_text, mesh_of
@@ -33,7 +33,7 @@ def test_a_press_fit_of_flat_faces_is_told(tmp_path):
     (message,) = told(FACES, mesh)
     assert "pressures of contact 'fit' differ by" in message and 'take surface = "smooth"' in message
     with pytest.warns(lacmesh.LacmeshWarning, match="E h / 8R"):
-        results = run(lacsolver.parse_case(FACES), create(tmp_path / "out"), mesh=mesh)
+        results = run(lacsolver.parse_case(FACES), create_output(tmp_path / "out"), mesh=mesh)
     assert message in results.message
 
 

@@ -15,7 +15,7 @@ from lacsolver.contact import integrate
 from lacsolver.equilibrium.attempt import _initial
 from lacsolver.equilibrium.stepping import march
 from lacsolver.matrices import contact_matrices
-from lacsolver.output.folder import create
+from lacsolver.output.folder import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
 from lacsolver.validation import validate
@@ -44,7 +44,7 @@ def ran(folder, w, mesh, more):
     folder.mkdir()
     lacmesh.write(folder / "none.msh", mesh)
     (folder / "case.toml").write_text(text_of(CASES["plane strain"], w) + more)
-    return run(read_case(folder / "case.toml"), create(folder / "out")), folder / "out"
+    return run(read_case(folder / "case.toml"), create_output(folder / "out")), folder / "out"
 
 
 @pytest.fixture(scope="module", params=["vtu", "med"])

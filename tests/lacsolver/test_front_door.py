@@ -16,7 +16,8 @@ from lacsolver.contact.laws import Bilateral, Unilateral
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.answer import Answer
+from lacsolver.results.fields import state_fields
+from lacsolver.results.figures import step_figures
 from tests.properties import volumes
 
 
@@ -65,8 +66,7 @@ def disc():
 def test_a_solution_has_the_figures_and_fields_of_its_state(mesh, solution):
     problem = Problem.of(case_of(), mesh)
     (state,) = march(problem)
-    answer = Answer(problem)
-    zone, fields = answer.figures(state).contact["slave"], answer.fields(state)
+    zone, fields = step_figures(problem, state).contact["slave"], state_fields(problem, state)
     contact = solution.contact["slave"]
     assert np.array_equal(solution.u.ravel(), state.u) and np.array_equal(contact.pressure, state.zones[0].pressure)
     assert np.allclose(contact.resultant, zone.resultant, rtol=1e-12)

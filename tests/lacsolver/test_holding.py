@@ -13,7 +13,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import parse_case
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.running import run
 
 #: a bar between two jaws, the lower one fixed, the upper one pressed down; nothing holds the bar but contact
@@ -89,7 +89,7 @@ def solved(folder, slope, more="", kinematics="small"):
     case = parse_case(CASE.format(kinematics=kinematics, law=law, more=more))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        results = run(case, create(folder / "out"), mesh=clamped(slope))
+        results = run(case, create_output(folder / "out"), mesh=clamped(slope))
     return results, [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
 
 
@@ -201,7 +201,7 @@ def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     case = parse_case(BORE.format(kinematics=kinematics, law=law, force=1e-11))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        results = run(case, create(tmp_path / "out"), mesh=pin_in_bore(1e-5))
+        results = run(case, create_output(tmp_path / "out"), mesh=pin_in_bore(1e-5))
     assert len(results.held) == 6
     said = [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
     axial, turning = said[:2]

@@ -12,7 +12,7 @@ import pytest
 import lacmesh
 from lacsolver.case import CaseError, parse_case, read_case
 from lacsolver.equilibrium.stepping import march
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.alternation import alternating, roughness
 from lacsolver.running import run
@@ -137,13 +137,13 @@ def test_pressures_that_alternate_are_told_with_their_cause(tmp_path):
     """Ten times as stiff, 30 faces over 13: peaks of twice the pressure; with the roles exchanged nothing is told."""
     case, of = punched(10.0, 30)
     with pytest.warns(lacmesh.LacmeshWarning) as told:
-        results = run(parse_case(case), create(tmp_path / "out"), mesh=of)
+        results = run(parse_case(case), create_output(tmp_path / "out"), mesh=of)
     assert any("alternate" in str(one.message) and "exchange slave and master" in str(one.message) for one in told)
     assert "alternate" in results.message
     other = punched(10.0, 30, ("master", "slave"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        again = run(parse_case(other[0]), create(tmp_path / "other"), mesh=other[1])
+        again = run(parse_case(other[0]), create_output(tmp_path / "other"), mesh=other[1])
     peaks = [one.steps[-1].contact["c"].pressure_max for one in (results, again)]
     assert peaks[0] > 1.7 * peaks[1] and again.message == ""
 

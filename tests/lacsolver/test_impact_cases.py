@@ -39,10 +39,10 @@ def bar(tmp_path_factory):
     """The folder of the bar's run, and its history."""
     folder = tmp_path_factory.mktemp("bar") / "bar"
     with pytest.warns(lacmesh.errors.LacmeshWarning, match="massless nodes change the inertia of .* by -1.57%"):
-        from lacsolver.output import create
+        from lacsolver.output import create_output
         from lacsolver.running import run
 
-        run(read_case(IMPACT / "bar_on_wall.toml"), create(folder))
+        run(read_case(IMPACT / "bar_on_wall.toml"), create_output(folder))
     with (folder / "history.csv").open() as file:
         rows = list(csv.DictReader(file))
     return folder, {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}

@@ -9,7 +9,7 @@ import pytest
 
 from lacsolver import CaseError
 from lacsolver.cli import main
-from lacsolver.results.answer import Answer
+from lacsolver.results.figures import step_figures
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved
@@ -198,5 +198,5 @@ def test_reactions(tmp_path):
     text += "*BOUNDARY\nB_Z0, 1, 3\n*STEP\n*STATIC\n*CLOAD\nB_Z1, 1, 1.\nB_Z1, 3, -3.\n"
     found = solved(tmp_path, text + "*NODE PRINT, NSET=B_Z0, TOTALS=ONLY\nRF\n*END STEP\n")
     (_, rows) = tables(run_calculix(tmp_path / "model.inp", PROGRAM))[-1]
-    reactions = Answer(found.problem).figures(found.states[-1]).reactions
+    reactions = step_figures(found.problem, found.states[-1]).reactions
     assert np.allclose(reactions["B_Z0"], rows[-1], atol=1e-5)

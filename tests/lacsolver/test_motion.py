@@ -9,7 +9,6 @@ import pytest
 from lacsolver.case import parse_case, read_case
 from lacsolver.cli.summary import print_summary
 from lacsolver.equilibrium.stepping import march
-from lacsolver.output import create
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState, doubtful_energy
 from lacsolver.results.results import Restart
@@ -300,7 +299,7 @@ def test_energy_that_is_made_is_warned_of(tmp_path, capsys):
         text += f'[output]\nevery = 100\n[dynamics]\nscheme = "newmark"\nmassless = "{massless}"\n'
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            done = run(parse_case(text), create(tmp_path / f"{massless}{count}"), mesh=bar_on_wall("QUAD4", 8, 0.01))
+            done = run(parse_case(text), tmp_path / f"{massless}{count}", mesh=bar_on_wall("QUAD4", 8, 0.01))
         assert said in done.message and ("energy" in done.message) == bool(said), done.message
     print_summary(done, tmp_path, "vtu")
     assert "energy taken by" in capsys.readouterr().out

@@ -12,7 +12,7 @@ import pytest
 
 from lacmesh.errors import RequestError
 from lacmesh.formats import output
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.output.lock import FILE, hold
 from tests.lacsolver.test_output_writer import times_of
 from tests.lacsolver.written import made_up
@@ -30,12 +30,12 @@ time.sleep(600)
 
 
 def test_a_folder_that_a_run_writes_into_is_refused_to_another(tmp_path):
-    run, asked_before = made_up(tmp_path), create(tmp_path / "out")
+    run, asked_before = made_up(tmp_path), create_output(tmp_path / "out")
     writer = run.writer()
     run.step(writer, 1, 0.25)
     for force in (False, True):
         with pytest.raises(RequestError, match=BUSY):
-            create(run.folder, force=force)
+            create_output(run.folder, force=force)
     with pytest.raises(RequestError, match=BUSY):
         asked_before.hold()
     run.finish(writer)
@@ -44,13 +44,13 @@ def test_a_folder_that_a_run_writes_into_is_refused_to_another(tmp_path):
 
 
 def test_results_that_came_since_the_folder_was_asked_for_are_not_lost(tmp_path):
-    asked_before, run = create(tmp_path / "out"), made_up(tmp_path)
+    asked_before, run = create_output(tmp_path / "out"), made_up(tmp_path)
     run.steps(run.writer(), 2)
     with pytest.raises(RequestError, match="holds results already"):
         asked_before.hold()
     state = read_state(run.folder, run.case, 0.25)
     with pytest.raises(RequestError, match="holds later states"):
-        create(run.folder, restart=state)
+        create_output(run.folder, restart=state)
     assert not (run.folder / FILE).exists()
 
 

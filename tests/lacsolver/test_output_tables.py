@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import ReadError, WriteError
-from lacsolver.output import files
+from lacmesh.formats import output
+from lacsolver.output import files, summary
 from lacsolver.output.names import contact_stems
-from lacsolver.output.summary import Summary
 from lacsolver.output.tables import CONTACT_COLUMNS, History
 from lacsolver.results.results import Results
+from tests.lacsolver.test_output_med import room
 from tests.lacsolver.written import MODELS, ZONES, figures, made_up, zone_fields
 
 NUMBER, COUNT = {"type": ["number", "null"]}, {"type": "integer", "minimum": 0}
@@ -137,11 +138,38 @@ def test_a_run_that_fails_before_its_first_step_says_so(tmp_path):
 
 def test_a_balance_that_is_no_number_is_not_lost_among_others(tmp_path):
     run = made_up(tmp_path)
-    summary = Summary(tmp_path)
+    growing = summary.Summary(tmp_path)
     steps = [replace(figures(run.space, t), balance=(b, 1e-16)) for t, b in ((0.1, 1e-14), (0.2, math.nan), (0.3, 0.0))]
-    summary.write(Results("1", steps=tuple(steps)))
+    growing.write(Results("1", steps=tuple(steps)))
     balance = json.loads((tmp_path / "results.json").read_text())["balance"]
     assert balance == {"force": None, "moment": 1e-16}
+
+
+def test_a_step_adds_its_line_and_the_file_is_as_if_written_at_once(tmp_path, monkeypatch):
+    """Whole files are written at the start and at the end alone; in between each is valid."""
+    replaced, space = [], made_up(tmp_path).space
+    monkeypatch.setattr(summary, "replace_file", lambda *given: replaced.append(given) or output.replace_file(*given))
+    growing, results = summary.Summary(tmp_path), Results("1", message="two\nlines")
+    for k in range(1, 5):
+        results = replace(results, steps=(*results.steps, figures(space, 0.25 * k)), memory=10 ** (9 - k))
+        growing.write(results)
+        one = tmp_path / f"{k}"
+        one.mkdir()
+        summary.Summary(one).write(results)
+        assert (tmp_path / "results.json").read_bytes() == (one / "results.json").read_bytes()
+    growing.write(replace(results, status="done"))
+    assert json.loads((tmp_path / "results.json").read_text())["status"] == "done"
+    assert [path.parent for path, _ in replaced].count(tmp_path) == 2
+
+
+def test_a_summary_that_cannot_grow_stays_as_it_was(tmp_path):
+    space, growing = made_up(tmp_path).space, summary.Summary(tmp_path)
+    results = Results("1", steps=(figures(space, 0.25),), message="x" * 3000)
+    growing.write(results)
+    before = (tmp_path / "results.json").read_bytes()
+    with room(len(before) + 5), pytest.raises(WriteError, match=r"results.json: cannot be written"):
+        growing.write(replace(results, steps=(*results.steps, figures(space, 0.5))))
+    assert (tmp_path / "results.json").read_bytes() == before
 
 
 def test_a_word_that_is_no_status_is_refused():

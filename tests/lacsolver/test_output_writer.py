@@ -13,7 +13,7 @@ import pytest
 
 from lacmesh.errors import ReadError, RequestError, WriteError
 from lacsolver.case import read_case
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.output import writer as writers
 from lacsolver.output.lock import FILE
 from lacsolver.output.vtu import read_pvd
@@ -157,7 +157,7 @@ def test_an_interrupt_while_fields_are_made_leaves_them_to_the_end(tmp_path):
 
 
 def test_nothing_is_there_before_the_writer_begins(tmp_path):
-    create(tmp_path / "out")
+    create_output(tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -166,8 +166,8 @@ def test_results_are_not_written_over_without_force(tmp_path):
     run.steps(run.writer(), 1)
     before = inside(run.folder)
     with pytest.raises(RequestError, match=r"out holds results already; --force replaces them"):
-        create(run.folder)
-    create(run.folder, force=True)
+        create_output(run.folder)
+    create_output(run.folder, force=True)
     assert inside(run.folder) == before  # until the writer begins
 
 
@@ -194,7 +194,7 @@ def test_a_folder_with_other_things_in_it_is_taken(tmp_path):
 
 def test_a_name_that_no_folder_can_have_is_refused(tmp_path):
     with pytest.raises(WriteError, match="cannot be used"):
-        create(tmp_path / ("x" * 300))
+        create_output(tmp_path / ("x" * 300))
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -261,7 +261,7 @@ def test_a_restart_elsewhere_does_not_write_over_results(tmp_path):
     other.folder = tmp_path / "other"
     other.steps(other.writer(), 1)
     with pytest.raises(RequestError, match="other holds results already"):
-        create(other.folder, restart=read_state(run.folder, run.case))
+        create_output(other.folder, restart=read_state(run.folder, run.case))
 
 
 def test_later_states_are_not_lost_without_force(tmp_path):
@@ -270,7 +270,7 @@ def test_later_states_are_not_lost_without_force(tmp_path):
     state = read_state(run.folder, run.case, 0.25)
     before = inside(run.folder)
     with pytest.raises(RequestError, match=r"later states \(after steps 2, 3\) than t = 0.25; --force"):
-        create(run.folder, restart=state)
+        create_output(run.folder, restart=state)
     assert inside(run.folder) == before
 
 

@@ -13,7 +13,7 @@ import pytest
 from lacmesh import Mesh
 from lacsolver.case import CaseError, parse_case
 from lacsolver.equilibrium.stepping import march
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import UNPAIRED
 from lacsolver.running import run
@@ -103,7 +103,7 @@ def ran(case, mesh, folder):
     """The results of a run, what is in results.json, and its warnings."""
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        results = run(case, create(folder), mesh=mesh)
+        results = run(case, create_output(folder), mesh=mesh)
     written = json.loads((folder / "results.json").read_text())
     assert written.get("message", "") == results.message == "\n".join(str(one.message) for one in told)
     return results, written["contact"]["slave"], results.message

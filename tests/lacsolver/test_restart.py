@@ -22,7 +22,7 @@ from lacsolver.case import fingerprint, fingerprint_as, parse_case, read_case
 from lacsolver.cli import main
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
@@ -258,7 +258,7 @@ def test_a_state_keeps_all_that_a_run_goes_on_from(whole, name):
     if name == "several":
         assert list(states[1].multipliers) == ["foot", "glue"] and states[1].multipliers["glue"].shape[1] == 3
         assert states[1].rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
-    done = run(case, create("nothing"), start=states[1])
+    done = run(case, create_output("nothing"), start=states[1])
     assert done.status == "done" and done.steps == ()
 
 
@@ -382,8 +382,8 @@ def halves():
 def test_a_mesh_in_memory_needs_no_file(folder):
     """A run on it, and a restart from what the run kept; the mesh that the case names is nowhere."""
     first, whole, mesh, _ = halves()
-    assert run(first, create("first"), mesh=mesh).status == "done"
-    then = run(whole, create("then"), mesh=mesh, start=read_state("first", whole, mesh=mesh))
+    assert run(first, create_output("first"), mesh=mesh).status == "done"
+    then = run(whole, create_output("then"), mesh=mesh, start=read_state("first", whole, mesh=mesh))
     assert then.status == "done" and [step.time for step in then.steps] == [2.0]
 
 
@@ -391,11 +391,11 @@ def test_a_restart_on_another_mesh_in_memory_is_refused(folder):
     """By `read_state`, and by a run whose mesh is not that of the state, whatever file stands where the case says."""
     first, whole, mesh, wider = halves()
     lacmesh.write("blocks.msh", mesh)
-    run(first, create("first"), mesh=mesh)
+    run(first, create_output("first"), mesh=mesh)
     with pytest.raises(DataError, match="first are of another case: mesh changed"):
         read_state("first", whole, mesh=wider)
     with pytest.raises(DataError, match="first are of another case: mesh changed"):
-        run(whole, create("then"), mesh=wider, start=read_state("first", whole))
+        run(whole, create_output("then"), mesh=wider, start=read_state("first", whole))
     assert not (folder / "then").exists()
 
 
@@ -405,12 +405,12 @@ def test_states_that_know_their_mesh_by_the_older_digest_are_gone_on_from(folder
     older = fingerprint_as({}, {}, first, mesh)["mesh"]
     with monkeypatch.context() as before:
         before.setattr("lacsolver.running.fingerprint", lambda *given: {**fingerprint(*given), "mesh": older})
-        run(first, create("first"), mesh=mesh)
+        run(first, create_output("first"), mesh=mesh)
     start = read_state("first", whole, mesh=mesh)
     assert start.case["mesh"] == older
     with pytest.raises(DataError, match="mesh changed; restore it, start as many processes as that run of an older"):
         read_state("first", whole, mesh=wider)
-    assert run(whole, create("then"), mesh=mesh, start=start).status == "done"
+    assert run(whole, create_output("then"), mesh=mesh, start=start).status == "done"
     assert dict(read_state("then", whole, mesh=mesh).case) == fingerprint(whole, mesh)
     assert fingerprint(whole, mesh)["mesh"] != older
 
@@ -419,7 +419,7 @@ def test_states_of_an_older_version_are_refused(folder, monkeypatch):
     """Their mesh is known by its file alone."""
     first, whole, mesh, _ = halves()
     monkeypatch.setattr("lacsolver.output.states.VERSION", 2)
-    run(first, create("first"), mesh=mesh)
+    run(first, create_output("first"), mesh=mesh)
     monkeypatch.undo()
     with pytest.raises(ReadError, match="do not tell which mesh they are of; run"):
         read_state(folder / "first", whole, mesh=mesh)

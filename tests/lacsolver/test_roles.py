@@ -12,7 +12,7 @@ import pytest
 import lacmesh
 from lacsolver.case import CaseError, Contact, fingerprint, parse_case
 from lacsolver.cli import main
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.roles import with_roles
 from lacsolver.running import run
@@ -110,11 +110,11 @@ def test_results_say_which_and_why_and_are_those_of_roles_by_hand(tmp_path):
     mesh, case = blocks(4, 2), parse_case(text())
     (zone,) = validate(case, mesh).zones
     assert (zone.name, zone.slave, zone.master) == ("b", "b", "a") and zone.why.startswith("it is finer")
-    results = run(case, create(tmp_path / "out"), mesh=mesh)
+    results = run(case, create_output(tmp_path / "out"), mesh=mesh)
     told = json.loads((tmp_path / "out" / "results.json").read_text())["contact"]["b"]
     assert (told["slave"], told["master"], told["why"]) == ("b", "a", zone.why)
     by_hand = parse_case(text().replace("surfaces = ['a', 'b']", 'slave = "b"\nmaster = "a"'))
-    same = run(by_hand, create(tmp_path / "same"), mesh=mesh)
+    same = run(by_hand, create_output(tmp_path / "same"), mesh=mesh)
     assert same.steps[-1].energy == results.steps[-1].energy
     told = json.loads((tmp_path / "same" / "results.json").read_text())["contact"]["b"]
     assert told["master"] == "a" and "why" not in told

@@ -16,7 +16,7 @@ from lacmesh.errors import DataError
 from lacsolver.bodies.small import stress
 from lacsolver.case import read_case
 from lacsolver.equilibrium.stepping import NotConvergedError, march
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
@@ -77,7 +77,7 @@ class Made:
         (folder / "case.toml").write_text(text)
         self.case, self.folder = read_case(folder / "case.toml"), folder / "out"
         self.stepped = []
-        self.results = run(self.case, create(self.folder), stepped=self.stepped.append)
+        self.results = run(self.case, create_output(self.folder), stepped=self.stepped.append)
         self.told = json.loads((self.folder / "results.json").read_text())
         self.problem = Problem.of(self.case)
         self.states = list(march(self.problem))
@@ -238,7 +238,7 @@ def test_phases_add_up_to_the_time_that_it_took(tmp_path):
     (tmp_path / "case.toml").write_text(TEXT)
     case = read_case(tmp_path / "case.toml")
     begin = time.perf_counter()
-    made = run(case, create(tmp_path / "out"))
+    made = run(case, create_output(tmp_path / "out"))
     spent = time.perf_counter() - begin
     assert {"mesh", "solve", "results"} <= set(made.timings) and min(made.timings.values()) > 0
     assert 0.5 * spent < sum(made.timings.values()) <= spent
@@ -300,7 +300,7 @@ def test_a_run_that_fails_says_so_and_leaves_the_state_tried(tmp_path, kind):
     (tmp_path / "case.toml").write_text(FAILING + f'[output]\nformat = "{kind}"\n')
     case, out = read_case(tmp_path / "case.toml"), tmp_path / "out"
     with pytest.raises(NotConvergedError) as error:
-        run(case, create(out))
+        run(case, create_output(out))
     told = json.loads((out / "results.json").read_text())
     assert told["status"] == "failed" and told["message"] == str(error.value)
     assert [step["time"] for step in told["steps"]] == [1.0] and told["timings"]["solve"] > 0
@@ -321,7 +321,7 @@ def test_a_run_that_is_refused_writes_nothing(tmp_path):
     lacmesh.write(tmp_path / "blocks.msh", stack("HEXA8", "TETRA4", 3))
     (tmp_path / "case.toml").write_text('mesh = "blocks.msh"\nmodel = "3d"\n' + MATERIAL + JOINT + pressed("top", 1.0))
     with pytest.raises(DataError, match="nothing holds a part of the model"):
-        run(read_case(tmp_path / "case.toml"), create(tmp_path / "out"))
+        run(read_case(tmp_path / "case.toml"), create_output(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
@@ -334,7 +334,7 @@ def test_a_run_that_is_stopped_keeps_what_converged(tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run(read_case(tmp_path / "case.toml"), create(tmp_path / "out"), stepped=stop)
+        run(read_case(tmp_path / "case.toml"), create_output(tmp_path / "out"), stepped=stop)
     told = json.loads((tmp_path / "out" / "results.json").read_text())
     assert told["status"] == "interrupted" and len(told["steps"]) == 2
 

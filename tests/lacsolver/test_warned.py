@@ -9,7 +9,7 @@ import pytest
 import lacmesh
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import parse_case
-from lacsolver.output import create
+from lacsolver.output import create_output
 from lacsolver.running import run
 from lacsolver.validation import validate
 from tests.lacsolver.key_meshes import plane
@@ -47,7 +47,7 @@ def test_cells_that_lock_are_warned_of(law, poisson, told, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     made, mesh = case(law, poisson), plane()
     lacmesh.write("blocks.msh", mesh)
-    for look in (lambda: validate(made, mesh), lambda: run(made, create("out"), mesh=mesh)):
+    for look in (lambda: validate(made, mesh), lambda: run(made, create_output("out"), mesh=mesh)):
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             look()
@@ -61,5 +61,5 @@ def test_skins_that_never_meet_are_warned_of(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     lacmesh.write("blocks.msh", plane("QUAD4", "QUAD4"))
     with pytest.warns(LacmeshWarning, match="slave 'slave' never had master 'master' in front of it; check which"):
-        done = run(case(down=3.0), create("out"), mesh=plane("QUAD4", "QUAD4"))
+        done = run(case(down=3.0), create_output("out"), mesh=plane("QUAD4", "QUAD4"))
     assert done.status == "done" and done.steps[-1].contact["slave"].unpaired > 0

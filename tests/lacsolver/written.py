@@ -10,7 +10,7 @@ import numpy as np
 from lacmesh import Mesh, Surface, cut_skin, read, write
 from lacmesh.cells import CELLS
 from lacsolver.case import Case, fingerprint, read_case
-from lacsolver.output import Writer, create
+from lacsolver.output import Writer, create_output
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
 from lacsolver.results.state import Histories, Iterate, State, StepState, ZoneState
 from lacsolver.space.space import Space
@@ -93,7 +93,7 @@ class Run:
 
     def writer(self, force=False, restart=None, folder=None):
         prints = fingerprint(self.case, read(self.case.mesh))  # a file has its own order
-        return Writer(create(folder or self.folder, force=force, restart=restart), self.case, self.space, prints)
+        return Writer(create_output(folder or self.folder, force=force, restart=restart), self.case, self.space, prints)
 
     def step(self, writer, number, time):
         """Let a writer write a step."""

@@ -30,6 +30,7 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacsolver.results.figures import step_figures
 from verification.exact import impact as exact
 from verification.families.impact_finite import THROWN, thrown
 from verification.families.impact_free import spin, vibration
@@ -169,7 +170,7 @@ def _aster(given: Impact, levels: int) -> Iterator[Result]:
     if there:
         text = "\n\n".join(t for t in text.split("\n\n") if not any(f'"{a}{e}"' in t for a in "xy" for e in "01"))
     made = run(text, mesh)
-    figures = [made.solved.answer.figures(state) for state in made.solved.states[99::100]]
+    figures = [step_figures(made.solved.problem, state) for state in made.solved.states[99::100]]
     for t, step, right, theirs in zip(
         exact.SDNL111_TIMES, figures, exact.SDNL111, exact.SDNL111_CODE_ASTER, strict=True
     ):

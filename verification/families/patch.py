@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.report.charts import Line, Plot
+from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Outcome, Published, Result, at_most
 from verification.solving import Solved, balanced, entry, solve
@@ -79,7 +80,7 @@ class _Quantity(NamedTuple):
 def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErrors:
     """Solve one stack. Raises what `verification.solving.solve` raises."""
     solved = solve(text(given), mesh_of(given, slave, master, slave_below))
-    sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in solved.answer.stress(solved.state)])
+    sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in point_stress(solved.problem, solved.state)])
     exact = exact_displacement(given, solved.mesh.points)
     return StackErrors(
         f"{slave} {'under' if slave_below else 'on'} {master}",

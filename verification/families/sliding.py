@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.report.charts import Line, Plot
+from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, informative
@@ -124,7 +125,7 @@ def slide(case: Case, given: Slider, levels: int) -> Outcome:
     if not given.wave:
         pressures = np.concatenate([state.zones[0].pressure for state in states])
         forces = np.array(
-            [own.answer.figures(state).contact["slave"].resultant for own in found for state in own.states]
+            [step_figures(own.problem, state).contact["slave"].resultant for own in found for state in own.states]
         )
         off = np.abs(forces - given.pressure * np.eye(given.dim)[-1]).max()
         results += [
@@ -327,7 +328,7 @@ def histories(title: str, states: Sequence[State], count: int = 5) -> Plot:
 
 def forces(title: str, given: Dragged, own: Solved) -> Plot:
     """Plot of vertical and horizontal force over the path: over the motion along x, or downward if there is none."""
-    figures = [own.answer.figures(state) for state in own.states]
+    figures = [step_figures(own.problem, state) for state in own.states]
     way = np.array([f.probes[given.moved] for f in figures])
     force = np.array([f.reactions[given.moved] for f in figures])
     axis = 0 if np.ptp(way[:, 0]) > 0 else given.up

@@ -23,7 +23,7 @@ from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
 from lacsolver.linear.multigrid import aggregation
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import read_mesh
 from lacsolver.results import whole
 from lacsolver.running import run
@@ -122,10 +122,10 @@ def solved(folder, comm):
     case = parse_case(CASE.replace("none.msh", str(folder / "mesh.parts")))
     shared = Processes(comm)
     try:
-        run(case, on_first(comm, lambda: create(folder / "out")), distribution=shared)
+        run(case, on_first(comm, lambda: create_output(folder / "out")), distribution=shared)
         mesh = read_mesh(case, shared)
         start = on_first(comm, lambda: read_state(folder / "out", case, 0.5, mesh=mesh, large=False))
-        again = on_first(comm, lambda: create(folder / "again", restart=start))
+        again = on_first(comm, lambda: create_output(folder / "again", restart=start))
         run(case, again, start=start, mesh=mesh, distribution=shared)
     except Exception:
         traceback.print_exc()

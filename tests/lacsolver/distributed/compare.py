@@ -17,7 +17,7 @@ from lacsolver.distributed.processes import Processes
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
-from lacsolver.results.answer import Answer
+from lacsolver.results.figures import step_figures
 from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
@@ -50,7 +50,7 @@ def compared(text, mesh, backend, comm):
     alone = list(march(Problem.of(parse_case(text), mesh)))
     several = parse_case(text.replace("[solver]", f'[solver]\nbackend = "{backend}"', 1))
     problem, whole_problem = Problem.of(several, mesh, Processes(comm)), Problem.of(parse_case(text), mesh)
-    answers = Answer(problem), Answer(whole_problem)
+    problems = problem, whole_problem
     worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0}, {}
 
     def add(key, value, expected, least=0.0):
@@ -65,7 +65,7 @@ def compared(text, mesh, backend, comm):
         add("u", whole(problem.space, one.u), other.u)
         pushed = max(np.abs(zone.force).max() for zone in other.zones)
         add("reaction", whole(problem.space, one.reaction), other.reaction, pushed)
-        figures = [made.figures(state) for made, state in zip(answers, (one, other), strict=True)]
+        figures = [step_figures(of, state) for of, state in zip(problems, (one, other), strict=True)]
         add("energy", *(np.float64(found.energy) for found in figures))
         for zone, expected in zip(one.zones, other.zones, strict=True):
             add("p", zone.pressure, expected.pressure)

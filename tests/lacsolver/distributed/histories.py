@@ -11,7 +11,7 @@ from lacsolver.case.added import MATERIAL_LAWS
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.running import run
 from tests.lacsolver.invariant_cases import CASES
 from tests.lacsolver.test_added_memory import YOUNG, Damaged
@@ -49,9 +49,9 @@ def solved(folder, start=None, comm=None):
     case, mesh = parse_case(CASE), CASES["in space"].mesh()
     if comm is None:
         state = None if start is None else read_state(start, case, 2.0, mesh=mesh)
-        return run(case, create(folder, restart=state), mesh=mesh, start=state)
+        return run(case, create_output(folder, restart=state), mesh=mesh, start=state)
     state = None if start is None else on_first(comm, lambda: read_state(start, case, 2.0, mesh=mesh, large=False))
-    place = on_first(comm, lambda: create(folder, restart=state))
+    place = on_first(comm, lambda: create_output(folder, restart=state))
     return run(
         parse_case(CASE + '[solver]\nbackend = "multigrid"\n'),
         place,

@@ -17,7 +17,7 @@ from lacsolver.distributed import processes
 from lacsolver.distributed.launch import import_mpi, import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
-from lacsolver.output import create, read_state
+from lacsolver.output import create_output, read_state
 from lacsolver.running import run
 from tests.lacsolver.distributed.compare import problem_of
 from tests.lacsolver.distributed.mpi import ROOT
@@ -32,12 +32,12 @@ def solved(name, folder, start=None, comm=None):
     if comm is None:
         case = parse_case(f"{text}[output]\ntimes = [{when}]\n")
         state = None if start is None else read_state(start, case, when, mesh=mesh)
-        return run(case, create(folder, restart=state), mesh=mesh, start=state)
+        return run(case, create_output(folder, restart=state), mesh=mesh, start=state)
     case = parse_case(text + 'backend = "mumps"\n')
     state = (
         None if start is None else on_first(comm, lambda: read_state(start, case, MIDDLE[name], mesh=mesh, large=False))
     )
-    place = on_first(comm, lambda: create(folder, restart=state))
+    place = on_first(comm, lambda: create_output(folder, restart=state))
     return run(case, place, mesh=mesh, start=state, distribution=Processes(comm))
 
 
@@ -57,11 +57,11 @@ def pressed(mesh, folder, start=None, comm=None, *, when=0.5, stop=False):
 
     if comm is None:
         state = None if start is None else read_state(start, case, when)
-        run(case, create(folder, restart=state), start=state)
+        run(case, create_output(folder, restart=state), start=state)
         return
     shared = Processes(comm)
     state = None if start is None else on_first(comm, lambda: read_state(start, case, when, large=False))
-    place = on_first(comm, lambda: create(folder, restart=state))
+    place = on_first(comm, lambda: create_output(folder, restart=state))
     with suppress(KeyboardInterrupt) if stop else nullcontext():
         run(case, place, start=state, stepped=stepped, distribution=shared)
 

@@ -1,0 +1,52 @@
+"""Fields of a state on the nodes of its mesh, and its stress at integration points."""
+
+from __future__ import annotations
+
+from lacmesh.mesh import Floats
+from lacsolver.bodies.small.fields import Field
+from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.results.nodal import nodal_stress
+from lacsolver.results.recovery import recover_pressure
+from lacsolver.results.results import Fields, ZoneFields
+from lacsolver.results.state import State, ZoneState
+
+
+def point_stress(problem: Problem, state: State) -> Field:
+    """Return the stress of a state at integration points, (cells, points, n) for each block."""
+    return problem.kinematics.stress(state.u, state.time, state.history)
+
+
+def state_fields(problem: Problem, state: State, stress: Field | None = None) -> Fields:
+    """Return the fields of a state; `stress`: its `point_stress`, where that is known.
+
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> from lacsolver.equilibrium.stepping import march
+    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
+    >>> *_, state = march(problem)
+    >>> state_fields(problem, state).stress.shape
+    (512, 6)
+    """
+    space, dynamics = problem.space, problem.case.dynamics
+    at_nodes = nodal_stress(space, point_stress(problem, state) if stress is None else stress)
+    pairs = zip(problem.joints, state.zones, strict=True)
+    zones = {zone.name: _zone(problem, pair, zone, state.u) for pair, zone in pairs}
+    at_nodes = space.share.update(at_nodes)
+    vectors = [state.u, space.updated(state.reaction)]
+    if dynamics is not None:
+        motion, n = state.step.motion, space.n_dof
+        moving = (motion.velocity[:n], motion.acceleration[:n]) if motion else (0.0 * state.u, 0.0 * state.u)
+        vectors += moving
+    u, reaction, *velocities = (values.reshape(-1, space.dim) for values in vectors)
+    return Fields(state.time, u, at_nodes, reaction, zones, *velocities)
+
+
+def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, u: Floats) -> ZoneFields:
+    """Return the fields of a pair, with its pressure recovered on the skin where it is paired."""
+    slave = pair.zone.slave.at(pair.places(problem.space, u))
+    nodal, mean = recover_pressure(
+        slave, pair.zone.macro, zone.pressure, zone.status,
+        axisymmetric=problem.space.model.axisymmetric, unilateral=pair.law.compressive,
+    )  # fmt: skip
+    undeformed = pair.zone.slave.at(problem.space.mesh.points)
+    return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal)
