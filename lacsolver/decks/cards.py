@@ -138,12 +138,6 @@ class Finding(NamedTuple):
         return f"{self.file}, line {self.line}: *{self.card}: {self.message}"
 
 
-def found_at(card: Card, message: str, row: DeckLine | None, level: str) -> Finding:
-    """Return a finding about a card, or about one of its lines."""
-    file, line = (row.file, row.line) if row else (card.of.file, card.of.line)
-    return Finding(file, line, card.of.name, message, level)
-
-
 def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:
     """Return the key (`key_of`) of a name of the deck. Raises Refused, with near matches, values if they are names."""
     key = key_of(name)

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, DeckLine, Refused
+from lacsolver.decks.cards import Card, DeckLine, Finding, Refused, look_up
+from lacsolver.decks.names import Names
 
 #: kinds of what acts, and the components of each
 COMPONENTS = {
@@ -168,9 +169,17 @@ class Assigned:
 
 
 @dataclass
-class Content:
-    """Everything that the cards of a deck have said, in their order. Names are keys in capitals."""
+class DeckContent:
+    """Everything that the cards of a deck have said, in their order, and what was found. Names are keys in capitals.
 
+    `names`: those of its mesh. `lenient`: what lacsolver lacks is left out, with a warning. `variants`: names of
+    elements that a note has told of.
+    """
+
+    names: Names
+    lenient: bool = False
+    findings: list[Finding] = field(default_factory=list)
+    variants: set[str] = field(default_factory=set)
     materials: dict[str, MaterialData] = field(default_factory=dict)
     orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
@@ -216,9 +225,37 @@ class Content:
             raise Refused("it belongs after *MATERIAL, NAME=name; move it there")
         return next(reversed(self.materials.values()))
 
+    def material_of(self, section: DeckSection) -> MaterialData:
+        """Return the material of a section. Raises Refused if the deck has none of this name."""
+        return self.materials[look_up(self.materials, section.material, "*MATERIAL")]
+
     @property
     def interaction(self) -> Interaction:
         """The surface interaction begun last. Raises Refused before the first."""
         if not self.interactions:
             raise Refused("it belongs after *SURFACE INTERACTION, NAME=name; move it there")
         return next(reversed(self.interactions.values()))
+
+    def tell(self, level: str, card: Card, message: str, row: DeckLine | None = None) -> None:
+        """Tell something about a card, or about one of its lines; for `level` see Finding."""
+        place = row or card.of
+        self.findings.append(Finding(place.file, place.line, card.of.name, message, level))
+
+    def note(self, card: Card, message: str, row: DeckLine | None = None) -> None:
+        """Tell what does not change the answer."""
+        self.tell("note", card, message, row)
+
+    def warn(self, card: Card, message: str, row: DeckLine | None = None) -> None:
+        """Tell what may change the answer."""
+        self.tell("warning", card, message, row)
+
+    def error(self, card: Card, message: str, row: DeckLine | None = None) -> None:
+        """Tell what would change the answer, and is not taken."""
+        self.tell("error", card, message, row)
+
+    def lack(self, card: Card, message: str, instead: str = "") -> None:
+        """Tell what would change the answer and is not taken, or, if this is lenient, what is taken instead."""
+        if self.lenient:
+            self.warn(card, f"left out: {message}; {instead}")
+        else:
+            self.error(card, message)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from lacmesh.mesh import Ints
+from lacsolver.case.case import Case
+from lacsolver.case.keys import sections_of
+from lacsolver.case.toml import section_text
 from lacsolver.decks.cards import Card
+from lacsolver.decks.content import DeckContent
 from lacsolver.decks.groups import DeckGroups
-from lacsolver.decks.reading import Reading
 
 AXES = ("x", "y", "z")
 #: model of a case by the plane elements of a deck
@@ -27,7 +32,7 @@ class Record(NamedTuple):
 class CaseDraft:
     """The case so far: what was read, the groups of its mesh, keys of the top, records in their order."""
 
-    reading: Reading
+    deck: DeckContent
     groups: DeckGroups
     top: dict[str, Any] = field(default_factory=dict)
     records: list[Record] = field(default_factory=list)
@@ -42,17 +47,17 @@ class CaseDraft:
     @property
     def large(self) -> bool:
         """True for finite displacements (NLGEOM)."""
-        return any(step.large for step in self.reading.content.steps)
+        return any(step.large for step in self.deck.steps)
 
     @property
     def end(self) -> float:
         """Time at which the last step ends."""
-        return self.reading.content.steps[-1].end
+        return self.deck.steps[-1].end
 
     @property
     def ramped(self) -> float:
         """Time up to which a case ramps plain numbers: that at which the steps with inertia begin, else the end."""
-        steps = self.reading.content.steps
+        steps = self.deck.steps
         return next((step.begin for step in steps if step.alpha is not None), self.end)
 
     @property
@@ -63,7 +68,7 @@ class CaseDraft:
     @property
     def thickness(self) -> float:
         """Thickness of the plane body."""
-        return self.reading.content.sections[0].thickness if self.reading.content.sections else 1.0
+        return self.deck.sections[0].thickness if self.deck.sections else 1.0
 
     def add(self, section: str, keys: dict[str, Any], card: Card | None = None) -> None:
         """Add a record."""
@@ -74,3 +79,17 @@ class CaseDraft:
         if not name:
             name = f"node_{self.groups.mesh.node_number[nodes[0]]}" if len(nodes) == 1 else default
         return self.groups.add_nodes(name, nodes)
+
+
+def case_text(head: Iterable[str], top: dict[str, Any], records: Iterable[Record]) -> str:
+    """Return the text of a case: comment lines, keys of the top, then the records in the order of a case's sections."""
+    order = list(sections_of(Case))
+    ordered = sorted(records, key=lambda one: order.index(one.section))
+    return "\n".join([section_text("", top, head), *map(_record, ordered)])
+
+
+def _record(record: Record) -> str:
+    header = sections_of(Case)[record.section].SECTION.header
+    of = record.card.of if record.card else None
+    comment = [f"*{of.name} ({Path(of.file).name}, line {of.line})"] if of else []
+    return section_text(header, record.keys, comment)

@@ -13,16 +13,13 @@ from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue, parse_case
 from lacsolver.decks import load_records as loads
 from lacsolver.decks import model_records as model
-from lacsolver.decks.body_records import centrifugal, gravity
+from lacsolver.decks.body_records import centrifugal, gravity, rigid_bodies
 from lacsolver.decks.cards import Card, Finding, Refused
-from lacsolver.decks.content import DeckStep
-from lacsolver.decks.draft import CaseDraft
+from lacsolver.decks.content import DeckContent, DeckStep
+from lacsolver.decks.draft import CaseDraft, case_text
 from lacsolver.decks.groups import DeckGroups
 from lacsolver.decks.interpret import interpret
 from lacsolver.decks.motion_records import dynamics
-from lacsolver.decks.reading import Reading
-from lacsolver.decks.rigid_records import rigid_bodies
-from lacsolver.decks.toml import case_text
 from lacsolver.validation import validate
 
 #: what drafts the records, in this order, and the card that a mistake without a line is told of
@@ -64,27 +61,27 @@ def import_deck(path: str | Path, case_path: str | Path, *, lenient: bool = Fals
     is not taken, ReadError for a file that is no deck, or a broken one.
     """
     path, case_path = Path(path), Path(case_path)
-    reading = interpret(lacmesh.read(path), lenient=lenient)
-    _raise(reading)
-    draft = CaseDraft(reading, DeckGroups.of(reading.names.mesh), {"mesh": case_path.with_suffix(".med").name})
-    if not reading.content.steps and reading.content.modal:
-        reading.content.steps.append(DeckStep(reading.content.modal.card, 0.0))
-    if not reading.content.steps:
+    deck = interpret(lacmesh.read(path), lenient=lenient)
+    _raise(deck)
+    draft = CaseDraft(deck, DeckGroups.of(deck.names.mesh), {"mesh": case_path.with_suffix(".med").name})
+    if not deck.steps and deck.modal:
+        deck.steps.append(DeckStep(deck.modal.card, 0.0))
+    if not deck.steps:
         raise CaseError([Issue(f"{path}: there is no *STEP, and so nothing to compute; give it one with *STATIC")])
     for build, key in _BUILDERS:
         try:
             build(draft)
         except Refused as refused:
-            deck = reading.names.deck
-            card = next(deck.named(key), None) or next(deck.named("ELEMENT"), deck.cards[0])
-            reading.error(refused.card or Card(card), refused.message, refused.row)
-    _raise(reading)
+            cards = deck.names.deck
+            card = next(cards.named(key), None) or next(cards.named("ELEMENT"), cards.cards[0])
+            deck.error(refused.card or Card(card), refused.message, refused.row)
+    _raise(deck)
     return _imported(path, case_path, draft)
 
 
-def _raise(reading: Reading) -> None:
+def _raise(deck: DeckContent) -> None:
     """Raise CaseError if there is an error among the findings."""
-    errors = [finding for finding in reading.findings if finding.level == "error"]
+    errors = [finding for finding in deck.findings if finding.level == "error"]
     if errors:
         raise CaseError([Issue(finding.text) for finding in dict.fromkeys(errors)])
 
@@ -100,7 +97,7 @@ def _imported(path: Path, case_path: Path, draft: CaseDraft) -> Imported:
         _set_clearances(draft, case, mesh)
         text = case_text(head, draft.top, draft.records)
         case = _case(text, case_path)
-    found = sorted(dict.fromkeys(draft.reading.findings), key=lambda one: (one.file, one.line))
+    found = sorted(dict.fromkeys(draft.deck.findings), key=lambda one: (one.file, one.line))
     return Imported(mesh, case, text, tuple(found))
 
 
@@ -136,8 +133,8 @@ def _set_clearances(draft: CaseDraft, case: Case, mesh: Mesh) -> None:
             message = (
                 f"the gap in the mesh is from {gap[0]:.6g} to {gap[1]:.6g}, and a clearance of lacsolver is added to it"
             )
-            draft.reading.error(card, f"{message}: it replaces an even gap only; move the nodes in the mesh instead")
+            draft.deck.error(card, f"{message}: it replaces an even gap only; move the nodes in the mesh instead")
             continue
         record = next(one for one in draft.records if one.section == "contact" and one.keys["slave"] == slave)
         record.keys["clearance"] = value - (gap[0] + gap[1]) / 2
-    _raise(draft.reading)
+    _raise(draft.deck)

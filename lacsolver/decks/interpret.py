@@ -9,12 +9,12 @@ from lacmesh.formats.inp.contradictions import contradictions_of_frame
 from lacmesh.formats.inp.flat import flattened
 from lacmesh.mesh import Mesh
 from lacsolver.decks.cards import Card, Finding, Lacking, Refused, look_up
+from lacsolver.decks.content import DeckContent
 from lacsolver.decks.names import Names
-from lacsolver.decks.reading import Reading
 from lacsolver.decks.table import LACKS, NOTES, OF_THE_MESH, PROCEDURES, READ
 
 
-def interpret(mesh: Mesh, *, lenient: bool = False) -> Reading:
+def interpret(mesh: Mesh, *, lenient: bool = False) -> DeckContent:
     """Return the content of the deck of a mesh, with a finding for every card that lacsolver does not take.
 
     A deck of parts and instances is read as one without (`lacmesh.formats.inp.flat`).
@@ -25,46 +25,46 @@ def interpret(mesh: Mesh, *, lenient: bool = False) -> Reading:
     if mesh.deck is None:
         raise ReadError(mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
     flat, refused = flattened(mesh.deck)
-    reading = Reading(Names(replace(mesh, deck=flat)), lenient)
+    deck = DeckContent(Names(replace(mesh, deck=flat)), lenient)
     wrong = (*refused, *contradictions_of_frame(flat))
-    reading.findings += [Finding(one.file, one.line, one.card.name, one.why, "error") for one in wrong]
-    for deck_card in reading.names.deck.cards:
+    deck.findings += [Finding(one.file, one.line, one.card.name, one.why, "error") for one in wrong]
+    for deck_card in deck.names.deck.cards:
         card = Card(deck_card)
         try:
-            _take(reading, card)
+            _take(deck, card)
         except Lacking as lacking:
             if lenient:
-                reading.warn(card, f"left out: {lacking.message}", lacking.row)
+                deck.warn(card, f"left out: {lacking.message}", lacking.row)
             else:
-                reading.error(card, lacking.message, lacking.row)
+                deck.error(card, lacking.message, lacking.row)
         except Refused as found:
-            reading.error(card, found.message, found.row)
-    _check_sections(reading)
-    return reading
+            deck.error(card, found.message, found.row)
+    _check_sections(deck)
+    return deck
 
 
-def _check_sections(reading: Reading) -> None:
+def _check_sections(deck: DeckContent) -> None:
     """Tell of sections whose material or orientation is nowhere in the deck."""
-    content = reading.content
-    for section in content.sections:
+    for section in deck.sections:
         try:
-            look_up(content.materials, section.material, "*MATERIAL")
+            deck.material_of(section)
             if section.axes:
-                look_up(content.orientations, section.axes, "*ORIENTATION")
+                look_up(deck.orientations, section.axes, "*ORIENTATION")
         except Refused as found:
-            reading.error(section.card, found.message)
+            deck.error(section.card, found.message)
 
 
-def _take(reading: Reading, card: Card) -> None:
+def _take(deck: DeckContent, card: Card) -> None:
     """Take one card. Raises Refused."""
     row = READ.get(card.key)
     if row is not None:
-        others = [name for name in card.options if name not in row.takes | row.ignores]
+        read, takes, ignores = row
+        others = [name for name in card.options if name not in (*takes.split(), *ignores.split())]
         if others:
             raise Refused(f"the option {', '.join(others)} is not taken; take it out if the answer does not hang on it")
-        row.read(reading, card)
+        read(deck, card)
     elif card.key in NOTES:
-        reading.note(card, NOTES[card.key])
+        deck.note(card, NOTES[card.key])
     elif card.key in PROCEDURES:
         raise Refused(PROCEDURES[card.key])
     elif card.key in LACKS:

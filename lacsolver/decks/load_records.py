@@ -14,10 +14,9 @@ from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import COMPONENTS, Assigned, DeckStep
 from lacsolver.decks.draft import AXES, CaseDraft
-from lacsolver.decks.histories import Orders, orders_of, written
+from lacsolver.decks.histories import Orders, history_of, orders_of, parts_of, written
 from lacsolver.decks.model_records import expanding, initial_temperatures
 from lacsolver.decks.names import SIDES
-from lacsolver.decks.parts import history_of, parts_of
 
 #: most increments of a step that become steps of a case; a step that does not converge is halved all the same
 MOST_INCREMENTS = 10
@@ -30,9 +29,9 @@ MOST_STEPS = 100_000
 
 def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
-    content = draft.reading.content
-    held = np.array([n for body in content.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
-    lines = [line for line in content.assigned if line.kind == kind]
+    deck = draft.deck
+    held = np.array([n for body in deck.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
+    lines = [line for line in deck.assigned if line.kind == kind]
     if kind in ("displacement", "force"):
         lines = [replace(line, items=np.setdiff1d(line.items, held)) for line in lines]
         lines = [line for line in lines if len(line.items)]
@@ -41,12 +40,12 @@ def orders(draft: CaseDraft, kind: str) -> Orders:
 
 def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Orders:
     """Return the orders of some lines. Raises Refused where a step removes some of earlier steps (OP=NEW)."""
-    content = draft.reading.content
+    deck = draft.deck
     adds = kind not in ("displacement", "spin", "temperature")
-    whole = orders_of(lines, len(content.steps), COMPONENTS[kind], adds)
-    for now, card in content.removed.get(kind, {}).items():
-        before = orders_of([one for one in lines if one.step < now], len(content.steps), COMPONENTS[kind], adds)
-        after = orders_of([one for one in lines if one.step == now], len(content.steps), COMPONENTS[kind], adds)
+    whole = orders_of(lines, len(deck.steps), COMPONENTS[kind], adds)
+    for now, card in deck.removed.get(kind, {}).items():
+        before = orders_of([one for one in lines if one.step < now], len(deck.steps), COMPONENTS[kind], adds)
+        after = orders_of([one for one in lines if one.step == now], len(deck.steps), COMPONENTS[kind], adds)
         kept = np.zeros((COMPONENTS[kind], len(whole.items)), bool)
         lost = kept.copy()
         lost[:, np.searchsorted(whole.items, before.items)] = ~np.isnan(before.value).all(axis=0)
@@ -71,11 +70,11 @@ def _check_begun(found: Orders) -> None:
 def supports(draft: CaseDraft) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
     found = orders(draft, "displacement")
-    names = draft.reading.names
-    for part in parts_of(draft.reading.content, found, once=False):
+    names = draft.deck.names
+    for part in parts_of(draft.deck, found, once=False):
         there = part.items[names.in_cells[part.items]]
         if not len(there):
-            draft.reading.note(
+            draft.deck.note(
                 part.line.card, "these nodes belong to no solid element: the support is left out", part.line.row
             )
             continue
@@ -87,10 +86,10 @@ def supports(draft: CaseDraft) -> None:
 
 def forces(draft: CaseDraft) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
-    for part in parts_of(draft.reading.content, orders(draft, "force"), once=True):
+    for part in parts_of(draft.deck, orders(draft, "force"), once=True):
         if max(part.histories) >= draft.dim:
             raise Refused("a force has the directions 1 and 2 in a plane model", part.line.row)
-        loose = part.items[~draft.reading.names.in_cells[part.items]]
+        loose = part.items[~draft.deck.names.in_cells[part.items]]
         numbers = draft.groups.mesh.node_number
         if len(loose):
             raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.line.row)
@@ -99,13 +98,13 @@ def forces(draft: CaseDraft) -> None:
             for c, points in part.histories.items()
         }
         draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
-    if moments := [one for one in draft.reading.content.assigned if one.kind in ("moment", "spin")]:
+    if moments := [one for one in draft.deck.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
 
 def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
-    held = [body.reference for body in draft.reading.content.rigid]
+    held = [body.reference for body in draft.deck.rigid]
     for line in lines:
         if line.value and not np.isin(line.items, held).all():
             raise Refused("only the reference node of a *RIGID BODY turns; nodes of solid elements do not", line.row)
@@ -118,8 +117,8 @@ def scaled(value: Any, factor: float) -> Any:
 
 def pressures(draft: CaseDraft) -> None:
     """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
-    for part in parts_of(draft.reading.content, orders(draft, "pressure"), once=True):
-        if len(inner := draft.reading.names.inner(part.items)):
+    for part in parts_of(draft.deck, orders(draft, "pressure"), once=True):
+        if len(inner := draft.deck.names.inner(part.items)):
             numbers = some(draft.groups.mesh.cell_number[inner // SIDES])
             raise Refused(
                 f"these faces of elements {numbers} lie between two elements; press outer faces", part.line.row
@@ -131,13 +130,13 @@ def pressures(draft: CaseDraft) -> None:
 
 def temperatures(draft: CaseDraft) -> None:
     """Add a [[temperature]] for each group of cells that expand, and have one history. Raises Refused."""
-    content, mesh = draft.reading.content, draft.groups.mesh
-    lines = [one for one in content.assigned if one.kind == "temperature" and one.step >= 0]
+    deck, mesh = draft.deck, draft.groups.mesh
+    lines = [one for one in deck.assigned if one.kind == "temperature" and one.step >= 0]
     cells = expanding(draft)
     if not lines:
         return
     if not len(cells):
-        draft.reading.note(lines[0].card, "no material has an *EXPANSION, so that temperatures have no effect")
+        draft.deck.note(lines[0].card, "no material has an *EXPANSION, so that temperatures have no effect")
         return
     found = orders_by_step(draft, "temperature", lines)
     row_of, start = _rows_of_nodes(found, mesh.n_nodes), initial_temperatures(draft)
@@ -154,7 +153,7 @@ def temperatures(draft: CaseDraft) -> None:
     for k, (row, T) in enumerate(kinds.tolist()):
         own = warm[which.ravel() == k]
         at = int(np.flatnonzero(row_of[found.items] == row)[0])
-        points = history_of(content, found, int(found.items[at]), 0, T)
+        points = history_of(deck, found, int(found.items[at]), 0, T)
         value = written(points or [(0.0, T)], draft.ramped, T)
         if value == T:
             continue
@@ -174,7 +173,7 @@ def _rows_of_nodes(found: Orders, n_nodes: int) -> Ints:
 
 def probes(draft: CaseDraft) -> None:
     """Add a [[probe]] for each node whose displacements the deck prints."""
-    for node in draft.reading.content.watched:
+    for node in draft.deck.watched:
         number = draft.groups.mesh.node_number[node]
         group = draft.node_group("", np.array([node]))
         draft.add("probe", {"group": group, "name": f"node {number}"})
@@ -183,7 +182,7 @@ def probes(draft: CaseDraft) -> None:
 def steps(draft: CaseDraft) -> None:
     """Add [steps]: the increments of the deck's steps, of a static one MOST_INCREMENTS at most. Raises Refused."""
     times: list[float] = []
-    for step in draft.reading.content.steps:
+    for step in draft.deck.steps:
         count = _increments(draft, step)
         if step.begin and step.begin == draft.ramped and step.sudden:  # loads jump where the motion begins
             times += [step.begin + part * step.period / count for part in _SUDDEN]
@@ -207,5 +206,5 @@ def _increments(draft: CaseDraft, step: DeckStep) -> int:
     count = max(1, ceil(count - 1e-9))
     if not static and not step.direct:
         told = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
-        draft.reading.note(step.origin, told)
+        draft.deck.note(step.origin, told)
     return count

@@ -10,14 +10,12 @@ from lacmesh.deck import key_of
 from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
 from lacsolver.decks.content import (
     Amplitude,
-    Assigned,
+    DeckContent,
     DeckRigid,
     GroundSpring,
     Interaction,
     Pair,
 )
-from lacsolver.decks.motion_cards import velocities
-from lacsolver.decks.reading import Reading
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
@@ -30,7 +28,7 @@ _VARIANTS = {
 }
 
 
-def element(reading: Reading, card: Card) -> None:
+def element(deck: DeckContent, card: Card) -> None:
     """Take elements that are solids or springs to the ground; others have no place in lacsolver."""
     name = card.word("TYPE")
     solid = _SOLIDS.fullmatch(name)
@@ -40,32 +38,32 @@ def element(reading: Reading, card: Card) -> None:
             f"rigid bodies (MASS, ROTARYI), and none of type {name or '(none)'}; model this part with solid "
             "elements, or take it out"
         )
-    if solid and solid[1] and name not in reading.variants:
-        reading.variants.add(name)
-        _tell_variant(reading, card, name, solid[1])
+    if solid and solid[1] and name not in deck.variants:
+        deck.variants.add(name)
+        _tell_variant(deck, card, name, solid[1])
 
 
-def _tell_variant(reading: Reading, card: Card, name: str, letters: str) -> None:
+def _tell_variant(deck: DeckContent, card: Card, name: str, letters: str) -> None:
     """Tell that elements of a variant are computed otherwise here; linear ones are too stiff in bending."""
     told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(letters))
     message = f"{name} has {told}; lacsolver computes the same shape with full integration"
     if letters == "H":
-        reading.note(card, message)
+        deck.note(card, message)
         return
     linear = re.search(r"[48][A-Z]*$", name) and not name.startswith(("CPS8", "CPE8", "CAX8"))
     advice = ", which is too stiff in bending: elevate its order before (lacmesh convert --order 2)" if linear else ""
-    reading.warn(card, message + advice)
+    deck.warn(card, message + advice)
 
 
-def surface(reading: Reading, card: Card) -> None:
+def surface(deck: DeckContent, card: Card) -> None:
     """Refuse surfaces without faces and nodes in the mesh, such as analytical ones."""
-    del reading
+    del deck
     kind = card.word("TYPE") or "ELEMENT"
     if kind not in ("ELEMENT", "NODE"):
         raise Refused(f"a surface of type {kind} has no faces in the mesh; list element faces (TYPE=ELEMENT)")
 
 
-def amplitude(reading: Reading, card: Card) -> None:
+def amplitude(deck: DeckContent, card: Card) -> None:
     """Take a table of times and factors."""
     if (card.word("DEFINITION") or "TABULAR") != "TABULAR":
         raise Refused("only tables of times and factors are taken (DEFINITION=TABULAR); write one")
@@ -82,31 +80,17 @@ def amplitude(reading: Reading, card: Card) -> None:
     if not rows:
         raise Refused("it should list times and factors")
     total = card.word("TIME") == "TOTALTIME"
-    reading.content.amplitudes[key_of(card.needed("NAME"))] = Amplitude(tuple(rows), total)
+    deck.amplitudes[key_of(card.needed("NAME"))] = Amplitude(tuple(rows), total)
 
 
-def initial_conditions(reading: Reading, card: Card) -> None:
-    """Take temperatures without strain, and velocities."""
-    if card.word("TYPE") == "VELOCITY":
-        velocities(reading, card)
-        return
-    if card.word("TYPE") != "TEMPERATURE":
-        kind = card.word("TYPE") or "(none)"
-        raise Refused(f"initial conditions of type {kind} are not taken; TEMPERATURE and VELOCITY are")
-    for row in card.rows:
-        name, nodes = reading.names.nodes(row.text(0), row)
-        value = row.number(1, "the temperature")
-        reading.content.assigned.append(Assigned("temperature", -1, name, nodes, (0,), value, "", card, row))
-
-
-def interaction(reading: Reading, card: Card) -> None:
+def interaction(deck: DeckContent, card: Card) -> None:
     """Begin a surface interaction, hard as long as nothing else is said."""
-    reading.content.interactions[key_of(card.needed("NAME"))] = Interaction(card)
+    deck.interactions[key_of(card.needed("NAME"))] = Interaction(card)
 
 
-def behavior(reading: Reading, card: Card) -> None:
+def behavior(deck: DeckContent, card: Card) -> None:
     """Take hard contact, linear pressure over overlap, and contact that is tied."""
-    which = reading.content.interaction
+    which = deck.interaction
     kind = card.word("PRESSURE-OVERCLOSURE") or "HARD"
     if kind in ("LINEAR", "TIED"):
         row = card.first("the pressure per overlap")
@@ -115,62 +99,62 @@ def behavior(reading: Reading, card: Card) -> None:
             raise Refused(f"the pressure per overlap should be positive, not {stiffness:g}", row)
         which.stiffness, which.tied = stiffness, kind == "TIED"
         if which.tied:
-            reading.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
+            deck.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
     elif kind in ("EXPONENTIAL", "TABULAR"):
         message = f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these"
-        reading.lack(card, message, "contact is HARD")
+        deck.lack(card, message, "contact is HARD")
     elif kind != "HARD":
         raise Refused(f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these")
 
 
-def friction(reading: Reading, card: Card) -> None:
+def friction(deck: DeckContent, card: Card) -> None:
     """Refuse friction, unless it belongs to tied contact or is 0."""
-    which = reading.content.interaction
+    which = deck.interaction
     value = card.first("the coefficient of friction").number(0, "the coefficient of friction", 0.0)
     if value and not which.tied:
         raise Lacking("contact in lacsolver is without friction; take the card out if it may slip freely")
 
 
-def contact_pair(reading: Reading, card: Card) -> None:
+def contact_pair(deck: DeckContent, card: Card) -> None:
     """Take pairs of a slave and a master; slaves that are surfaces of nodes become the faces on these nodes."""
     if "ADJUST" in card.options:
         raise Refused("nodes of the slave are not moved (ADJUST); move them in the mesh, or give a *CLEARANCE")
     keys = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
     for row in card.rows:
-        slave, master = _skins(reading, card, row)
-        reading.content.pairs.append(Pair(slave, master, card.options.get("INTERACTION", ""), keys, card))
+        slave, master = _skins(deck, card, row)
+        deck.pairs.append(Pair(slave, master, card.options.get("INTERACTION", ""), keys, card))
 
 
-def tie(reading: Reading, card: Card) -> None:
+def tie(deck: DeckContent, card: Card) -> None:
     """Take ties; the position tolerance becomes the distance within which the master is searched."""
     keys = {}
     if card.options.get("POSITIONTOLERANCE", ""):
         keys["search_distance"] = card.number("POSITIONTOLERANCE")
     for row in card.rows:
-        slave, master = _skins(reading, card, row)
-        reading.content.pairs.append(Pair(slave, master, "", keys, card, tie=True))
+        slave, master = _skins(deck, card, row)
+        deck.pairs.append(Pair(slave, master, "", keys, card, tie=True))
 
 
-def _skins(reading: Reading, card: Card, row: DeckLine) -> tuple[str, ...]:
+def _skins(deck: DeckContent, card: Card, row: DeckLine) -> tuple[str, ...]:
     """Return the keys of slave and master on a data line. Raises Refused."""
     if len(row.fields) != 2:
         raise Refused("a line should be a slave surface and a master surface", row)
     for text in row.fields:
-        name, facets = reading.names.skin(text, row)
-        if reading.names.of_nodes(text):
-            reading.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
+        name, facets = deck.names.skin(text, row)
+        if deck.names.of_nodes(text):
+            deck.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
     return tuple(key_of(text) for text in row.fields)
 
 
-def clearance(reading: Reading, card: Card) -> None:
+def clearance(deck: DeckContent, card: Card) -> None:
     """Take the gap between a slave and a master, which replaces the one in the mesh."""
     pair = tuple(key_of(card.needed(name)) for name in ("SLAVE", "MASTER"))
-    reading.content.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
+    deck.clearances[pair[0], pair[1]] = (card.number("VALUE"), card)
 
 
-def rigid_body(reading: Reading, card: Card) -> None:
+def rigid_body(deck: DeckContent, card: Card) -> None:
     """Take a rigid body, with the nodes that hold its place and its rotation."""
-    names = reading.names
+    names = deck.names
     if "NSET" in card.options:
         kind, (group, nodes) = "node", names.nodes(card.needed("NSET"), None)
     else:
@@ -180,21 +164,21 @@ def rigid_body(reading: Reading, card: Card) -> None:
         raise Refused("a rigid body should be a set of nodes or of elements, not a number")
     reference = int(names.nodes(card.needed("REFNODE"), None)[1][0])
     turning = int(names.nodes(card.needed("ROTNODE"), None)[1][0]) if "ROTNODE" in card.options else None
-    reading.content.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
+    deck.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
 
 
-def spring(reading: Reading, card: Card) -> None:
+def spring(deck: DeckContent, card: Card) -> None:
     """Take linear springs between nodes and the ground: a line with the direction, a line with the stiffness."""
-    group, nodes = reading.names.points(card.needed("ELSET"))
+    group, nodes = deck.names.points(card.needed("ELSET"))
     if len(card.rows) != 2:
         raise Refused("a spring to the ground is a line with its direction, 1 to 3, and one with its stiffness")
     axis = card.rows[0].whole(0, "the direction")
     stiffness = card.rows[1].number(0, "the stiffness")
     if axis not in (1, 2, 3) or not stiffness > 0:
         raise Refused("the direction should be 1 to 3, and the stiffness positive", card.rows[0])
-    if reading.names.mesh.plane == "CAX":
+    if deck.names.mesh.plane == "CAX":
         raise Refused(
             "a spring of an axisymmetric model is that of a sector of 2 degrees in CalculiX, and of the full circle in "
             "Abaqus and here; write a [[spring]] into the case"
         )
-    reading.content.springs.append(GroundSpring(group, nodes, axis - 1, stiffness, card))
+    deck.springs.append(GroundSpring(group, nodes, axis - 1, stiffness, card))

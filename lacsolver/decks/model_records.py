@@ -12,7 +12,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.skin import FaceIncidence
 from lacsolver.decks.cards import Card, Refused, look_up
-from lacsolver.decks.content import Content, DeckSection, Interaction, Pair
+from lacsolver.decks.content import DeckContent, DeckSection, Interaction, Pair
 from lacsolver.decks.draft import AXES, MODELS, CaseDraft
 from lacsolver.decks.histories import JUMP
 from lacsolver.decks.names import SIDES
@@ -23,7 +23,7 @@ _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
 
 def top(draft: CaseDraft) -> None:
     """Set the model, the thickness and the kinematics. Raises Refused."""
-    mesh, sections = draft.groups.mesh, draft.reading.content.sections
+    mesh, sections = draft.groups.mesh, draft.deck.sections
     if draft.dim == 3:
         draft.top["model"] = "3d"
     elif mesh.plane in MODELS:
@@ -43,14 +43,14 @@ def top(draft: CaseDraft) -> None:
 
 def materials(draft: CaseDraft) -> None:
     """Add a [[material]] for each material, orientation and initial temperature. Raises Refused."""
-    content, mesh = draft.reading.content, draft.groups.mesh
+    deck, mesh = draft.deck, draft.groups.mesh
     solid = np.flatnonzero(mesh.cell_dim == mesh.dim)
     section_of = np.full(mesh.n_cells, -1)
-    for k, section in enumerate(content.sections):
+    for k, section in enumerate(deck.sections):
         section_of[section.cells] = k
     if (bare := solid[section_of[solid] < 0]).size:
         raise Refused(f"elements {some(mesh.cell_number[bare])} have no *SOLID SECTION; give them one")
-    kinds = [_kind(content, section) for section in content.sections]
+    kinds = [_kind(deck, section) for section in deck.sections]
     start = initial_temperatures(draft)
     laws = {kind: k for k, kind in enumerate(dict.fromkeys(kinds))}
     law_of = np.array([laws[kind] for kind in kinds])[section_of[solid]]
@@ -59,21 +59,21 @@ def materials(draft: CaseDraft) -> None:
     for code in np.unique(both).tolist():
         law, T = list(laws)[code // len(temperature)], float(temperature[code % len(temperature)])
         cells = solid[both == code]
-        _add_material(draft, law, T, cells, content.sections[int(section_of[cells[0]])], len(cells) == len(solid))
+        _add_material(draft, law, T, cells, deck.sections[int(section_of[cells[0]])], len(cells) == len(solid))
 
 
-def _kind(content: Content, section: DeckSection) -> tuple[str, str]:
+def _kind(deck: DeckContent, section: DeckSection) -> tuple[str, str]:
     """Return the keys of the material and the orientation of a section. Raises Refused."""
-    material = look_up(content.materials, section.material, "*MATERIAL")
-    axes = look_up(content.orientations, section.axes, "*ORIENTATION") if section.axes else ""
-    return material, axes if content.materials[material].keys.get("law") == "orthotropic" else ""
+    material = look_up(deck.materials, section.material, "*MATERIAL")
+    axes = look_up(deck.orientations, section.axes, "*ORIENTATION") if section.axes else ""
+    return material, axes if deck.materials[material].keys.get("law") == "orthotropic" else ""
 
 
 def _add_material(
     draft: CaseDraft, law: tuple[str, str], T: float, cells: Ints, section: DeckSection, whole: bool
 ) -> None:
     """Add the record of one law on some cells. Raises Refused for a law that its kinematics do not have."""
-    material = draft.reading.content.materials[law[0]]
+    material = draft.deck.materials[law[0]]
     keys = dict(material.keys)
     if "law" not in keys:
         raise Refused(f"material {material.name} has no *ELASTIC and no *HYPERELASTIC; give it one")
@@ -86,14 +86,14 @@ def _add_material(
             f"material {material.name} is hyperelastic, which lacsolver has for finite displacements; say NLGEOM"
         )
     if draft.large and keys["law"] == "elastic":
-        draft.reading.note(
+        draft.deck.note(
             material.card,
             f"with NLGEOM material {material.name} has the law saint_venant_kirchhoff, as in CalculiX: it is meant for "
             "small strains, and crushed to less than 0.577 of its length its force falls; neo_hookean does not",
         )
     keys["law"] = _FINITE[keys["law"]] if draft.large else keys["law"]
     if keys["law"] == "orthotropic":
-        keys["axes"] = draft.reading.content.orientations.get(law[1], ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+        keys["axes"] = draft.deck.orientations.get(law[1], ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
     elif isinstance(keys.get("expansion"), list):
         raise Refused(f"material {material.name} is isotropic and has an expansion for each axis; give one")
     if keys.get("expansion") and T:
@@ -107,7 +107,7 @@ def initial_temperatures(draft: CaseDraft) -> Floats:
     """Return the initial temperature (n_cells,) of each cell; 0 where no cell expands. Raises Refused."""
     mesh = draft.groups.mesh
     nodal, there = np.zeros(mesh.n_nodes), []
-    for line in draft.reading.content.assigned:
+    for line in draft.deck.assigned:
         if line.kind == "temperature" and line.step < 0:
             nodal[line.items] = line.value
             there.append(line)
@@ -129,30 +129,29 @@ def initial_temperatures(draft: CaseDraft) -> Floats:
 
 def expanding(draft: CaseDraft) -> Ints:
     """Return the cells (k,) whose material expands."""
-    content = draft.reading.content
-    found = np.zeros(draft.groups.mesh.n_cells, bool)
-    for section in content.sections:
-        key = look_up(content.materials, section.material, "*MATERIAL")
-        found[section.cells] = bool(content.materials[key].keys.get("expansion"))
-    return np.flatnonzero(found)
+    deck = draft.deck
+    expands = np.zeros(draft.groups.mesh.n_cells, bool)
+    for section in deck.sections:
+        expands[section.cells] = bool(deck.material_of(section).keys.get("expansion"))
+    return np.flatnonzero(expands)
 
 
 def contacts(draft: CaseDraft) -> None:
     """Add a [[contact]] or a [[tie]] for each slave; several masters of one slave become one group. Raises Refused."""
-    paired = {(pair.slave, pair.master) for pair in draft.reading.content.pairs if not pair.tie}
-    for names, (_, card) in draft.reading.content.clearances.items():
+    paired = {(pair.slave, pair.master) for pair in draft.deck.pairs if not pair.tie}
+    for names, (_, card) in draft.deck.clearances.items():
         if names not in paired:
-            draft.reading.error(card, f"there is no *CONTACT PAIR of {names[0]} and {names[1]}; name one of them")
+            draft.deck.error(card, f"there is no *CONTACT PAIR of {names[0]} and {names[1]}; name one of them")
     by_slave: dict[str, list[Pair]] = {}
-    for pair in draft.reading.content.pairs:
+    for pair in draft.deck.pairs:
         by_slave.setdefault(pair.slave, []).append(pair)
     for pairs in by_slave.values():
         _add_pair(draft, pairs)
 
 
 def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
-    first, names = pairs[0], draft.reading.names
-    laws = [_interaction(draft.reading.content, pair) for pair in pairs]
+    first, names = pairs[0], draft.deck.names
+    laws = [_interaction(draft.deck, pair) for pair in pairs]
     if any((one.tie, one.keys) != (first.tie, first.keys) for one in pairs) or len(set(map(id, laws))) > 1:
         raise Refused("this slave has several masters with different contact; give them one", pairs[1].card.rows[0])
     skins = [names.skin(pair.master, None) for pair in pairs]
@@ -167,9 +166,9 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
         draft.add("tie", keys | {k: v for k, v in first.keys.items() if k == "search_distance"}, first.card)
         return
     for pair in pairs:
-        if (pair.slave, pair.master) in draft.reading.content.clearances:
-            draft.clearances[keys["slave"]] = draft.reading.content.clearances[pair.slave, pair.master]
-    if removed := [one for pair in pairs for one in draft.reading.content.changes.get((pair.slave, pair.master), ())]:
+        if (pair.slave, pair.master) in draft.deck.clearances:
+            draft.clearances[keys["slave"]] = draft.deck.clearances[pair.slave, pair.master]
+    if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
@@ -183,19 +182,19 @@ def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], mas
     if len(facets) >= few:
         return False
     said = f"the slave {name!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
-    mesh, content = draft.groups.mesh, draft.reading.content
+    mesh, deck = draft.groups.mesh, draft.deck
     cells, sides = np.divmod(opposite, SIDES)
     faces = facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, sides, np.ones(len(cells), bool))).nodes
-    rigid = any(np.isin(faces, body.nodes).any() for body in content.rigid)
-    others = [pair for pair in content.pairs if pair not in pairs]
+    rigid = any(np.isin(faces, body.nodes).any() for body in deck.rigid)
+    others = [pair for pair in deck.pairs if pair not in pairs]
     taken = any({pair.slave, pair.master} & {pair.master for pair in pairs} for pair in others)
     if len(np.unique(opposite)) >= few and not rigid and not taken:
         count = len(np.unique(opposite))
-        draft.reading.note(card, f"{said}turning; {other!r} has {count}, so that it is the slave in the case, and cut")
+        draft.deck.note(card, f"{said}turning; {other!r} has {count}, so that it is the slave in the case, and cut")
         return True
     why = "its master is rigid" if rigid else "its master is in another pair" if taken else "its master has few as well"
     advice = "'run' refuses the case if nothing else holds that; refine the mesh of one of them"
-    draft.reading.warn(card, f"{said}turning, and {why}, so that results are coarse; {advice}")
+    draft.deck.warn(card, f"{said}turning, and {why}, so that results are coarse; {advice}")
     return False
 
 
@@ -210,7 +209,7 @@ def _removed(
         raise Refused("contact that is removed for some steps has no *CLEARANCE; take one of them out", None, card)
     far = 10 * float(np.linalg.norm(np.ptp(draft.groups.mesh.points, axis=0)))
     there = {step: far * (not added) for step, added, _ in changes}
-    steps = draft.reading.content.steps
+    steps = draft.deck.steps
     values = [there[max(k for k in there if k <= now)] if min(there) <= now else 0.0 for now in range(len(steps))]
     points = [(0.0, values[0])]
     for step, value in zip(steps, values, strict=True):
@@ -220,16 +219,16 @@ def _removed(
     return [list(point) for point in points]
 
 
-def _interaction(content: Content, pair: Pair) -> Interaction | None:
+def _interaction(deck: DeckContent, pair: Pair) -> Interaction | None:
     """Return the surface interaction of a contact pair. Raises Refused if it is not there."""
     if pair.tie or not pair.interaction:
         return None
-    return content.interactions[look_up(content.interactions, pair.interaction, "*SURFACE INTERACTION")]
+    return deck.interactions[look_up(deck.interactions, pair.interaction, "*SURFACE INTERACTION")]
 
 
 def springs(draft: CaseDraft) -> None:
     """Add a [[spring]] for each *SPRING; springs of several elements on one node add."""
-    for spring in draft.reading.content.springs:
+    for spring in draft.deck.springs:
         for count, nodes in _repeats(spring.nodes):
             size = count * spring.stiffness * draft.per_thickness
             group = draft.node_group(spring.group, nodes, "sprung")

@@ -21,22 +21,20 @@ _LINEAR = 1e-6
 
 def dynamics(draft: CaseDraft) -> None:
     """Add [dynamics] and [[initial]] if there is a *DYNAMIC step. Raises Refused."""
-    content = draft.reading.content
-    moving = [step for step in content.steps if step.alpha is not None]
-    given = [line for line in content.assigned if line.kind == "velocity"]
+    deck = draft.deck
+    moving = [step for step in deck.steps if step.alpha is not None]
+    given = [line for line in deck.assigned if line.kind == "velocity"]
     if not moving:
-        cards = [line.card for line in given[:1]] + [m.card for m in content.materials.values() if any(m.damping)]
+        cards = [line.card for line in given[:1]] + [m.card for m in deck.materials.values() if any(m.damping)]
         for card in cards:
-            draft.reading.note(card, "without a step of *DYNAMIC velocities and damping have no effect")
+            draft.deck.note(card, "without a step of *DYNAMIC velocities and damping have no effect")
         return
-    first = content.steps.index(moving[0])
-    if len(moving) < len(content.steps) - first:
-        late = next(step for step in content.steps[first:] if step.alpha is None)
-        draft.reading.error(
-            late.origin, "a static step after a dynamic one is not taken; compute it in a deck of its own"
-        )
+    first = deck.steps.index(moving[0])
+    if len(moving) < len(deck.steps) - first:
+        late = next(step for step in deck.steps[first:] if step.alpha is None)
+        draft.deck.error(late.origin, "a static step after a dynamic one is not taken; compute it in a deck of its own")
     if other := next((step for step in moving if step.alpha != moving[0].alpha), None):
-        draft.reading.error(other.origin, "lacsolver has one ALPHA for all steps; give the steps of *DYNAMIC the same")
+        draft.deck.error(other.origin, "lacsolver has one ALPHA for all steps; give the steps of *DYNAMIC the same")
     if first and given:
         message = "CalculiX takes these velocities away in the static step before the motion"
         raise Refused(f"{message}; take them out, or write [[initial]] into the case", given[0].row, given[0].card)
@@ -49,13 +47,13 @@ def dynamics(draft: CaseDraft) -> None:
 
 def _damping(draft: CaseDraft) -> tuple[float, float]:
     """Return the Rayleigh damping of the materials, which all must share, and have a density. Raises Refused."""
-    content = draft.reading.content
-    keys = {look_up(content.materials, section.material, "*MATERIAL") for section in content.sections}
-    made = [content.materials[key] for key in sorted(keys)]
+    deck = draft.deck
+    keys = {look_up(deck.materials, section.material, "*MATERIAL") for section in deck.sections}
+    made = [deck.materials[key] for key in sorted(keys)]
     for material in made:
         if not material.keys.get("density"):
             message = f"material {material.name} has no *DENSITY, and what moves has a mass; give it one"
-            draft.reading.error(material.card, message)
+            draft.deck.error(material.card, message)
     if len({material.damping for material in made}) > 1:
         names = ", ".join(material.name for material in made)
         raise Refused(f"materials {names} have several dampings, and lacsolver has one for all; give them the same")
@@ -88,7 +86,7 @@ def _add_initial(draft: CaseDraft, lines: list[Assigned]) -> None:
 
 def _move_rigid(draft: CaseDraft, v: Floats, lines: list[Assigned]) -> None:
     """Give the nodes of rigid bodies the velocity (n_nodes, 3) of their reference nodes, in place. Raises Refused."""
-    for body in draft.reading.content.rigid:
+    for body in draft.deck.rigid:
         own, reference = v[body.nodes], v[body.reference].copy()
         if own.any() and (own != reference).any():
             number = draft.groups.mesh.node_number[body.reference]
@@ -107,12 +105,12 @@ def _group(draft: CaseDraft, cells: Ints) -> str:
 
 def _check_velocities(draft: CaseDraft, v: Floats, lines: list[Assigned]) -> None:
     """Raise Refused for velocities of nodes of no solid element, or along directions in which nodes are held."""
-    number, in_cells = draft.groups.mesh.node_number, draft.reading.names.in_cells
+    number, in_cells = draft.groups.mesh.node_number, draft.deck.names.in_cells
     loose = np.flatnonzero((v != 0).any(axis=1) & ~in_cells)
     if len(loose):
         message = f"nodes {some(number[loose])} belong to no solid element"
         raise Refused(f"{message}; give the velocity to the nodes of elements", lines[0].row, lines[0].card)
-    for line in (one for one in draft.reading.content.assigned if one.kind == "displacement"):
+    for line in (one for one in draft.deck.assigned if one.kind == "displacement"):
         for c in line.components:
             if (held := line.items[v[line.items, c] != 0]).size:
                 message = f"nodes {some(number[held])} have a velocity along {AXES[c]}, in which they are held"

@@ -6,82 +6,55 @@ A card that stands in none of the three is refused by its name: nobody knows if 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 from lacsolver.decks import material_cards as materials
 from lacsolver.decks import model_cards as model
-from lacsolver.decks import motion_cards as motion
 from lacsolver.decks import step_cards as steps
 from lacsolver.decks.cards import Card
-from lacsolver.decks.reading import Reading
+from lacsolver.decks.content import DeckContent
 
-
-class CardRow(NamedTuple):
-    """A card that is read: its handler, the options that this takes, and those that have no effect here."""
-
-    read: Callable[[Reading, Card], None]
-    takes: frozenset[str] = frozenset()
-    ignores: frozenset[str] = frozenset()
-
-
-def _row(read: Callable[[Reading, Card], None], takes: str = "", ignores: str = "") -> CardRow:
-    return CardRow(read, frozenset(takes.split()), frozenset(ignores.split()))
-
-
-#: keyword without blanks -> how it is read
-READ = {
-    "ELEMENT": _row(model.element, "TYPE ELSET INPUT"),
-    "SURFACE": _row(model.surface, "NAME TYPE INSTANCE", "INTERNAL"),
-    "MATERIAL": _row(materials.material, "NAME"),
-    "ELASTIC": _row(materials.elastic, "TYPE"),
-    "HYPERELASTIC": _row(materials.hyperelastic, "NEOHOOKE"),
-    "DENSITY": _row(materials.density),
-    "EXPANSION": _row(materials.expansion, "TYPE ZERO"),
-    "ORIENTATION": _row(materials.orientation, "NAME SYSTEM", "DEFINITION"),
-    "SOLIDSECTION": _row(materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
-    "AMPLITUDE": _row(model.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
-    "INITIALCONDITIONS": _row(model.initial_conditions, "TYPE"),
-    "SURFACEINTERACTION": _row(model.interaction, "NAME"),
-    "SURFACEBEHAVIOR": _row(model.behavior, "PRESSURE-OVERCLOSURE"),
-    "FRICTION": _row(model.friction, "", "SLIPTOLERANCE"),
-    "CONTACTPAIR": _row(model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
-    "CLEARANCE": _row(model.clearance, "MASTER SLAVE VALUE"),
-    "TIE": _row(model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
-    "RIGIDBODY": _row(model.rigid_body, "NSET ELSET REFNODE ROTNODE"),
-    "SPRING": _row(model.spring, "ELSET"),
-    "STEP": _row(steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
-    "STATIC": _row(steps.static, "DIRECT", "SOLVER"),
-    "FREQUENCY": _row(steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
-    "DYNAMIC": _row(motion.dynamic, "ALPHA DIRECT EXPLICIT", "SOLVER"),
-    "DAMPING": _row(motion.damping, "ALPHA BETA"),
-    "MASS": _row(motion.mass, "ELSET"),
-    "ROTARYINERTIA": _row(motion.rotary_inertia, "ELSET"),
-    "ENDSTEP": _row(steps.end_step),
-    "BOUNDARY": _row(steps.boundary, "OP AMPLITUDE"),
-    "MODELCHANGE": _row(steps.model_change, "TYPE ADD REMOVE"),
-    "CLOAD": _row(steps.cload, "OP AMPLITUDE"),
-    "DLOAD": _row(steps.dload, "OP AMPLITUDE"),
-    "DSLOAD": _row(steps.dsload, "OP AMPLITUDE"),
-    "TEMPERATURE": _row(steps.temperature, "OP AMPLITUDE"),
-    "NODEPRINT": _row(steps.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
+Handler = Callable[[DeckContent, Card], None]
+#: keyword without blanks -> its handler, the options that this takes, and those that have no effect here
+READ: dict[str, tuple[Handler, str, str]] = {
+    "ELEMENT": (model.element, "TYPE ELSET INPUT", ""),
+    "SURFACE": (model.surface, "NAME TYPE INSTANCE", "INTERNAL"),
+    "MATERIAL": (materials.material, "NAME", ""),
+    "ELASTIC": (materials.elastic, "TYPE", ""),
+    "HYPERELASTIC": (materials.hyperelastic, "NEOHOOKE", ""),
+    "DENSITY": (materials.density, "", ""),
+    "EXPANSION": (materials.expansion, "TYPE ZERO", ""),
+    "ORIENTATION": (materials.orientation, "NAME SYSTEM", "DEFINITION"),
+    "SOLIDSECTION": (materials.section, "ELSET MATERIAL ORIENTATION", "CONTROLS"),
+    "AMPLITUDE": (model.amplitude, "NAME TIME DEFINITION VALUE SHIFTX SHIFTY", "SMOOTH"),
+    "INITIALCONDITIONS": (steps.initial_conditions, "TYPE", ""),
+    "SURFACEINTERACTION": (model.interaction, "NAME", ""),
+    "SURFACEBEHAVIOR": (model.behavior, "PRESSURE-OVERCLOSURE", ""),
+    "FRICTION": (model.friction, "", "SLIPTOLERANCE"),
+    "CONTACTPAIR": (model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
+    "CLEARANCE": (model.clearance, "MASTER SLAVE VALUE", ""),
+    "TIE": (model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
+    "RIGIDBODY": (model.rigid_body, "NSET ELSET REFNODE ROTNODE", ""),
+    "SPRING": (model.spring, "ELSET", ""),
+    "STEP": (steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
+    "STATIC": (steps.static, "DIRECT", "SOLVER"),
+    "FREQUENCY": (steps.frequency, "", "STORAGE SOLVER EIGENSOLVER NORMALIZATION"),
+    "DYNAMIC": (steps.dynamic, "ALPHA DIRECT EXPLICIT", "SOLVER"),
+    "DAMPING": (steps.damping, "ALPHA BETA", ""),
+    "MASS": (steps.mass, "ELSET", ""),
+    "ROTARYINERTIA": (steps.rotary_inertia, "ELSET", ""),
+    "ENDSTEP": (steps.end_step, "", ""),
+    "BOUNDARY": (steps.boundary, "OP AMPLITUDE", ""),
+    "MODELCHANGE": (steps.model_change, "TYPE ADD REMOVE", ""),
+    "CLOAD": (steps.cload, "OP AMPLITUDE", ""),
+    "DLOAD": (steps.dload, "OP AMPLITUDE", ""),
+    "DSLOAD": (steps.dsload, "OP AMPLITUDE", ""),
+    "TEMPERATURE": (steps.temperature, "OP AMPLITUDE", ""),
+    "NODEPRINT": (steps.node_print, "NSET", "FREQUENCY FREQUENCYF TOTALS TIMEPOINTS GLOBAL"),
 }
 #: cards that are the mesh, or frames of it: lacmesh has read them
-OF_THE_MESH = frozenset(
-    (
-        "NODE",
-        "NSET",
-        "ELSET",
-        "HEADING",
-        "PART",
-        "ENDPART",
-        "INSTANCE",
-        "ENDINSTANCE",
-        "ASSEMBLY",
-        "ENDASSEMBLY",
-        "PREPRINT",
-        "RESTART",
-        "INCLUDE",
-    )
+OF_THE_MESH = (
+    *("NODE", "NSET", "ELSET", "HEADING", "PART", "ENDPART", "INSTANCE", "ENDINSTANCE", "ASSEMBLY", "ENDASSEMBLY"),
+    *("PREPRINT", "RESTART", "INCLUDE"),
 )
 #: cards that do not change the answer -> what a user may want to know
 NOTES = {
