@@ -1,8 +1,10 @@
 """Formulas of x, y, z, t in Python's grammar, restricted to the names and operations listed here.
 
 A formula becomes a program for a stack machine: names and numbers push an array, an operation takes its arguments from
-the top of the stack and pushes its result. `evaluate.py` runs the program; only that module needs numpy. A formula
-cannot reach Python: it has no attributes, indices, strings or assignments, and no names beyond the tables below.
+the top of the stack and pushes its result. An operation is a function of numpy, by its name: `evaluate.py` runs the
+program, and only that module needs numpy. A formula cannot reach Python: it has no attributes, indices, strings or
+assignments, and no names beyond the tables below. It is not compiled by Python, whose compiler takes the tree of a sum
+of 900 terms and not of 1,000, fewer the deeper the caller is.
 """
 
 from __future__ import annotations
@@ -53,13 +55,19 @@ FUNCTIONS = {
     "heaviside": Function(1, 1, "0 below 0, 1 from 0 on"),
     "where": Function(3, 3, "b where a is true, c elsewhere: `where(x < 0.5, 1, 0)`; also `b if a else c`"),
 }
-_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "pow", ast.Mod: "mod", ast.FloorDiv: "//"}
-_UNARY = {ast.USub: "neg", ast.UAdd: "pos", ast.Not: "not"}
-_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-#: operations other than functions, and the number of arguments of each
-OPERATORS = {
-    **{name: 2 for name in ("+", "-", "*", "/", "//", *_COMPARE.values(), "and", "or")},
-    **{name: 1 for name in _UNARY.values()},
+#: names of functions that numpy has by another name
+_NUMPY = {
+    **{"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"},
+    **{"min": "minimum", "max": "maximum", "pow": "power"},
+}
+#: functions of numpy for operators
+OPERATORS: dict[type[ast.AST], str] = {
+    **{ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply", ast.Div: "divide"},
+    **{ast.Pow: "power", ast.Mod: "mod", ast.FloorDiv: "floor_divide"},
+    **{ast.USub: "negative", ast.UAdd: "positive", ast.Not: "logical_not"},
+    **{ast.And: "logical_and", ast.Or: "logical_or"},
+    **{ast.Lt: "less", ast.LtE: "less_equal", ast.Gt: "greater", ast.GtE: "greater_equal"},
+    **{ast.Eq: "equal", ast.NotEq: "not_equal"},
 }
 LONGEST = 100_000
 
@@ -130,13 +138,12 @@ def _expand(node: ast.expr) -> list[ast.expr | Step]:
             return [_number(value)]
         case ast.Name(id=name):
             return [_name(name)]
-        case ast.BinOp(left=a, op=op, right=b) if type(op) in _BINARY:
-            return [a, b, Step(_BINARY[type(op)], 2)]
-        case ast.UnaryOp(op=op, operand=a) if type(op) in _UNARY:
-            return [a, Step(_UNARY[type(op)], 1)]
+        case ast.BinOp(left=a, op=op, right=b) if type(op) in OPERATORS:
+            return [a, b, Step(OPERATORS[type(op)], 2)]
+        case ast.UnaryOp(op=op, operand=a) if type(op) in OPERATORS:
+            return [a, Step(OPERATORS[type(op)], 1)]
         case ast.BoolOp(op=op, values=values):
-            word = "and" if isinstance(op, ast.And) else "or"
-            return [*values[:2], Step(word, 2), *(part for v in values[2:] for part in (v, Step(word, 2)))]
+            return [*values, Step(OPERATORS[type(op)], len(values))]
         case ast.Compare():
             return _comparison(node)
         case ast.IfExp(test=a, body=b, orelse=c):
@@ -176,10 +183,10 @@ def _suggest(name: str) -> str:
 
 
 def _comparison(node: ast.Compare) -> list[ast.expr | Step]:
-    """Return the arguments of a comparison and its step: `a < b < c` is one step named `< <` on three arguments."""
-    if any(type(op) not in _COMPARE for op in node.ops):
+    """Return the arguments of a comparison and its step: that of `a < b < c` is `less less` on three."""
+    if any(type(op) not in OPERATORS for op in node.ops):
         raise Mistake("has a comparison in its formula that is none of < <= > >= == !=")
-    words = " ".join(_COMPARE[type(op)] for op in node.ops)
+    words = " ".join(OPERATORS[type(op)] for op in node.ops)
     return [node.left, *node.comparators, Step(words, len(node.ops) + 1)]
 
 
@@ -197,7 +204,9 @@ def _call(node: ast.Call) -> list[ast.expr | Step]:
     if count < least or (most is not None and count > most):
         wanted = str(least) if most == least else f"{least} or more"
         raise Mistake(f"gives {name} {count} arguments in its formula; it takes {wanted}")
-    return [*node.args, Step(name, count)]
+    if name == "heaviside":
+        return [*node.args, Step("number"), Step("greater_equal", 2)]
+    return [*node.args, Step(_NUMPY.get(name, name), count)]
 
 
 def _refusal(node: ast.AST) -> str:
