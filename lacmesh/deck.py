@@ -9,11 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lacmesh.mesh import Floats, Ints, Mesh, fixed
+from lacmesh.mesh import Ints, Mesh, fixed
+
+if TYPE_CHECKING:
+    from lacmesh.cutting.subdivide import NewNodes
 
 
 class DataLine(NamedTuple):
@@ -96,26 +99,6 @@ class DeckInstance:
     turned: bool
 
 
-class AddedNodes(Protocol):
-    """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
-
-    `on` (k, c): the corners of the face, edge or cell on which they lie. All are indices. `values`: (k, m, ...), node
-    values `old` (n_nodes, ...) interpolated in the cells.
-    """
-
-    @property
-    def type(self) -> str: ...  # noqa: D102
-    @property
-    def sources(self) -> Ints: ...  # noqa: D102
-    @property
-    def at(self) -> Floats: ...  # noqa: D102
-    @property
-    def ids(self) -> Ints: ...  # noqa: D102
-    @property
-    def on(self) -> Ints: ...  # noqa: D102
-    def values(self, old: Floats) -> Floats: ...  # noqa: D102
-
-
 @dataclass(frozen=True, eq=False)
 class Deck:
     """All cards of a deck in order, *INCLUDE resolved, and the mesh as it was read.
@@ -144,7 +127,7 @@ class Deck:
     own: tuple[int, int] = (0, 0)
     child: Ints = field(default_factory=lambda: np.empty(0, np.int64))
     root: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    added: tuple[AddedNodes, ...] = ()
+    added: tuple[NewNodes, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("child", "root"):
@@ -180,7 +163,7 @@ class Deck:
                  if (kind, key_of(name)) in self.surfaces]  # fmt: skip
         return found[0] if found else None
 
-    def followed(self, child: Ints, parent: Ints, added: tuple[AddedNodes, ...]) -> Deck:
+    def followed(self, child: Ints, parent: Ints, added: tuple[NewNodes, ...]) -> Deck:
         """The deck of a mesh in which elements were replaced, both by number (c,), and nodes were added."""
         root = parent.copy()
         if len(self.child):

@@ -16,7 +16,9 @@ import lacmesh
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
-from lacmesh.cutting.recognition import find_macros, recognise
+from lacmesh.cutting.earlier import recognise
+from lacmesh.cutting.recognition import find_macros
+from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
 from tests.checks.blocks import SOLIDS, block, cut_blocks, join, skin, two_blocks
 from tests.meshes import cell_with_faces, random_mesh
@@ -74,7 +76,7 @@ def test_random_meshes(seed, dim, order):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)  # of duplicates
         mesh = random_mesh(rng, dim, order, slaves=6, interior=bool(seed % 2), twins=seed % 3 == 0)
-        assert find_macros(mesh, ["slave"]).n_cut == 0
+        assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
         for hexa in ("pyramid", "hexa"):
             cut = cut_skin(mesh, "slave", hexa=hexa)
             same(cut, recognise(without_records(cut.mesh), "slave"))
@@ -187,7 +189,8 @@ def test_code_aster_cut(path):
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_uncut_blocks(name):
-    found = find_macros(two_blocks(name), ["slave"])
+    mesh = two_blocks(name)
+    found = find_macros(mesh, slave_skin(mesh, ["slave"]))
     assert found.n_cut == 0
     whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")
     assert (recognise(two_blocks(name), "slave") is not None) == whole, (
@@ -228,7 +231,7 @@ def test_even_lines_are_no_cut(n):
     """On a line with an even spacing every pair and every triple stands as a cut would put them."""
     for kind in ("TRIA3", "QUAD4"):
         mesh = two_blocks(kind, n=n)
-        assert find_macros(mesh, ["slave"]).n_cut == 0
+        assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
         assert cut_skin(mesh, "slave").n_macros == n
 
 
@@ -522,7 +525,7 @@ def test_real_meshes(shared, name):
     specs = [REAL[name]] if isinstance(REAL[name], str) else list(REAL[name])
     quadratic = any(CELLS[b.type].order == 2 for b in mesh.blocks)
     for base in [mesh] if quadratic else [mesh, lacmesh.raise_order(mesh, "2")]:
-        assert find_macros(base, specs).n_cut == 0
+        assert find_macros(base, slave_skin(base, specs)).n_cut == 0
         for hexa in ("pyramid", "hexa"):
             cut = cut_skin(base, specs, hexa=hexa)
             same(cut, recognise(without_records(cut.mesh), specs))

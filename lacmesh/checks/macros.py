@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from lacmesh.checks.recorded import Fault, record_faults
 from lacmesh.cutting.patterns import WHOLE_FACES
-from lacmesh.cutting.recognition import find_macros, with_records
+from lacmesh.cutting.recognition import as_cut, find_macros
 from lacmesh.cutting.records import Cut, is_cut
+from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import FACE_TYPES
@@ -58,10 +59,10 @@ def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> M
     elif is_cut(mesh) and not faults:
         own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
     elif len(side):
-        found = find_macros(mesh, list(side.names))
+        found = find_macros(mesh, slave_skin(mesh, side.names))
         if found.n_cut and (recognise or not found.doubt):
             recognised = True
-            own = with_records(mesh, found).cell_data["lac_macro"][side.cells].astype(np.int64)
+            own = as_cut(mesh, found).macro_of_face[side.cells].astype(np.int64)
     made = own >= 0
     last = int(own.max(initial=-1))
     own[~made] = last + 1 + np.arange(np.count_nonzero(~made))

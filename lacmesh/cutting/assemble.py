@@ -8,96 +8,80 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.subdivide import ChildCells, NewNodes, Subdivision
+from lacmesh.cutting.records import Origin
+from lacmesh.cutting.subdivide import ChildCells, NewNodes, Subdivision, n_added, node_values
 from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh
 
 
 @dataclass(frozen=True)
-class _Part:
-    """A block of the new mesh: the cells kept of the old block (`kept` of them in `old`), and children of `parents`."""
-
-    old: slice
-    kept: int
-    parents: Ints
-
-
-@dataclass(frozen=True)
 class _Layout:
-    """Layout of the new mesh: `blocks` with one part each; `gone` (old cells,): replaced; `new_index` (old cells,).
+    """Layout of the new mesh: `blocks`; `origin` (n_cells,): the old cell that each cell is, or replaces with others.
 
-    `child` (c,): indices of the children, sorted by `parent` (c,), then by `child_index` (c,) in that.
+    `new_index` (old cells,): -1 for those that were replaced. `child` (c,): indices of the children, sorted by the cell
+    that they replace, then by `child_index` (c,) in that.
     """
 
     blocks: tuple[Block, ...]
-    parts: tuple[_Part, ...]
-    gone: NDArray[np.bool_]
+    origin: Ints
     new_index: Ints
     child: Ints
-    parent: Ints
     child_index: Ints
 
-    def carry(self, values: NDArray) -> NDArray:
-        """Carry values of the old cells (n, ...) to the new ones; a child takes that of the cell it replaces."""
-        size = sum(part.kept + len(part.parents) for part in self.parts)
-        out = np.empty((size, *values.shape[1:]), values.dtype)
-        start = 0
-        for part in self.parts:
-            _copy_kept(values[part.old], self.gone[part.old], out[start : start + part.kept])
-            start += part.kept
-            out[start : start + len(part.parents)] = values[part.parents]
-            start += len(part.parents)
-        return out
+    @property
+    def parent(self) -> Ints:
+        """(c,): the old cell that each child replaces."""
+        return self.origin[self.child]
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Origin of the new cells: `child` (c,) replaces the old cell `parent` (c,), as its child `child_index` (c,).
-
-    `followed`: the new indices of the old cells that were asked for, -1 for those that were replaced.
-    """
-
-    child: Ints
-    parent: Ints
-    child_index: Ints
-    followed: Ints
-
-
-def assemble(mesh: Mesh, subdivision: Subdivision, follow: Ints, *, extend: bool) -> tuple[Mesh, Origin]:
-    """Build the new mesh, and return it with the origin of its cells; `follow`: old cells whose new indices are wanted.
+def assemble(mesh: Mesh, subdivision: Subdivision, *, extend: bool) -> tuple[Mesh, Origin]:
+    """Build the new mesh, and return it with the origin of its cells and nodes.
 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
-    layout = _lay_out(mesh, subdivision.children)
+    layout, new_nodes = _lay_out(mesh, subdivision.children), subdivision.new_nodes
     numbers = _cell_numbers(mesh, layout)
-    cell_groups = {name: _group(ids, layout) for name, ids in mesh.cell_groups.items()}
-    added = subdivision.n_nodes - mesh.n_nodes
     new = replace(
         mesh,
-        points=node_values("points", mesh.points, subdivision.new_nodes, added),
         blocks=layout.blocks,
-        node_number=more_numbers(mesh.node_number, added),
         cell_number=numbers,
         file_order=_file_order(mesh, layout),
-        cell_groups=cell_groups,
-        node_groups=node_groups(mesh, subdivision.new_nodes, extend),
-        cell_data={name: layout.carry(values) for name, values in mesh.cell_data.items()},
-        node_data=node_data(mesh, subdivision.new_nodes, added),
+        cell_groups={name: _group(ids, layout) for name, ids in mesh.cell_groups.items()},
+        cell_data={name: values[layout.origin] for name, values in mesh.cell_data.items()},
+        **nodes_of(mesh, new_nodes, extend),
     )
     if mesh.deck is not None:
-        nodes = tuple(subdivision.new_nodes) if extend else ()
-        deck = mesh.deck.followed(numbers[layout.child], mesh.cell_number[layout.parent], nodes)
+        deck = mesh.deck.followed(
+            numbers[layout.child], mesh.cell_number[layout.parent], tuple(new_nodes) if extend else ()
+        )
         new = replace(new, deck=deck)
     if "entity" in new.node_data and "entity" in mesh.cell_data:
         cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in subdivision.children)
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
         new = replace(new, node_data={**new.node_data, "entity": entity})
-    return new, Origin(layout.child, layout.parent, layout.child_index, layout.new_index[follow])
+    return new, Origin(layout.origin, _node_origin(mesh, new_nodes), layout.child)
+
+
+def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Any]:
+    """Fields of a mesh with new nodes that concern nodes: points, numbers, groups and data, by name."""
+    return {
+        "points": node_values(mesh.points, new_nodes),
+        "node_number": _more_numbers(mesh.node_number, n_added(new_nodes)),
+        "node_groups": _node_groups(mesh, new_nodes, extend),
+        "node_data": _node_data(mesh, new_nodes),
+    }
+
+
+def _node_origin(mesh: Mesh, new_nodes: list[NewNodes]) -> Ints:
+    """(n_nodes,): each node itself, and for a new node the first of the face or cell that it was put into."""
+    first = [np.repeat(nodes.sources.min(axis=1), nodes.ids.shape[1]) for nodes in new_nodes]
+    return np.concatenate([np.arange(mesh.n_nodes), *first], dtype=np.int32)
 
 
 def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
@@ -105,24 +89,28 @@ def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
     for block in children:
         gone[block.parent] = True
     old = {block.type: k for k, block in enumerate(mesh.blocks)}
+    n_children = sum(len(block.parent) for block in children)
+    origin = np.empty(mesh.n_cells - np.count_nonzero(gone) + n_children, np.int32)
     new_index = np.empty(mesh.n_cells, np.int32)
-    blocks, parts, child, index = [], [], [], []
+    blocks, child, index = [], [], []
     start = 0
     for kind in dict.fromkeys([*old, *(block.type for block in children)]):
         own = _joined(kind, [block for block in children if block.type == kind])
-        span = slice(*mesh.offsets[old[kind] : old[kind] + 2]) if kind in old else slice(0, 0)
-        np.cumsum(~gone[span], out=new_index[span])
-        kept = int(new_index[span][-1]) if span.stop > span.start else 0
-        new_index[span] += start - 1
-        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[span], kept, own)))
-        parts.append(_Part(span, kept, own.parent))
-        child.append(np.arange(start + kept, start + kept + len(own.parent), dtype=np.int32))
+        first, stop = mesh.offsets[old[kind] : old[kind] + 2] if kind in old else (0, 0)
+        kept = np.flatnonzero(~gone[first:stop])
+        np.cumsum(~gone[first:stop], out=new_index[first:stop])
+        new_index[first:stop] += start - 1
+        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[first:stop], len(kept), own)))
+        end = start + len(kept) + len(own.parent)
+        np.add(kept, first, out=origin[start : start + len(kept)], casting="same_kind")
+        origin[start + len(kept) : end] = own.parent
+        child.append(np.arange(start + len(kept), end, dtype=np.int32))
         index.append(own.child_index)
-        start += kept + len(own.parent)
+        start = end
     new_index[gone] = -1
-    all_parent, all_index, all_child = (np.concatenate(p) for p in ([p.parents for p in parts], index, child))
-    order = np.lexsort((all_index, all_parent))
-    return _Layout(tuple(blocks), tuple(parts), gone, new_index, all_child[order], all_parent[order], all_index[order])
+    all_child, all_index = (np.concatenate([np.empty(0, np.int32), *parts]) for parts in (child, index))
+    order = np.lexsort((all_index, origin[all_child]))
+    return _Layout(tuple(blocks), origin, new_index, all_child[order], all_index[order])
 
 
 def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
@@ -147,11 +135,9 @@ def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, own: C
 
 
 def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
-    """Copy old[~gone] into `target`; wide rows are copied run by run if these are few: several times faster."""
-    if old.ndim == 2 and old.shape[1] * old.itemsize == 8 and old.flags.c_contiguous:  # pairs of 4 bytes, as one of 8
-        old, target = old.view(np.int64)[:, 0], target.view(np.int64)[:, 0]
+    """Copy the rows old[~gone] into `target`; run by run if these are few: several times faster."""
     gaps = np.flatnonzero(gone)
-    if old.ndim == 1 or len(gaps) * 50 > len(old):
+    if len(gaps) * 50 > len(old):
         target[:] = old[~gone]
         return
     start = done = 0
@@ -163,7 +149,7 @@ def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
 
 
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
-    numbers = layout.carry(mesh.cell_number)
+    numbers = mesh.cell_number[layout.origin]
     first = _next_number(mesh.cell_number, len(layout.child), "cells")
     if first + len(layout.child) > np.iinfo(numbers.dtype).max:
         numbers = numbers.astype(np.int64)
@@ -179,7 +165,7 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
     return numbers
 
 
-def more_numbers(numbers: Ints, added: int) -> Ints:
+def _more_numbers(numbers: Ints, added: int) -> Ints:
     """Append `added` numbers that follow the largest one. Raises DataError if none are left."""
     first = _next_number(numbers, added, "nodes")
     dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
@@ -203,7 +189,7 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     start -= in_file
     if mesh.file_order is not None:
         start[mesh.file_order] = start.copy()
-    place = layout.carry(start)
+    place = start[layout.origin]
     del start, count, in_file
     place[layout.child] += layout.child_index.astype(np.int32)
     if (place[1:] > place[:-1]).all():
@@ -228,23 +214,15 @@ def _group(members: Ints, layout: _Layout) -> Ints:
     return new.copy() if consecutive and not inside.any() else new
 
 
-def node_values(name: str, old: NDArray, new_nodes: list[NewNodes], added: int) -> NDArray:
-    """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
-    values = np.concatenate([old, np.zeros((added, *old.shape[1:]), old.dtype)])
-    for nodes in new_nodes:
-        values[nodes.ids] = nodes.values(values)
-    return values
-
-
-def node_data(mesh: Mesh, new_nodes: list[NewNodes], added: int) -> dict[str, NDArray]:
+def _node_data(mesh: Mesh, new_nodes: list[NewNodes]) -> dict[str, NDArray]:
     """Node data of old and new nodes: interpolated; integer data by `_common_values`."""
     return {
-        name: (node_values if old.dtype.kind in "fc" else _common_values)(name, old, new_nodes, added)
+        name: node_values(old, new_nodes) if old.dtype.kind in "fc" else _common_values(name, old, new_nodes)
         for name, old in mesh.node_data.items()
     }
 
 
-def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes], added: int) -> NDArray:
+def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
     """Integer data of old and new nodes: a new node takes the value that all nodes of its source cell share, else -1.
 
     Unsigned and boolean data become signed.
@@ -253,7 +231,7 @@ def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes], added: in
         raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
     if old.dtype.kind in "ub":
         old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
-    values = np.concatenate([old, np.full((added, *old.shape[1:]), -1, old.dtype)])
+    values = np.concatenate([old, np.full((n_added(new_nodes), *old.shape[1:]), -1, old.dtype)])
     for nodes in new_nodes:
         around = values[nodes.sources]
         agreed = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)
@@ -273,11 +251,11 @@ def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, 
     return values
 
 
-def node_groups(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Ints]:
+def _node_groups(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Ints]:
     """Node groups after the cut; with `extend`, a new node enters those with all corners of its edge, face or cell."""
     if not extend:
         return dict(mesh.node_groups)
-    size = max((int(b.ids.max()) + 1 for b in new_nodes), default=mesh.n_nodes)
+    size = mesh.n_nodes + n_added(new_nodes)
     groups: dict[str, Ints] = {}
     for name, members in mesh.node_groups.items():
         inside = np.zeros(size, bool)

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lacmesh.cells import CELLS, Cell
-from lacmesh.cutting.assemble import more_numbers, node_data, node_entities, node_groups, node_values
+from lacmesh.cutting.assemble import node_entities, nodes_of
+from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh
@@ -56,21 +57,14 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mes
     mesh = as_mesh(mesh)
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
-    if (mesh.cell_data.get("lac_macro", np.array([-1])) >= 0).any():
+    if is_cut(mesh):
         raise CutError("this mesh carries a cut, whose macro-elements depend on the order; elevate the order, then cut")
     targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
     wanted = [w for k, target in enumerate(targets) for w in _wanted(mesh.blocks[k], k, target)]
     raised = [_widen(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
     new_nodes = _place(mesh, wanted, raised, targets)
-    added = sum(b.ids.size for b in new_nodes)
-    new = replace(
-        mesh,
-        points=node_values("points", mesh.points, new_nodes, added),
-        blocks=tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True)),
-        node_number=more_numbers(mesh.node_number, added),
-        node_groups=node_groups(mesh, new_nodes, extend),
-        node_data=node_data(mesh, new_nodes, added),
-    )
+    blocks = tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True))
+    new = replace(mesh, blocks=blocks, **nodes_of(mesh, new_nodes, extend))
     if mesh.deck is not None:
         none = np.empty(0, np.int64)
         new = replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes) if extend else ()))
@@ -79,7 +73,7 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mes
         cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
         new = replace(new, node_data={**new.node_data, "entity": entity})
-    if added and mesh.model is not None and mesh.model.periodic:
+    if new_nodes and mesh.model is not None and mesh.model.periodic:
         message = "the mesh has periodic links: the new nodes on them have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
     return _merge_blocks(new)

@@ -15,8 +15,6 @@ as well: rings have the half-width 1/3, and the nodes that the cut made are the 
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -34,11 +32,10 @@ from lacmesh.cutting.patterns import (
     internal_points,
     parent_pattern,
 )
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
+from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, with_records
 from lacmesh.cutting.regroup import regroup_segments
-from lacmesh.cutting.select import SlaveSkin, slave_skin
-from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, spec_list
+from lacmesh.cutting.select import SlaveSkin
+from lacmesh.mesh import Ints, Mesh
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
@@ -107,58 +104,15 @@ class RecognisedCut:
         return sum(len(family.parts) for family in self.families)
 
 
-def recognise(mesh: MeshLike, slave: str | int | Sequence[str | int], *, certain: bool = True) -> Cut | None:
-    """Recognise the cut of the slave groups of a mesh; return it with its records, or None if they are not cut.
-
-    Existing records are used as they are; without them the macro-elements are recognised from the faces and numbered
-    zone by zone, in the order of their first faces. The cells that the children replaced are unknown: `lac_parent` is
-    left out. `certain`: require all marks of a cut, half-widths of 1/3 and the new nodes last; otherwise the pattern of
-    the faces is sufficient, for a cut with another `ring` or a mesh that was renumbered. A skin that is only partly cut
-    gives None and a LacmeshWarning with the remaining faces. Raises GroupNotFoundError and RequestError.
-
-    >>> from dataclasses import replace
-    >>> from lacmesh import cut_skin, read
-    >>> mesh = read("data/two_blocks.msh")
-    >>> bare = replace(cut_skin(mesh, "slave").mesh, cell_data={}, node_data={})
-    >>> recognise(bare, "slave").n_macros, recognise(mesh, "slave")
-    (36, None)
-    """
-    mesh = as_mesh(mesh)
-    if is_cut(mesh):
-        return Cut(mesh)
-    recognised = find_macros(mesh, group_names(mesh, slave))
-    if recognised.families and not len(recognised.left) and not (certain and recognised.doubt):
-        return Cut(with_records(mesh, recognised))
-    if recognised.n_cut and len(recognised.left) and not (certain and recognised.doubt):
-        left = mesh.cell_names(recognised.cells[recognised.left])
-        message = f"the slave skin is cut in part: cells {left} belong to no macro-element of it"
-        warnings.warn(message, LacmeshWarning, stacklevel=2)
-    return None
-
-
-def group_names(mesh: Mesh, slave: str | int | Sequence[str | int]) -> list[str]:
-    """List the requested slave groups as specifications; raise an error if the mesh lacks one."""
-    specs = spec_list(slave)
-    if not specs:
-        raise RequestError("no slave group was given")
-    for spec in specs:
-        mesh.cells_of(spec)
-    return specs
-
-
-def find_macros(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin | None = None) -> RecognisedCut:
-    """Recognise the macro-elements in some groups; cells that are no skin faces of supported types are ignored.
-
-    `slave`: the skin of the groups, where it is known already.
-    """
-    slave = slave_skin(mesh, specs) if slave is None else slave
-    cells, zone, faces = slave.cells[slave.first], slave.zone[slave.first], slave.faces
+def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
+    """Recognise the macro-elements in some slave faces."""
+    cells, faces = slave.cells[slave.first], slave.faces
     families = _families(mesh, faces, _places_in_file(mesh, cells)) if len(cells) else ()
     covered = np.zeros(len(faces), bool)
     for family in families:
         covered[family.parts] = True
     doubt = _doubt(mesh, families, faces, cells)
-    return RecognisedCut(tuple(specs), cells, zone, families, np.flatnonzero(~covered), doubt)
+    return RecognisedCut(slave.names, cells, slave.zone[slave.first], families, np.flatnonzero(~covered), doubt)
 
 
 def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[MacroGroup, ...]:
@@ -174,8 +128,8 @@ def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[MacroGroup, ...]:
     return tuple(_without_conflicts([f for f in families if len(f.parts)], len(faces)))
 
 
-def with_records(mesh: Mesh, recognised: RecognisedCut) -> Mesh:
-    """Return the mesh with the records of the recognised macro-elements (`docs/conventions.md`)."""
+def as_cut(mesh: Mesh, recognised: RecognisedCut) -> Cut:
+    """Return the recognised macro-elements as a cut, in which no cell is known to replace another."""
     zone_of = [recognised.zone[family.parts[:, 0]] for family in recognised.families]
     first = [recognised.cells[family.parts[:, 0]] for family in recognised.families]
     order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
@@ -192,12 +146,8 @@ def with_records(mesh: Mesh, recognised: RecognisedCut) -> Mesh:
         child[cells] = np.arange(1, cells.shape[1] + 1)
         internal[family.frame[:, _carriers(family)]] = ids[:, None]
     records = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
-    return replace(
-        mesh,
-        cell_data={**mesh.cell_data, **records},
-        node_data={**mesh.node_data, NODE_RECORD: internal},
-        zones=recognised.names,
-    )
+    origin = Origin(np.arange(mesh.n_cells), np.arange(mesh.n_nodes), np.empty(0, np.int64))
+    return Cut(with_records(mesh, records, internal, recognised.names), origin)
 
 
 def _carriers(family: MacroGroup) -> list[int]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from lacmesh.errors import CutError
+from lacmesh.errors import CutError, some
 from lacmesh.facts import Described, listed
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.skin import FACE_TYPES
@@ -17,10 +19,24 @@ CELL_RECORDS = ("lac_macro", "lac_zone", "lac_child", "lac_parent")
 NODE_RECORD = "lac_internal"
 
 
+class Origin(NamedTuple):
+    """Where a cut mesh comes from, in rows of the mesh before the cut.
+
+    `cell` (n_cells,): the cell that each one is, or replaces with others. `node` (n_nodes,): the node that each one is;
+    for a new node the first node of the face or cell that it was put into. `children` (c,): the cells of the cut mesh
+    that replace others.
+    """
+
+    cell: Ints
+    node: Ints
+    children: Ints
+
+
 @dataclass(frozen=True, repr=False)
 class Cut(Described):
     """A view of the records of a cut in its mesh, where they are ordinary data, so that file formats keep them.
 
+    `origin`: the rows of cells and nodes in the mesh before the cut; None where that is not known, as of a file.
     Raises CutError if the mesh carries no cut.
 
     >>> from lacmesh import cut_skin, read
@@ -30,6 +46,7 @@ class Cut(Described):
     """
 
     mesh: Mesh
+    origin: Origin | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not is_cut(self.mesh):
@@ -82,6 +99,11 @@ class Cut(Described):
         internal = self.mesh.node_data.get(NODE_RECORD)
         return np.full(self.mesh.n_nodes, -1, np.int32) if internal is None else internal
 
+    @property
+    def cell_records(self) -> dict[str, Ints]:
+        """All records of the cells, (n_cells,) each, by the names of their data."""
+        return {name: self._cell_record(name) for name in CELL_RECORDS}
+
     def _cell_record(self, name: str) -> Ints:
         """Return a record, or -1 for every cell if the file has none (`lac_parent` if all faces were left whole)."""
         values = self.mesh.cell_data.get(name)
@@ -100,6 +122,23 @@ class Cut(Described):
         faces = faces[np.argsort(self.child_kind[faces], kind="stable")]
         return split(faces, self.macro_of_face[faces], self.n_macros)
 
+    def parents_in(self, before: Mesh) -> tuple[Ints, Ints]:
+        """Rows of the children, and of the cells of the mesh `before` that they replace, (c,) each.
+
+        Known from `origin` where that is of this mesh, else from the cells' numbers. Raises CutError if it has others.
+        """
+        children = np.flatnonzero(self.parent_of_cell >= 0)
+        numbers, known = self.parent_of_cell[children], before.cell_number
+        if self.origin is not None:
+            parents = self.origin.cell[children]
+            if parents.max(initial=-1) < before.n_cells and np.array_equal(known[parents], numbers):
+                return children, parents
+        missing = np.setdiff1d(numbers, known)
+        if len(missing):
+            raise CutError(f"the mesh before has no cells {some(missing)}: the cut is of another mesh", missing)
+        order = np.argsort(known, kind="stable")
+        return children, order[np.searchsorted(known, numbers, sorter=order)]
+
 
 def split(members: Ints, owner: Ints, count: int) -> tuple[Ints, ...]:
     """Group `members` by their `owner`, 0 to `count` - 1, keeping their order."""
@@ -111,3 +150,19 @@ def is_cut(mesh: Mesh) -> bool:
     """True if a mesh carries the records of a cut."""
     macro = mesh.cell_data.get("lac_macro")
     return macro is not None and bool((macro >= 0).any())
+
+
+def with_records(mesh: Mesh, cells: Mapping[str, Ints], internal: Ints, zones: tuple[str, ...]) -> Mesh:
+    """Return the mesh with the records of a cut: of cells by their names, (n_cells,) each, and of nodes (n_nodes,)."""
+    return replace(
+        mesh, cell_data={**mesh.cell_data, **cells}, node_data={**mesh.node_data, NODE_RECORD: internal}, zones=zones
+    )
+
+
+def without_records(mesh: Mesh) -> Mesh:
+    """Return the mesh without the records of a cut."""
+    if NODE_RECORD not in mesh.node_data and not any(name in mesh.cell_data for name in CELL_RECORDS):
+        return mesh
+    cells = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    nodes = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
+    return replace(mesh, cell_data=cells, node_data=nodes, zones=())

@@ -7,15 +7,15 @@ selection = the same with the cells on them and behind them  (select)
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from lacmesh.cells import CARRIED, CELLS
-from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, codes, distinct
+from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
+from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
+from lacmesh.mesh import Ints, Mesh, distinct
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, lacking
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
@@ -23,15 +23,19 @@ from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, 
 
 @dataclass(frozen=True)
 class SlaveSkin:
-    """The slave faces: `cells` (c,), each once, with the place of its first group, `zone` (c,); `faces`, each once.
+    """The slave faces of some groups, `names`: `cells` (c,), each once, with the place of its first group, `zone` (c,).
 
-    `first` (f,): the row of the cell that gives each face its node order.
+    `faces`, each once; `first` (f,): the row of the cell that gives each face its node order. `refusals`: why these
+    groups cannot be cut, the first that counts first; `remarks`: what a cut of them leaves out or takes twice.
     """
 
+    names: tuple[str, ...]
     cells: Ints
     zone: Ints
     faces: Faces
     first: Ints
+    refusals: tuple[LacmeshError, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -61,34 +65,114 @@ def in_first_group(groups: Sequence[Ints]) -> tuple[Ints, Ints]:
 
 
 def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> SlaveSkin:
-    """Return the skin faces of some groups; cells that are no skin faces of a type that can be cut are ignored.
+    """Return the skin faces of some groups; cells that are no skin faces of a type that can be cut are left out.
 
     They have dimension d - 1 or, without any and with `skin_only`, the highest of their group.
     """
-    known = np.array([b.type in TYPE_CODE and b.type != "POI1" for b in mesh.blocks], bool)
-    groups = []
-    for spec in specs:
-        cells = np.asarray(mesh.cells_of(spec))
-        dims = mesh.cell_dim[cells]
-        want = mesh.dim - 1 if not skin_only and (dims == mesh.dim - 1).any() else dims.max(initial=0)
-        cells = cells[dims == want]
-        groups.append(cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]])
+    names = tuple(_name(mesh, spec) for spec in specs)
+    dims = [_skin_dim(mesh, name, skin_only) for name in names]
+    highest = max((dim for dim in dims if dim < 3), default=0)
+    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == highest > 0 for b in mesh.blocks], bool)
+    groups = (np.asarray(mesh.cells_of(name)) for name in names)
+    groups = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
     cells, zone = in_first_group(groups)
-    same = mesh.cell_dim[cells] == mesh.cell_dim[cells].max(initial=0)
-    cells, zone = cells[same], zone[same]
     faces, first = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
-    return SlaveSkin(cells, zone, faces, first)
+    refusals = tuple(_refusals(mesh, names, dims, skin_only))
+    remarks = [_lower(mesh, name, dim) for name, dim in zip(names, dims, strict=True)]
+    remarks += [_empty_zones(names, zone), _duplicates(mesh, cells, first)]
+    return SlaveSkin(names, cells, zone, faces, first, refusals, tuple(filter(None, remarks)))
 
 
-def select(
-    mesh: Mesh, specs: Sequence[str], slave: SlaveSkin, *, interface: str, orient: str, skin_only: bool
-) -> tuple[Mesh, Selection]:
-    """Select what is cut for some groups, whose skin is `slave`; flip its faces outward first if `orient` says so.
+def _name(mesh: Mesh, spec: str) -> str:
+    """Name of a slave group, or of an entity of msh, in the records of a cut."""
+    if not spec.startswith("entity:") or spec in mesh.cell_groups:
+        return mesh.group(spec)
+    mesh.cells_of(spec)
+    return ":".join(["entity", *(str(int(part)) for part in spec.split(":")[1:])])
+
+
+def _skin_dim(mesh: Mesh, name: str, skin_only: bool) -> int:
+    """Dimension of the cells of a group that are taken for its skin faces."""
+    dims = mesh.cell_dim[mesh.cells_of(name)]
+    return mesh.dim - 1 if not skin_only and (dims == mesh.dim - 1).any() else int(dims.max(initial=0))
+
+
+def _refusals(mesh: Mesh, names: tuple[str, ...], dims: list[int], skin_only: bool) -> Iterator[LacmeshError]:
+    """Yield the reasons why groups whose faces have the dimensions `dims` cannot be cut."""
+    if not names:
+        yield RequestError("no slave group was given")
+    if len(set(names)) < len(names):
+        yield RequestError(f"a slave group is given twice: {', '.join(names)}")
+    for name, dim in zip(names, dims, strict=True):
+        yield from _refusals_of_group(mesh, name, dim, skin_only)
+    if mesh.dim < 2:
+        yield CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
+    if len(set(dims)) > 1:
+        yield CutError(
+            f"the slave groups {', '.join(names)} have faces of dimensions {sorted(set(dims))}; cut them apart"
+        )
+
+
+def _refusals_of_group(mesh: Mesh, name: str, dim: int, skin_only: bool) -> Iterator[CutError]:
+    """Yield the reasons why a group whose faces have dimension `dim` cannot be cut."""
+    cells = mesh.cells_of(name)
+    if not len(cells):
+        yield CutError(f"the slave group {name!r} is empty")
+        return
+    dims = mesh.cell_dim[cells]
+    wrong = cells[(dims < 1) | (dims > 2)] if skin_only else cells[dims > mesh.dim - 1]
+    odd = wrong if len(wrong) or skin_only or dim == mesh.dim - 1 else cells
+    if len(odd) and (dims == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
+        message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
+        yield CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
+    elif len(odd):
+        yield CutError(
+            f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
+            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension "
+            + ("1 or 2" if skin_only else f"{max(mesh.dim - 1, 1)}, one less than the cells behind it"),
+            mesh.cell_number[odd],
+        )
+    for kind, which, _ in mesh.select(cells[dims == dim]):
+        if kind not in CELLS:
+            message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
+            yield CutError(message, mesh.cell_number[which])
+
+
+def _lower(mesh: Mesh, name: str, dim: int) -> str:
+    if not (mesh.cell_dim[mesh.cells_of(name)] < dim).any():
+        return ""
+    return f"the slave group {name!r} also holds cells of lower dimension: they are left as they are"
+
+
+def _empty_zones(names: tuple[str, ...], zone: Ints) -> str:
+    empty = [name for k, name in enumerate(names) if not (zone == k).any()]
+    return (
+        f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
+        if empty
+        else ""
+    )
+
+
+def _duplicates(mesh: Mesh, cells: Ints, first: Ints) -> str:
+    if len(first) == len(cells):
+        return ""
+    copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
+    return (
+        f"slave faces stand twice in the slave groups (cells {copies} repeat others): one macro-element each, both "
+        "copies cut"
+    )
+
+
+def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_only: bool) -> tuple[Mesh, Selection]:
+    """Select what is cut with some slave faces, which are flipped outward first if `orient` says so.
 
     Returns the mesh with the faces as they are cut. Raises CutError for what cannot be cut.
     """
     _check_numbers(mesh)
-    zones = _check_groups(mesh, specs, slave, skin_only)
+    for refusal in slave.refusals:
+        raise refusal
+    for remark in slave.remarks:
+        warnings.warn(remark, LacmeshWarning, stacklevel=3)
     cells, faces, first = slave.cells, slave.faces, slave.first
     dim = int(mesh.cell_dim[cells[0]])
     _refuse_higher_order(mesh, faces, dim)
@@ -103,8 +187,7 @@ def select(
             f"cells {mesh.cell_names(odd)} lie on slave faces with other nodes (linear on quadratic?); remove them",
             mesh.cell_number[odd],
         )
-    _warn_of_duplicates(mesh, cells, first)
-    return mesh, Selection(faces, zones, slave.zone[first], cells[first], skin, parents)
+    return mesh, Selection(faces, slave.names, slave.zone[first], cells[first], skin, parents)
 
 
 def _check_numbers(mesh: Mesh) -> None:
@@ -112,62 +195,6 @@ def _check_numbers(mesh: Mesh) -> None:
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
         if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")
-
-
-def _check_groups(mesh: Mesh, specs: Sequence[str], slave: SlaveSkin, skin_only: bool) -> tuple[str, ...]:
-    """Check that the slave groups hold faces that can be cut, of one dimension; return the names of the zones."""
-    if not specs:
-        raise RequestError("no slave group was given")
-    names = [_name(mesh, spec) for spec in specs]
-    if len(set(names)) < len(names):
-        raise RequestError(f"a slave group is given twice: {', '.join(names)}")
-    dims = codes(np.array([_check_group(mesh, name, skin_only) for name in names]))
-    if mesh.dim < 2:
-        raise CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
-    empty = [name for k, name in enumerate(names) if not (slave.zone == k).any()]
-    if empty and len(dims) == 1:
-        message = f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
-        warnings.warn(message, LacmeshWarning, stacklevel=4)
-    if len(dims) > 1:
-        raise CutError(f"the slave groups {', '.join(names)} have faces of dimensions {dims.tolist()}; cut them apart")
-    return tuple(names)
-
-
-def _name(mesh: Mesh, spec: str) -> str:
-    if not spec.startswith("entity:") or spec in mesh.cell_groups:
-        return mesh.group(spec)
-    mesh.cells_of(spec)
-    return ":".join(["entity", *(str(int(part)) for part in spec.split(":")[1:])])
-
-
-def _check_group(mesh: Mesh, name: str, skin_only: bool) -> int:
-    """Check that a slave group holds skin faces of types that can be cut; return their dimension."""
-    cells = mesh.cells_of(name)
-    if not len(cells):
-        raise CutError(f"the slave group {name!r} is empty")
-    dims = mesh.cell_dim[cells]
-    want = int(dims.max()) if skin_only else mesh.dim - 1
-    wrong = cells[dims > want] if not skin_only else cells[(dims < 1) | (dims > 2)]
-    if len(wrong) or not (dims == want).any():
-        odd = wrong if len(wrong) else cells
-        if (dims == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
-            message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
-            raise CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
-        raise CutError(
-            f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
-            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension "
-            + ("1 or 2" if skin_only else f"{max(want, 1)}, one less than the cells behind it"),
-            mesh.cell_number[odd],
-        )
-    if (dims < want).any():
-        message = f"the slave group {name!r} also holds cells of lower dimension: they are left as they are"
-        warnings.warn(message, LacmeshWarning, stacklevel=5)
-    faces = cells[dims == want]
-    for kind, which, _ in mesh.select(faces):
-        if kind not in CELLS:
-            message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
-            raise CutError(message, mesh.cell_number[which])
-    return want
 
 
 def _check_parents(
@@ -216,10 +243,3 @@ def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
                     f"the {kind} {mesh.cell_number[cells[row]]} has a slave face, and cells of its order are not cut"
                 )
                 raise CutError(message, [mesh.cell_number[cells[row]]])
-
-
-def _warn_of_duplicates(mesh: Mesh, cells: Ints, first: Ints) -> None:
-    if len(first) < len(cells):
-        copies = np.setdiff1d(cells, cells[first])
-        message = f"slave faces stand twice in the slave groups (cells {mesh.cell_names(copies)} repeat others): "
-        warnings.warn(message + "one macro-element each, both copies cut", LacmeshWarning, stacklevel=4)

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, listings, parent_pattern
@@ -27,7 +28,7 @@ from lacmesh.topology.winding import relative_listing
 #: patterns, as codes of arrays
 PATTERNS = (WHOLE, CONE, RING)
 WHOLE_CODE, CONE_CODE, RING_CODE = range(3)
-#: indices between two children, for the children of the first of them: a cell has fewer in one cut
+#: a child that is cut again leaves its index to fewer children than so many; they are counted anew after each round
 _ROOM = 8
 
 
@@ -49,6 +50,19 @@ class NewNodes:
         return np.einsum("mn,kn...->km...", shape(self.type, self.at), old[self.sources], optimize=True)
 
 
+def n_added(new_nodes: list[NewNodes]) -> int:
+    """Number of new nodes."""
+    return sum(nodes.ids.size for nodes in new_nodes)
+
+
+def node_values(old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
+    """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
+    values = np.concatenate([old, np.zeros((n_added(new_nodes), *old.shape[1:]), old.dtype)])
+    for nodes in new_nodes:
+        values[nodes.ids] = nodes.values(values)
+    return values
+
+
 @dataclass(frozen=True)
 class ChildCells:
     """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and `child_index` (k,) in that, from 0."""
@@ -64,16 +78,6 @@ class ChildCells:
 
 
 @dataclass(frozen=True)
-class Subdivision:
-    """Result of a cut: new nodes, points of each face (f, p), padded with -1, and the cells that replace others."""
-
-    n_nodes: int
-    new_nodes: list[NewNodes]
-    face_points: Ints
-    children: list[ChildCells]
-
-
-@dataclass(frozen=True)
 class CutFaces:
     """Faces with their `patterns` (f,), codes of PATTERNS, and the new nodes on them, `points` (f, p), padded with -1.
 
@@ -86,11 +90,27 @@ class CutFaces:
     ring: float
     depth: float
 
+    def by_pattern(self, rows: Ints | None = None) -> Iterator[tuple[str, str, Ints]]:
+        """Iterate over what all faces, or those of some `rows`, have: (face type, pattern, which of them)."""
+        faces = slice(None) if rows is None else rows
+        code = self.faces.type[faces] * len(PATTERNS) + self.patterns[faces]
+        for value in codes(code):
+            yield FACE_TYPES[value // len(PATTERNS)], PATTERNS[value % len(PATTERNS)], np.flatnonzero(code == value)
+
     def frame(self, nodes: Ints, listed: Ints, faces: Ints, face_type: str, pattern: str) -> Ints:
         """(k, ...): nodes of cells, then the points of their faces in the cells' listing (`listed`: facet nodes)."""
         rows = relative_listing(self.faces.take(faces), Faces.join([(face_type, listed)]))
         places = listings(face_type, pattern, self.ring)[rows]
         return np.hstack([nodes, np.take_along_axis(self.points[faces], places, axis=1)])
+
+
+@dataclass(frozen=True)
+class Subdivision:
+    """Result of a cut: the faces with what was put on them, all new nodes, and the cells that replace others."""
+
+    cut: CutFaces
+    new_nodes: list[NewNodes]
+    children: list[ChildCells]
 
 
 def subdivide(
@@ -103,26 +123,24 @@ def subdivide(
     depth: float = 1 / 2,
 ) -> Subdivision:
     """Cut `faces` by their `patterns` (f,), codes of PATTERNS, the skin cells on them, and the parents behind them."""
-    points, on_faces = cut_faces(faces, patterns, mesh.n_nodes, ring)
-    cut = CutFaces(faces, patterns, points, ring, depth)
+    cut, on_faces = cut_faces(CutFaces(faces, patterns, np.empty((len(faces), 0), np.int64), ring, depth), mesh.n_nodes)
     of_skin = cut_skin_cells(mesh, cut, skin)
     of_parents, inside = cut_parents(mesh, cut, parents, _after(on_faces, mesh.n_nodes))
-    new_nodes = [*on_faces, *inside]
-    return Subdivision(_after(new_nodes, mesh.n_nodes), new_nodes, points, [*of_skin, *of_parents])
+    return Subdivision(cut, [*on_faces, *inside], [*of_skin, *of_parents])
 
 
-def cut_faces(faces: Faces, patterns: Ints, first: int, ring: float) -> tuple[Ints, list[NewNodes]]:
-    """Make the new nodes on every face, from id `first` on: (points (f, p), padded with -1; the new nodes)."""
-    groups = [(kind, face_pattern(kind, name, ring), rows) for kind, name, rows in _by_pattern(faces, patterns)]
-    points = np.full((len(faces), max((len(p.on_face) for _, p, _ in groups), default=0)), -1, np.int64)
+def cut_faces(cut: CutFaces, first: int) -> tuple[CutFaces, list[NewNodes]]:
+    """Make the new nodes on every face, from id `first` on: the faces with their points, and the new nodes."""
+    groups = [(kind, face_pattern(kind, name, cut.ring), rows) for kind, name, rows in cut.by_pattern()]
+    points = np.full((len(cut.faces), max((len(p.on_face) for _, p, _ in groups), default=0)), -1, np.int64)
     new_nodes: list[NewNodes] = []
     for kind, pattern, rows in groups:
         if len(pattern.on_face):
-            nodes = faces.nodes[rows][:, : CELLS[kind].n_nodes]
+            nodes = cut.faces.nodes[rows][:, : CELLS[kind].n_nodes]
             corners = nodes[:, : CELLS[kind].n_corners]
-            new_nodes.append(_made(kind, nodes, pattern.on_face, corners, _after(new_nodes, first)))
+            new_nodes.append(_nodes_at(kind, nodes, pattern.on_face, corners, _after(new_nodes, first)))
             points[rows, : len(pattern.on_face)] = new_nodes[-1].ids
-    return points, new_nodes
+    return replace(cut, points=points), new_nodes
 
 
 def cut_skin_cells(mesh: Mesh, cut: CutFaces, skin: FaceIncidence) -> list[ChildCells]:
@@ -130,7 +148,7 @@ def cut_skin_cells(mesh: Mesh, cut: CutFaces, skin: FaceIncidence) -> list[Child
     children: list[ChildCells] = []
     for kind, cells, nodes in mesh.select(skin.cell):
         faces = skin.face[np.searchsorted(skin.cell, cells)]
-        for face_type, name, rows in _by_pattern(cut.faces.take(faces), cut.patterns[faces]):
+        for face_type, name, rows in cut.by_pattern(faces):
             if name != WHOLE:
                 frame = cut.frame(nodes[rows], nodes[rows], faces[rows], face_type, name)
                 children += _children(face_pattern(kind, name, cut.ring), frame, cells[rows])
@@ -146,53 +164,61 @@ def cut_parents(
     face, cell, facet = parents.face[order], parents.cell[order], parents.facet[order]
     starts = np.flatnonzero(np.diff(cell, prepend=-1))
     nth = np.arange(len(cell)) - np.repeat(starts, np.diff(starts, append=len(cell)))
-    children: list[ChildCells] = []
-    new_nodes: list[NewNodes] = []
-    for kind, cells, nodes in mesh.select(cell[starts]):
-        rows = starts[np.searchsorted(cell[starts], cells)]
-        whole = ChildCells(kind, nodes, cells, np.zeros(len(cells), np.int64))
-        more, inside = _cut_cells(mesh, cut, whole, facet[rows], face[rows], _after(new_nodes, first))
-        children, new_nodes = [*children, *more], [*new_nodes, *inside]
+    children = [ChildCells(kind, nodes, cells, 0 * cells) for kind, cells, nodes in mesh.select(cell[starts])]
+    owners = FaceIncidence(face[starts], np.arange(len(starts)), facet[starts], starts >= 0)
+    children, new_nodes = _cut_once(mesh, cut, children, owners, first)
     for r in range(1, int(nth.max(initial=0)) + 1):
-        now = np.flatnonzero(nth == r)
-        children, inside = _cut_again(mesh, cut, children, face[now], cell[now], _after(new_nodes, first))
-        new_nodes = [*new_nodes, *inside]
+        n_nodes = _after(new_nodes, first)
+        owners = _owners(cut, children, face[nth == r], cell[nth == r], n_nodes)
+        children, inside = _cut_once(mesh, cut, children, owners, n_nodes)
+        children, new_nodes = _renumbered(children), [*new_nodes, *inside]
     return children, new_nodes
 
 
-def _cut_again(
-    mesh: Mesh, cut: CutFaces, children: list[ChildCells], face: Ints, parent: Ints, first: int
-) -> tuple[list[ChildCells], list[NewNodes]]:
-    """Cut once more: for each pair of a cell `parent` and a face `face`, the child of that cell that owns that face."""
+def _owners(cut: CutFaces, children: list[ChildCells], face: Ints, parent: Ints, n_nodes: int) -> FaceIncidence:
+    """Find for each pair of a cell `parent` and a face `face` the row of the child of that cell that owns the face."""
     wanted, which = np.unique(face, return_inverse=True)
-    starts = np.cumsum([0, *(len(block.parent) for block in children)])
-    parts = [(b.type, b.nodes, starts[k] + np.arange(len(b.parent))) for k, b in enumerate(children)]
-    owners = find_owners(cut.faces.take(wanted), parts, first)
-    parents = np.concatenate([b.parent for b in children])[owners.cell]
-    mine = np.isin(owners.face * mesh.n_cells + parents, which * mesh.n_cells + parent)
+    of = np.concatenate([block.parent for block in children])
+    ends = np.cumsum([len(block.parent) for block in children])[:-1]
+    rows = np.split(np.arange(len(of)), ends)
+    cells = [(block.type, block.nodes, own) for block, own in zip(children, rows, strict=True)]
+    owners = find_owners(cut.faces.take(wanted), cells, n_nodes)
+    size = int(parent.max()) + 1
+    mine = (of[owners.cell] < size) & np.isin(owners.face * size + of[owners.cell], which * size + parent)
+    return FaceIncidence(wanted[owners.face[mine]], owners.cell[mine], owners.facet[mine], owners.same[mine])
+
+
+def _cut_once(
+    mesh: Mesh, cut: CutFaces, cells: list[ChildCells], owners: FaceIncidence, first: int
+) -> tuple[list[ChildCells], list[NewNodes]]:
+    """Replace the cells that own a face by their children. `owners`: the faces, and the rows of their cells in all."""
     out: list[ChildCells] = []
     new_nodes: list[NewNodes] = []
-    for k, block in enumerate(children):
-        rows = np.flatnonzero(mine & (owners.cell >= starts[k]) & (owners.cell < starts[k + 1]))
-        local = owners.cell[rows] - starts[k]
-        left = block.take(np.setdiff1d(np.arange(len(block.parent)), local, assume_unique=True))
+    start = 0
+    for block in cells:
+        stop = start + len(block.parent)
+        at = np.flatnonzero((owners.cell >= start) & (owners.cell < stop))
+        rows = owners.cell[at] - start
+        left = block.take(np.setdiff1d(np.arange(len(block.parent)), rows, assume_unique=True))
+        if len(left.parent):
+            out.append(replace(left, child_index=left.child_index * _ROOM))
         more, inside = _cut_cells(
-            mesh, cut, block.take(local), owners.facet[rows], wanted[owners.face[rows]], _after(new_nodes, first)
+            mesh, cut, block.take(rows), owners.facet[at], owners.face[at], _after(new_nodes, first)
         )
-        out += [replace(left, child_index=left.child_index * _ROOM), *more]
-        new_nodes += inside
-    return _renumbered(out), new_nodes
+        out, new_nodes = [*out, *more], [*new_nodes, *inside]
+        start = stop
+    return out, new_nodes
 
 
 def _cut_cells(
     mesh: Mesh, cut: CutFaces, owners: ChildCells, facet: Ints, faces: Ints, first: int
 ) -> tuple[list[ChildCells], list[NewNodes]]:
-    """Cut cells (all of one type) whose facet number `facet` is the slave face `faces`, into children with room."""
+    """Cut cells (all of one type) whose facet number `facet` is the slave face `faces`."""
     children: list[ChildCells] = []
     new_nodes: list[NewNodes] = []
     for j in codes(facet):
         at = np.flatnonzero(facet == j)
-        for face_type, name, some in _by_pattern(cut.faces.take(faces[at]), cut.patterns[faces[at]]):
+        for face_type, name, some in cut.by_pattern(faces[at]):
             rows = at[some]
             mine = owners.take(rows)
             pattern = parent_pattern(owners.type, int(j), name, cut.ring, cut.depth)
@@ -200,14 +226,14 @@ def _cut_cells(
             frame = cut.frame(mine.nodes, listed, faces[rows], face_type, name)
             if len(pattern.inside):
                 corners = _corners(mesh, mine.parent)
-                new_nodes.append(_made(owners.type, mine.nodes, pattern.inside, corners, _after(new_nodes, first)))
+                new_nodes.append(_nodes_at(owners.type, mine.nodes, pattern.inside, corners, _after(new_nodes, first)))
                 frame = np.hstack([frame, new_nodes[-1].ids])
             children += _children(pattern, frame, mine.parent, mine.child_index)
     return children, new_nodes
 
 
 def _children(pattern: Template, frame: Ints, parent: Ints, index: Ints | int = 0) -> list[ChildCells]:
-    """Children of cells with nodes in a frame; between two indices there is room for the children of a child."""
+    """Children of cells with nodes in a frame, in the places of those cells among the children of their parents."""
     return [
         ChildCells(
             block.type,
@@ -230,21 +256,14 @@ def _renumbered(children: list[ChildCells]) -> list[ChildCells]:
     return [replace(b, child_index=own) for b, own in zip(children, np.split(counted, ends), strict=True)]
 
 
-def _made(kind: str, sources: Ints, at: Floats, on: Ints, first: int) -> NewNodes:
+def _nodes_at(kind: str, sources: Ints, at: Floats, on: Ints, first: int) -> NewNodes:
     """New nodes at points `at` of some cells, numbered cell by cell from id `first` on."""
     return NewNodes(kind, sources, at, first + np.arange(len(sources) * len(at)).reshape(len(sources), len(at)), on)
 
 
 def _after(new_nodes: list[NewNodes], first: int) -> int:
     """Return the id after those of the new nodes; `first`: that of the first."""
-    return first + sum(nodes.ids.size for nodes in new_nodes)
-
-
-def _by_pattern(faces: Faces, patterns: Ints) -> Iterator[tuple[str, str, Ints]]:
-    """Iterate over the combinations present: (face type, pattern, rows of `faces`)."""
-    code = faces.type * len(PATTERNS) + patterns
-    for value in codes(code):
-        yield FACE_TYPES[value // len(PATTERNS)], PATTERNS[value % len(PATTERNS)], np.flatnonzero(code == value)
+    return first + n_added(new_nodes)
 
 
 def _corners(mesh: Mesh, cells: Ints) -> Ints:

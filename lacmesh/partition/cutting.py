@@ -23,9 +23,10 @@ from lacmesh.partition.parts import Bools, Part, WholeMesh, needed, restrict, sk
 def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -> Part:
     """Cut the slave groups in a part of a mesh; return the part of the mesh that `cut_skin` makes of the whole mesh.
 
-    `slave` and `hexa` are as for `cut_skin`. A new node belongs to the owner of the first node of the cells in which it
-    lies. A part of a cut mesh is returned unchanged; an earlier cut without records is not recognised. Raises
-    RequestError for a slave group that is not in every part, and what `cut_skin` raises, on every process alike.
+    `slave` and `hexa` are as for `cut_skin`. A new node belongs to the owner of the first node of the face or cell that
+    it was put into (`Origin`). A part of a cut mesh is returned unchanged; an earlier cut without records is not
+    recognised. Raises RequestError for a slave group that is not in every part, and what `cut_skin` raises, on every
+    process alike.
     """
     specs = spec_list(slave)
     missing = [spec for spec in specs if skin_name(part.mesh, spec) not in part.everywhere]
@@ -34,13 +35,14 @@ def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -
     if part.mesh.zones:
         cut_skin(part.mesh, specs)
         return part
-    old, new = part.mesh, cut_skin(part.mesh, specs, hexa=hexa, recognise=False).mesh
-    gone, parent = _replaced(old, new)
+    cut = cut_skin(part.mesh, specs, hexa=hexa, recognise=False)
+    old, new, origin = part.mesh, cut.mesh, cut.origin
+    assert origin is not None
+    gone = np.zeros(old.n_cells, bool)
+    gone[origin.cell[origin.children]] = True
     nodes = np.concatenate([part.node, part.n_nodes + np.arange(new.n_nodes - old.n_nodes)])
     cells, types = _indices(part, new, gone)
-    source = _sources(old, new, parent)
-    owner = np.concatenate([part.owner, part.owner[source]])
-    body = np.concatenate([part.body, part.body[source]])
+    owner, body = part.owner[origin.node], part.body[origin.node]
     numbered = _numbered(part, new)
     node, cell = needed(numbered, owner == part.rank, part.everywhere)
     return replace(
@@ -52,18 +54,6 @@ def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -
         body=body[node],
         whole=_whole(part.whole, old, numbered, types),
     )
-
-
-def _replaced(old: Mesh, new: Mesh) -> tuple[Bools, Ints]:
-    """Return a mask of the old cells that were replaced, and the old cell that each new one replaces, or -1."""
-    number = new.cell_data["lac_parent"]
-    child = np.flatnonzero(number >= 0)
-    order = np.argsort(old.cell_number)
-    parent = np.full(new.n_cells, -1)
-    parent[child] = order[np.searchsorted(old.cell_number[order], number[child])]
-    gone = np.zeros(old.n_cells, bool)
-    gone[parent[child]] = True
-    return gone, parent
 
 
 def _indices(part: Part, new: Mesh, gone: Bools) -> tuple[Ints, tuple[tuple[str, int], ...]]:
@@ -88,20 +78,6 @@ def _indices(part: Part, new: Mesh, gone: Bools) -> tuple[Ints, tuple[tuple[str,
         types.append((block.type, stay + children))
         start += stay + children
     return np.concatenate(indices), tuple(types)
-
-
-def _sources(old: Mesh, new: Mesh, parent: Ints) -> Ints:
-    """Return for each new node the first node of the old cells in which it lies."""
-    first = np.full(old.n_cells, old.n_nodes)
-    for block, start in zip(old.blocks, old.offsets, strict=False):
-        if len(block.nodes):
-            first[start : start + len(block.nodes)] = block.nodes.min(axis=1)
-    source = np.full(new.n_nodes, old.n_nodes)
-    for block, start in zip(new.blocks, new.offsets, strict=False):
-        of_cell = parent[start : start + len(block.nodes)]
-        child = np.flatnonzero(of_cell >= 0)
-        np.minimum.at(source, block.nodes[child], first[of_cell[child]][:, None])
-    return source[old.n_nodes :]
 
 
 def _numbered(part: Part, new: Mesh) -> Mesh:

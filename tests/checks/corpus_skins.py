@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lacmesh import Mesh, cut_skin, raise_order
+from lacmesh import Mesh, cut_skin, raise_order, recognise
 from lacmesh.cells import CELLS
 from tests.checks.blocks import block, cut_blocks, join, skin, two_blocks
 from tests.checks.corpus import at, changed, defect, merged, of_type, reversed_group, without_records
@@ -193,10 +193,9 @@ def two_slave_faces_on_each_other():
 
 def cut_again(mesh):
     """The records of a cut found again where cells were added."""
-    from lacmesh.cutting.recognition import find_macros, with_records
-
-    bare = without_records(mesh)
-    return with_records(bare, find_macros(bare, ["slave"]))
+    cut = recognise(without_records(mesh), "slave", certain=False)
+    assert cut is not None
+    return cut.mesh
 
 
 @defect("self-intersection", slave="slave", master=None)
