@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from lacmesh.cutting.cut import Cut
     from lacmesh.mesh import Mesh
     from lacmesh.report import CutReport, CutSummary
+    from lacmesh.report.touched import Touched
 
 
 def add(commands: Any) -> None:
@@ -91,7 +92,6 @@ def run(args: argparse.Namespace) -> None:
     """Cut a file."""
     from concurrent.futures import ThreadPoolExecutor
 
-    from lacmesh.cutting.cut import is_cut
     from lacmesh.formats import read
 
     check_skins(args)
@@ -106,21 +106,22 @@ def run(args: argparse.Namespace) -> None:
         mesh = read(source, mesh=args.mesh)
     groups = skins(mesh, args)
     args.slave = groups["slave"]
-    done = is_cut(mesh) and args.recognise is not False
     with stage("cut"):
         cut = _cut(mesh, args)
+        done = cut.origin is None  # it was cut before, from what is not known
+        cells = None if done or (args.min_quality is None and not args.report) else _touched(mesh, cut)
         if args.min_quality is not None:
-            _refuse_poor(None if done else mesh, cut, args.min_quality)
+            _refuse_poor(mesh, cut, args.min_quality, cells)
     report = findings = None
     if groups["master"]:
         with stage("check"):
             findings = _check(cut, sides(groups), args)
     if args.report:
         with stage("report"):
-            report = _report(None if done else mesh, cut, findings)
+            report = _report(mesh, cut, findings, cells)
     with ThreadPoolExecutor(1) as beside:
         # beside the writing, which waits for the disk
-        summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut)
+        summary = None if args.quiet or done else beside.submit(_summarise, mesh, cut, report)
         with stage("write"), _beside_report(args, report):
             write_mesh(target, cut.mesh, source, args)
     if summary is not None:
@@ -175,24 +176,30 @@ def _check_report(target: Path, args: argparse.Namespace) -> None:
     check_report(Path(args.report), force=args.force)
 
 
-def _refuse_poor(before: Mesh | None, cut: Cut, least: float) -> None:
-    """Raise CutError if the quality of a touched cell is below `least`; `before`: None if the mesh was cut already."""
+def _touched(before: Mesh, cut: Cut) -> Touched:
+    from lacmesh.report.touched import touched
+
+    return touched(before, cut)
+
+
+def _refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None) -> None:
+    """Raise CutError if the quality of a touched cell is below `least`; `cells`: None if the mesh was cut already."""
     from lacmesh.report.touched import refuse_poor, refuse_poor_children
 
-    if before is None:
+    if cells is None:
         refuse_poor_children(cut, least)
     else:
-        refuse_poor(before, cut, least)
+        refuse_poor(before, cut, least, cells)
 
 
-def _report(before: Mesh | None, cut: Cut, findings: Findings | None) -> CutReport | None:
+def _report(before: Mesh, cut: Cut, findings: Findings | None, cells: Touched | None) -> CutReport | None:
     from lacmesh.report import cut_report
 
-    if before is None:
+    if cells is None:
         message = "this mesh was cut before, from what is not known: no report is written; see lacmesh quality"
         warnings.warn(message, LacmeshWarning, stacklevel=1)
         return None
-    return cut_report(before, cut, findings=findings)
+    return cut_report(before, cut, findings=findings, cells=cells)
 
 
 @contextmanager
@@ -220,13 +227,13 @@ def _number(text: str) -> float:
     return value
 
 
-def _summarise(mesh: Mesh, cut: Cut) -> CutSummary:
+def _summarise(mesh: Mesh, cut: Cut, report: CutReport | None) -> CutSummary:
     import rich.console
     import rich.table  # noqa: F401  (what the printing will need)
 
     from lacmesh.report import summarise
 
-    return summarise(mesh, cut)
+    return summarise(mesh, cut) if report is None else report.summary
 
 
 def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stages) -> None:

@@ -20,7 +20,7 @@ NODE_RECORD = "lac_internal"
 
 
 class Origin(NamedTuple):
-    """Where a cut mesh comes from, in rows of the mesh before the cut.
+    """Origin of the cells and nodes of a cut mesh, as rows of the mesh before the cut.
 
     `cell` (n_cells,): the cell that each one is, or replaces with others. `node` (n_nodes,): the node that each one is;
     for a new node the first node of the face or cell that it was put into. `children` (c,): the cells of the cut mesh

@@ -154,17 +154,24 @@ class CutReport:
 
 
 def cut_report(
-    before: Mesh, cut: Cut, *, ring: float = 1 / 3, depth: float = 1 / 2, findings: Iterable[Finding] | None = None
+    before: Mesh,
+    cut: Cut,
+    *,
+    ring: float = 1 / 3,
+    depth: float = 1 / 2,
+    findings: Iterable[Finding] | None = None,
+    cells: Touched | None = None,
 ) -> CutReport:
     """Report the effect of a cut on the cells it touched; `ring` and `depth` as they were given to `cut_skin`.
 
     `before`: the mesh that was cut. `findings`: those of `lacmesh.check` for the cut, to be included in the report.
-    Raises CutError where the cut is not of that mesh.
+    `cells`: the touched ones, where they are known already (`touched`). Raises CutError where the cut is not of that
+    mesh.
     """
-    cells = touched(before, cut)
+    cells = touched(before, cut) if cells is None else cells
     by_variant = variants(before, cut, cells, ring, depth)
     return CutReport(
-        summary=summarise(before, cut),
+        summary=summarise(before, cut, cells),
         internal=_internal(cut),
         comparisons=tuple(_comparisons(before, cut, cells)),
         types_before=quality_of(before, cells.parents),

@@ -13,8 +13,8 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, is_cut
 from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.errors import CutError
-from lacmesh.mesh import ENTITY_CODE, Ints, Mesh
-from lacmesh.quality import worst
+from lacmesh.mesh import ENTITY_CODE, Floats, Mesh
+from lacmesh.report.touched import Touched, touched
 
 
 @dataclass(frozen=True)
@@ -86,35 +86,26 @@ def _entities(mesh: Mesh) -> Iterator[dict[str, Any]]:
         yield {"dim": dim, "tag": tag, "cells": int(cells[k]), "box": [low[k].tolist(), high[k].tolist()]}
 
 
-def summarise(before: Mesh, cut: Cut) -> CutSummary:
-    """Compare a mesh with its cut."""
-    after = cut.mesh
-    children = np.flatnonzero(cut.parent_of_cell >= 0)
-    parents = rows_of(before, np.unique(cut.parent_of_cell[children]))
-    macros = np.bincount(_zone_of_macro(cut), minlength=len(cut.zones))
+def summarise(before: Mesh, cut: Cut, cells: Touched | None = None) -> CutSummary:
+    """Compare a mesh with its cut; `cells`: the touched ones, where they are known already (`touched`)."""
+    cells = touched(before, cut) if cells is None else cells
+    macros = np.bincount(cut.zone_of_face[cut.child_kind == 1], minlength=len(cut.zones))
     return CutSummary(
         zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
-        replaced={kind: len(cells) for kind, cells, _ in before.select(parents)},
-        children={kind: len(cells) for kind, cells, _ in after.select(children)},
-        nodes=(before.n_nodes, after.n_nodes),
-        cells=(before.n_cells, after.n_cells),
-        worst=(worst(before, parents), worst(after, children)),
+        replaced={kind: len(of_kind) for kind, of_kind, _ in before.select(cells.parents)},
+        children={kind: len(of_kind) for kind, of_kind, _ in cut.mesh.select(cells.children)},
+        nodes=(before.n_nodes, cut.mesh.n_nodes),
+        cells=(before.n_cells, cut.mesh.n_cells),
+        worst=(
+            _worst(cells.before[before.cell_dim[cells.parents] > 1]),
+            _worst(cells.after[cut.mesh.cell_dim[cells.children] > 1]),
+        ),
     )
 
 
-def _zone_of_macro(cut: Cut) -> Ints:
-    first = np.flatnonzero(cut.child_kind == 1)
-    return cut.zone_of_face[first]
-
-
-def rows_of(mesh: Mesh, numbers: Ints) -> Ints:
-    """Sorted indices (k,) of the cells with these numbers, all of which the mesh must have."""
-    if int(mesh.cell_number.max(initial=0)) > 10 * mesh.n_cells + 1000:
-        order = np.argsort(mesh.cell_number, kind="stable")
-        return np.sort(order[np.searchsorted(mesh.cell_number, numbers, sorter=order)])
-    row = np.full(int(mesh.cell_number.max(initial=0)) + 1, -1, np.int32)
-    row[mesh.cell_number] = np.arange(mesh.n_cells, dtype=np.int32)
-    return np.sort(row[numbers])
+def _worst(quality: Floats) -> float:
+    """Least quality; NaN if there is none: lines have none."""
+    return float(quality.min()) if len(quality) else float("nan")
 
 
 def pattern_table() -> Iterator[PatternRow]:

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.cutting.patterns import RING_PARENTS
-from lacmesh.errors import CutError, LacmeshWarning, some
+from lacmesh.errors import CutError, LacmeshWarning
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian
-from lacmesh.report.records import rows_of
 
 _NAMED = 5
 
@@ -46,15 +45,8 @@ class Touched:
 
 def touched(before: Mesh, cut: Cut) -> Touched:
     """Find the cells that a cut touched. Raises CutError if the cut is not of the mesh `before`."""
-    children = np.flatnonzero(cut.parent_of_cell >= 0)
-    numbers = cut.parent_of_cell[children]
-    known = before.cell_number
-    if len(numbers) and not np.isin(numbers, known).all():
-        odd = np.unique(numbers[~np.isin(numbers, known)])
-        raise CutError(f"the mesh before has no cells {some(odd)}: the cut is of another mesh", odd)
-    parents = rows_of(before, np.unique(numbers))
-    order = np.argsort(known[parents])
-    of = order[np.searchsorted(known[parents][order], numbers)]
+    children, parent = cut.parents_in(before)
+    parents, of = np.unique(parent, return_inverse=True)
     return Touched(parents, children, of, _corner(before, parents), _corner(cut.mesh, children))
 
 
@@ -74,25 +66,37 @@ def hexahedra(before: Mesh, cells: Touched) -> NDArray[np.bool_]:
 def variants(before: Mesh, cut: Cut, cells: Touched, ring: float = 1 / 3, depth: float = 1 / 2) -> Mapping[str, Floats]:
     """Least corner Jacobian (p,) of each parent's children for the variants `pyramid` and `hexa`, by name.
 
-    Empty if no parent has two variants. `ring` and `depth` as they were given to `cut_skin`.
+    Empty if no parent has two variants. `ring` and `depth` as they were given to `cut_skin`. The variant by which all
+    hexahedra are cut already is that of the cut itself.
     """
-    if not hexahedra(before, cells).any():
+    able = hexahedra(before, cells)
+    if not able.any():
         return {}
-    found = {}
+    ringed = np.zeros(len(cells.parents), bool)
+    for kind, which, _ in cut.mesh.select(cells.children):
+        if CELLS[kind].family == "HEXA":
+            ringed[cells.of[np.searchsorted(cells.children, which)]] = True
+    own = "hexa" if ringed[able].all() else "" if ringed[able].any() else "pyramid"
+    least = {}
     for hexa in ("pyramid", "hexa"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
-            other = cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth, recognise=False)
-        found[hexa] = touched(before, other).least
-    return found
+        least[hexa] = cells.least if hexa == own else _least_by(before, cut, hexa, ring, depth)
+    return least
 
 
-def refuse_poor(before: Mesh, cut: Cut, least: float) -> None:
+def _least_by(before: Mesh, cut: Cut, hexa: str, ring: float, depth: float) -> Floats:
+    """Least corner Jacobian of each parent's children, (p,), where the same groups are cut by a variant."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
+        return touched(before, cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth, recognise=False)).least
+
+
+def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = None) -> None:
     """Raise CutError where a touched cell has a least corner Jacobian below `least` after the cut.
 
-    The message names the worst, their parents and their places, and says which variant would be better there.
+    The message names the worst, their parents and their places, and says which variant would be better there. `cells`:
+    the touched ones, where they are known already (`touched`).
     """
-    cells = touched(before, cut)
+    cells = touched(before, cut) if cells is None else cells
     poor = np.flatnonzero(~(cells.after >= least))
     if not len(poor):
         return
