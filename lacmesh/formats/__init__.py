@@ -169,7 +169,7 @@ def _second(path: Path, form: Format, mesh: Mesh, options: WriteOptions) -> list
         from lacmesh.formats import sidecar
 
         second, is_ours = sidecar.place_of(path), sidecar.is_ours
-        if sidecar.records_of(mesh) is None and not is_ours(second):
+        if sidecar.cut_of(mesh) is None and not is_ours(second):
             return []
     else:
         return []
@@ -185,9 +185,9 @@ def _read_back(path: Path, form: Format, mesh: Mesh) -> Mesh | None:
 
     Its sidecar needs it: writers renumber, and faces of *SURFACEs get their numbers from the reader.
     """
-    from lacmesh.formats.sidecar import records_of
+    from lacmesh.formats.sidecar import cut_of
 
-    if records_of(mesh) is None:
+    if cut_of(mesh) is None:
         return None
     try:
         with warnings.catch_warnings():

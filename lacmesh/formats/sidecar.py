@@ -11,15 +11,15 @@ from __future__ import annotations
 import json
 import re
 import warnings
-from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut
+from lacmesh.cutting import records
+from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.errors import CutError, LacmeshWarning
 from lacmesh.formats.ids import Index
 from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
@@ -43,14 +43,6 @@ class UnfitError(Exception):
     """Records that do not belong to a mesh file; the text is the reason, for a warning."""
 
 
-class Records(NamedTuple):
-    """The records of a cut on some mesh: `cell` (n_cells,) by name, `internal` (n_nodes,), the names of the zones."""
-
-    cell: dict[str, Ints]
-    internal: Ints
-    zones: tuple[str, ...]
-
-
 def place_of(path: Path) -> Path:
     """Path of the sidecar that holds the cut records of a mesh file."""
     return path.with_name(path.name + SUFFIX)
@@ -65,28 +57,21 @@ def is_ours(path: Path) -> bool:
         return False
 
 
-def records_of(mesh: Mesh) -> Records | None:
-    """The records of the cut that a mesh carries; None where it carries none."""
+def cut_of(mesh: Mesh) -> Cut | None:
+    """The cut that a mesh carries; None where it carries none, or where its records are other data of these names."""
     if not is_cut(mesh):
         return None
     try:
         cut = Cut(mesh)
     except CutError:
         return None
-    cell = dict(
-        zip(CELL_RECORDS, (cut.macro_of_face, cut.zone_of_face, cut.child_kind, cut.parent_of_cell), strict=True)
-    )
-    records = Records(cell, cut.macro_of_node, cut.zones)
-    return records if all(v.ndim == 1 and v.dtype.kind in "iu" for v in (*cell.values(), records.internal)) else None
+    values = (*cut.cell_records.values(), cut.macro_of_node)
+    return cut if all(v.ndim == 1 and v.dtype.kind in "iu" for v in values) else None
 
 
 def without_records(mesh: Mesh) -> Mesh:
     """The mesh without its cut records, which formats of nodes, cells and groups alone leave to the sidecar."""
-    if records_of(mesh) is None:
-        return mesh
-    cell = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
-    node = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
-    return replace(mesh, cell_data=cell, node_data=node, zones=())
+    return mesh if cut_of(mesh) is None else records.without_records(mesh)
 
 
 def to_json(mesh: Mesh, back: Mesh) -> str | None:
@@ -94,16 +79,16 @@ def to_json(mesh: Mesh, back: Mesh) -> str | None:
 
     None if `back` has the records already. Raises UnfitError.
     """
-    there, has_already = transfer_records(mesh, back), records_of(back)
+    there, has_already = transferred(mesh, back), cut_of(back)
     if has_already is not None and _same(there, has_already):
         return None
-    has = np.flatnonzero(np.any([values >= 0 for values in there.cell.values()], axis=0))
-    nodes = np.flatnonzero(there.internal >= 0)
+    has = np.flatnonzero(np.any([values >= 0 for values in there.cell_records.values()], axis=0))
+    nodes = np.flatnonzero(there.macro_of_node >= 0)
     if not (distinct(back.cell_number) and distinct(back.node_number)):
         raise UnfitError("numbers stand twice in the file")
     children: dict[str, Ints] = {"cell": back.cell_number[has]}
-    children |= {column: there.cell[name][has] for column, name in zip(_COLUMNS, CELL_RECORDS, strict=True)}
-    internal = {"node": back.node_number[nodes], "macro": there.internal[nodes]}
+    children |= {column: there.cell_records[name][has] for column, name in zip(_COLUMNS, CELL_RECORDS, strict=True)}
+    internal = {"node": back.node_number[nodes], "macro": there.macro_of_node[nodes]}
     try:
         _check_values(children, internal, len(there.zones))
     except ValueError as error:
@@ -126,7 +111,7 @@ def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
     try:
         if not side.exists():
             return mesh
-        return _with(mesh, _fitting(_loaded(side, mesh), path, mesh))
+        return _fitting(_loaded(side, mesh), path, mesh).mesh
     except UnfitError as unfit:
         why = str(unfit)
     except OSError as error:
@@ -138,44 +123,36 @@ def with_sidecar_records(path: Path, mesh: Mesh) -> Mesh:
     return mesh
 
 
-def _with(mesh: Mesh, records: Records) -> Mesh:
-    cell = {**mesh.cell_data, **records.cell}
-    node = {**mesh.node_data, NODE_RECORD: records.internal}
-    with_records = replace(mesh, cell_data=cell, node_data=node, zones=records.zones)
+def _cut(mesh: Mesh, cells: dict[str, Ints], internal: Ints, zones: tuple[str, ...]) -> Cut:
+    """The mesh with these records. Raises UnfitError."""
     try:
-        Cut(with_records)
+        return Cut(records.with_records(mesh, cells, internal, zones))
     except CutError as error:
         raise UnfitError("they are not those of a cut") from error
-    return with_records
 
 
-def _same(a: Records, b: Records) -> bool:
-    pairs = [*((a.cell[name], b.cell[name]) for name in CELL_RECORDS), (a.internal, b.internal)]
-    return a.zones == b.zones and all(y.dtype.kind in "iu" and np.array_equal(x, y) for x, y in pairs)
+def _same(a: Cut, b: Cut) -> bool:
+    pairs = zip((*a.cell_records.values(), a.macro_of_node), (*b.cell_records.values(), b.macro_of_node), strict=True)
+    return a.zones == b.zones and all(np.array_equal(x, y) for x, y in pairs)
 
 
-def transfer_records(mesh: Mesh, back: Mesh) -> Records:
-    """Transfer the cut records of `mesh` to `back`, the same mesh read from a file. Raises UnfitError.
+def transferred(mesh: Mesh, back: Mesh) -> Cut:
+    """The cut that `mesh` carries in `back`, the same mesh read from a file. Raises UnfitError.
 
     Cells may differ in order, in the order of their nodes, and in number. Cells may be missing, and their parents'
     numbers with them, but all slave faces and internal nodes must be there.
     """
-    records = records_of(mesh)
-    assert records is not None
+    cut = Cut(mesh)
     node = _nodes(mesh, back)
-    cell = _cells(mesh, back, node)
-    for to, owner, what in (
-        (cell, records.cell["lac_macro"], "slave faces"),
-        (node, records.internal, "internal nodes"),
-    ):
+    cell = _cells(cut, back, node)
+    for to, owner, what in ((cell, cut.macro_of_face, "slave faces"), (node, cut.macro_of_node, "internal nodes")):
         if lost := int((to[owner >= 0] < 0).sum()):
             raise UnfitError(f"{lost} of its {what} are not in the file")
-    values = {**records.cell, "lac_parent": _parents(mesh, back, cell, records.cell["lac_parent"])}
-    return Records(
-        {name: _placed(v, np.flatnonzero(cell >= 0), cell, back.n_cells) for name, v in values.items()},
-        _placed(records.internal, np.flatnonzero(records.internal >= 0), node, back.n_nodes),
-        records.zones,
-    )
+    values = {**cut.cell_records, "lac_parent": _parents(mesh, back, cell, cut.parent_of_cell)}
+    there = np.flatnonzero(cell >= 0)
+    cells = {name: _placed(own, there, cell, back.n_cells) for name, own in values.items()}
+    owners = np.flatnonzero(cut.macro_of_node >= 0)
+    return _cut(back, cells, _placed(cut.macro_of_node, owners, node, back.n_nodes), cut.zones)
 
 
 def _placed(values: Ints, rows: Ints, to: Ints, size: int) -> Ints:
@@ -200,13 +177,13 @@ def _nodes(mesh: Mesh, back: Mesh) -> Ints:
     return indices.node
 
 
-def _cells(mesh: Mesh, back: Mesh, node: Ints) -> Ints:
-    """Index in `back` of each cell of `mesh`, (n_cells,), -1 if missing; cells are matched by their sets of nodes.
+def _cells(cut: Cut, back: Mesh, node: Ints) -> Ints:
+    """Index in `back` of each cell of a cut, (n_cells,), -1 if missing; cells are matched by their sets of nodes.
 
     Of cells on the same nodes the first matches the first; if the file has fewer, slave faces take precedence.
     """
+    mesh, macro = cut.mesh, cut.macro_of_face
     to = np.full(mesh.n_cells, -1)
-    macro = mesh.cell_data["lac_macro"]
     theirs = {cell_type: (cells, rows) for cell_type, cells, rows in back.select(np.arange(back.n_cells))}
     for cell_type, cells, rows in mesh.select(np.arange(mesh.n_cells)):
         if cell_type not in theirs:
@@ -281,24 +258,24 @@ def _loaded(side: Path, mesh: Mesh) -> dict[str, Any]:
         raise UnfitError("it is larger than the records of this mesh can be")
     if not is_ours(side):
         raise UnfitError("lacmesh did not write it, or it is damaged")
-    held = json.loads(side.read_bytes().decode())
-    version = INTEGER.value(held["version"])
+    notes = json.loads(side.read_bytes().decode())
+    version = INTEGER.value(notes["version"])
     if version < 1:
         raise ValueError("no version")
     if version > VERSION:
         raise UnfitError("a newer lacmesh wrote it")
-    return from_plain(held, CUT_NOTES)
+    return from_plain(notes, CUT_NOTES)
 
 
-def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
-    """Records in a loaded sidecar, checked to belong to this mesh. Raises UnfitError, DAMAGE."""
-    nodes, cells, zones = held["nodes"], held["cells"], held["zones"]
-    children, internal = held["children"], held["internal"]
+def _fitting(notes: dict[str, Any], path: Path, mesh: Mesh) -> Cut:
+    """The mesh with the records of a loaded sidecar, checked to belong to it. Raises UnfitError, DAMAGE."""
+    nodes, cells, zones = notes["nodes"], notes["cells"], notes["zones"]
+    children, internal = notes["children"], notes["internal"]
     if (nodes, cells) != (mesh.n_nodes, mesh.cells_by_type):
         raise UnfitError(f"they are of {nodes} nodes and {sum(cells.values())} cells, {_counts(path, mesh, cells)}")
     at_cell = _places(children["cell"], mesh.cell_number)
     at_node = _places(internal["node"], mesh.node_number)
-    if held["digest"] != _digest(mesh, at_cell, zones, children, internal):
+    if notes["digest"] != _digest(mesh, at_cell, zones, children, internal):
         raise UnfitError(f"they are of other cells than those of {path.name}, or were changed")
     _check_values(children, internal, len(zones))
     cell: dict[str, Ints] = {}
@@ -308,7 +285,7 @@ def _fitting(held: dict[str, Any], path: Path, mesh: Mesh) -> Records:
         cell[name][at_cell] = children[column]
     owner = np.full(mesh.n_nodes, -1, np.int32)
     owner[at_node] = internal["macro"]
-    return Records(cell, owner, zones)
+    return _cut(mesh, cell, owner, zones)
 
 
 def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
