@@ -25,7 +25,7 @@ def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, int
     wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
     parent = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
     parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]
-    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
+    records: dict[str, Ints] = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
     return Cut(with_records(new, records, internal, selection.zones), origin)
 
 

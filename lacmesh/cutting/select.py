@@ -73,8 +73,8 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
     dims = [_skin_dim(mesh, name, skin_only) for name in names]
     highest = max((dim for dim in dims if dim < 3), default=0)
     known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == highest > 0 for b in mesh.blocks], bool)
-    groups = (np.asarray(mesh.cells_of(name)) for name in names)
-    groups = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
+    members = (np.asarray(mesh.cells_of(name)) for name in names)
+    groups = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in members]
     cells, zone = in_first_group(groups)
     faces, first = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
     refusals = tuple(_refusals(mesh, names, dims, skin_only))
