@@ -23,9 +23,9 @@ def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, int
     first = np.flatnonzero(np.diff(macro[order], prepend=-1))
     child[order] = 1 + np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
     wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
-    parent = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
+    parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
     parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]
-    records: dict[str, Ints] = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
+    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
     return Cut(with_records(new, records, internal, selection.zones), origin)
 
 
