@@ -16,7 +16,8 @@ from lacmesh.formats.mail.names import scanned
 from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.xdmf.mixed import starts
-from lacmesh.quality import determinant, measures
+from lacmesh.quality import corner, determinant
+from lacmesh.quality.linear import LINEAR
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.bodies.mass import KINDS, assemble_mass
@@ -86,7 +87,10 @@ def _quality() -> None:
         if cell.dim > 1 and cell.order < 3:
             x = distorted(name, k=5)
             points, nodes = x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
-            measures._compiled(name, points, nodes, list(measures.measures_of(name)))
+            corner._corners(points, nodes, *corner.corners_of(name), np.empty((len(nodes), 4)))
+            if name in LINEAR:
+                fill, columns = LINEAR[name]
+                fill(points, nodes, np.empty((len(nodes), len(columns))))
             determinant._compiled(*determinant._samples(name), points, nodes, False)
 
 

@@ -52,6 +52,7 @@ def test_check(dim, far):
             np.testing.assert_allclose(g.where.box, np.array(f.where.box) + shift, rtol=1e-15)
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("far", FAR)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_quality(dim, far):

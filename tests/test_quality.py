@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import permutations
 
@@ -15,16 +17,16 @@ from lacmesh.checks import check
 from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.quality import (
     corner_jacobian,
+    linear,
     measure_cells,
     measure_quality,
     measures_of,
     validity,
     validity_at,
     validity_of,
+    vectors,
 )
-from lacmesh.quality import determinant as determinant_module
-from lacmesh.quality import measures as measures_module
-from lacmesh.quality.angles import angles, edge_ratio
+from lacmesh.quality.corner import corner_measures
 from lacmesh.quality.measures import SCALES, default_measures, primary_metric
 from lacmesh.quality.statistics import histogram, statistics
 from lacmesh.quality.summary import PLACES
@@ -55,6 +57,18 @@ def measured(name, x, measures=None, **more):
     return measure_cells(name, x.reshape(-1, 3), np.arange(k * n).reshape(k, n), wanted, **more)
 
 
+def own(name):
+    """The measures of a type that are computed here."""
+    columns = linear.LINEAR[name][1] if name in LINEAR else ()
+    return [m for m in measures_of(name) if m not in ACCEPTED.get(name, ()) or m in columns]
+
+
+def at_corners(name, x):
+    """Corner Jacobian, edge ratio, least and largest angle of cells x (k, n, 3)."""
+    k, n = x.shape[:2]
+    return corner_measures(name, x.reshape(-1, 3), np.arange(k * n).reshape(k, n))
+
+
 # ---- the tables
 
 
@@ -79,6 +93,7 @@ def test_a_measure_that_is_not_defined_is_refused():
 # ---- ideal cells
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("name", LINEAR)
 def test_ideal_cells_score_one(name):
     found = measured(name, ideal(name))
@@ -105,14 +120,15 @@ BY_HAND = {
 def test_sizes_and_angles_of_ideal_cells(name):
     size, low, high = BY_HAND[CELLS[name].linear]
     x = ideal(name)[None]
-    least, largest = angles(name, x)
+    _, ratio, least, largest = at_corners(name, x)
     assert least[0] == pytest.approx(low, abs=1e-9) and largest[0] == pytest.approx(high, abs=1e-9)
-    assert edge_ratio(name, x)[0] == pytest.approx(1, abs=1e-12)
+    assert ratio[0] == pytest.approx(1, abs=1e-12)
     for measure in ("area", "volume"):
         if measure in measures_of(name):
             assert measured(name, x, [measure])[measure][0] == pytest.approx(size, abs=1e-14)
 
 
+@pytest.mark.vtk
 def test_numbers_worked_out_by_hand():
     """A right triangle 3-4-5, a 2 x 1 rectangle, a corner of a cube, a 1 x 1 x 2 box."""
     tri = measured("TRIA3", [(0, 0, 0), (4, 0, 0), (0, 3, 0)])
@@ -137,6 +153,7 @@ def test_numbers_worked_out_by_hand():
 # ---- what changes nothing, what mirrors
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("name", MEASURED)
 def test_rigid_motions_change_nothing(name):
     rng = np.random.default_rng(2)
@@ -147,6 +164,7 @@ def test_rigid_motions_change_nothing(name):
         np.testing.assert_allclose(after[measure], values, rtol=1e-9, atol=1e-9, err_msg=measure)
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("scale", [1e-9, 1e-3, 1e6])
 @pytest.mark.parametrize("name", MEASURED)
 def test_only_sizes_depend_on_the_unit(name, scale):
@@ -161,6 +179,7 @@ def test_only_sizes_depend_on_the_unit(name, scale):
         )
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("name", SOLID)
 def test_inverted_cells_are_invalid(name):
     x = ideal(name)[None]
@@ -173,6 +192,7 @@ def test_inverted_cells_are_invalid(name):
     assert validity_at(name, mirrored).point[0] < 0
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("name", MEASURED)
 @pytest.mark.parametrize("cells", [distorted, degenerate])
 def test_measures_stay_in_their_ranges(name, cells):
@@ -289,13 +309,14 @@ def test_the_order_of_the_nodes_does_not_matter(name):
     rng = np.random.default_rng(6)
     cell = CELLS[name]
     x = reference(name) + 0.12 * rng.normal(size=(10, *reference(name).shape)) * [1, 1, cell.dim == 3]
-    expected = [validity(name, x), *angles(name, x), corner_jacobian(name, x)]
+    expected = [validity(name, x), *at_corners(name, x), corner_jacobian(name, x)]
     count = 0
     for order in _symmetries(cell):
         count += 1
-        for mine, before in zip([validity(name, x[:, order]), *angles(name, x[:, order])], expected, strict=False):
+        other = x[:, order]
+        measures = [validity(name, other), *at_corners(name, other), corner_jacobian(name, other)]
+        for mine, before in zip(measures, expected, strict=True):
             np.testing.assert_allclose(mine, before, rtol=1e-9)
-        np.testing.assert_allclose(corner_jacobian(name, x[:, order]), expected[-1], rtol=1e-9)
     assert count == {"TRIA": 3, "QUAD": 4, "TETRA": 12, "HEXA": 24, "PENTA": 6, "PYRAM": 4}[cell.family]
 
 
@@ -323,17 +344,8 @@ def test_surfaces_count_against_their_own_normal_or_the_plane():
 # ---- kernels and their plain twins
 
 
-@pytest.fixture
-def compiled(monkeypatch):
-    def switch(on):
-        for module in (determinant_module, measures_module):
-            monkeypatch.setattr(module, "COMPILED_FROM", 1 if on else 10**9)
-
-    return switch
-
-
 @pytest.mark.parametrize("name", [n for n in CELLS if CELLS[n].dim])
-def test_kernels_equal_their_twins(name, compiled):
+def test_kernels_equal_their_twins(name, monkeypatch):
     if CELLS[name].dim > 1:
         x = np.concatenate([distorted(name, k=40), degenerate(name, k=40)])
         if name in LINEAR:
@@ -341,10 +353,9 @@ def test_kernels_equal_their_twins(name, compiled):
     else:
         x = reference(name) + np.random.default_rng(7).normal(size=(40, *reference(name).shape))
     x[3] = np.nan
-    compiled(on=True)
-    fast, fast_parts = measured(name, x), validity_at(name, x)
-    compiled(on=False)
-    plain, plain_parts = measured(name, x), validity_at(name, x)
+    plain, plain_parts = measured(name, x, own(name)), validity_at(name, x)
+    monkeypatch.setattr(vectors, "COMPILED_FROM", 1)
+    fast, fast_parts = measured(name, x, own(name)), validity_at(name, x)
     for measure, values in plain.items():
         # arc cosines of numbers within round-off of 1
         atol = (
@@ -358,14 +369,38 @@ def test_kernels_equal_their_twins(name, compiled):
 
 
 def test_the_kernels_are_what_is_used_on_many_cells(monkeypatch):
-    from lacmesh.quality import kernels
-
     called = []
-    monkeypatch.setattr(kernels, "hexahedra", lambda points, nodes, out: (called.append(len(nodes)), out.fill(0.5)))
+
+    def fill(points, nodes, out):
+        called.append(len(nodes))
+        out.fill(0.5)
+
+    plain, columns = linear.LINEAR["HEXA8"]
+    fill.py_func = plain.py_func
+    monkeypatch.setattr(linear, "LINEAR", {"HEXA8": (fill, columns)})
     points, cells = box(2)
-    many = np.repeat(cells, measures_module.COMPILED_FROM // len(cells) + 1, axis=0)
+    many = np.repeat(cells, vectors.COMPILED_FROM // len(cells) + 1, axis=0)
     assert measure_cells("HEXA8", points, many, ["shape"])["shape"][0] == 0.5 and sum(called) == len(many)
     assert measure_cells("HEXA8", points, cells, ["shape"])["shape"][0] == pytest.approx(1) and sum(called) == len(many)
+
+
+# ---- VTK's measures
+
+
+def test_without_pyvista_the_measures_of_vtk_are_refused_by_name(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    x = ideal("HEXA8")
+    assert measured("HEXA8", x, own("HEXA8"))["shape"] == pytest.approx(1)
+    with pytest.raises(RequestError, match=r"the measure 'oddy' needs pyvista, 0.45 .* 'lacmesh\[view\]'"):
+        measured("HEXA8", x, ["oddy", "skew"])
+    with pytest.raises(RequestError, match=r"diagonal, dimension, .* and taper need pyvista"):
+        measured("HEXA8", x)
+    assert measured("HEXA8", x, ["shape_and_size"])["shape_and_size"] == pytest.approx(1)  # of what is ours
+
+
+def test_the_default_measures_do_not_load_pyvista():
+    code = "import sys, lacmesh; lacmesh.measure_quality('data/two_blocks.msh'); print('pyvista' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
 # ---- statistics
@@ -496,6 +531,7 @@ def test_nodes_without_a_place(mixed):
     assert json.dumps(q.as_json(), allow_nan=False)
 
 
+@pytest.mark.vtk
 def test_json_has_its_schema(mixed):
     q = measure_quality(mixed, measures="all").as_json()
     assert q["schema"] == "lacmesh.quality/2" and set(q) == {

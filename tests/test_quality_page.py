@@ -12,11 +12,12 @@ import pytest
 
 from lacmesh import cut_skin
 from lacmesh.cli import main
-from lacmesh.quality import measure_quality
-from lacmesh.quality.measures import SCALES, measures_of
+from lacmesh.quality import measure_cells, measure_quality
+from lacmesh.quality.measures import SCALES, default_measures, measures_of, primary_metric
 from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report import children_quality, cut_report
 from tests.meshes import random_mesh
+from tests.quality_cells import ideal
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "quality.md").read_text(encoding="utf-8")
@@ -63,9 +64,20 @@ def test_every_key_of_the_json_is_named():
     assert set(report) <= set(re.findall(r"`(\w+)`", PAGE.split("## JSON")[1]))
 
 
+@pytest.mark.vtk
 @pytest.mark.parametrize("kind", ACCEPTED)
 def test_every_measure_has_its_row(kind):
-    table = PAGE.split(f"<!-- {kind}: begin -->")[1].split(f"<!-- {kind}: end -->")[0]
-    assert re.findall(r"^\| \**`(\w+)`", table, re.MULTILINE) == list(ACCEPTED[kind])
+    table = PAGE.split(f"### {kind}\n")[1].split("\n#")[0]
+    rows = re.findall(r"^\| (\**)`(\w+)`\**(, ranks)? \| .+? \| (.*?) \| (.*?) \|$", table, re.MULTILINE)
+    assert [name for _, name, *_ in rows] == list(ACCEPTED[kind])
+    x = ideal(kind)
+    best = measure_cells(kind, x, np.arange(len(x))[None], ACCEPTED[kind])
+    for bold, name, ranks, value, limits in rows:
+        accepted = ACCEPTED[kind][name]
+        told = "" if accepted is None else f"{accepted[0]:.4g} to {accepted[1]:.4g}".replace("to inf", "and more")
+        assert limits.strip() == told
+        assert bool(bold) == (name in default_measures(kind)) and bool(ranks) == (name == primary_metric(kind))
+        size = name in ("area", "volume", "jacobian")
+        assert value.strip() == ("" if size else f"{round(float(best[name][0]), 4):g}"), name
     own = PAGE.split("<!-- own: begin -->")[1].split("<!-- own: end -->")[0]
     assert set(measures_of(kind)) <= {*ACCEPTED[kind], *re.findall(r"^\| `(\w+)`", own, re.MULTILINE)}

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from drawing.architecture import tree
-from drawing.measures import own_table, verdict_table
+from drawing.measures import own_table
 from drawing.patterns import children_text, patterns
 from drawing.solids import body
 from lacmesh.cells import CELLS
@@ -18,7 +18,6 @@ from lacmesh.exchange.targets import TARGETS, element
 from lacmesh.formats.fidelity import FEATURES, ROWS
 from lacmesh.formats.table import FORMATS, OF_NAME
 from lacmesh.quality import corner_jacobian
-from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
 from lacsolver.case.schema import page_tables
@@ -176,7 +175,7 @@ TABLES = {
         "cells by meshio": partial(kept_cells_table, True),
     },
     "targets.md": {"patterns": targets_table, "elements": elements_table},
-    "quality.md": {"own": own_table, **{kind: partial(verdict_table, kind) for kind in ACCEPTED}},
+    "quality.md": {"own": own_table},
 }
 
 

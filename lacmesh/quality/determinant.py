@@ -25,14 +25,11 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quality.vectors import cross, dot, nodes_first, norm
+from lacmesh.quality import vectors
+from lacmesh.quality.vectors import PIECE, nodes_first
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 
-#: cells at a time, so that a piece stays in the cache
-PIECE = 1 << 12
-#: from so many cells on it pays to load the compiled kernels
-COMPILED_FROM = 1 << 15
 #: (family, order) -> degrees of the rules in use; 3 points a direction integrate to degree 5, 2 to degree 3
 _DEGREES = {
     ("TRIA", 1): (1,),
@@ -102,7 +99,7 @@ def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) 
     if name not in CELLS or not CELLS[name].dim:
         return Validity(*out)
     dN, places = _samples(name)
-    if len(nodes) >= COMPILED_FROM:
+    if len(nodes) >= vectors.COMPILED_FROM:
         return Validity(*_compiled(dN, places, points, np.ascontiguousarray(nodes, np.int64), plane).T)
     for start in range(0, len(nodes), PIECE):
         piece = slice(start, start + PIECE)
@@ -136,13 +133,14 @@ def _determinants(dN: NDArray, x: NDArray, inside: Ints, plane: bool) -> NDArray
     """(p, k): determinants of cells with nodes x (n, 3, k) at the samples; `inside`: the integration points."""
     p, n, dim = dN.shape
     J = (dN.transpose(0, 2, 1).reshape(p * dim, n) @ x.reshape(n, -1)).reshape(p, dim, 3, -1).transpose(1, 2, 0, 3)
+    cross, dot = vectors.cross.plain, vectors.dot.plain
     if dim == 3:
         return dot(J[0], cross(J[1], J[2]))
-    along = J[0] if dim == 1 else cross(J[0], J[1])
+    along = J[0] if dim == 1 else np.stack(cross(J[0], J[1]))
     if dim == 2 and plane:
         return along[2]
     mean = along[:, inside].sum(axis=1)
-    size = norm(mean)
+    size = np.sqrt(dot(mean, mean))
     return dot(along, np.divide(mean, size, out=np.zeros_like(mean), where=size != 0)[:, None])
 
 

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.angles import angles, edge_ratio
-from lacmesh.quality.corner import corner_jacobian
-from lacmesh.quality.determinant import COMPILED_FROM, PIECE, validity_among
-from lacmesh.quality.vectors import nodes_first
-from lacmesh.quality.verdict import ACCEPTED, CLASSES
+from lacmesh.quality.by_vtk import vtk_measures
+from lacmesh.quality.corner import corner_measures
+from lacmesh.quality.determinant import validity_among
+from lacmesh.quality.linear import HEXA_CORNERS, LINEAR, linear_measures
+from lacmesh.quality.vectors import LARGEST
+from lacmesh.quality.verdict import ACCEPTED
 
 
 class Scale(NamedTuple):
@@ -55,20 +56,9 @@ SCALES: Mapping[str, Scale] = MappingProxyType(
 )
 _SOLID = ("edge_ratio", "min_dihedral", "max_dihedral")
 _SURFACE = ("edge_ratio", "min_corner_angle", "max_corner_angle")
-#: measures of relative size, which need the mean size of a type in the whole mesh
-RELATIVE = ("relative_size_squared", "shape_and_size", "shear_and_size")
-_DEFAULT: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "TRIA3": ("scaled_jacobian", "aspect_ratio", "condition", "shape", "min_angle", "max_angle", "area"),
-        "QUAD4": (
-            *("scaled_jacobian", "aspect_ratio", "condition", "skew", "shape", "warpage"),
-            *("min_angle", "max_angle", "area"),
-        ),
-        "TETRA4": ("scaled_jacobian", "aspect_ratio", "condition", "shape", "volume"),
-        "HEXA8": ("scaled_jacobian", "condition", "skew", "shape", "volume"),
-        "PENTA6": ("scaled_jacobian", "condition", "shape", "volume"),
-        "PYRAM5": ("scaled_jacobian", "shape", "volume"),
-    }
+#: measures of relative size, which need the mean size of a type in the whole mesh -> the measure they are times
+RELATIVE: Mapping[str, str] = MappingProxyType(
+    {"relative_size_squared": "", "shape_and_size": "shape", "shear_and_size": "shear"}
 )
 
 
@@ -83,17 +73,21 @@ def measures_of(name: str) -> tuple[str, ...]:
         return ()
     if cell.dim == 1:
         return ("validity",)
-    own = ("validity", "corner_jacobian", *(_SOLID if cell.dim == 3 else _SURFACE))
-    return (*own, *ACCEPTED.get(name, ()))
+    return ("validity", *_at_corners(name), *ACCEPTED.get(name, ()))
 
 
 def default_measures(name: str) -> tuple[str, ...]:
     """Return the default measures of a type; the one that ranks its cells comes first."""
     if name not in CELLS or CELLS[name].dim < 2:
         return measures_of(name)
-    verdict = _DEFAULT.get(name, ("corner_jacobian",))
-    angle = _SOLID if CELLS[name].dim == 3 else (_SURFACE if name not in _DEFAULT else _SURFACE[:1])
-    return ("validity", verdict[0], *angle, *verdict[1:])
+    rank, *verdict = LINEAR[name][1] if name in LINEAR else ("corner_jacobian",)
+    own = [m for m in _at_corners(name)[1:] if not (name in LINEAR and m.endswith("corner_angle"))]
+    return ("validity", rank, *own, *verdict)
+
+
+def _at_corners(name: str) -> tuple[str, ...]:
+    """The measures in the order of `corner_measures`."""
+    return ("corner_jacobian", *(_SOLID if CELLS[name].dim == 3 else _SURFACE))
 
 
 def primary_metric(name: str) -> str | None:
@@ -146,14 +140,45 @@ def measure_cells(
     if not np.isfinite(points[nodes] if few else points).all():
         placed = np.isfinite(points[nodes]).all(axis=(1, 2))
         return _some_without_place(name, points, nodes, measures, mean_size, np.asarray(placed))
-    found: dict[str, Floats] = {}
+    values: dict[str, NDArray] = {}
     if "validity" in measures:
-        found["validity"] = validity_among(name, points, nodes).least
-    rest = [m for m in measures if m != "validity"]
-    if mean_size is None and set(rest) & set(RELATIVE):
-        mean_size = mean_size_of(name, points, nodes)
-    found |= _measured(name, points, nodes, rest, mean_size)
-    return {m: found[m] for m in measures}
+        values["validity"] = validity_among(name, points, nodes).least
+    if set(measures) & set(_at_corners(name)):
+        values |= dict(zip(_at_corners(name), corner_measures(name, points, nodes), strict=True))
+    if name in LINEAR:
+        values |= _verdict(name, points, nodes, [m for m in measures if m not in values], mean_size)
+    return {m: values[m] for m in measures}
+
+
+def _verdict(name: str, points: Floats, nodes: Ints, measures: list[str], mean: float | None) -> dict[str, NDArray]:
+    """Return Verdict's measures of cells of a linear type; `mean`: the mean size for the relative ones."""
+    size, factors = "area" if CELLS[name].dim == 2 else "volume", {RELATIVE[m] for m in measures if m in RELATIVE}
+    needed = {*measures, *factors, *({size} if factors else ())} - {*RELATIVE, ""}
+    ours = LINEAR[name][1]
+    values = linear_measures(name, points, nodes) if needed & set(ours) else {}
+    if rest := sorted(needed - set(ours)):
+        values |= vtk_measures(name, points, nodes, rest)
+    if factors:
+        relative = _relative_size(name, points, nodes, values[size], mean)
+        values |= {m: relative * values.get(RELATIVE[m], 1.0) for m in measures if m in RELATIVE}
+    return values
+
+
+def _relative_size(name: str, points: Floats, nodes: Ints, size: NDArray, mean: float | None) -> NDArray:
+    """Size over the mean size of the type, or its inverse where that is less, squared; 0 if inverted.
+
+    In a mesh whose mean size is negative NaN, for a hexahedron -LARGEST if it is not inverted, as in Verdict. Verdict
+    compares the mean of a hexahedron's determinants at the corners, not its volume, with the mean volume.
+    """
+    mean = (float(size.mean()) if len(size) else np.nan) if mean is None else mean
+    if name == "HEXA8":
+        corners = points[nodes[:, HEXA_CORNERS]]
+        size = np.linalg.det(corners[:, :, 1:] - corners[:, :, :1]).mean(axis=1)
+    if mean < 0:
+        return np.where(size > 0, -LARGEST, 0.0) if name == "HEXA8" else np.full(len(size), np.nan)
+    relative = np.maximum(size / mean, 0) if mean else np.zeros(len(size))
+    inverse = np.divide(1, relative, out=np.zeros(len(size)), where=relative > 0)
+    return np.asarray(np.minimum(relative, inverse) ** 2)
 
 
 def _some_without_place(
@@ -169,66 +194,5 @@ def _some_without_place(
 
 def mean_size_of(name: str, points: Floats, nodes: Ints) -> float:
     """Mean area or volume of cells of a linear type, by Verdict's definition."""
-    total = sum(float(CLASSES[name](x).size.sum()) for x in _pieces(points, nodes))
-    return total / len(nodes) if len(nodes) else float("nan")
-
-
-def _pieces(points: Floats, nodes: Ints) -> Iterable[NDArray]:
-    return (nodes_first(points[nodes[start : start + PIECE]]) for start in range(0, len(nodes), PIECE))
-
-
-def _measured(
-    name: str, points: Floats, nodes: Ints, measures: list[str], mean_size: float | None
-) -> dict[str, NDArray]:
-    found: dict[str, NDArray] = {}
-    if len(nodes) >= COMPILED_FROM:
-        found = _compiled(name, points, nodes, measures)
-    rest = [m for m in measures if m not in found]
-    parts = [_piece(name, points[nodes[start : start + PIECE]], rest, mean_size) for start in _starts(len(nodes), rest)]
-    return found | {m: np.concatenate([part[m] for part in parts]) if parts else np.empty(0) for m in rest}
-
-
-def _starts(count: int, rest: list[str]) -> range:
-    return range(0, count if rest else 0, PIECE)
-
-
-def _piece(name: str, x: Floats, measures: list[str], mean_size: float | None) -> dict[str, NDArray]:
-    found: dict[str, NDArray] = {}
-    if set(measures) & {*_SOLID[1:], *_SURFACE[1:]}:
-        low, high = angles(name, x)
-        found = dict(zip((_SOLID if CELLS[name].dim == 3 else _SURFACE)[1:], (low, high), strict=True))
-    if "edge_ratio" in measures:
-        found["edge_ratio"] = edge_ratio(name, x)
-    if "corner_jacobian" in measures:
-        found["corner_jacobian"] = corner_jacobian(name, x)
-    verdict = [m for m in measures if m in ACCEPTED.get(name, ())]
-    if verdict:
-        cells = CLASSES[name](nodes_first(x), mean_size)
-        found |= {m: getattr(cells, m)() for m in verdict}
-    return found
-
-
-#: type -> the measures that its kernel fills, in its order
-_KERNELS = {
-    "HEXA8": ("hexahedra", ("scaled_jacobian", "condition", "skew", "shape", "volume")),
-    "TETRA4": ("tetrahedra", ("scaled_jacobian", "aspect_ratio", "condition", "shape", "volume")),
-    "PENTA6": ("prisms", ("scaled_jacobian", "condition", "shape", "volume")),
-}
-
-
-def _compiled(name: str, points: Floats, nodes: Ints, measures: list[str]) -> dict[str, NDArray]:
-    """Compute the measures for which there is a compiled kernel; the others are left out."""
-    from lacmesh.kernels.threads import in_threads
-    from lacmesh.quality import kernels
-
-    found: dict[str, NDArray] = {}
-    own = ("corner_jacobian", *(_SOLID if CELLS[name].dim == 3 else _SURFACE))
-    if set(measures) & set(own):
-        found |= dict(zip(own, kernels.corners(name, points, nodes).T, strict=True))
-    kernel, filled = _KERNELS.get(name, ("", ()))
-    if set(measures) & set(filled):
-        out = np.empty((len(nodes), len(filled)))
-        fill = getattr(kernels, kernel)
-        in_threads(lambda part: fill(points, nodes[part], out[part]), len(nodes))
-        found |= dict(zip(filled, out.T, strict=True))
-    return {m: values for m, values in found.items() if m in measures}
+    size = linear_measures(name, points, nodes)["area" if CELLS[name].dim == 2 else "volume"]
+    return float(size.mean()) if len(nodes) else float("nan")

@@ -1,22 +1,13 @@
 """Table of Verdict's measures for each cell type, with the range that it accepts: one row per measure, None for none.
 
 Names and ranges: Stimpson et al., *The Verdict Library Reference Manual*, Sandia report SAND2007-1751, 2007. A measure
-that is not listed for a type is not defined for it. Each measure is defined in the docstring of its method, in
-`triangle`, `quadrangle`, `tetrahedron`, `hexahedron`, `prism` and `pyramid`.
+that is not listed for a type is not defined for it. `docs/quality.md` says what each is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-
-from lacmesh.quality.hexahedron import Hexahedron
-from lacmesh.quality.linear import Linear
-from lacmesh.quality.prism import Prism
-from lacmesh.quality.pyramid import Pyramid
-from lacmesh.quality.quadrangle import Quadrangle
-from lacmesh.quality.tetrahedron import Tetrahedron
-from lacmesh.quality.triangle import Triangle
 
 Range = tuple[float, float]
 _INF = float("inf")
@@ -110,15 +101,4 @@ _PYRAM5: dict[str, Range | None] = {"jacobian": None, "scaled_jacobian": None, "
 #: type -> measure -> the range that Verdict accepts
 ACCEPTED: Mapping[str, Mapping[str, Range | None]] = MappingProxyType(
     {"TRIA3": _TRIA3, "QUAD4": _QUAD4, "TETRA4": _TETRA4, "HEXA8": _HEXA8, "PENTA6": _PENTA6, "PYRAM5": _PYRAM5}
-)
-#: type -> the class whose methods are its measures
-CLASSES: Mapping[str, type[Linear]] = MappingProxyType(
-    {
-        "TRIA3": Triangle,
-        "QUAD4": Quadrangle,
-        "TETRA4": Tetrahedron,
-        "HEXA8": Hexahedron,
-        "PENTA6": Prism,
-        "PYRAM5": Pyramid,
-    }
 )
