@@ -125,7 +125,7 @@ def frames(
 def _save(folder: Path, scene: Scene, size: tuple[int, int], camera: Mapping[str, Any], **moving: NDArray) -> None:
     """Write a scene for `draw`: `scene.npz` has the arrays, `scene.json` the rest; `moving`: `x`, `rgb` of frames."""
     arrays = {f"{name}{k}": getattr(layer, name) for k, layer in enumerate(scene.layers) for name in ARRAYS}
-    np.savez(folder / "scene.npz", **arrays, **moving)
+    np.savez(folder / "scene.npz", **arrays, **moving)  # type: ignore[arg-type]
     rest: dict[str, Any] = {
         "layers": [(layer.kind, layer.width, layer.opacity) for layer in scene.layers],
         "size": size,
