@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from operator import attrgetter
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,18 +28,6 @@ Floats = NDArray[np.floating]
 #: what is left of forces and moments, of their own size (design: rounding of some thousand terms)
 BALANCED = 1e-12
 _SOURCE = "action and reaction; one quadrature and one normal for both sides"
-
-
-class LevelSolution(Protocol):
-    """A solution on one mesh of several."""
-
-    @property
-    def solved(self) -> Solved:
-        """The problem and its states."""
-
-    @property
-    def h(self) -> float:
-        """The size of the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +102,15 @@ class Solved:
             return Picture(title, f"{title}: deformed bodies, coloured by contact pressure", path.read_bytes())
 
 
+@dataclass(frozen=True, eq=False)
+class LevelSolution:
+    """A solution on one mesh of several: the size `h` of the mesh, and errors by their names."""
+
+    solved: Solved
+    h: float
+    errors: Mapping[str, float]
+
+
 def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
     """Solve a case, or its text, on a mesh. Raises what `Problem.of` and `march` raise."""
     return finished(Problem.of(lacsolver.parse_case(case) if isinstance(case, str) else case, mesh))
@@ -161,8 +156,8 @@ def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> 
 
 
 def convergence(solutions: Sequence[LevelSolution], error: str) -> tuple[Level, ...]:
-    """Table of convergence of an error, an attribute of solutions on finer and finer meshes (`a.b`: of another)."""
-    errors = list(map(attrgetter(error), solutions))
+    """Table of convergence of an error, by its name in solutions on finer and finer meshes."""
+    errors = [s.errors[error] for s in solutions]
     return levels_of([s.h for s in solutions], [s.solved.unknowns for s in solutions], errors)
 
 
@@ -177,15 +172,44 @@ def balanced(solutions: Sequence[Solved], *, moments: bool = True) -> tuple[Resu
     return tuple(results)
 
 
+#: tables that a case file has once
+_ONCE = ("dynamics", "gravity", "solver", "steps")
+
+
+def case_text(model: str, *tables: str, **keys: object) -> str:
+    """The text of a case file: its model and other keys, and its tables (`entry`).
+
+    >>> print(case_text("3d", entry("rigid", group="wall"), kinematics="finite"))
+    mesh = "mesh.msh"
+    model = "3d"
+    kinematics = "finite"
+    <BLANKLINE>
+    [[rigid]]
+    group = "wall"
+    <BLANKLINE>
+    """
+    return "\n\n".join([_keys(mesh="mesh.msh", model=model, **keys), *tables]) + "\n"
+
+
+def model_of(dim: int) -> str:
+    """The model of solids: plane strain in a plane."""
+    return "3d" if dim == 3 else "plane_strain"
+
+
 def entry(table: str, **keys: object) -> str:
-    """A table of a case file.
+    """A table of a case file; keys whose value is None are left out.
 
     >>> print(entry("displacement", group="x0", ux=0.0))
     [[displacement]]
     group = "x0"
     ux = 0.0
     """
-    return "\n".join([f"[[{table}]]", *(f"{key} = {_toml(value)}" for key, value in keys.items() if value is not None)])
+    head = f"[{table}]" if table in _ONCE else f"[[{table}]]"
+    return "\n".join([head, *filter(None, [_keys(**keys)])])
+
+
+def _keys(**keys: object) -> str:
+    return "\n".join(f"{key} = {_toml(value)}" for key, value in keys.items() if value is not None)
 
 
 def _toml(value: object) -> str:

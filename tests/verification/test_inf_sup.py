@@ -19,7 +19,7 @@ from verification.families.inf_sup import (
     Pressed,
     Skin,
     block_of,
-    case_text,
+    case_of,
     constants,
     exact_pressure,
     over_best,
@@ -131,7 +131,7 @@ def test_all_sides_of_a_jittered_block_stay_flat():
     moved = np.abs(mesh.points - still.points)
     assert moved.max() > 0.01
     assert moved[np.abs(still.points - 0.5) > 0.5 - 1e-9].max() == 0
-    assert 'group = "rim"\nuz' in case_text(given)
+    assert 'group = "rim"\nuz' in case_of(given)
 
 
 def test_quick_has_some_cases_and_full_all():

@@ -11,7 +11,7 @@ import pytest
 import lacmesh
 import lacsolver
 from verification.families import levels_in, manufactured
-from verification.families.manufactured import FAMILY, WANTED, case_text, mesh_of, solution
+from verification.families.manufactured import FAMILY, WANTED, case_of, mesh_of, solution
 from verification.families.manufactured_rows import LAW, ROWS
 
 CASES = {case.name: case for case in FAMILY.cases}
@@ -49,9 +49,12 @@ def test_a_row_has_the_rates_asked_for():
 def test_a_rate_that_falls_short_does_not_pass(monkeypatch):
     """Errors of u that fall by a half and a little."""
     slow = iter([0.1, 0.04, 0.02])
-    monkeypatch.setattr(
-        manufactured, "solution", lambda row, level: replace(solution(row, 0), h=0.5**level, displacement=next(slow))
-    )
+
+    def solved(row, level):
+        one = solution(row, 0)
+        return replace(one, h=0.5**level, errors={**one.errors, "displacement": next(slow)})
+
+    monkeypatch.setattr(manufactured, "solution", solved)
     results = FAMILY.solve(CASES["QUAD4"], 3).results
     assert not results[0].passed
     assert results[0].value == pytest.approx(np.log2(5) / 2)
@@ -82,8 +85,8 @@ def test_the_rim_is_left_out_of_what_is_away_from_it():
 def test_the_error_is_that_of_the_state_at_the_end(tmp_path):
     """A row run as a file by `lacsolver run`'s own functions has the same unknowns and is in balance at t = 1."""
     row = ROWS["TRIA3"]
-    lacmesh.write(tmp_path / "block.msh", mesh_of(row, 0))
-    (tmp_path / "case.toml").write_text(case_text(row), encoding="utf-8")
+    lacmesh.write(tmp_path / "mesh.msh", mesh_of(row, 0))
+    (tmp_path / "case.toml").write_text(case_of(row), encoding="utf-8")
     results = lacsolver.run(tmp_path / "case.toml", tmp_path / "out")
     assert results.sizes["unknowns"] == solution(row, 0).solved.unknowns
     assert results.steps[-1].time == 1.0
@@ -91,7 +94,7 @@ def test_the_error_is_that_of_the_state_at_the_end(tmp_path):
 
 
 def test_the_case_says_what_it_is():
-    case = lacsolver.parse_case(case_text(ROWS["HEXA8-hexa"]))
+    case = lacsolver.parse_case(case_of(ROWS["HEXA8-hexa"]))
     assert (case.kinematics, case.model) == ("finite", "3d")
     (contact,) = case.contact
     assert (contact.measure, contact.geometry, contact.hexa) == ("reference", "current", "hexa")

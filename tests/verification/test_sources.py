@@ -9,7 +9,7 @@ from lacsolver import parse_case
 from lacsolver.case import Value
 from tests.samples import samples
 from verification.exact.sources import Law, compiled, derive
-from verification.families.manufactured import case_text
+from verification.families.manufactured import case_of
 from verification.families.manufactured_rows import LAW, PLANE, ROWS, SOLID
 
 PROBLEMS = {"plane": PLANE, "solid": SOLID}
@@ -125,7 +125,7 @@ def side(given, name):
 
 def loads_of_the_case(given):
     """Points, forces at them: all that the case of a row applies at t = 1."""
-    case = parse_case(case_text(next(row for row in ROWS.values() if row.solution is given)))
+    case = parse_case(case_of(next(row for row in ROWS.values() if row.solution is given)))
     found = [(*box_rule(given.low, given.high), case.body_force[0], "f")]
     found += [(*side(given, load.group), load, "t") for load in case.traction]
     for points, w, record, letter in found:
@@ -154,7 +154,7 @@ def turning(x, f):
 
 def test_the_side_opposite_the_slave_ends_where_the_solution_has_it(given):
     row = next(row for row in ROWS.values() if row.solution is given)
-    (held,) = parse_case(case_text(row)).displacement
+    (held,) = parse_case(case_of(row)).displacement
     points, _ = side(given, held.group)
     made = np.stack([getattr(held, f"u{axis}")(points, 1.0) for axis in "xyz"[: given.dim]], axis=-1)
     np.testing.assert_allclose(made, displacement(given, points), rtol=0, atol=1e-15)

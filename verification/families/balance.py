@@ -18,7 +18,7 @@ from lacmesh import Mesh
 from verification.meshes.blocks import bent, joined
 from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
 from verification.records import Case, Family, Outcome, at_least
-from verification.solving import Solved, balanced, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, solve
 
 Floats = NDArray[np.floating]
 CellPairs = tuple[tuple[str, str], ...]
@@ -84,8 +84,9 @@ def text(given: Touch) -> str:
         top.pop("ux")
     if given.shape == "tower":  # nothing but contact holds the middle block otherwise, and it would slip out
         top["ux"] = 0.0
-    tables = [
-        f'mesh = "blocks.msh"\nmodel = "{given.model}"\nkinematics = "{given.kinematics}"\n[solver]\nthreads = 1',
+    return case_text(
+        given.model,
+        entry("solver", threads=1),
         entry("material", law=law, young=YOUNG, poisson=POISSON),
         *(entry("displacement", group=f"{a}0", **{f"u{a}": 0.0}) for a in "xy" if given.shape == "tower"),
         *(entry(given.joint, slave=f"slave{k}", master=f"master{k}", **dict(given.keys)) for k in zones),
@@ -93,9 +94,9 @@ def text(given: Touch) -> str:
         entry("rigid", group="master", **down, rotation=_TURN[given.dim])
         if given.shape == "rigid"
         else entry("displacement", group="top", **top),
-        f"[steps]\ncount = {given.steps}",
-    ]
-    return "\n".join(tables) + "\n"
+        entry("steps", count=given.steps),
+        kinematics=given.kinematics,
+    )
 
 
 def run(case: Case, levels: int) -> Outcome:

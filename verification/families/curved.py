@@ -15,7 +15,6 @@ much better; `smooth` may not be much worse, and nowhere worse than `faces`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -30,7 +29,7 @@ from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
 from verification.profiles import line
 from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
-from verification.solving import Solved, balanced, finished, with_true_gap
+from verification.solving import LevelSolution, Solved, balanced, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -42,7 +41,7 @@ RATIO, FALLING = 1.3, 0.9
 #: and how fast what fits add to them, where no shape is found
 BEYOND = 1.5
 #: by how much errors may exceed both those between faces and those with the true gap, which fits meet only so well
-NO_WORSE = {"error": 1e-3, "recovered": 1e-2}
+NO_WORSE = {"p_m": 1e-3, "recovered": 1e-2}
 _TRUE = "the same mesh with the true gap: what faceted bodies and constants cost"
 _SAME = "the same mesh with the gap between faces"
 _NOWHERE = (
@@ -109,21 +108,8 @@ class Curved(Protocol):
         """Further errors of a solution, by name."""
 
 
-@dataclass(frozen=True, eq=False)
-class CurvedSolution:
-    """A solution with one of the gaps. Errors of p_m and of the recovered pressure relative to the exact pressure, in
-    L2; `open`: macro-elements without contact; `quantities`: of the problem's own.
-    """
-
-    solved: Solved
-    error: float
-    recovered: float
-    open: int
-    quantities: dict[str, float]
-
-
 #: the solutions with a gap: a list for each level, of one for each set of meshes
-Levels = list[list[CurvedSolution]]
+Levels = list[list[LevelSolution]]
 Found = dict[str, Levels]
 
 
@@ -139,20 +125,21 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return Outcome((*results(given, found), *balanced(every)), (falling(case, found),))
 
 
-def solution(given: Curved, level: int, gap: str, number: int = 0) -> CurvedSolution:
-    """Solve on one level, on the meshes of a number."""
+def solution(given: Curved, level: int, gap: str, number: int = 0) -> LevelSolution:
+    """Solve on one level, on the meshes of a number.
+
+    Errors of p_m (`p_m`) and of the recovered pressure relative to the exact pressure, in L2; the problem's own.
+    """
     problem = Problem.of(given.case("smooth" if gap == "smooth" else "faces"), given.mesh(level, number))
     if gap == "true":
         problem = with_true_gap(problem, lambda x, n: given.gap(x[:, : problem.space.dim]))
     solved = finished(problem)
     mesh, zone, axial = solved.mesh, solved.zone, given.axisymmetric
-    return CurvedSolution(
-        solved,
-        pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
-        nodal_pressure_error(mesh, solved.recovered, given.pressure, axisymmetric=axial),
-        int((zone.pressure <= 0).sum()),
-        given.quantities(solved),
-    )
+    errors = {
+        "p_m": pressure_errors(mesh, zone.pressure, given.pressure, axisymmetric=axial).exact,
+        "recovered": nodal_pressure_error(mesh, solved.recovered, given.pressure, axisymmetric=axial),
+    }
+    return LevelSolution(solved, given.h(level), errors | given.quantities(solved))
 
 
 def results(given: Curved, found: Found) -> Iterator[Result]:
@@ -160,10 +147,10 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
     smooth, faces, true = found["smooth"], found["faces"], found["true"]
     yield falls(given, smooth, true)
     if given.exact:
-        ratio = worst(smooth, "error", true)
+        ratio = worst(smooth, "p_m", true)
         yield at_most("p_m in L2 over that with the true gap, worst mesh", ratio, RATIO, source=_TRUE)
     elif not given.cubic:
-        ratio = worst(smooth[-1:], "error", true[-1:])
+        ratio = worst(smooth[-1:], "p_m", true[-1:])
         yield at_most("p_m in L2 over that with the true gap, finest mesh", ratio, RATIO, source=_TRUE, reason=_FREE)
     else:
         added = [np.sqrt(max(a * a - b * b, 0.0)) for a, b in zip(means(smooth), means(true), strict=True)]
@@ -171,7 +158,7 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
                    source=_PARABOLAS, reason=f"{_FREE}; {_CUBIC}")  # fmt: skip
         yield informative("p_m in L2 over that with the true gap, finest mesh", means(smooth)[-1] / means(true)[-1],
                        reason=_CUBIC)  # fmt: skip
-    for called, error in (("p_m", "error"), ("recovered pressure", "recovered")):
+    for called, error in (("p_m", "p_m"), ("recovered pressure", "recovered")):
         ratio, beside = worst(smooth, error, faces, true), worst(smooth, error, faces)
         name = f"{called} in L2 over that between faces"
         yield at_most(f"{name} or with the true gap, worst mesh", ratio, 1 + NO_WORSE[error], source=_SAME,
@@ -184,9 +171,9 @@ def results(given: Curved, found: Found) -> Iterator[Result]:
     for called, own in (("with the true gap", true), ("between faces", faces)):
         rows = table(given, own, means(own))
         yield informative(f"p_m in L2 {called}, finest mesh", rows[-1].error, reason=_OTHER_GAPS, levels=rows)
-    for quantity in smooth[-1][0].quantities:
-        mine, *theirs = (abs(own[-1][0].quantities[quantity]) for own in (smooth, faces, true))
-        yield at_most(f"error of the {quantity}, finest mesh", mine, max(theirs) + NO_WORSE["error"], source=_SAME,
+    for quantity in list(smooth[-1][0].errors)[2:]:
+        mine, *theirs = (abs(own[-1][0].errors[quantity]) for own in (smooth, faces, true))
+        yield at_most(f"error of the {quantity}, finest mesh", mine, max(theirs) + NO_WORSE["p_m"], source=_SAME,
                       reason=_NOWHERE)  # fmt: skip
 
 
@@ -209,27 +196,32 @@ def opened(given: Curved, smooth: Levels, faces: Levels) -> Iterator[Result]:
     """Numbers of macro-elements that open under a uniform pressure, where none should."""
     first = 1 if given.cubic and len(smooth) > 1 else 0
     where = "all meshes" if first == 0 else "all but the coarsest meshes"
-    mine, theirs = (sum(s.open for level in own[first:] for s in level) for own in (smooth, faces))
+    mine, theirs = (sum(map(_open, (s for level in own[first:] for s in level))) for own in (smooth, faces))
     yield at_most(f"macro-elements that open, {where}", mine, 0, source="p is uniform", reason=_CUBIC if first else "")
     yield informative(f"macro-elements that open between faces, {where}", theirs, reason=_OTHER_GAPS)
     if first:
-        yield informative("macro-elements that open, coarsest meshes", sum(s.open for s in smooth[0]), reason=_CUBIC)
+        yield informative("macro-elements that open, coarsest meshes", sum(map(_open, smooth[0])), reason=_CUBIC)
 
 
-def means(own: Levels, error: str = "error") -> list[float]:
+def _open(one: LevelSolution) -> int:
+    """Number of macro-elements without contact."""
+    return int((one.solved.zone.pressure <= 0).sum())
+
+
+def means(own: Levels, error: str = "p_m") -> list[float]:
     """Root mean square of an error over the sets of meshes, one per level."""
-    return [float(np.sqrt(np.mean([getattr(one, error) ** 2 for one in level]))) for level in own]
+    return [float(np.sqrt(np.mean([one.errors[error] ** 2 for one in level]))) for level in own]
 
 
 def table(given: Curved, own: Levels, errors: Sequence[float]) -> tuple[Level, ...]:
     """Levels of a convergence table: mesh size, unknowns and error."""
-    h = [given.h(level) for level in range(len(own))]
+    h = [level[0].h for level in own]
     return levels_of(h, [level[0].solved.unknowns for level in own], errors)
 
 
 def worst(own: Levels, error: str, *others: Levels) -> float:
     """Largest ratio of an error to the largest error of the others on the same mesh."""
-    flat = [[getattr(one, error) for level in levels for one in level] for levels in (own, *others)]
+    flat = [[one.errors[error] for level in levels for one in level] for levels in (own, *others)]
     return max(a / max(more) for a, *more in zip(*flat, strict=True))
 
 

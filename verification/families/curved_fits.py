@@ -73,7 +73,7 @@ class Fitted:
 
     def case(self, surface: str) -> lacsolver.Case:
         """The case."""
-        return lacsolver.parse_case(press_fit.case_text(self.fit, surface))
+        return lacsolver.parse_case(press_fit.case_of(self.fit, surface))
 
     def gap(self, x: Floats) -> Floats:
         """True gap (n,): minus the interference, because the surfaces fit."""

@@ -20,7 +20,7 @@ import lacmesh
 import lacsolver
 from lacsolver.problem.problem import Problem
 from verification.records import Case, Outcome, Result, at_most, informative
-from verification.solving import Solved, balanced, entry, finished, with_true_gap
+from verification.solving import Solved, balanced, case_text, entry, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -96,17 +96,17 @@ def meshed(size: float, order: int) -> lacmesh.Mesh:
 
 def solved(mesh: lacmesh.Mesh, gap: str) -> Solved:
     """Solve with the gap between `faces`, between `smooth` surfaces, or between the cylinders themselves (`true`)."""
-    lines = [
-        'mesh = "lug.msh"\nmodel = "3d"',
+    text = case_text(
+        "3d",
         entry("material", young=210e3, poisson=0.3),
         entry("contact", slave="bore", master="pin", surface="smooth" if gap == "smooth" else "faces"),
         entry("displacement", group="bolt", ux=0.0, uy=0.0, uz=0.0),
         entry("displacement", group="symmetry", ux=0.0),
         entry("displacement", at=[0.0, 15.0, 42.6], uy=0.0),
         entry("traction", group="ends", tz=-300.0),
-        "[steps]\ncount = 2",
-    ]
-    problem = Problem.of(lacsolver.parse_case("\n".join(lines)), mesh)
+        entry("steps", count=2),
+    )
+    problem = Problem.of(lacsolver.parse_case(text), mesh)
     return finished(with_true_gap(problem, _between_cylinders) if gap == "true" else problem)
 
 

@@ -20,7 +20,7 @@ from verification.measures.edge import edge_of_contact
 from verification.meshes.blocks import joined
 from verification.meshes.rings import pair, ring
 from verification.records import Case
-from verification.solving import Solved, entry
+from verification.solving import Solved, case_text, entry
 
 Floats = NDArray[np.floating]
 
@@ -67,17 +67,17 @@ class Pin:
 
     def case(self, surface: str) -> lacsolver.Case:
         """The case; the displacements of the outer sides are functions."""
-        text = [
-            'mesh = "pin.msh"\nmodel = "plane_strain"',
+        text = case_text(
+            "plane_strain",
             entry("material", young=self.pin.young, poisson=self.pin.poisson),
             entry("contact", slave="slave", master="master", clearance=self.pin.clearance, surface=surface),
             entry("displacement", group="y0", uy=0.0),
-        ]
+        )
         held = (
             *(self._held(group, "pin") for group in ("inner", "x0_within")),
             *(self._held(group, "plate") for group in ("outer", "x0_around")),
         )
-        case = lacsolver.parse_case("\n".join(text))
+        case = lacsolver.parse_case(text)
         return replace(case, displacement=(*case.displacement, *held))
 
     def _held(self, group: str, body: Literal["pin", "plate"]) -> Displacement:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from lacmesh import Mesh
 from verification.meshes.bars import bar_on_wall, bars
-from verification.solving import entry
+from verification.solving import case_text, entry
 
 _SIDES = [(axis, f"{axis}{end}") for axis in "xy" for end in "01"]
 
@@ -38,9 +38,9 @@ class _Problem(NamedTuple):
 def _text(model: str, *tables: str, finite: bool = False, end: float = 1.0, count: int = 2) -> str:
     """A case of bodies of density 1 with these tables; `end`, `count`: of its steps."""
     law = {"law": "neo_hookean"} if finite else {}
-    head = f'mesh = "bars.msh"\nmodel = "{model}"\nkinematics = "{"finite" if finite else "small"}"'
     body = entry("material", **law, young=1.0, poisson=0.3, density=1.0)
-    return "\n\n".join([head, body, *tables, f"[steps]\nend = {end!r}\ncount = {count}"])
+    kinematics = "finite" if finite else "small"
+    return case_text(model, body, *tables, entry("steps", end=end, count=count), kinematics=kinematics)
 
 
 def _held(dim: int) -> list[str]:

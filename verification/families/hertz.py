@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,11 @@ from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
 from verification.measures.edge import edge_of_contact
-from verification.measures.norms import PressureErrors, nodal_pressure_error, pressure_errors
+from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
 from verification.records import Case, Family, Outcome, Picture, Result, at_most, informative, rate
-from verification.solving import Solved, balanced, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 
@@ -143,18 +143,18 @@ def case_of(given: Given) -> lacsolver.Case:
     """The case; the displacements of the outer sides are functions."""
     axes = "xyz"[: given.dim - 1]
     squares = " + ".join(f"{axis}^2" for axis in (axes if given.model != "axisymmetric" else "x")).replace("^", "**")
-    lines = ['mesh = "half_spaces.msh"', f'model = "{given.model}"']
-    for group, (young, poisson) in zip(("upper", "lower"), given.bodies, strict=False):
-        lines.append(entry("material", groups=[group], young=young, poisson=poisson))
+    bodies_of = zip(("upper", "lower"), given.bodies, strict=False)
     clearance = f"({squares}) / {2 * given.radius!r}"
-    lines.append(entry("contact", slave="slave", master="master", hexa=given.hexa, clearance=clearance))
-    lines += [entry("displacement", group=f"axis_{axis}", **{f"u{axis}": 0.0}) for axis in axes]
-    if given.rigid:
-        still = {f"u{axis}": 0.0 for axis in ("y" if given.model == "axisymmetric" else "xyz"[: given.dim])}
-        lines.append(entry("rigid", group="master", **still))
-    if given.dim == 3:
-        lines.append('[solver]\nbackend = "multigrid"')
-    case = lacsolver.parse_case("\n".join(lines))
+    still = {f"u{axis}": 0.0 for axis in ("y" if given.model == "axisymmetric" else "xyz"[: given.dim])}
+    text = case_text(
+        given.model,
+        *(entry("material", groups=[group], young=young, poisson=poisson) for group, (young, poisson) in bodies_of),
+        entry("contact", slave="slave", master="master", hexa=given.hexa, clearance=clearance),
+        *(entry("displacement", group=f"axis_{axis}", **{f"u{axis}": 0.0}) for axis in axes),
+        *([entry("rigid", group="master", **still)] if given.rigid else []),
+        *([entry("solver", backend="multigrid")] if given.dim == 3 else []),
+    )
+    case = lacsolver.parse_case(text)
     held = tuple(_held(f"far_{group}", body) for group, body in bodies(given).items())
     return replace(case, displacement=(*case.displacement, *held))
 
@@ -167,22 +167,8 @@ def _held(group: str, body: HalfSpace) -> Displacement:
     return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if len(u) == 3 else None)
 
 
-@dataclass(frozen=True, eq=False)
-class HertzSolution:
-    """A level and its errors, each relative to the exact value."""
-
-    solved: Solved
-    h: float
-    u: FieldErrors
-    p: PressureErrors
-    recovered: float
-    peak: float
-    width: float
-    approach: float
-
-
-def solve_level(given: Given, level: int) -> HertzSolution:
-    """Solve on one level."""
+def solve_level(given: Given, level: int) -> LevelSolution:
+    """Solve on one level; errors relative to the exact values, of p_m beside those of the best constants."""
     k = given.levels[level]
     solved = solve(case_of(given), half_spaces(given.cell, k, given.fraction, rigid=given.rigid))
     mesh, zone = solved.mesh, solved.fields.zones["slave"]
@@ -190,27 +176,26 @@ def solve_level(given: Given, level: int) -> HertzSolution:
     round_ = given.model == "axisymmetric"
     nodal = zone.pressure_recovered
     pole = np.flatnonzero(np.isfinite(nodal) & (np.abs(mesh.points).max(axis=1) < 1e-12))
-    return HertzSolution(
-        solved,
-        h=1 / (k + given.fraction),
-        u=displacement_errors(given, solved),
-        p=pressure_errors(mesh, zone.pressure, exact, axisymmetric=round_),
-        recovered=nodal_pressure_error(mesh, nodal, exact, axisymmetric=round_),
-        peak=abs(float(nodal[pole].max()) / given.p0 - 1),
-        width=abs(half_width(zone.centre, zone.pressure, given.p0) - 1),
-        approach=abs(approach(solved) / exact_approach(given) - 1),
-    )
+    p = pressure_errors(mesh, zone.pressure, exact, axisymmetric=round_)
+    energy, u = displacement_errors(given, solved)
+    errors = {
+        "energy": energy,
+        "u": u,
+        "p_m": p.exact,
+        "best": p.best,
+        "recovered": nodal_pressure_error(mesh, nodal, exact, axisymmetric=round_),
+        "peak": abs(float(nodal[pole].max()) / given.p0 - 1),
+        "width": abs(half_width(zone.centre, zone.pressure, given.p0) - 1),
+        "approach": abs(approach(solved) / exact_approach(given) - 1),
+    }
+    return LevelSolution(solved, 1 / (k + given.fraction), errors)
 
 
-class FieldErrors(NamedTuple):
-    """Relative errors of u over both bodies: energy norm (sqrt of the integral of sigma : epsilon) and L2 norm."""
+def displacement_errors(given: Given, solved: Solved) -> tuple[float, float]:
+    """Relative errors of u over both bodies: energy norm (sqrt of the integral of sigma : epsilon) and L2 norm.
 
-    energy: float
-    u: float
-
-
-def displacement_errors(given: Given, solved: Solved) -> FieldErrors:
-    """The errors of u, by rules of degree `DEGREE` of the cells' order."""
+    By rules of degree `DEGREE` of the cells' order.
+    """
     mesh, round_ = solved.mesh, given.model == "axisymmetric"
     off, whole = np.zeros(2), np.zeros(2)
     for group, body in bodies(given).items():
@@ -227,7 +212,8 @@ def displacement_errors(given: Given, solved: Solved) -> FieldErrors:
             )
             for total, (e, v) in ((off, more), (whole, (strain, u))):
                 total += norms.energy(e, at.w, body.young, body.poisson), norms.squared(v, at.w)
-    return FieldErrors(*map(float, np.sqrt(off / whole)))
+    energy, norm = np.sqrt(off / whole).tolist()
+    return energy, norm
 
 
 def half_width(centre: Floats, p: Floats, p0: float) -> float:
@@ -273,23 +259,23 @@ def outcome(case: Case, levels: int) -> Outcome:
     return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
 
 
-def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
+def results(given: Given, found: list[LevelSolution]) -> tuple[Result, ...]:
     """Rates and figures of a case."""
     beside = "beside the rates that theory gives: none is asked of it"
-    finest, energy = found[-1], (0.95, 1.4)[given.order - 1]
+    finest, energy = found[-1].errors, (0.95, 1.4)[given.order - 1]
     return (
-        rate("u, energy norm", convergence(found, "u.energy"), energy, source=THEOREM),
-        rate("u, L2", convergence(found, "u.u"), None, source="", reason=beside),
-        rate("p_m, L2", convergence(found, "p.exact"), 0.9, source=EDGE, reason=_EDGES),
-        rate("exact means of p, L2", convergence(found, "p.best"), None, source="", reason=_BEST),
+        rate("u, energy norm", convergence(found, "energy"), energy, source=THEOREM),
+        rate("u, L2", convergence(found, "u"), None, source="", reason=beside),
+        rate("p_m, L2", convergence(found, "p_m"), 0.9, source=EDGE, reason=_EDGES),
+        rate("exact means of p, L2", convergence(found, "best"), None, source="", reason=_BEST),
         rate("recovered pressure, L2", convergence(found, "recovered"), None, source="", reason=beside),
         at_most(
-            "error of the recovered pressure over that of p_m", finest.recovered / finest.p.exact, 0.5,
+            "error of the recovered pressure over that of p_m", finest["recovered"] / finest["p_m"], 0.5,
             source=RECOVERED, reason=_SHAPE,
         ),
         *(
             informative(
-                f"{name}, relative error", getattr(finest, error), reason="on the finest level",
+                f"{name}, relative error", finest[error], reason="on the finest level",
                 levels=convergence(found, error),
             )
             for name, error in _QUANTITIES.items()
@@ -298,7 +284,7 @@ def results(given: Given, found: list[HertzSolution]) -> tuple[Result, ...]:
     )  # fmt: skip
 
 
-def profile(given: Given, at: HertzSolution) -> Plot:
+def profile(given: Given, at: LevelSolution) -> Plot:
     """The pressure along the surface: exact, p_m, recovered."""
     mesh, zone = at.solved.mesh, at.solved.fields.zones["slave"]
     along = np.linspace(0, 1.3, 131)
@@ -321,7 +307,7 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
     return line(label, x[order], y[order], style)
 
 
-def _pictures(case: Case, found: list[HertzSolution]) -> tuple[Picture, ...]:
+def _pictures(case: Case, found: list[LevelSolution]) -> tuple[Picture, ...]:
     """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
     return (found[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
 

@@ -21,7 +21,7 @@ from verification.meshes.cylinder import cylinder_on_block
 from verification.meshes.spheres import spheres
 from verification.profiles import line
 from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative
-from verification.solving import Solved, balanced, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, solve
 
 Floats = NDArray[np.floating]
 
@@ -211,13 +211,17 @@ def solve_cylinder(given: Cylinder, levels: int) -> Outcome:
 
 def pushed(given: Cylinder, n: int) -> MeasuredPressures:
     """The cylinder on the mesh of n faces to the half-width."""
-    lines = ['mesh = "cylinder.msh"', 'model = "plane_strain"']
-    for group, young in zip(("upper", "lower"), given.young, strict=True):
-        lines.append(entry("material", groups=[group], young=young, poisson=given.poisson))
-    lines.append(entry("contact", slave="slave", master="master", geometry=given.geometry, surface=given.surface))
-    lines += [entry("displacement", group="bottom", ux=0.0, uy=0.0), entry("displacement", group="x0", ux=0.0)]
+    bodies = zip(("upper", "lower"), given.young, strict=True)
+    text = case_text(
+        "plane_strain",
+        *(entry("material", groups=[group], young=young, poisson=given.poisson) for group, young in bodies),
+        entry("contact", slave="slave", master="master", geometry=given.geometry, surface=given.surface),
+        entry("displacement", group="bottom", ux=0.0, uy=0.0),
+        entry("displacement", group="x0", ux=0.0),
+        entry("displacement", group="top", uy=-given.push),
+    )
     mesh = cylinder_on_block(n)
-    solved = solve("\n".join([*lines, entry("displacement", group="top", uy=-given.push)]), mesh)
+    solved = solve(text, mesh)
     force = 2 * abs(float(solved.figures.contact["slave"].resultant[1]))
     return MeasuredPressures.of(solved, Hertz.plane(force), mesh)
 
@@ -280,15 +284,13 @@ def _numbered(given: Spheres, every: Sequence[MeasuredPressures]) -> list[tuple[
 
 def pressed(given: Spheres, n: int) -> MeasuredPressures:
     """The spheres with n faces to a radius of 10."""
-    text = "\n".join(
-        [
-            'mesh = "spheres.msh"', 'model = "axisymmetric"',
-            entry("material", young=given.young, poisson=given.poisson),
-            entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
-                  surface="faces"),  # as code_aster's are
-            entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
-            entry("displacement", group="axis", ux=0.0), f"[steps]\ncount = {given.steps}",
-        ]
+    text = case_text(
+        "axisymmetric",
+        entry("material", young=given.young, poisson=given.poisson),
+        entry("contact", slave="slave", master="master", normals="smoothed", geometry="current",
+              surface="faces"),  # as code_aster's are
+        entry("displacement", group="up", uy=-2.0), entry("displacement", group="down", uy=2.0),
+        entry("displacement", group="axis", ux=0.0), entry("steps", count=given.steps),
     )  # fmt: skip
     mesh = spheres(given.cell, n)
     solved = solve(text, mesh)

@@ -35,7 +35,7 @@ from verification.exact import impact as exact
 from verification.families.impact_finite import THROWN, thrown
 from verification.families.impact_free import spin, vibration
 from verification.families.impact_order import order
-from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, energies, on_wall, run
+from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, bars_text, energies, on_wall, run
 from verification.families.impact_sphere import sphere
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, equal, informative
@@ -84,7 +84,7 @@ def _bars(given: Impact, levels: int) -> Iterator[Result]:
     other = "QUAD4" if given.cell.startswith("TRIA") else "TRIA3"
     other = other if CELLS[given.cell].order == 1 else {"QUAD4": "QUAD8", "TRIA3": "TRIA6"}[other]
     made = run(
-        case_text(
+        bars_text(
             given, count * dt, count, entry("contact", slave="slave", master="master"),
             entry("initial", groups=["upper"], vy=-given.speed),
         ),
@@ -111,7 +111,7 @@ def _rod(given: Impact, levels: int) -> Iterator[Result]:
     count = ceil(3 * periods * n / given.cfl)
     given = replace(given, young=1.0, poisson=0.0)
     made = run(
-        case_text(
+        bars_text(
             given, 3.0 * periods, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
             entry("displacement", group="top", uy=0.0), entry("initial", groups=["bar"], uy="0.5 - y / 2"),
         ),
@@ -131,9 +131,9 @@ def _bounce(given: Impact, levels: int) -> Iterator[Result]:
     height, gravity = 0.5, 1.0
     count = ceil(14.3 * n * given.c / given.cfl)
     made = run(
-        case_text(
+        bars_text(
             given, 14.3, count, entry("contact", slave="slave", master="wall", search_distance=1.0),
-            entry("rigid", group="wall"), entry("gravity", gy=-gravity).replace("[[gravity]]", "[gravity]"),
+            entry("rigid", group="wall"), entry("gravity", gy=-gravity),
         ),
         bar_on_wall(given.cell, n, height),
     )  # fmt: skip
@@ -166,7 +166,7 @@ def _aster(given: Impact, levels: int) -> Iterator[Result]:
         entry("displacement", group=foot, uz=0.0), entry("initial", groups=[free], vz=up),
         entry("probe", name="face", group=master),
     ]  # fmt: skip
-    text = case_text(given, 1e-3, 500, *tables, density=7800.0)
+    text = bars_text(given, 1e-3, 500, *tables, density=7800.0)
     if there:
         text = "\n\n".join(t for t in text.split("\n\n") if not any(f'"{a}{e}"' in t for a in "xy" for e in "01"))
     made = run(text, mesh)

@@ -16,7 +16,7 @@ from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, ImpactRun
 from verification.meshes.balls import sphere_on_wall
 from verification.meshes.thrown import INNER, OUTER, disc, on_wall, ring, two_rings
 from verification.records import Result, at_least, at_most, informative
-from verification.solving import entry, solve
+from verification.solving import case_text, entry, solve
 
 #: way of a body to its first touch, size of a step, and steps of the static twin
 _GAP, _STEP, _PRESSED = 0.02, 0.01, 10
@@ -121,9 +121,10 @@ def _two_rings(given: Impact) -> _Bodies:
 def _text(given: Impact, end: float, count: int, *tables: str) -> str:
     """The case of neo-Hookean bodies, as TOML."""
     model = "axisymmetric" if given.kind == "ball" else "plane_strain"
-    sections = [
-        f'mesh = "thrown.msh"\nmodel = "{model}"\nkinematics = "finite"',
+    return case_text(
+        model,
         entry("material", law="neo_hookean", young=given.young, poisson=given.poisson, density=1.0),
-        *tables, entry("steps", end=end, count=count),
-    ]  # fmt: skip
-    return "\n\n".join(sections).replace("[[dynamics]]", "[dynamics]").replace("[[steps]]", "[steps]")
+        *tables,
+        entry("steps", end=end, count=count),
+        kinematics="finite",
+    )

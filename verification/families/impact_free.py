@@ -10,10 +10,10 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacsolver import natural_modes, parse_case
 from lacsolver.problem.problem import Problem
-from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, case_text, dynamics
+from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, bars_text
 from verification.meshes.bars import WIDTH, bar
 from verification.records import Result, at_least, at_most, levels_of, rate
-from verification.solving import Solved, entry, solve
+from verification.solving import Solved, case_text, entry, model_of, solve
 
 #: velocity and angular velocity of a body in one turn, in a plane and in space
 _FLIGHT = (0.3, 0.1, -0.2)
@@ -50,14 +50,14 @@ class _Errors(NamedTuple):
 def _turned(given: Impact, count: int) -> Solved:
     """Let a bar turn once in so many steps."""
     dim = given.dim
-    text = "\n\n".join(
-        [
-            f'mesh = "bar.msh"\nmodel = "{"plane_strain" if dim == 2 else "3d"}"\nkinematics = "finite"',
-            entry("material", law="neo_hookean", young=given.young, poisson=given.poisson, density=1.0),
-            entry("initial", rotation=_TURN[dim], **dict(zip(("vx", "vy", "vz"), _FLIGHT[:dim], strict=False))),
-            dynamics(given), f"[steps]\nend = {2 * np.pi!r}\ncount = {count}",
-        ]
-    )  # fmt: skip
+    text = case_text(
+        model_of(dim),
+        entry("material", law="neo_hookean", young=given.young, poisson=given.poisson, density=1.0),
+        entry("initial", rotation=_TURN[dim], **dict(zip(("vx", "vy", "vz"), _FLIGHT[:dim], strict=False))),
+        entry("dynamics", **dict(given.dynamics)),
+        entry("steps", end=2 * np.pi, count=count),
+        kinematics="finite",
+    )
     return solve(text, bar(given.cell, given.n))
 
 
@@ -80,7 +80,7 @@ def vibration(given: Impact, levels: int) -> Iterator[Result]:
     counts, errors, unknowns = [given.n << level for level in range(levels)], [], []
     for n in counts:
         low = f"{'xyz'[given.dim - 1]}0"
-        text = case_text(given, 1.0, 1, entry("displacement", group=low, **{f"u{low[0]}": 0.0}))
+        text = bars_text(given, 1.0, 1, entry("displacement", group=low, **{f"u{low[0]}": 0.0}))
         modes = natural_modes(Problem.of(parse_case(text), bar(given.cell, n)), _MODES)
         errors.append(float((modes.frequencies / right - 1).max()))
         unknowns.append(modes.unknowns)

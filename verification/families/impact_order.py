@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from verification.families.impact_runs import Impact, case_text
+from verification.families.impact_runs import Impact, bars_text
 from verification.meshes.bars import bar_on_wall
 from verification.records import Result, levels_of, rate
 from verification.solving import Solved, entry, solve
@@ -32,7 +32,7 @@ def order(given: Impact, levels: int) -> Iterator[Result]:
 
 def _loaded(given: Impact, count: int) -> Solved:
     load = entry("force", group="top", fy=f"-0.01 - 0.02 * max(t - {_START}, 0) ** 4")
-    text = case_text(given, _END, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
+    text = bars_text(given, _END, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
                      load)  # fmt: skip
     return solve(text, bar_on_wall(given.cell, given.n))
 

@@ -15,7 +15,7 @@ from lacmesh.cells import CELLS
 from verification.exact import impact as exact
 from verification.meshes.bars import bar_on_wall
 from verification.records import Result, at_least, at_most
-from verification.solving import Solved, entry, solve
+from verification.solving import Solved, case_text, entry, model_of, solve
 
 Floats = NDArray[np.floating]
 #: the account of energy, and what may be left of it, relative to the largest energy
@@ -100,24 +100,17 @@ def run(text: str, mesh: Mesh) -> ImpactRun:
     )  # fmt: skip
 
 
-def case_text(given: Impact, end: float, count: int, *tables: str, density: float = 1.0) -> str:
+def bars_text(given: Impact, end: float, count: int, *tables: str, density: float = 1.0) -> str:
     """The case of bars that cannot move sideways, as TOML."""
     sides = [(a, f"{a}{e}") for a in "xyz"[: given.dim - 1] for e in "01"]
-    return "\n\n".join(
-        [
-            f'mesh = "bars.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
-            entry("material", young=given.young, poisson=given.poisson, density=density),
-            *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
-            *tables,
-            dynamics(given),
-            entry("steps", end=end, count=count).replace("[[steps]]", "[steps]"),
-        ]
+    return case_text(
+        model_of(given.dim),
+        entry("material", young=given.young, poisson=given.poisson, density=density),
+        *(entry("displacement", group=side, **{f"u{axis}": 0.0}) for axis, side in sides),
+        *tables,
+        entry("dynamics", **dict(given.dynamics)),
+        entry("steps", end=end, count=count),
     )
-
-
-def dynamics(given: Impact) -> str:
-    """The section [dynamics] of a case."""
-    return entry("dynamics", **dict(given.dynamics)).replace("[[dynamics]]", "[dynamics]")
 
 
 def on_wall(given: Impact, n: int) -> tuple[ImpactRun, float]:
@@ -126,7 +119,7 @@ def on_wall(given: Impact, n: int) -> tuple[ImpactRun, float]:
     wait = 2.5 * dt
     count = ceil((wait + 1.3 * last) / dt)
     made = run(
-        case_text(
+        bars_text(
             given, count * dt, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
             entry("initial", groups=["bar"], **{f"v{'xyz'[given.dim - 1]}": -given.speed}),
         ),

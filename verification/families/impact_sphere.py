@@ -8,10 +8,10 @@ from math import sqrt
 import numpy as np
 
 from verification.exact import impact as exact
-from verification.families.impact_runs import CLOSED, Impact, dynamics, energies, run
+from verification.families.impact_runs import CLOSED, Impact, energies, run
 from verification.meshes.balls import quarter_sphere_on_wall, sphere_on_wall
 from verification.records import Result, equal
-from verification.solving import entry
+from verification.solving import case_text, entry
 
 #: steps of a contact
 _STEPS = 200
@@ -42,12 +42,10 @@ def _text(given: Impact, speed: float, dt: float) -> str:
     up = "xyz"[given.dim - 1]
     planes = [entry("displacement", group=f"{a}0", **{f"u{a}": 0.0}) for a in ("xy" if given.dim == 3 else "")]
     count = round(1.15 * _STEPS)
-    return "\n\n".join(
-        [
-            f'mesh = "sphere.msh"\nmodel = "{"3d" if given.dim == 3 else "axisymmetric"}"',
-            entry("material", young=given.young, poisson=given.poisson, density=1.0),
-            entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"), *planes,
-            entry("initial", groups=["ball"], **{f"v{up}": -speed}), dynamics(given),
-            f"[steps]\nend = {count * dt!r}\ncount = {count}",
-        ]
+    return case_text(
+        "3d" if given.dim == 3 else "axisymmetric",
+        entry("material", young=given.young, poisson=given.poisson, density=1.0),
+        entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"), *planes,
+        entry("initial", groups=["ball"], **{f"v{up}": -speed}), entry("dynamics", **dict(given.dynamics)),
+        entry("steps", end=count * dt, count=count),
     )  # fmt: skip

@@ -26,7 +26,7 @@ from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted
 from verification.meshes import blocks, stacks
 from verification.records import Case, Family, Level, Outcome, Result, at_least, at_most, informative, levels_of
-from verification.solving import Solved, balanced, entry
+from verification.solving import Solved, balanced, case_text, entry, model_of
 from verification.solving import solve as solved
 
 Floats = NDArray[np.floating]
@@ -236,24 +236,23 @@ def pressed(given: Pressed, n: int, *, cut: bool = True) -> Solved:
     mesh = lacmesh.cut_skin(mesh, f"{up}0", hexa=given.hexa).mesh if cut else uncut(mesh, f"{up}0")
     down = np.abs(mesh.points[:, given.dim - 1]) < 1e-9
     rim = np.flatnonzero(~_moving(mesh)[0] & down & held(mesh))
-    return solved(case_text(given), replace(mesh, node_groups={"rim": rim}))
+    return solved(case_of(given), replace(mesh, node_groups={"rim": rim}))
 
 
-def case_text(given: Pressed) -> str:
+def case_of(given: Pressed) -> str:
     """The pressed block's case."""
     axes = "xyz"[: given.dim]
     up = axes[-1]
-    tables = [
-        f'mesh = "block.msh"\nmodel = "{"plane_strain" if given.dim == 2 else "3d"}"',
+    return case_text(
+        model_of(given.dim),
         entry("material", young=YOUNG, poisson=POISSON),
         entry("contact", name="foot", slave=f"{up}0", master="master"),
         entry("rigid", group="master"),
         *(entry("displacement", group=f"{a}{end}", **{f"u{a}": 0.0}) for a in axes[:-1] for end in "01"),
         entry("displacement", group="rim", **{f"u{up}": 0.0}),
         entry("pressure", group=f"{up}1", value=f"1 + {LOAD} * cos(pi * x)"),
-        "[solver]\nthreads = 1",
-    ]
-    return "\n\n".join(tables) + "\n"
+        entry("solver", threads=1),
+    )
 
 
 def over_best(got: Solved) -> float:

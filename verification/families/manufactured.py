@@ -10,7 +10,6 @@ t, so that it can be halved.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from verification.measures.norms import displacement_error, nodal_pressure_error
 from verification.meshes.blocks import block, with_master
 from verification.profiles import line, pressures, residuals
 from verification.records import Case, Family, Outcome, Picture, Published, Result, informative, rate
-from verification.solving import Solved, balanced, convergence, entry, solve
+from verification.solving import LevelSolution, balanced, case_text, convergence, entry, solve
 
 #: cells a side on level 0
 _COARSEST = {2: 4, 3: 2}
@@ -65,21 +64,6 @@ _MEANS = f"for information: p_m as what it stands for, a mean; {_LAYER}"
 _AWAY = "for information: without the layer along the rim"
 
 
-@dataclass(frozen=True, eq=False)
-class ManufacturedSolution:
-    """A row solved on one level: `h` of the mesh, errors in L2, relative; `means`: of p_m against the exact means,
-    `recovered`: of the nodal pressure, `away`: of that, away from the rim of the slave.
-    """
-
-    solved: Solved
-    h: float
-    displacement: float
-    pressure: float
-    means: float
-    recovered: float
-    away: float
-
-
 def solve_case(case: Case, levels: int) -> Outcome:
     """A row on so many meshes, each of twice as many cells a side."""
     row: CellRow = case.parameters
@@ -89,21 +73,24 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return Outcome(results, (*plots, _newton(row, found)), _pictures(row, found))
 
 
-def solution(row: CellRow, level: int) -> ManufacturedSolution:
-    """Solve a row on one level. Raises what `solve` raises."""
+def solution(row: CellRow, level: int) -> LevelSolution:
+    """Solve a row on one level; errors in L2, relative. Raises what `solve` raises.
+
+    `means`: of p_m against the exact means, `recovered`: of the nodal pressure, `away`: of that, away from the rim of
+    the slave.
+    """
     given = row.solution
-    solved = solve(case_text(row), mesh_of(row, level))
+    solved = solve(case_of(row), mesh_of(row, level))
     mesh, exact = solved.mesh, exact_pressure(row)
     p = pressure_errors(mesh, solved.zone.pressure, exact)
-    return ManufacturedSolution(
-        solved=solved,
-        h=1 / cells_a_side(row, level),
-        displacement=displacement_error(mesh, solved.u, compiled(given.displacement)),
-        pressure=p.exact,
-        means=p.mean,
-        recovered=nodal_pressure_error(mesh, solved.recovered, exact),
-        away=nodal_pressure_error(mesh, solved.recovered, exact, faces=_away(row, mesh)),
-    )
+    errors = {
+        "displacement": displacement_error(mesh, solved.u, compiled(given.displacement)),
+        "pressure": p.exact,
+        "means": p.mean,
+        "recovered": nodal_pressure_error(mesh, solved.recovered, exact),
+        "away": nodal_pressure_error(mesh, solved.recovered, exact, faces=_away(row, mesh)),
+    }
+    return LevelSolution(solved, 1 / cells_a_side(row, level), errors)
 
 
 def _away(row: CellRow, mesh: Mesh) -> NDArray[np.integer]:
@@ -136,18 +123,13 @@ def mesh_of(row: CellRow, level: int) -> Mesh:
     return with_master(block(row.cell, cells_a_side(row, level), given.low, given.high), given.master, points)
 
 
-def case_text(row: CellRow) -> str:
+def case_of(row: CellRow) -> str:
     """The case of a row, as TOML."""
     given = row.solution
     axes = "xyz"[: given.dim]
     sources = derive(given.displacement, given.law)
-    head = f'mesh = "block.msh"\nmodel = "{given.model}"\nkinematics = "finite"'
-    sides = [
-        _vector("traction", "t", sources.traction(axis, 2 * end - 1), f"{axes[axis]}{end}")
-        for axis in range(given.dim - 1)
-        for end in range(2)
-    ]
-    tables = [
+    return case_text(
+        given.model,
         entry("material", law="saint_venant_kirchhoff", young=given.law.young, poisson=given.law.poisson),
         entry(
             "contact", slave=given.slave, master="master", measure="reference", geometry="current",
@@ -157,8 +139,13 @@ def case_text(row: CellRow) -> str:
         _vector("displacement", "u", given.displacement, f"{axes[-1]}1"),
         _vector("body_force", "f", sources.body_force),
         _vector("traction", "t", sources.tangential, given.slave),
-    ]  # fmt: skip
-    return "\n\n".join([head, *tables, *sides]) + "\n"
+        *(
+            _vector("traction", "t", sources.traction(axis, 2 * end - 1), f"{axes[axis]}{end}")
+            for axis in range(given.dim - 1)
+            for end in range(2)
+        ),
+        kinematics="finite",
+    )  # fmt: skip
 
 
 def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = None) -> str:
@@ -167,7 +154,7 @@ def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = N
     return entry(table, group=group, **components)
 
 
-def _rates(row: CellRow, found: Sequence[ManufacturedSolution]) -> Iterator[Result]:
+def _rates(row: CellRow, found: Sequence[LevelSolution]) -> Iterator[Result]:
     """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
     u, p, recovered = WANTED[row.order]
     yield rate(
@@ -197,7 +184,7 @@ def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
     return () if value is None else (Published("code_aster, LAC", value, source),)
 
 
-def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
+def _iterations(found: Sequence[LevelSolution]) -> Result:
     finest = found[-1].solved
     reason = "for information: one step, and none that is halved, is what to hope for"
     return informative(
@@ -205,14 +192,14 @@ def _iterations(found: Sequence[ManufacturedSolution]) -> Result:
     )
 
 
-def _newton(row: CellRow, found: Sequence[ManufacturedSolution]) -> Plot:
+def _newton(row: CellRow, found: Sequence[LevelSolution]) -> Plot:
     """The residuals of every mesh, iteration by iteration."""
     lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in found)
     title = f"{row.name}: residual of each Newton iteration"
     return Plot("Newton", title, "iteration", "relative residual", lines, log_y=True)
 
 
-def _pressures(row: CellRow, one: ManufacturedSolution) -> Plot:
+def _pressures(row: CellRow, one: LevelSolution) -> Plot:
     """Exact, p_m and recovered pressure along the slave of a plane problem."""
     x = np.linspace(row.solution.low[0], row.solution.high[0], 101)
     exact = line("exact", x, exact_pressure(row)(np.column_stack([x, np.zeros_like(x)]))[:, 0])
@@ -224,7 +211,7 @@ def _along(x: NDArray[np.floating]) -> NDArray[np.floating]:
     return x[..., 0]
 
 
-def _pictures(row: CellRow, found: Sequence[ManufacturedSolution]) -> tuple[Picture, ...]:
+def _pictures(row: CellRow, found: Sequence[LevelSolution]) -> tuple[Picture, ...]:
     one = found[min(len(found) - 1, 2 if row.solution.dim == 2 else 1)]
     return (one.solved.picture(f"{row.name}, {round(1 / one.h)} cells a side"),) if row.pictured else ()
 

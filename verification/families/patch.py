@@ -8,7 +8,7 @@ holds the plane), the displacement linear by Hooke's law, every p_m the pressure
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from lacmesh.report.charts import Line, Plot
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Outcome, Published, Result, at_most
-from verification.solving import Solved, balanced, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, solve
 
 #: of every error, relative
 EXACT = 1e-10
@@ -60,21 +60,16 @@ class Press:
         return tilt(self.dim) if self.tilted else np.eye(3)
 
 
-@dataclass(frozen=True)
-class StackErrors:
-    """Largest relative errors of one stack: stress at integration points, p_m, displacement at nodes."""
+#: measured quantities, whose errors are relative
+STRESS, PRESSURES, DISPLACEMENT = "stress at integration points", "contact pressure p_m", "displacement"
+
+
+class StackErrors(NamedTuple):
+    """Largest relative errors of one stack, by quantity: stress, p_m, displacement at nodes."""
 
     label: str
-    stress: float
-    pressure: float
-    displacement: float
-    solved: Solved = field(repr=False)
-
-
-class _Quantity(NamedTuple):
-    quantity: str
-    attribute: str
-    published: tuple[Published, ...] = ()
+    errors: dict[str, float]
+    solved: Solved
 
 
 def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErrors:
@@ -82,13 +77,12 @@ def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErr
     solved = solve(text(given), mesh_of(given, slave, master, slave_below))
     sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in point_stress(solved.problem, solved.state)])
     exact = exact_displacement(given, solved.mesh.points)
-    return StackErrors(
-        f"{slave} {'under' if slave_below else 'on'} {master}",
-        float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
-        float(np.abs(solved.zone.pressure / PRESSURE - 1).max()),
-        float(np.abs(solved.u - exact).max() / np.abs(exact).max()),
-        solved,
-    )
+    found = {
+        STRESS: float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
+        PRESSURES: float(np.abs(solved.zone.pressure / PRESSURE - 1).max()),
+        DISPLACEMENT: float(np.abs(solved.u - exact).max() / np.abs(exact).max()),
+    }
+    return StackErrors(f"{slave} {'under' if slave_below else 'on'} {master}", found, solved)
 
 
 def mesh_of(given: Press, slave: str, master: str, slave_below: bool) -> Mesh:
@@ -102,16 +96,15 @@ def mesh_of(given: Press, slave: str, master: str, slave_below: bool) -> Mesh:
 def text(given: Press) -> str:
     """The case of every stack, as TOML. In a tilted frame symmetry planes hold the normal displacement."""
     up = "xyz"[given.dim - 1]
-    model = "axisymmetric" if given.model == "ring" else given.model
     held = [(side, side[0]) for side in _SLIDING.get(given.model, ("x0",))] + [("bottom", up)]
-    tables = [
-        f'mesh = "stack.msh"\nmodel = "{model}"\n[solver]\nthreads = 1',
+    return case_text(
+        "axisymmetric" if given.model == "ring" else given.model,
+        entry("solver", threads=1),
         entry("material", young=YOUNG, poisson=POISSON),
         entry("contact", slave="slave", master="master", **dict(given.contact)),
         *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in held),
         entry("pressure", group="top", value=PRESSURE),
-    ]
-    return "\n".join(tables) + "\n"
+    )
 
 
 def exact_displacement(given: Press, points: NDArray[np.floating]) -> NDArray[np.floating]:
@@ -137,51 +130,41 @@ def exact_stress(given: Press) -> NDArray[np.floating]:
 def run(case: Case, levels: int) -> Outcome:
     """Solve every pair, with the slave below and above."""
     given: Press = case.parameters
-    made = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
-    results = [_worst(measured, made) for measured in _quantities(given)]
-    return Outcome((*results, *balanced([one.solved for one in made])), (_matrix(made),))
+    stacks = [errors(given, *pair, below) for pair in given.pairs for below in (True, False)]
+    published = _published(given)
+    results = [worst(quantity, stacks, published.get(quantity, ())) for quantity in stacks[0].errors]
+    return Outcome((*results, *balanced([one.solved for one in stacks])), (_matrix(stacks),))
 
 
-def _worst(measured: _Quantity, made: Sequence[StackErrors]) -> Result:
+def worst(quantity: str, stacks: Sequence[StackErrors], published: tuple[Published, ...] = ()) -> Result:
     """The largest error of all stacks; NaN above all."""
-    found = np.array([getattr(one, measured.attribute) for one in made])
-    worst = int(np.where(np.isnan(found), np.inf, found).argmax())
-    reason = f"rounding, times the condition of the stiffness; worst of {len(made)}: {made[worst].label}"
-    return at_most(
-        measured.quantity, found[worst], EXACT, source=_SOURCE, reason=reason, published=measured.published
-    )  # fmt: skip
+    found = np.array([one.errors[quantity] for one in stacks])
+    k = int(np.where(np.isnan(found), np.inf, found).argmax())
+    reason = f"rounding, times the condition of the stiffness; worst of {len(stacks)}: {stacks[k].label}"
+    return at_most(quantity, found[k], EXACT, source=_SOURCE, reason=reason, published=published)
 
 
-def _matrix(made: Sequence[StackErrors]) -> Plot:
+def _matrix(stacks: Sequence[StackErrors]) -> Plot:
     """The errors, stack by stack."""
-    place = tuple(float(k) for k in range(1, len(made) + 1))
+    place = tuple(float(k) for k in range(1, len(stacks) + 1))
     lines = tuple(
-        Line(measured.quantity, place, tuple(max(getattr(one, measured.attribute), 1e-17) for one in made), "points")
-        for measured in _quantities(None)
+        Line(quantity, place, tuple(max(one.errors[quantity], 1e-17) for one in stacks), "points")
+        for quantity in stacks[0].errors
     )
-    title = f"patch test: {made[0].label} to {made[-1].label}"
+    title = f"patch test: {stacks[0].label} to {stacks[-1].label}"
     label = "stack: the pairs of the case in their order, slave below then above"
     return Plot("patch", title, label, "relative error", lines, log_y=True)
 
 
-def _quantities(given: Press | None) -> tuple[_Quantity, ...]:
-    """Measured quantities, with the errors of other codes where these ran the same problem."""
-    known = _published(given) if given is not None else ((), ())
-    return (
-        _Quantity("stress at integration points", "stress", known[0]),
-        _Quantity("contact pressure p_m", "pressure", known[1]),
-        _Quantity("displacement", "displacement"),
-    )
-
-
-def _published(given: Press) -> tuple[tuple[Published, ...], tuple[Published, ...]]:
-    """Stress and pressure errors of other codes on hexahedra; they used the same meshes, without a bend."""
+def _published(given: Press) -> dict[str, tuple[Published, ...]]:
+    """Errors of other codes on hexahedra, by quantity; they used the same meshes, without a bend."""
     if given.bend or given.model != "3d" or given.pairs[0] != ("HEXA8", "HEXA8"):
-        return (), ()
+        return {}
     hexa = dict(given.contact)["hexa"]
+    source = "code_aster 2020, measured on the same meshes"
+    aster = Published(f"code_aster LAC, {hexa}", _ASTER[hexa, given.skew], source)
     stress = tuple(Published(who, value, _PEERS) for who, value in _STRESS.get(given.skew, {}).items())
-    who = f"code_aster LAC, {hexa}"
-    return stress, (Published(who, _ASTER[hexa, given.skew], "code_aster 2020, measured on the same meshes"),)
+    return {STRESS: stress, PRESSURES: (aster,)}
 
 
 #: skew -> largest error of the axial stress at integration points; 3x3x2 under 2x2x2, and 5x5x2 under 4x4x2

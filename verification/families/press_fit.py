@@ -26,7 +26,7 @@ from verification.measures.norms import ExactField, displacement_error, nodal_pr
 from verification.meshes.rings import octant, pair, ring
 from verification.profiles import pressures
 from verification.records import Case, Family, Outcome, Published, Result, equal, informative, rate
-from verification.solving import Solved, balanced, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
 
 Floats = NDArray[np.floating]
 Normals = Literal["facet", "smoothed"]
@@ -111,23 +111,6 @@ _SHRUNK = PressFit(
 _PRESSED = replace(_SHRUNK, shape="plane_stress", normals="smoothed", pressure=10.0)
 
 
-@dataclass(frozen=True, eq=False)
-class PressFitSolution:
-    """A press fit on one level; relative errors. `pressure`, `recovered`: in L2; `mean`: of the force of contact;
-    `worst`: of any macro-element; `displacement`: in L2, of the worse body; `between`: of the slave's radial
-    displacement, in the mean of its nodes.
-    """
-
-    solved: Solved
-    h: float
-    pressure: float
-    recovered: float
-    mean: float
-    worst: float
-    displacement: float
-    between: float
-
-
 def solve_case(case: Case, levels: int) -> Outcome:
     """A press fit on so many meshes, each of twice as many cells along each side."""
     given: PressFit = case.parameters
@@ -138,9 +121,13 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced([one.solved for one in found])), plots, pictures)
 
 
-def solution(given: PressFit, level: int) -> PressFitSolution:
-    """Solve a press fit on one level. Raises what `solve` raises."""
-    solved, exact = solve(case_text(given), mesh_of(given, level)), given.exact
+def solution(given: PressFit, level: int) -> LevelSolution:
+    """Solve a press fit on one level; relative errors. Raises what `solve` raises.
+
+    `pressure`, `recovered`: in L2; `mean`: of the force of contact; `worst`: of any macro-element; `displacement`:
+    in L2, of the worse body; `between`: of the slave's radial displacement, in the mean of its nodes.
+    """
+    solved, exact = solve(case_of(given), mesh_of(given, level)), given.exact
     mesh, zone = solved.mesh, solved.zone
     off = zone.pressure / exact.between - 1
     axial, right = given.model == "axisymmetric", _constant(exact.between)
@@ -148,16 +135,15 @@ def solution(given: PressFit, level: int) -> PressFitSolution:
     x, u = mesh.points[slave, : given.dim], solved.u[slave]
     wanted = np.linalg.norm(exact.displacement(x, given.slave), axis=1)
     radial = (u * x).sum(axis=1) / np.linalg.norm(x, axis=1)
-    return PressFitSolution(
-        solved=solved,
-        h=given.h(level),
-        pressure=pressure_errors(mesh, zone.pressure, right, axisymmetric=axial).exact,
-        recovered=nodal_pressure_error(mesh, solved.recovered, right, axisymmetric=axial),
-        mean=float(abs((zone.area * off).sum() / zone.area.sum())),
-        worst=float(np.abs(off).max()),
-        displacement=max(_displacement(solved, exact, body, axial) for body in ("within", "around")),
-        between=float(abs(radial.mean() / wanted.mean() - 1)),
-    )
+    errors = {
+        "pressure": pressure_errors(mesh, zone.pressure, right, axisymmetric=axial).exact,
+        "recovered": nodal_pressure_error(mesh, solved.recovered, right, axisymmetric=axial),
+        "mean": float(abs((zone.area * off).sum() / zone.area.sum())),
+        "worst": float(np.abs(off).max()),
+        "displacement": max(_displacement(solved, exact, body, axial) for body in ("within", "around")),
+        "between": float(abs(radial.mean() / wanted.mean() - 1)),
+    }
+    return LevelSolution(solved, given.h(level), errors)
 
 
 def _displacement(solved: Solved, exact: Fit, body: Literal["within", "around"], axial: bool) -> float:
@@ -183,24 +169,23 @@ def mesh_of(given: PressFit, level: int, number: int = 0) -> Mesh:
     return pair(within, around, slave=given.slave)
 
 
-def case_text(given: PressFit, surface: str = "smooth") -> str:
+def case_of(given: PressFit, surface: str = "smooth") -> str:
     """The case of a press fit, as TOML; `surface`: what the gap is measured between."""
     bodies = zip(("within", "around"), given.young, given.poisson, strict=True)
-    tables = [
+    pressures = (("inner", given.pressure), ("outer", given.outside))
+    return case_text(
+        given.model,
         *(entry("material", groups=[name], young=young, poisson=poisson) for name, young, poisson in bodies),
         entry(
             "contact", slave="slave", master="master", normals=given.normals, surface=surface,
             clearance=-given.interference if given.interference else None,
         ),
         *(entry("displacement", group=f"{axis}0", **{f"u{axis}": 0.0}) for axis in "xyz"[: given.dim]),
-    ]  # fmt: skip
-    for group, value in (("inner", given.pressure), ("outer", given.outside)):
-        if value:
-            tables.append(entry("pressure", group=group, value=value))
-    return "\n\n".join([f'mesh = "rings.msh"\nmodel = "{given.model}"', *tables]) + "\n"
+        *(entry("pressure", group=group, value=value) for group, value in pressures if value),
+    )  # fmt: skip
 
 
-def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
+def _sized(given: PressFit, found: LevelSolution) -> Iterator[Result]:
     """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
     p, right = found.solved.zone.pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
@@ -208,7 +193,7 @@ def _sized(given: PressFit, found: PressFitSolution) -> Iterator[Result]:
     for quantity, value, theirs in (("largest p_m", p.max(), _LARGEST), ("least p_m", p.min(), _LEAST)):
         tolerance = (given.allowed or 0.0) * right
         yield equal(quantity, value, right, tolerance, source=source, reason=reason, published=_theirs(theirs))
-    yield informative("mean p_m, relative error", found.mean, reason="far below the error of each p_m")
+    yield informative("mean p_m, relative error", found.errors["mean"], reason="far below the error of each p_m")
     worst = float(np.nanmax(np.abs(found.solved.recovered / right - 1)))
     yield informative(
         "recovered pressure, worst node, relative error", worst, reason="for information: no bound is asked of it",
@@ -220,7 +205,7 @@ def _theirs(value: float) -> tuple[Published, ...]:
     return (Published("code_aster, LAC", value, "ssnp173a of its validation suite, TRIA6"),)
 
 
-def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Result]:
+def _rates(given: PressFit, found: Sequence[LevelSolution]) -> Iterator[Result]:
     """Rates of p_m, of the mean pressure, of u, and of where the slave is."""
     curved = given.order == 2
     yield rate(
@@ -239,10 +224,11 @@ def _rates(given: PressFit, found: Sequence[PressFitSolution]) -> Iterator[Resul
     )  # fmt: skip
     held = "for information: held by the displacement in L2"
     yield rate("displacement of the slave, rate", convergence(found, "between"), None, source="", reason=held)
-    yield informative("worst p_m on the finest mesh, relative error", found[-1].worst, reason="the rate is judged")
+    worst = found[-1].errors["worst"]
+    yield informative("worst p_m on the finest mesh, relative error", worst, reason="the rate is judged")
 
 
-def _pressures(name: str, given: PressFit, one: PressFitSolution) -> Plot:
+def _pressures(name: str, given: PressFit, one: LevelSolution) -> Plot:
     """Exact, p_m and recovered pressure along the quarter of the circle where the bodies meet."""
     exact = Line("exact", (0.0, 90.0), (given.exact.between,) * 2, "line")
     lines = pressures(one.solved, exact, _angle)

@@ -10,7 +10,7 @@ import numpy as np
 from lacsolver import NotConvergedError
 from verification.meshes.punches import ABOVE, Punch, punched, random_punch
 from verification.records import Case, Family, Outcome, at_most, informative
-from verification.solving import Solved, balanced, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, model_of, solve
 
 #: displacements that differ by more of the largest are those of another equilibrium
 OTHER = 1e-4
@@ -84,14 +84,17 @@ def difference(one: Solved, other: Solved) -> float:
 def text(bank: Bank, punch: Punch, steps: int) -> str:
     """The case of a punch that is pressed in by so many steps, as TOML."""
     axes = "xyz"[: punch.dim]
-    lines = ['mesh = "punch.msh"', f'model = "{"plane_strain" if punch.dim == 2 else "3d"}"', 'kinematics = "finite"']
-    lines.append(entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson))
     master = {"top": "face", "face": "top"}[bank.slave]
-    lines.append(entry("contact", slave=bank.slave, master=master))
-    lines.append(entry("displacement", group="bottom", **{f"u{axis}": 0.0 for axis in axes}))
-    aside = {f"u{axis}": 0.0 for axis in axes[:-1]}
-    lines.append(entry("rigid", group="punch", **aside, **{f"u{axes[-1]}": -punch.depth - ABOVE}))
-    return "\n".join([*lines, f"[steps]\ncount = {steps}"])
+    motion = {f"u{axis}": 0.0 for axis in axes[:-1]} | {f"u{axes[-1]}": -punch.depth - ABOVE}
+    return case_text(
+        model_of(punch.dim),
+        entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson),
+        entry("contact", slave=bank.slave, master=master),
+        entry("displacement", group="bottom", **{f"u{axis}": 0.0 for axis in axes}),
+        entry("rigid", group="punch", **motion),
+        entry("steps", count=steps),
+        kinematics="finite",
+    )
 
 
 def _case(name: str, bank: Bank, levels: Mapping[str, int], seconds: float) -> Case:

@@ -30,7 +30,7 @@ from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack
 from verification.records import Case, Family, Outcome, Result, at_most, informative, levels_of
-from verification.solving import entry
+from verification.solving import case_text, entry
 
 #: of the exponents; the five hundredths are for the logarithm of a search, and caches
 LINEAR = 1.05
@@ -169,14 +169,14 @@ def _clock() -> tuple[float, float]:
 
 def text() -> str:
     """The upper plate pressed on the lower one, which has to find where they touch."""
-    tables = [
-        'mesh = "plates.msh"\nmodel = "3d"\n[solver]\nthreads = 1',
+    return case_text(
+        "3d",
+        entry("solver", threads=1),
         entry("material", young=1e3, poisson=0.3),
         entry("contact", slave="slave", master="master", clearance="0.01 * ((x - 0.5)**2 + (y - 0.5)**2)"),
         entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0),
         entry("displacement", group="top", ux=0.0, uy=0.0, uz=-0.002),
-    ]
-    return "\n".join(tables) + "\n"
+    )
 
 
 def _judged(stage: str, problems: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Result:

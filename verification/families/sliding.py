@@ -22,7 +22,7 @@ from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, informative
-from verification.solving import Solved, balanced, entry, solve
+from verification.solving import Solved, balanced, case_text, entry, model_of, solve
 
 Floats = NDArray[np.floating]
 
@@ -146,20 +146,24 @@ def slider_text(given: Slider) -> str:
     """The case of the block, as TOML."""
     up, whole = "xyz"[given.dim - 1], 1.0 + given.steps
     along = [[1.0, 0.0], [whole, given.way]]
-    lines = ['mesh = "slider.msh"', f'model = "{"plane_strain" if given.dim == 2 else "3d"}"', 'kinematics = "finite"']
-    lines.append(entry("material", law="neo_hookean", young=given.young, poisson=given.poisson))
-    lines += [entry("contact", slave="slave", master="plate", normals=given.normals), entry("rigid", group="plate")]
     if given.wave:
         aside = {"uy": 0.0} if given.dim == 3 else {}
-        lines.append(
-            entry("displacement", group="top", ux=along, **{f"u{up}": [[0.0, 0.0], [1.0, -given.push]]}, **aside)
-        )
+        down = {f"u{up}": [[0.0, 0.0], [1.0, -given.push]]}
+        loads = [entry("displacement", group="top", ux=along, **down, **aside)]
     else:
-        lines.append(entry("displacement", group="x0", ux=along))
-        lines += [entry("displacement", group="y0", uy=0.0)] * (given.dim - 2)
-        lines.append(entry("pressure", group="top", value=[[0.0, 0.0], [1.0, given.pressure]]))
-    lines += [f"[steps]\nend = {whole}\ncount = {1 + given.steps}", f"[solver]\ntolerance = {given.tolerance!r}"]
-    return "\n".join(lines)
+        loads = [entry("displacement", group="x0", ux=along)]
+        loads += [entry("displacement", group="y0", uy=0.0)] * (given.dim - 2)
+        loads.append(entry("pressure", group="top", value=[[0.0, 0.0], [1.0, given.pressure]]))
+    return case_text(
+        model_of(given.dim),
+        entry("material", law="neo_hookean", young=given.young, poisson=given.poisson),
+        entry("contact", slave="slave", master="plate", normals=given.normals),
+        entry("rigid", group="plate"),
+        *loads,
+        entry("steps", end=whole, count=1 + given.steps),
+        entry("solver", tolerance=given.tolerance),
+        kinematics="finite",
+    )
 
 
 # ---- a ring, and ironing
@@ -198,18 +202,21 @@ def dragged(given: Dragged, size: int, steps: int) -> Solved:
 
 def dragged_text(given: Dragged, steps: int) -> str:
     """The case of the body that is dragged in so many steps, as TOML."""
-    lines = [f'mesh = "{given.mesh}.msh"', f'model = "{given.model}"', 'kinematics = "finite"']
-    for group, young, poisson in given.materials:
-        lines.append(entry("material", groups=[group], law="neo_hookean", young=young, poisson=poisson))
-    lines.append(
-        entry("contact", slave="slave", master="master", normals=given.normals, measure=given.measure,
-              surface=given.surface)
-    )  # fmt: skip
-    for group, components in given.held:
-        lines.append(entry("displacement", group=group, **dict.fromkeys(components, 0.0)))
-    lines += [entry("displacement", group=given.moved, **dict(given.path)), entry("probe", group=given.moved)]
-    lines += [f"[steps]\nend = {given.end}\ncount = {steps}", f"[solver]\ntolerance = {given.tolerance!r}"]
-    return "\n".join(lines)
+    contact = {"normals": given.normals, "measure": given.measure, "surface": given.surface}
+    return case_text(
+        given.model,
+        *(
+            entry("material", groups=[group], law="neo_hookean", young=young, poisson=poisson)
+            for group, young, poisson in given.materials
+        ),
+        entry("contact", slave="slave", master="master", **contact),
+        *(entry("displacement", group=group, **dict.fromkeys(components, 0.0)) for group, components in given.held),
+        entry("displacement", group=given.moved, **dict(given.path)),
+        entry("probe", group=given.moved),
+        entry("steps", end=given.end, count=steps),
+        entry("solver", tolerance=given.tolerance),
+        kinematics="finite",
+    )
 
 
 def _iterations(given: Dragged, own: Solved) -> Result:
