@@ -62,10 +62,9 @@ class ContactMatrices(Described):
     @classmethod
     def of(cls, interface: Interface, mesh: Mesh) -> ContactMatrices:
         """Return the contact matrices of an interface of a mesh."""
-        i = interface
-        return cls(
-            i.B, i.G, i.w, i.area, i.coverage, i.normal, i.centre, i.zone.number, mesh.node_number, mesh,
-        )  # fmt: skip
+        names = ("B", "G", "w", "area", "coverage", "normal", "centre")
+        of_interface = {name: getattr(interface, name) for name in names}
+        return cls(**of_interface, macro=interface.zone.number, node=mesh.node_number, mesh=mesh)
 
 
 def contact_matrices(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +62,7 @@ class RunResults(Described):
         return str(self.summary.get("message", ""))
 
     @cached_property
-    def _series(self) -> _Series:
+    def _series(self) -> _VtuSeries | _MedSeries:
         pvd = self.folder / f"{SOLID}.pvd"
         return _VtuSeries(self.folder) if pvd.exists() else _MedSeries(self.folder)
 
@@ -130,28 +130,6 @@ def _table(path: Path) -> dict[str, NDArray[np.floating]]:
         raise ReadError(path, f"is no table of lacsolver ({getattr(error, 'strerror', None) or error})") from None
 
 
-class _Series(Protocol):
-    """Fields of a folder, in the format of [output]."""
-
-    @property
-    def times(self) -> Sequence[float]:
-        """Times at which fields were written."""
-
-    def read(self, i: int, zones: tuple[str, ...]) -> tuple[Mesh, Fields]:
-        """Return the bodies and the fields at the i-th time. Raises ReadError."""
-
-
-class _Nodal(NamedTuple):
-    """Data of a mesh at one time: by name, on its nodes."""
-
-    mesh: Mesh
-    nodes: Mapping[str, NDArray]
-
-    def vectors(self, name: str) -> NDArray[np.floating]:
-        """Return vectors (n, d) on the nodes."""
-        return np.asarray(self.nodes[name], float)[:, : self.mesh.dim]
-
-
 class _VtuSeries:
     """Fields in VTU files."""
 
@@ -169,7 +147,7 @@ class _VtuSeries:
         if file.endswith(".pvtu"):
             raise ReadError(self._folder / file, "is in pieces of several processes, which only ParaView joins")
         solid = read(self._folder / file)
-        told = _Nodal(solid, solid.node_data)
+        nodal = _vectors(solid, solid.node_data)
         contact = {}
         for zone, stem in contact_stems(zones).items():
             skin = next((e.file for e in read_pvd(self._folder / f"{stem}.pvd") if same_time(e.time, time)), None)
@@ -177,8 +155,8 @@ class _VtuSeries:
                 contact[zone] = _of_skin(solid, read(self._folder / skin), _rows_at(self._folder / f"{stem}.csv", time))
         stress = solid.node_data["stress"]
         stress = stress[:, :4] if solid.dim == 2 else stress
-        moving = [told.vectors(name) if name in told.nodes else None for name in ("velocity", "acceleration")]
-        return solid, Fields(time, told.vectors("displacement"), stress, told.vectors("reaction"), contact, *moving)
+        moving = (nodal.get("velocity"), nodal.get("acceleration"))
+        return solid, Fields(time, nodal["displacement"], stress, nodal["reaction"], contact, *moving)
 
 
 class _MedSeries:
@@ -199,17 +177,22 @@ class _MedSeries:
         time, mesh = self._times[i], self._mesh
         now = {step.field: name for name, step in mesh.steps.items() if same_time(step.time, time)}
         names = {field: mesh.node_data[name] for field, name in now.items() if name in mesh.node_data}
-        told, contact = _Nodal(mesh, names), {}
+        nodal, contact = _vectors(mesh, names), {}
         for zone, stem in contact_stems(zones).items():
             pressure = mesh.cell_data[now[f"{zone}.pressure"]].reshape(-1)
             surface = Surface.of(mesh, np.flatnonzero(np.isfinite(pressure)))
             rows = _rows_at(self._folder / f"{stem}.csv", time)
             macro = _places(mesh.cell_data["lac_macro"][surface.cell], rows["macro"])
-            nodal = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
-            contact[zone] = _zone(surface, macro, rows, told.vectors(f"{zone}.contact_force"), nodal)
-        moving = [told.vectors(name) if name in names else None for name in ("VITE", "ACCE")]
-        stress = names["SIEF_NOEU"]
-        return mesh, Fields(time, told.vectors("DEPL"), stress, told.vectors("REAC_NODA"), contact, *moving)
+            recovered = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
+            contact[zone] = _zone(surface, macro, rows, nodal[f"{zone}.contact_force"], recovered)
+        moving = (nodal.get("VITE"), nodal.get("ACCE"))
+        return mesh, Fields(time, nodal["DEPL"], names["SIEF_NOEU"], nodal["REAC_NODA"], contact, *moving)
+
+
+def _vectors(mesh: Mesh, values: Mapping[str, NDArray]) -> dict[str, NDArray[np.floating]]:
+    """Return the values (n, components) that have at least as many components as the space, as vectors (n, d)."""
+    d = mesh.dim
+    return {k: np.asarray(v, float)[:, :d] for k, v in values.items() if v.ndim == 2 and v.shape[1] >= d}
 
 
 def _rows_at(path: Path, time: float) -> dict[str, NDArray[np.floating]]:
@@ -250,5 +233,5 @@ def _places(wanted: NDArray, among: NDArray) -> Ints:
     """Return the index of each wanted number among others, -1 for those that are not there."""
     order = np.argsort(among, kind="stable")
     at = np.clip(np.searchsorted(among, wanted, sorter=order), 0, max(len(among) - 1, 0))
-    found = order[at] if len(among) else np.zeros(len(wanted), int)
-    return np.where(among[found] == wanted, found, -1)
+    nearest = order[at] if len(among) else np.zeros(len(wanted), int)
+    return np.where(among[nearest] == wanted, nearest, -1)

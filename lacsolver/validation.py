@@ -27,7 +27,8 @@ from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.overlap import check_overlap, start_of
-from lacsolver.problem.problem import ContactPair, Problem, ProblemParts, build
+from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.problem.skin import mesh_of

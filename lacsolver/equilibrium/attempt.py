@@ -20,7 +20,7 @@ from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
-from lacsolver.problem.problem import ContactPair
+from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start

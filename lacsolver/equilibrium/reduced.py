@@ -22,7 +22,8 @@ from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.stabilization import Stabilization
 from lacsolver.linear import Matrix, SingularError
 from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
-from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import (
     FreeMotion,
     bodies,

@@ -31,7 +31,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacmesh.view import picture
 from lacsolver.case import Case
 from lacsolver.contact import Pairing, Zone, integrate
-from lacsolver.problem.problem import zone_of
+from lacsolver.problem.pair import zone_of
 from lacsolver.problem.roles import with_roles
 from lacsolver.problem.skin import mesh_of, prepared
 from lacsolver.results.results import Restart

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,10 @@ from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.bodies.material import Materials
-from lacsolver.case import Case, Contact, Tie
+from lacsolver.case import Case, Contact
 from lacsolver.constraints import Constraints
-from lacsolver.contact import Interface, Pairing, Zone, integrate
-from lacsolver.contact.laws import ContactLaw
+from lacsolver.contact import Interface, Zone, integrate
+from lacsolver.problem.pair import ContactPair
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
@@ -40,33 +40,6 @@ _FREE = 0.01
 _ROUNDING = 1e-9
 
 Bools = NDArray[np.bool_]
-
-
-class Judged(Protocol):
-    """Interface of a contact pair, for the judgement of it."""
-
-    @property
-    def record(self) -> Contact | Tie:
-        """The case's contact or tie."""
-
-    @property
-    def zone(self) -> Zone:
-        """The slave and the master."""
-
-    @property
-    def pairing(self) -> Pairing:
-        """Options of the pairing."""
-
-    @property
-    def law(self) -> ContactLaw:
-        """The contact law."""
-
-    @property
-    def moving(self) -> bool:
-        """True if the zone is paired again on the deformed skins."""
-
-    def integrate(self, space: Space, u: Floats, t: float) -> Interface:
-        """Return the interface under u (n_dof,) at time t."""
 
 
 class Judgement(NamedTuple):
@@ -86,7 +59,9 @@ class Judgement(NamedTuple):
         return int(self.lacking.sum()) <= self.nodes
 
 
-def check_hypothesis(case: Case, pair: Judged, space: Space, constraints: Constraints, materials: Materials) -> None:
+def check_hypothesis(
+    case: Case, pair: ContactPair, space: Space, constraints: Constraints, materials: Materials
+) -> None:
     """Raise CaseError for pressures that nothing determines; warn of a slave stiffer and finer than its master.
 
     Rigid bodies on rigid bodies are not judged: whether anything holds them is checked elsewhere.
@@ -108,7 +83,9 @@ def check_hypothesis(case: Case, pair: Judged, space: Space, constraints: Constr
         warnings.warn(LacmeshWarning(f"{message}; exchange slave and master, or refine the master"), stacklevel=3)
 
 
-def judged(pair: Judged, face: Interface, space: Space, constraints: Constraints, materials: Materials) -> Judgement:
+def judged(
+    pair: ContactPair, face: Interface, space: Space, constraints: Constraints, materials: Materials
+) -> Judgement:
     """Return the judgement of a pair with its interface in some configuration."""
     met, free = face.w > 0, own_free(pair, space, constraints)
     lacking = met & ~free & (not pair.law.yields)
@@ -123,7 +100,7 @@ def judged(pair: Judged, face: Interface, space: Space, constraints: Constraints
     return Judgement(lacking, sum(map(len, columns)), ratio)
 
 
-def finer(pair: Judged, face: Interface, chosen: Bools, constraints: Constraints) -> bool:
+def finer(pair: ContactPair, face: Interface, chosen: Bools, constraints: Constraints) -> bool:
     """True if there are more of these macro-elements (m,) than free nodes of the master in front of them."""
     if not chosen.any():
         return False
@@ -132,7 +109,7 @@ def finer(pair: Judged, face: Interface, chosen: Bools, constraints: Constraints
     return int(chosen.sum()) > len(np.setdiff1d(nodes, ours))
 
 
-def own_free(pair: Judged, space: Space, constraints: Constraints) -> Bools:
+def own_free(pair: ContactPair, space: Space, constraints: Constraints) -> Bools:
     """Return a mask (m,), True for macro-elements with an internal dof that is free along what the law acts on.
 
     It is the normal of a contact; all directions of a tie. Macro-elements without internal nodes, which no cut makes
@@ -183,7 +160,7 @@ def _columns(face: Interface, chosen: Bools, constraints: Constraints) -> tuple[
 
 
 def _own_stiffness(
-    pair: Judged, free: Bools, space: Space, constraints: Constraints, materials: Materials
+    pair: ContactPair, free: Bools, space: Space, constraints: Constraints, materials: Materials
 ) -> tuple[Floats, Floats]:
     """Return the stiffness (m,) of the slave, modulus over size, with a soft contact's; the give (f,) of the master.
 
@@ -227,7 +204,7 @@ def _of_faces(skin: Surface, values: Floats) -> NDArray[np.floating]:
     return np.divide(np.where(fine, there, 0.0).sum(axis=1), n, out=np.full(len(n), np.inf), where=n > 0)
 
 
-def _suspect(pair: Judged, space: Space, constraints: Constraints, materials: Materials) -> bool:
+def _suspect(pair: ContactPair, space: Space, constraints: Constraints, materials: Materials) -> bool:
     """True if the slave may be so much stiffer than the master that the two must be paired to know."""
     free = np.ones(pair.zone.n_macros, bool)
     stiffness, give = _own_stiffness(pair, free, space, constraints, materials)
@@ -235,7 +212,7 @@ def _suspect(pair: Judged, space: Space, constraints: Constraints, materials: Ma
     return space.share.largest(float(largest)) >= STIFFER
 
 
-def _facing(pair: Judged, space: Space, t: float) -> Interface:
+def _facing(pair: ContactPair, space: Space, t: float) -> Interface:
     """Return the interface of a pair at the start; skins that are to meet later are paired at any distance."""
     face = pair.integrate(space, np.zeros(space.n_dof), t)
     if not pair.moving or (face.w > 0).any():
@@ -248,7 +225,7 @@ def _facing(pair: Judged, space: Space, t: float) -> Interface:
     )  # fmt: skip
 
 
-def _refusal(pair: Judged, found: Judgement, space: Space, constraints: Constraints) -> str:
+def _refusal(pair: ContactPair, found: Judgement, space: Space, constraints: Constraints) -> str:
     """Return the message for a pair with pressures that nothing determines."""
     zone, record = pair.zone, pair.record
     owner = internal_nodes(zone, space.mesh.n_nodes)

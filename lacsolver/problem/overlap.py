@@ -19,7 +19,7 @@ from lacmesh.topology.facets import boundary_faces
 from lacmesh.topology.skin import Faces
 from lacsolver.contact import Interface
 from lacsolver.contact.interface import positions
-from lacsolver.problem.problem import ContactPair
+from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space

@@ -28,7 +28,7 @@ from lacmesh.topology.skin import MAX_CORNERS
 from lacsolver.contact import Interface, integrate
 from lacsolver.distributed.share import Share
 from lacsolver.problem.overlap import looked
-from lacsolver.problem.problem import ContactPair
+from lacsolver.problem.pair import ContactPair
 from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate
 
@@ -41,12 +41,19 @@ _MANY = 4096
 
 
 class Passing(NamedTuple):
-    """Slave faces that pass in a step, their number; depth, L and place (3,) of the point that goes deepest."""
+    """Points that pass in a step: the slave face of each, how deep they are at its end, their L, and where (k, 3)."""
 
-    faces: int
-    depth: float
-    limit: float
+    face: Ints
+    depth: Floats
+    limit: Floats
     place: Floats
+
+    def take(self, rows: Ints) -> Passing:
+        """Return some of the points."""
+        return Passing(self.face[rows], self.depth[rows], self.limit[rows], self.place[rows])
+
+
+_NOTHING = Passing(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 3)))
 
 
 class _Moving(NamedTuple):
@@ -65,18 +72,6 @@ class _Moving(NamedTuple):
         return _Moving(self.start[rows], self.end[rows], self.normals[:, rows], self.real[rows], self.limit[rows])
 
 
-class _Found(NamedTuple):
-    """Points that pass: the slave face of each, how deep they are at the end, their L, and where (k, 3) they are."""
-
-    face: Ints
-    depth: Floats
-    limit: Floats
-    place: Floats
-
-
-_NOTHING = _Found(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 3)))
-
-
 def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> Passing | None:
     """Return what of a contact passes in a step from nodes at x (n_nodes, 3) to the interface `face` at time t.
 
@@ -85,22 +80,18 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
     if not (joint.moving and joint.one_sided):
         return None
     depth = float(looked(joint, face).min(initial=np.inf))
-    found = _NOTHING
+    points = _NOTHING
     if _apart(face.slave, face.master, x) > min(_limits(skin, depth).min() for skin in (face.slave, face.master)):
         slave, master = _moving(face.slave, x, depth), _moving(face.master, x, depth)
-        found = _passed(slave, master, _clearances(joint, t))
-    if not space.share.largest(float(len(found.face))):
+        points = _passed(slave, master, _clearances(joint, t))
+    if not space.share.largest(float(len(points.face))):
         return None
     seen = np.where(joint.covered(face), _seen(face, space.share), 0.0)
-    left = np.flatnonzero(_SEEN * found.depth > seen[face.zone.macro[found.face]])
-    if not space.share.largest(float(len(left))):
+    points = points.take(np.flatnonzero(_SEEN * points.depth > seen[face.zone.macro[points.face]]))
+    if not space.share.largest(float(len(points.face))):
         return None
-    left = left[~_held_throughout(joint, face, x, t, space)[face.zone.macro[found.face[left]]]]
-    if not len(left):
-        return None
-    worst = left[found.depth[left].argmax()]
-    place = found.place[worst] + space.origin
-    return Passing(len(np.unique(found.face[left])), float(found.depth[worst]), float(found.limit[worst]), place)
+    held = _held_throughout(joint, face, x, t, space)[face.zone.macro[points.face]]
+    return None if held.all() else points.take(np.flatnonzero(~held))
 
 
 def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> NDArray[np.bool_]:
@@ -113,13 +104,15 @@ def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, s
     return np.asarray(joint.covered(face) & joint.covered(before))
 
 
-def words(joint: ContactPair, made: Passing, t: float, space: Space) -> str:
-    """Return the sentence for a step, as small as it may be, in which a contact passes through."""
-    place = ", ".join(space.told(made.place[: space.dim]))
-    said = f"contact {joint.name!r}: in the step to time {t:.6g} {made.faces} faces of slave {joint.record.slave!r} "
-    said += f"pass through master {joint.record.master!r}, by up to {made.depth:.6g} near ({place}), "
-    said += f"farther than the {made.limit:.6g} to which contact is found there"
-    return f"{said}; take more steps ([steps] count) or max_halvings, or a larger search_distance"
+def words(joint: ContactPair, points: Passing, t: float, space: Space) -> str:
+    """Return the sentence for a step, as small as it may be, in which points of a contact pass through."""
+    deepest = int(points.depth.argmax())
+    place = ", ".join(space.told((points.place[deepest] + space.origin)[: space.dim]))
+    message = f"contact {joint.name!r}: in the step to time {t:.6g} {len(np.unique(points.face))} faces of slave "
+    message += f"{joint.record.slave!r} pass through master {joint.record.master!r}, by up to "
+    message += f"{points.depth[deepest]:.6g} near ({place}), farther than the {points.limit[deepest]:.6g} to which "
+    message += "contact is found there"
+    return f"{message}; take more steps ([steps] count) or max_halvings, or a larger search_distance"
 
 
 def _moving(skin: Surface, x: Floats, depth: float) -> _Moving:
@@ -162,7 +155,7 @@ def _seen(face: Interface, share: Share) -> NDArray[np.floating]:
     return share.total(deepest)  # each has points of its own macro-elements alone
 
 
-def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> _Found:
+def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> Passing:
     """Return the points of both skins that pass a face of the other one."""
     least = min(slave.limit.min(initial=np.inf), master.limit.min(initial=np.inf))
     ours, theirs = _approaching(slave, master, least), _approaching(master, slave, least)
@@ -174,8 +167,8 @@ def _passed(slave: _Moving, master: _Moving, clearance: Floats) -> _Found:
         sides = slave.take(one), master.take(other)
         for points, faces in (sides, sides[::-1]):
             pair, depth, place = _crossing(points, faces, clearance[one])
-            parts.append(_Found(one[pair], depth, faces.limit[pair], place))
-    return _Found(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+            parts.append(Passing(one[pair], depth, faces.limit[pair], place))
+    return Passing(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _approaching(skin: _Moving, other: _Moving, least: float) -> Ints:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.small.fields import Field
-from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, ZoneFields

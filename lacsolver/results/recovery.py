@@ -98,7 +98,7 @@ def recover_pressure(
     slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
     contact = (status == CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
-    p = _smooth(slave, means, contact)
+    p = _nodal_parabolas(slave, means, contact)
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)
         edge = _beside(slave.touch, opened, 1) & contact
@@ -107,7 +107,7 @@ def recover_pressure(
         )
         p = np.maximum(p, 0.0)
         if edge.any():
-            p = np.where(near, _root(slave, means, contact, edge), p)
+            p = np.where(near, _nodal_roots(slave, means, contact, edge), p)
         p = _balanced(slave, p, means, contact, status != UNPAIRED, last, last & outer)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
@@ -167,13 +167,13 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floati
     return np.array([*_RIM, 1.0])[steps]
 
 
-def _smooth(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
+def _nodal_parabolas(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of parabolas fitted to the means in contact, 0 at nodes of no such macro-element."""
     touch = _only(slave.touch, contact)
     return _mean(touch, _fit(slave, touch, means).at(slave.x, touch))
 
 
-def _root(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
+def _nodal_roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of roots of parabolas, 0 where these are negative, whose means are fitted to p_m.
 
     The macro-elements at the `edge` of contact are merged with their neighbours.
@@ -277,11 +277,12 @@ def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> 
     points = _powers(np.concatenate([middle - off, middle + off], axis=1))
     mean = points.mean(axis=1)
     few = np.diff(patches.indptr) < _LEAST[dim]
-    told = _told(_summed(row, weight[:, None, None] * _square(mean), k), np.where(few, 1 + dim, mean.shape[1]))
+    normal = _summed(row, weight[:, None, None] * _square(mean), k)
+    inverse = _inverse_of_independent(normal, np.where(few, 1 + dim, mean.shape[1]))
 
     def fit(wanted: Floats) -> NDArray[np.floating]:
         right = _summed(row, (weight * wanted)[:, None] * mean, k)
-        return np.asarray(np.einsum("kij,kj->ki", told, right))
+        return np.asarray(np.einsum("kij,kj->ki", inverse, right))
 
     given = means[g]
     wanted = given**2 if root else given
@@ -306,17 +307,19 @@ def _powers(s: Floats) -> NDArray[np.floating]:
     return np.concatenate([np.ones((*s.shape[:-1], 1)), s, s[..., a] * s[..., b]], axis=-1)
 
 
-def _told(normal: Floats, most: Ints) -> NDArray[np.floating]:
+def _inverse_of_independent(normal: Floats, most: Ints) -> NDArray[np.floating]:
     """Return the inverse of normal equations (k, t, t), restricted to independent terms, 0 for the others.
 
-    These are the terms among the first `most` (k,) that are independent of those before them.
+    A term is taken if it is among the first `most` (k,), and if enough of it is left after those before it are
+    eliminated: its pivot in Gauss's elimination, relative to its diagonal.
     """
-    kept, left = np.zeros(normal.shape[:2], dtype=bool), normal.copy()
+    independent, left = np.zeros(normal.shape[:2], dtype=bool), normal.copy()
     for t in range(normal.shape[1]):
-        kept[:, t] = (left[:, t, t] > _THIN * normal[:, t, t]) & (t < most)
-        pivot = np.divide(1.0, left[:, t, t], out=np.zeros(len(left)), where=kept[:, t])
-        left -= pivot[:, None, None] * left[:, :, t, None] * left[:, t, None, :]
-    both = kept[:, :, None] & kept[:, None, :]
+        pivot = left[:, t, t]
+        independent[:, t] = (pivot > _THIN * normal[:, t, t]) & (t < most)
+        inverse = np.divide(1.0, pivot, out=np.zeros(len(left)), where=independent[:, t])
+        left -= inverse[:, None, None] * left[:, :, t, None] * left[:, t, None, :]
+    both = independent[:, :, None] & independent[:, None, :]
     return np.where(both, np.linalg.inv(np.where(both, normal, np.eye(normal.shape[1]))), 0.0)
 
 

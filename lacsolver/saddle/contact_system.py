@@ -22,7 +22,8 @@ from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap, covered_derivative
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.distributed.share import ALONE, Share
-from lacsolver.problem.problem import ContactPair, Problem
+from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.problem import Problem
 from lacsolver.saddle.operator import Operator
 
 

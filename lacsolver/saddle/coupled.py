@@ -24,8 +24,7 @@ search directions from the start, dp balances the load along them, and the sprin
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import NamedTuple
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,59 +63,35 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     pressures = np.zeros_like(p)
     pressures[active] = p[active]
     load = K.vectors.dots(K.R.T, problem.f - problem.geometric_forces(q) - rows.B_T @ pressures)
-    now = system.iterate(np.concatenate([q, K.vectors.same(p[active] + system.preconditioner.balancing(load))]))
+    x = np.concatenate([q, K.vectors.same(p[active] + system.preconditioner.balancing(load))])
+    r, force = system.residual(x)
     norm = system.vectors.norm
-    if norm(system.load) < norm(now.r) and not K.R.shape[1]:
-        now = _Iterate(np.zeros_like(now.x), system.load, system.vectors.largest(problem.f))
-    first = best = norm(now.r)
+    if norm(system.load) < norm(r) and not K.R.shape[1]:
+        x, r, force = np.zeros_like(x), system.load, system.vectors.largest(problem.f)
+    first = best = norm(r)
     loose = tolerance.reduction * first
-    gaps, count, counted = tolerance.reduction * max(WHOLE.norm(now.r[n:]), loose), 0, 0
+    loose_gaps, count, counted = tolerance.reduction * max(WHOLE.norm(r[n:]), loose), 0, 0
     while count < _MOST:
-        limit = tolerance.threshold(system.vectors.largest(now.x[:n]))
-        stop = _StoppingCriteria(system, limit, _BALANCED * now.force, loose, gaps)
-        if stop.excess(now.r) <= 1:
+        gap = tolerance.threshold(system.vectors.largest(x[:n]))
+        excess = partial(system.excess, gap, _BALANCED * force, (loose, loose_gaps))
+        if excess(r) <= 1:
             break
-        most, least = min(_ROUND, _MOST - count), _RECURRED * norm(now.r)
-        step = minimise(system, now.r, stop.excess, most, known=system.constrained, least=least)
+        most, least = min(_ROUND, _MOST - count), _RECURRED * norm(r)
+        step = minimise(system, r, excess, most, known=system.constrained, least=least)
         count += step.directions
-        then = system.iterate(now.x + step.x)
-        size = norm(then.r)
+        then = x + step.x
+        residual, then_force = system.residual(then)
+        size = norm(residual)
         if size < best:
-            now = then
+            x, r, force = then, residual, then_force
         if not size < _SLOW * best:
             break
         best, counted = size, count
-    pressures[active] = now.x[n:]
+    pressures[active] = x[n:]
     if tolerance.reduction == 0:
-        system.check(now, count, tolerance)
+        system.check(r, force, count, tolerance)
         K.record_convergence("with rows", counted, first, best)
-    return SaddleSolution(now.x[:n], pressures, count, system.gap(now.r))
-
-
-class _Iterate(NamedTuple):
-    """An iterate x, unknowns first, then pressures; its weighted residual r; the largest load or internal force."""
-
-    x: NDArray[np.floating]
-    r: NDArray[np.floating]
-    force: float
-
-
-class _StoppingCriteria(NamedTuple):
-    """Largest gap and force, or, for an inexact solve, norms of the residual and of its gaps."""
-
-    system: _System
-    gap: float
-    force: float
-    loose: float
-    loose_gaps: float
-
-    def excess(self, r: Floats) -> float:
-        """Return a residual relative to the criteria; at most 1 if it meets them."""
-        system, norm = self.system, self.system.vectors.norm
-        exact = max(_ratio(system.gap(r), self.gap), _ratio(system.force(r), self.force))
-        if not self.loose > 0:
-            return exact
-        return min(exact, max(_ratio(norm(r), self.loose), _ratio(WHOLE.norm(r[system.n :]), self.loose_gaps)))
+    return SaddleSolution(x[:n], pressures, count, system.gap(r))
 
 
 def _ratio(value: float, limit: float) -> float:
@@ -153,13 +128,13 @@ class _System:
         """Weighted right-hand side, the residual at 0."""
         return np.concatenate([self._balanced(self.problem.f), self.G]) * self.weight
 
-    def iterate(self, x: Floats) -> _Iterate:
-        """Return the iterate at x, with its residual computed anew."""
+    def residual(self, x: Floats) -> tuple[NDArray[np.floating], float]:
+        """Return the weighted residual at x, unknowns first, then pressures, and the largest load or internal force."""
         q, p, f, largest = x[: self.n], x[self.n :], self.problem.f, self.vectors.largest
         inner = self.K.apply(q) + self.problem.geometric_forces(q)
         force = self._balanced(f - (inner + self.B_T @ p))
         r = np.concatenate([force, self.G - self.D @ q + self.S * p]) * self.weight
-        return _Iterate(x, r, max(largest(f), largest(inner)))
+        return r, max(largest(f), largest(inner))
 
     def _balanced(self, force: Floats) -> NDArray[np.floating]:
         """Return forces without those along rigid-body modes that no row constrains; the springs balance these."""
@@ -194,10 +169,20 @@ class _System:
         """Return the largest force of a weighted residual."""
         return self.vectors.largest(r[: self.n] / self.weight[: self.n])
 
-    def check(self, now: _Iterate, count: int, tolerance: LinearTolerance) -> None:
-        """Raise LinearError if the forces are not in balance."""
+    def excess(self, gap: float, force: float, loose: tuple[float, float], r: Floats) -> float:
+        """Return a residual relative to the largest gap and force that may be left; at most 1 if it is below them.
+
+        `loose`: norms of the residual and of its gaps that do for an inexact solve, 0 for an exact one.
+        """
+        exact = max(_ratio(self.gap(r), gap), _ratio(self.force(r), force))
+        if not loose[0] > 0:
+            return exact
+        return min(exact, max(_ratio(self.vectors.norm(r), loose[0]), _ratio(WHOLE.norm(r[self.n :]), loose[1])))
+
+    def check(self, r: Floats, force: float, count: int, tolerance: LinearTolerance) -> None:
+        """Raise LinearError if the forces are not in balance; `force`: the largest of them."""
         nothing = tolerance.absolute * self.vectors.largest(self.diagonal)  # moves nodes by negligible lengths
-        off = self.force(now.r) / max(now.force, nothing, 1e-300)
+        off = self.force(r) / max(force, nothing, 1e-300)
         if not off <= _FAILED:
             message = f"multigrid with contact stopped at forces {off:.1e} off balance, after {count} V-cycles"
             raise LinearError(f"{message}; try a direct backend, and look for what is hardly held, or thin cells")

@@ -80,7 +80,7 @@ def test_what_passes_a_skin_and_what_does_not(dim, wall, swapped):
         return passes(problem, (first[0], *[0.0] * (dim - 2), first[1]), (last[0], *[0.0] * (dim - 2), last[1]))
 
     # as deep as a corner is: the whole thickness, or the depth that is looked to
-    assert by((0, 0), (0, -3)).depth == pytest.approx(2.5)
+    assert by((0, 0), (0, -3)).depth.max() == pytest.approx(2.5)
     assert by((0, 0), (0, -GAP - 0.31)) is not None
     assert by((0, 0), (0.6, -2)) is not None
     assert by((-20, 20), (20, -21)) is not None  # from afar, at an angle
@@ -104,9 +104,9 @@ def test_bodies_that_move_together_pass_nothing():
         u = np.tile([far, -far], space.mesh.n_nodes)
         assert passing(joint, joint.integrate(space, u, 1.0), space.places(0 * u), 1.0, space) is None
         u[1::2] -= 3 * (space.mesh.points[:, 1] > GAP / 2)
-        assert passing(joint, joint.integrate(space, u, 1.0), space.places(0 * u), 1.0, space).depth == pytest.approx(
-            2.5
-        )
+        assert passing(
+            joint, joint.integrate(space, u, 1.0), space.places(0 * u), 1.0, space
+        ).depth.max() == pytest.approx(2.5)
 
 
 def test_a_small_body_passes_between_the_nodes_of_a_large_face():
@@ -130,7 +130,7 @@ def test_a_clearance_moves_the_skins_apart():
     mesh = block_over_plate(2)
     assert passes(Problem.of(case(2, "", "clearance = 100.0"), mesh), (0, 0), (0, -3)) is None
     found = passes(Problem.of(case(2, "", 'clearance = "0.4 * t"'), mesh), (0, 0), (0, -3))
-    assert found.depth == pytest.approx(2.1)
+    assert found.depth.max() == pytest.approx(2.1)
 
 
 HELD = '[[displacement]]\ngroup = "under"\n' + "".join(f"u{a} = 0.0\n" for a in "xy")

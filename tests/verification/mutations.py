@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 import lacsolver.contact.interface as interface
 import lacsolver.contact.tangent as tangent
-import lacsolver.problem.problem
+import lacsolver.problem.pair
 from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.rules import CENTROID
@@ -45,14 +45,14 @@ def few_points(patch):
 
 def dropped_macro(patch):
     """The first macro-element of each zone never meets its master."""
-    right = lacsolver.problem.problem.ContactPair.covered
+    right = lacsolver.problem.pair.ContactPair.covered
 
     def covered(joint, face):
         found = right(joint, face)
         found[0] = False
         return found
 
-    patch.setattr(lacsolver.problem.problem.ContactPair, "covered", covered)
+    patch.setattr(lacsolver.problem.pair.ContactPair, "covered", covered)
 
 
 def frozen_set(patch, blind=True):

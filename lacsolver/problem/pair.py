@@ -1,0 +1,146 @@
+"""A contact pair or tie of a problem: slave and master, the options of their pairing, and the law of their contact."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import LacmeshError, LacmeshWarning
+from lacmesh.facts import Described
+from lacmesh.mesh import Floats, Mesh
+from lacmesh.smooth import DOUBTFUL, told_of_few
+from lacmesh.surface import Surface
+from lacsolver.case import Contact, Tie
+from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact.laws import ContactLaw
+from lacsolver.problem.acting import at_local_points
+from lacsolver.problem.laws import contact_law_of
+from lacsolver.space.places import wrong
+from lacsolver.space.space import Space
+
+#: round-off of a coverage
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactPair(Described):
+    """A contact pair or tie: its zone, the options of its pairing, and its contact law.
+
+    `record`: the case's contact or tie.
+    """
+
+    record: Contact | Tie
+    zone: Zone
+    pairing: Pairing
+    law: ContactLaw
+
+    @classmethod
+    def of(cls, space: Space, record: Contact | Tie) -> ContactPair:
+        """Return the pair of a contact or a tie. Raises CaseError, with its line, if the groups make no zone."""
+        try:
+            zone = zone_of(space.local, record)
+        except LacmeshError as error:
+            raise wrong(record, str(error)) from None
+        pairing = Pairing()
+        if isinstance(record, Contact):
+            _warn_of_skins(space, record, zone)
+            value = record.clearance
+            fixed = not (value.depends_on_place or value.depends_on_time)
+            pairing = Pairing(
+                record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
+                clearance=value.at(0.0) if fixed else at_local_points(space, value),
+            )  # fmt: skip
+        return cls(record, zone, pairing.within(space, record.search_distance), contact_law_of(record))
+
+    @property
+    def name(self) -> str:
+        """Name of the pair in results."""
+        return self.record.name
+
+    @property
+    def tie(self) -> bool:
+        """True for a tie, which joins all components."""
+        return self.law.all_components
+
+    @property
+    def one_sided(self) -> bool:
+        """True for contact whose pressure is >= 0 and whose gap may open."""
+        return self.law.compressive
+
+    @property
+    def initial(self) -> str:
+        """Rows that are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
+        return self.record.initial if isinstance(self.record, Contact) and self.law.compressive else "all"
+
+    @property
+    def timed(self) -> bool:
+        """True if the clearance changes with time."""
+        return isinstance(self.record, Contact) and self.record.clearance.depends_on_time
+
+    @property
+    def moving(self) -> bool:
+        """True if the zone is paired again on the deformed skins."""
+        return isinstance(self.record, Contact) and self.record.geometry == "current"
+
+    def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
+        """Return the coordinates (n_nodes, 3) at which the skins are paired under u (n_dof,).
+
+        They are displaced if the zone is paired on the deformed skins, else undeformed; relative to the space's origin.
+        """
+        return space.places(u) if self.moving else space.local.points
+
+    def integrate(self, space: Space, u: Floats, t: float) -> Interface:
+        """Return the interface of the pair under u (n_dof,) at time t, see `places`."""
+        x = self.places(space, u) if self.moving else None
+        return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
+
+    def covered(self, face: Interface) -> NDArray[np.bool_]:
+        """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.
+
+        Macro-elements without any coverage are never paired. The threshold is lowered by round-off, since a complete
+        coverage may be slightly below 1.
+        """
+        coverage = face.coverage
+        return np.asarray((coverage >= self.record.coverage_threshold - _ROUNDING) & (coverage > 0))
+
+    def check_facing(self, face: Interface) -> None:
+        """Raise CaseError if no macro-element has a master, and the zone is not paired again on deformed skins."""
+        if not self.moving and not self.covered(face).any():
+            message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
+            advice = "check which groups these are and that their faces turn outward, or raise search_distance"
+            raise wrong(self.record, f"{message}; {advice}")
+
+
+def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
+    """Return the zone of a contact or a tie. Raises as `Zone.of`."""
+    return Zone.of(
+        mesh, record.slave, record.master, record.name, surface=record.surface, crease_angle=record.crease_angle
+    )
+
+
+def _warn_of_skins(space: Space, record: Contact, zone: Zone) -> None:
+    """Warn of skins of a contact that are taken as round over creases, and of those whose height is doubtful."""
+    for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
+        if message := told_of_few(space.local, skin, record.crease_angle):
+            mend = "give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {message}; {mend}"), stacklevel=4)
+        if message := _doubtful(space, skin):
+            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {message}"), stacklevel=4)
+
+
+def _doubtful(space: Space, skin: Surface) -> str:
+    """Say where the height of a curved skin may be off by much; "" if it is not."""
+    doubt = None if skin.height is None else skin.height.doubt
+    if doubt is None or not doubt.max(initial=0.0) > DOUBTFUL:
+        return ""
+    worst = int(doubt.argmax())
+    middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
+    place = ", ".join(space.told(middle + space.origin[: space.dim]))
+    return (
+        f"its curvature changes within few faces, so that gaps may be off by {doubt[worst]:.2g} of a face's size near "
+        f"({place}), which is worth as great a part of Young's modulus in the pressure; refine it there, put nodes on "
+        "the line where two shapes touch, or take quadratic cells"
+    )
