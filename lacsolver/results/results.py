@@ -32,13 +32,10 @@ class ZoneFigures(Described):
     covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
     contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
 
-    >>> from lacsolver import read_case
-    >>> from lacsolver.results.figures import step_figures
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> *_, state = march(problem)
-    >>> zone = step_figures(problem, state).contact["joint"]
+    >>> from tempfile import TemporaryDirectory
+    >>> import lacsolver as ls
+    >>> with TemporaryDirectory() as folder:
+    ...     zone = ls.run("data/two_blocks.toml", f"{folder}/results").steps[-1].contact["joint"]
     >>> zone.active, zone.open, float(zone.resultant[2].round(6))
     (36, 0, 10.435185)
     """
@@ -96,13 +93,11 @@ class StepFigures(Described):
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
     energies, velocities and the like of a case with [dynamics], None for others.
 
-    >>> from lacsolver import read_case
-    >>> from lacsolver.results.figures import step_figures
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> figures = [step_figures(problem, state) for state in march(problem)]
-    >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in figures]
+    >>> from tempfile import TemporaryDirectory
+    >>> import lacsolver as ls
+    >>> with TemporaryDirectory() as folder:
+    ...     steps = ls.run("data/two_blocks.toml", f"{folder}/results").steps
+    >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in steps]
     [(0.5, 5.217593), (1.0, 10.435185)]
     """
 
@@ -163,13 +158,8 @@ class ZoneFields(Described):
     `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
     off the slave.
 
-    >>> from lacsolver import read_case
-    >>> from lacsolver.results.fields import state_fields
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> *_, state = march(problem)
-    >>> zone = state_fields(problem, state).zones["joint"]
+    >>> import lacsolver as ls
+    >>> zone = ls.solve("data/two_blocks.toml").contact["joint"]
     >>> len(zone.pressure), zone.contact_force.shape, bool((zone.status == 1).all())
     (36, (512, 3), True)
     """
@@ -233,13 +223,8 @@ class Fields(Described):
     Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body. `velocity` and
     `acceleration` (n_nodes, d) are those of a case with [dynamics], 0 in its static steps; None for other cases.
 
-    >>> from lacsolver import read_case
-    >>> from lacsolver.results.fields import state_fields
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> *_, state = march(problem)
-    >>> fields = state_fields(problem, state)
+    >>> import lacsolver as ls
+    >>> fields = ls.solve("data/two_blocks.toml").fields
     >>> fields.time, fields.displacement.shape, fields.stress.shape
     (1.0, (512, 3), (512, 6))
     """

@@ -10,7 +10,7 @@ from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
-from tests.lacsolver.systems import complementarity, contact, enumerated, saddle, solve_active_set, system
+from tests.lacsolver.systems import System, complementarity, contact, enumerated, saddle, solve_active_set, system
 
 LIMITS = ConvergenceTolerance(1e-10, 50, 1.0)
 STARTS = ("none", "all", "random")
@@ -84,6 +84,59 @@ def test_a_body_that_nothing_stops():
     s = s._replace(B=s.B - 2 * away * s.R.T, D=s.B - 2 * away * s.R.T, f=s.f + 5 * s.R[:, 0])
     assert (s.B @ s.R[:, 0] <= 0).all() and enumerated(s, *masks(3)) is None
     assert not found(s, start(s, "none")).converged
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_that_only_touch(seed):
+    """p = 0 and G = 0 at once, in half of the rows: where a set may change for ever on round-off."""
+    s, rng = system(seed, n=8, m=6), np.random.default_rng(seed)
+    p = np.where(rng.random(6) < 0.5, rng.uniform(0.1, 1, 6), 0.0)
+    s = s._replace(G=s.B @ np.linalg.solve(s.K, s.f - s.B.T @ p))
+    outcome = found(s, start(s, "random", seed))
+    assert outcome.converged
+    np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-8 * max(1.0, p.max()))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_that_say_the_same_twice(seed):
+    """Pressures are not unique where rows repeat, their sum is."""
+    s = system(seed, n=8, m=4)
+    _, p = enumerated(s, *masks(4))
+    B = np.vstack([s.B, s.B])
+    twice = s._replace(B=B, D=B, w=np.tile(s.w, 2), G=np.tile(s.G, 2))
+    outcome = found(twice, start(twice, "random", seed))
+    assert outcome.converged and (outcome.iterate.p >= -1e-10).all()
+    np.testing.assert_allclose(outcome.iterate.p.reshape(2, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
+
+
+def floating(seed, stiff):
+    """A system with motions that K does not resist, whose solution is chosen, and its pressures."""
+    rng = np.random.default_rng(seed)
+    r = int(rng.integers(1, 4))
+    m = int(rng.integers(r + 2, 12))
+    n = m + int(rng.integers(r + 1, 8))
+    R = np.linalg.qr(rng.normal(size=(n, r)))[0]
+    A, P = rng.normal(size=(n, n)), np.eye(n) - R @ R.T
+    K = stiff * P @ (A @ A.T + 0.1 * np.eye(n)) @ P
+    along = rng.normal(size=(m, r))
+    along[:, 0] = np.abs(along[:, 0])  # all rows oppose one motion
+    B = rng.normal(size=(m, n)) @ P + along @ R.T
+    on = rng.random(m) < 0.5
+    on[: r + 1] = True
+    p, G = np.where(on, rng.uniform(0.1, 1, m), 0.0), np.where(on, 0.0, rng.uniform(0.01, 1, m))
+    q = R @ rng.normal(size=r) + rng.normal(size=n) / stiff
+    return System((K + K.T) / 2, B, B, np.zeros((n, n)), np.ones(m), R, K @ q + B.T @ p, G + B @ q), p
+
+
+@pytest.mark.parametrize("kind", STARTS)
+@pytest.mark.parametrize("stiff", [1.0, 1e5])
+def test_bodies_that_only_contact_holds(stiff, kind):
+    """Stiff ones move far before anything stops them, much farther than they are strained."""
+    for seed in range(40):
+        s, p = floating(seed, stiff)
+        outcome = found(s, start(s, kind, seed), ConvergenceTolerance(1e-10, 100, 1.0))
+        assert outcome.converged, seed
+        assert np.abs(outcome.iterate.p - p).max() <= 1e-6, seed
 
 
 # ---- cycles
