@@ -15,8 +15,7 @@ from drawing.solids import body
 from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import WHOLE, WHOLE_FACES
 from lacmesh.exchange.targets import TARGETS, element
-from lacmesh.formats.fidelity import FEATURES, ROWS
-from lacmesh.formats.table import FORMATS, OF_NAME
+from lacmesh.formats.table import FEATURES, FORMATS
 from lacmesh.quality import corner_jacobian
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
@@ -98,7 +97,7 @@ def types_table() -> Iterator[str]:
 
 def features_table(by_meshio: bool) -> Iterator[str]:
     """Feature by format: what becomes of it."""
-    rows = [row for row in ROWS if OF_NAME[row.format].meshio == by_meshio]
+    rows = [row for form in FORMATS if form.meshio == by_meshio for row in form.fidelity]
     yield from _head("", *(row.title for row in rows))
     for key, title in FEATURES.items():
         yield f"| {title} | {' | '.join(row.keeps(key) for row in rows)} |"
@@ -106,7 +105,7 @@ def features_table(by_meshio: bool) -> Iterator[str]:
 
 def kept_cells_table(by_meshio: bool) -> Iterator[str]:
     """Type of cell by format: what becomes of it."""
-    rows = [row for row in ROWS if OF_NAME[row.format].meshio == by_meshio]
+    rows = [row for form in FORMATS if form.meshio == by_meshio for row in form.fidelity]
     yield from _head("", *(row.title for row in rows))
     for kind in CELLS:
         yield f"| {kind} | {' | '.join(row.keeps_cells(kind) for row in rows)} |"

@@ -9,15 +9,15 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, some
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, DetectedFormat, sniff
-from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, format_of
-from lacmesh.formats.writers import NewFile, WriteOptions, check_options, writer_of
+from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, WriteOptions, format_of, takers
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "DetectedFormat", "detect_format", "read", "title_of", "write"]
@@ -66,31 +66,14 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     """
     path = Path(path)
     form = OF_NAME[detect_format(path).format]
-    if form.name in ("med", "xdmf"):
-        return _reader(form.name)(path, mesh)
-    if mesh is not None:
+    if mesh is not None and not form.several:
         raise RequestError(f"{path} is a {form.title} file, which holds one mesh: leave out the name {mesh!r}")
-    alone = _read_alone(path, form)
+    alone = form.read(path, mesh)
     if not form.sidecar:
         return alone
     from lacmesh.formats.sidecar import with_sidecar_records
 
     return with_sidecar_records(path, alone)
-
-
-def _read_alone(path: Path, form: Format) -> Mesh:
-    """Read the mesh in one file, without its sidecar."""
-    if form.meshio:
-        from lacmesh.formats.by_meshio import read as read_by_meshio
-
-        return read_by_meshio(path, form.name)
-    return _reader(form.name)(path)
-
-
-def _reader(name: str) -> Callable[..., Mesh]:
-    from importlib import import_module
-
-    return import_module(f"lacmesh.formats.{name}").read
 
 
 def write(
@@ -129,23 +112,38 @@ def write(
     path = Path(path)
     form = format_of(path)
     options = WriteOptions(msh, binary, compress, target, plane, all_cells, lenient)
-    check_options(form, options)
-    write_format = writer_of(form)
+    _check_options(form, options)
+    if form.meshio:
+        from lacmesh.formats.meshio_mesh import needed
+
+        needed()
     _check_coordinates(path, mesh)
     places = [path, *_second(path, form, mesh, options)]
     for place in places:
         check_place(place, force=force)
-    with replacing(*places) as paths:
-        files = [NewFile(*pair) for pair in zip(paths, places, strict=True)]
-        write_format(files, mesh, options)
+    with replacing(*places) as files:
+        if form.beside and len(files) > 1:
+            options = replace(options, second=(files[1], places[1].name))
+        form.write(files[0], mesh, options)
         if form.sidecar and len(files) > 1:
-            back = _read_back(files[0].path, form, mesh)
-            _write_sidecar(files[1].path, mesh, back)
+            back = _read_back(files[0], form, mesh)
+            _write_sidecar(files[1], mesh, back)
     if mesh.deck is not None and form.name != "inp":
         from lacmesh.formats.inp import losses
 
         if lost := losses(mesh.deck):
             warnings.warn(LacmeshWarning(f"{lost}; an .inp output keeps them"), stacklevel=2)
+
+
+def _check_options(form: Format, options: WriteOptions) -> None:
+    """Raise RequestError for an option that is given and that the format does not take, and for a wrong version."""
+    for option in fields(options):
+        if getattr(options, option.name) != option.default and option.name not in form.options:
+            titles = listed([taker.title for taker in takers(option.name)], "and")
+            raise RequestError(f"the option {option.name!r} is for {titles}, not for {form.title}")
+    versions = ("4.1", "2.2")
+    if options.msh and options.msh not in versions:
+        raise RequestError(f"msh version {options.msh!r} is not written; choose {' or '.join(versions)}")
 
 
 def _check_coordinates(path: Path, mesh: Mesh) -> None:
@@ -192,7 +190,7 @@ def _read_back(path: Path, form: Format, mesh: Mesh) -> Mesh | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _read_alone(path, form)
+            return form.read(path)
     except LacmeshError as error:
         _warn_of_lost_records(str(error).replace(str(path), "the file"))
         return None

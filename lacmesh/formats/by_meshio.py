@@ -28,6 +28,7 @@ from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
 from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.sidecar import without_records
+from lacmesh.formats.table import DEFAULT, Format, WriteOptions, format_of
 from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
 from lacmesh.mesh import Mesh
@@ -48,8 +49,6 @@ NOT_TAKEN = {
 }
 #: Formats that keep arrays on cells and nodes: groups, numbers and fields go there.
 _WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
-#: Formats whose node order of quadratic cells was checked: VTK's reader takes these for what they are.
-_QUADRATIC = {"vtk": ("SEG3", "TRIA6", "QUAD8", "QUAD9", "TETRA10", "HEXA20", "HEXA27", "PENTA18")}
 #: The characters that VTK's files have in names as they are; %XX is for the others.
 _PLAIN = "".join(sorted({*string.punctuation} - {*'%"'}))
 #: A message of meshio to the user, up to the next one.
@@ -86,13 +85,14 @@ def read(path: Path, name: str) -> Mesh:
     return mesh
 
 
-def write(path: Path, mesh: Mesh, name: str) -> None:
-    """Write a mesh in meshio's format `name`, read it back, and warn of all losses except the records of a cut.
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+    """Write a mesh in the format of the suffix, read it back, and warn of all losses except the records of a cut.
 
     Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
     """
-    meshio = needed()
-    _check_types(path, mesh, name)
+    meshio, form = needed(), format_of(path)
+    name = form.name
+    _check_types(path, mesh, form)
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
     given = _given(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
     _turn_wedges(given, name)
@@ -110,13 +110,12 @@ def write(path: Path, mesh: Mesh, name: str) -> None:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 
 
-def _check_types(path: Path, mesh: Mesh, name: str) -> None:
+def _check_types(path: Path, mesh: Mesh, form: Format) -> None:
+    """Raise WriteError for quadratic cells whose order of nodes was not checked: VTK's reader takes those of VTK."""
     for cell_type, n in mesh.cells_by_type.items():
-        if ALL_CELLS[cell_type].order > 1 and cell_type not in _QUADRATIC.get(name, ()):
-            message = (
-                f"cells of type {cell_type} (the mesh has {n}) are not written as {name}; write .vtu, .med or .msh"
-            )
-            raise WriteError(path, message)
+        if ALL_CELLS[cell_type].order > 1 and cell_type not in form.fidelity[0].takes:
+            message = f"cells of type {cell_type} (the mesh has {n}) are not written as {form.name}"
+            raise WriteError(path, f"{message}; write .vtu, .med or .msh")
 
 
 def _given(mesh: Mesh, name: str) -> Any:

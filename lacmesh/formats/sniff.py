@@ -1,23 +1,23 @@
 """Detection of a file's format by its first bytes, or by its suffix if these do not tell.
 
 The content decides: a .msh file that holds VTU is read as VTU. Plain-text formats that may begin with anything (.mail,
-.inp, those of meshio) are recognised by their suffix; for .mail and .inp the content is checked too.
+.inp, those of meshio) are recognised by their suffix; for .mail and .inp the content is checked too. What the files of
+a format begin with is in the table (`Format.begins`, `Format.hdf5`).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from lacmesh.errors import ReadError
-from lacmesh.formats.table import OF_MESHIO, OWN, SUFFIXES, suffix_of
+from lacmesh.formats.table import FORMATS, OF_NAME, SUFFIXES, suffix_of
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 #: how many of a file's bytes are looked at
 HEAD = 4096
-#: Beginnings of formats that lacmesh does not read by itself: the sentence's end.
+#: Beginnings of what lacmesh does not read: the sentence's end.
 _FOREIGN = (
     (b"CDF\x01", "a netCDF file"),
     (b"CDF\x02", "a netCDF file"),
@@ -28,8 +28,14 @@ _FOREIGN = (
 )
 #: Elements that VTK's XML files hold, and what can be done.
 _VTK = {
-    "Collection": "is a collection of VTU files (.pvd); read one of them: {files}",
-    "PUnstructuredGrid": "is a list of the pieces of a mesh (.pvtu); read one of them: {files}",
+    b"Collection": "is a collection of VTU files (.pvd); read one of them: {files}",
+    b"PUnstructuredGrid": "is a list of the pieces of a mesh (.pvtu); read one of them: {files}",
+}
+#: Names at the root of an HDF5 file, or of its attributes, that are of no format here.
+_FOREIGN_HDF5 = {
+    "lacmesh_id": "holds the arrays of an XDMF file; read the .xdmf file beside it",
+    "VTKHDF": "is a VTKHDF file, which is not read; save it as .vtu",
+    "CGNSLibraryVersion": "is a CGNS file, which is not read; gmsh makes a .msh of it",
 }
 
 
@@ -47,44 +53,34 @@ class DetectedFormat(NamedTuple):
 def sniff(path: Path, head: bytes) -> DetectedFormat:
     """Detect the format of a file that begins with `head`. Raises ReadError."""
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
-    suffix = suffix_of(path)
+    named = SUFFIXES.get(suffix_of(path), "")
     if head.startswith(_HDF5):
-        return DetectedFormat(_in_hdf5(path, suffix))
-    if text.startswith(b"$") and (suffix not in OF_MESHIO or b"$MeshFormat" in head):  # $ begins a comment of Nastran
-        return DetectedFormat("msh")
-    if text.startswith(b"<"):
-        detected = _in_xml(path, text, suffix)
-        if detected:
-            return detected
+        return DetectedFormat(_in_hdf5(path, named))
     if not text.strip():
         raise ReadError(path, "is empty")
+    begun = [form.name for form in FORMATS if form.begins and re.match(form.begins, text)]
+    name = named if named in begun else _by_content(path, text, begun, named)
+    if name == "vtu":
+        return DetectedFormat(name, binary=_binary_vtu(path, text))
+    return DetectedFormat(name, binary=name != "xdmf" or b'Format="XML"' not in text)
+
+
+def _by_content(path: Path, text: bytes, begun: list[str], named: str) -> str:
+    """Choose among the formats that a text begins as, where that of its suffix is none of them."""
     for begin, what in _FOREIGN:
-        if head.startswith(begin) and SUFFIXES.get(suffix) not in ("exodus", "netgen"):
+        if text.startswith(begin):
             raise ReadError(path, f"is {what}")
-    if text.startswith(b"# vtk DataFile"):
-        return DetectedFormat("vtk")
-    if text.startswith(b"solid ") and suffix not in SUFFIXES:
-        return DetectedFormat("stl")
-    return _by_suffix(path, text, suffix)
-
-
-def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
-    """Detect a plain-text format: that of the suffix, if the text may be of it, else the one the text looks like."""
-    from lacmesh.formats import inp, mail
-
-    begins: dict[str, Callable[[bytes], bool]] = {"mail": mail.begins, "inp": inp.begins}
-    name = SUFFIXES.get(suffix)
-    if name in begins:
-        other = "inp" if name == "mail" else "mail"
-        if not begins[name](text) and begins[other](text):
-            return DetectedFormat(other)
-        return DetectedFormat(name)
-    if name is not None and name not in {f.name for f in OWN}:
-        return DetectedFormat(name)
-    if mail.begins(text):
-        return DetectedFormat("mail")
-    if text.startswith(b"*") and inp.begins(text):
-        return DetectedFormat("inp")
+    sure = [name for name in begun if OF_NAME[name].sure]
+    if sure:
+        return sure[0]
+    if text.startswith(b"<") and named in ("vtu", "xdmf", "dolfin-xml"):
+        raise ReadError(path, "is XML, but neither VTU (<VTKFile>) nor XDMF (<Xdmf>)")
+    if named and OF_NAME[named].meshio:
+        return named
+    if begun:
+        return begun[0]
+    if named in ("mail", "inp"):
+        return named
     raise ReadError(
         path,
         "is neither a gmsh msh file ($MeshFormat) nor a MED file (HDF5), nor VTU, XDMF, .mail or .inp; "
@@ -92,24 +88,11 @@ def _by_suffix(path: Path, text: bytes, suffix: str) -> DetectedFormat:
     )
 
 
-def _in_xml(path: Path, text: bytes, suffix: str) -> DetectedFormat | None:
-    """Detect the format of an XML file; None if the suffix may tell it. Raises ReadError."""
-    root = re.search(rb"<VTKFile\b[^>]*?\btype\s*=\s*[\"'](\w+)[\"']", text)
-    if root:
-        vtk_type = root[1].decode()
-        if vtk_type in _VTK:
-            raise ReadError(path, _VTK[vtk_type].format(files=_listed(path) or "it names none"))
-        return DetectedFormat("vtu", binary=_binary_vtu(path))
-    if re.search(rb"<Xdmf\b", text):
-        return DetectedFormat("xdmf", binary=b'Format="XML"' not in text)
-    if re.search(rb"<dolfin\b", text):
-        return DetectedFormat("dolfin-xml")
-    if suffix in (".vtu", ".xdmf", ".xmf", ".xml"):
-        raise ReadError(path, "is XML, but neither VTU (<VTKFile>) nor XDMF (<Xdmf>)")
-    return None
-
-
-def _binary_vtu(path: Path) -> bool:
+def _binary_vtu(path: Path, text: bytes) -> bool:
+    """True if a file of VTK is not ASCII. Raises ReadError where it is a list of files."""
+    root = re.match(OF_NAME["vtu"].begins, text)
+    if root and root["type"] in _VTK:
+        raise ReadError(path, _VTK[root["type"]].format(files=_listed(path) or "it names none"))
     with path.open("rb") as file:
         return b'format="ascii"' not in file.read(1 << 16) or b"<AppendedData" in file.read()
 
@@ -120,24 +103,19 @@ def _listed(path: Path) -> str:
     return ", ".join(n.decode("utf-8", "replace") for n in names[:4]) + (" ..." if len(names) > 4 else "")
 
 
-def _in_hdf5(path: Path, suffix: str) -> str:
+def _in_hdf5(path: Path, named: str) -> str:
     """Detect the format of an HDF5 file by the names at its root, else by its suffix. Raises ReadError."""
     import h5py
 
     try:
         with h5py.File(path, "r") as file:
-            names, marks = set(file), set(file.attrs)
+            names = {*file, *file.attrs}
     except (OSError, RuntimeError, ValueError, KeyError):
         return "med"  # its reader says what is wrong
-    if "INFOS_GENERALES" in names or "ENS_MAA" in names:
-        return "med"
-    if "lacmesh_id" in marks:
-        raise ReadError(path, "holds the arrays of an XDMF file; read the .xdmf file beside it")
-    if "VTKHDF" in names:
-        raise ReadError(path, "is a VTKHDF file, which is not read; save it as .vtu")
-    if "CGNSLibraryVersion" in names:
-        raise ReadError(path, "is a CGNS file, which is not read; gmsh makes a .msh of it")
-    if "tstt" in names:
-        return "h5m"
-    name = SUFFIXES.get(suffix, "med")
-    return name if name in ("hmf", "h5m", "exodus") else "med"
+    for form in FORMATS:
+        if form.hdf5 and form.hdf5 & names:
+            return form.name
+    for name, message in _FOREIGN_HDF5.items():
+        if name in names:
+            raise ReadError(path, message)
+    return named if named and OF_NAME[named].hdf5 is not None else "med"

@@ -1,9 +1,22 @@
-"""Content of a mesh that a format of nodes, cells and groups alone has no place for."""
+"""Content of a mesh that a format has no place for: types of cells, and what is not nodes, cells and groups."""
 
 from __future__ import annotations
 
+from collections.abc import Container
+from pathlib import Path
+
+from lacmesh.errors import WriteError
 from lacmesh.formats.sidecar import without_records
 from lacmesh.mesh import Mesh
+
+
+def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> None:
+    """Raise WriteError where the mesh has cells of a type that is none of the `known` ones of a program or format."""
+    for cell_type, n in mesh.cells_by_type.items():
+        if cell_type not in known:
+            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
+            message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
+            raise WriteError(path, message)
 
 
 def left_out(mesh: Mesh) -> list[str]:

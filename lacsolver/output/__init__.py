@@ -4,7 +4,7 @@
     writer = writes after every step, and at the end                                    (writer)
         results.json                                                                    (summary)
         history.csv, contact_NAME.csv                                                   (tables)
-        solid.pvd, contact_NAME.pvd and their VTU files, or results.med                 (parts, vtu, med, journal)
+        solid.pvd, contact_NAME.pvd and their VTU files, or results.med                 (parts, vtu, med)
         state_NUMBER.npz                                                                (states)
     restart = a state of an earlier run of the same case                                (states)
 

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 
 from lacmesh.formats import write
 from lacmesh.formats.med.fields import NO_PROFILE, title
-from lacmesh.formats.med.hdf5 import add_array, add_group, set_attributes, set_mask
+from lacmesh.formats.med.hdf5 import add_array, add_group, changing, set_attributes, set_mask
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Ints
-from lacsolver.output.journal import changing
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
 from lacsolver.output.tables import until

@@ -13,7 +13,11 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
+from lacmesh.formats.table import OF_NAME, SUFFIXES
 from lacmesh.mesh import Mesh, Model, Periodic, Step
+
+#: suffix -> name of a format of meshio
+OF_MESHIO = {suffix: name for suffix, name in SUFFIXES.items() if OF_NAME[name].meshio}
 
 
 def solid(**rest):

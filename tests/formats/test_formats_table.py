@@ -10,9 +10,9 @@ import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, WriteError
-from lacmesh.formats import SUFFIXES, read, write
-from lacmesh.formats.fidelity import BESIDE, BY_TYPE, FEATURES, KEPT, LOST, OURS, REFUSED, ROWS
-from lacmesh.formats.table import FORMATS, OF_NAME
+from lacmesh.formats import SUFFIXES, detect_format, read, write
+from lacmesh.formats.mail.types import NODES
+from lacmesh.formats.table import BESIDE, BY_TYPE, FEATURES, FORMATS, KEPT, LOST, OF_NAME, OURS, REFUSED
 from tests.formats import feature_cases as cases
 
 #: formats of surfaces, whose features are tried on triangles
@@ -23,16 +23,26 @@ CHOSEN = re.compile(
     r"\.inp: written as CPS \(plane stress\)|--plane CPE or CAX \(plane=\) for plane strain or axisymmetry"
 )
 
-ROWS_AND_OPTIONS = [
-    pytest.param(row, options, id="-".join([row.title.replace(" ", "_"), *(f"{k}={v}" for k, v in options.items())]))
-    for row in ROWS
-    for options in row.variants
+
+def told(options):
+    return [(name, str(value)) for name, value in options.items()]
+
+
+#: further codings of a file, which keep the same
+CODINGS = {"binary": {"binary": False}, "compress": {"compress": True}}
+WAYS = [
+    pytest.param(
+        form, row, options, id="-".join([row.title.replace(" ", "_"), *(f"{k}={v}" for k, v in options.items())])
+    )
+    for form in FORMATS
+    for row in form.fidelity
+    for options in ({**row.options, **coding} for coding in ({}, *(CODINGS[o] for o in CODINGS if o in form.options)))
 ]
 
 
-def observed(row, options, path, mesh, case):
+def observed(form, row, options, path, mesh, case):
     """Outcome of writing and reading a mesh that has a feature."""
-    if OF_NAME[row.format].meshio:
+    if form.meshio:
         pytest.importorskip("meshio")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -44,7 +54,7 @@ def observed(row, options, path, mesh, case):
         back = read(path)
     assert all(issubclass(w.category, LacmeshWarning) for w in caught)
     said = [clause for w in caught for clause in str(w.message).split("; ")]
-    said = [clause for clause in said if row.format != "inp" or not CHOSEN.fullmatch(clause)]
+    said = [clause for clause in said if form.name != "inp" or not CHOSEN.fullmatch(clause)]
     for other in case.also:
         if row.keeps(other) == LOST:
             said = [clause for clause in said if not re.search(cases.FEATURES[other].word, clause)]
@@ -68,35 +78,36 @@ def lost_without_its_records(path, mesh, case):
     return not case.kept(mesh, back, cases.matched(mesh, back))
 
 
-def file_in(folder, row):
-    """The path of a file of a row's format in a new folder."""
+def file_in(folder, form):
+    """The path of a file of a format in a new folder."""
     folder.mkdir()
-    return folder / f"mesh{OF_NAME[row.format].suffixes[0]}"
+    return folder / f"mesh{form.suffixes[0]}"
 
 
-@pytest.mark.parametrize(("row", "options"), ROWS_AND_OPTIONS)
-def test_features_are_kept_as_the_table_says(row, options, tmp_path):
-    bodies = cases.skin if row.format in SURFACES else cases.bare
+@pytest.mark.parametrize(("form", "row", "options"), WAYS)
+def test_features_are_kept_as_the_table_says(form, row, options, tmp_path):
+    bodies = cases.skin if form.name in SURFACES else cases.bare
     outcomes = {}
     for name, case in cases.FEATURES.items():
-        outcomes[name] = observed(row, options, file_in(tmp_path / name, row), case.mesh(bodies), case)
+        outcomes[name] = observed(form, row, options, file_in(tmp_path / name, form), case.mesh(bodies), case)
     assert outcomes == {name: row.keeps(name) for name in FEATURES}
 
 
-@pytest.mark.parametrize(("row", "options"), ROWS_AND_OPTIONS)
-def test_types_of_cells_are_kept_or_refused(row, options, tmp_path):
+@pytest.mark.parametrize(("form", "row", "options"), WAYS)
+def test_types_of_cells_are_kept_or_refused(form, row, options, tmp_path):
     case = cases.Feature(None, cases.same_cells, "\0", also=("digits",))
     outcomes = {}
     for name in cases.TYPES:
-        outcomes[name] = observed(row, options, file_in(tmp_path / name, row), cases.one_cell(name), case)
+        outcomes[name] = observed(form, row, options, file_in(tmp_path / name, form), cases.one_cell(name), case)
     assert outcomes == {name: row.keeps_cells(name) for name in cases.TYPES}
 
 
 def test_every_feature_and_format_is_in_the_table():
     assert set(cases.FEATURES) == set(FEATURES)
-    assert {r.format for r in ROWS} == {f.name for f in FORMATS}
-    assert all(r.lost | r.refused | r.beside <= set(FEATURES) and r.ours <= set(FEATURES) | set(CELLS) for r in ROWS)
-    assert len({r.title for r in ROWS}) == len(ROWS)
+    rows = [row for form in FORMATS for row in form.fidelity]
+    assert all(form.fidelity for form in FORMATS)
+    assert all(r.lost | r.refused | r.beside <= set(FEATURES) and r.ours <= set(FEATURES) | set(CELLS) for r in rows)
+    assert len({r.title for r in rows}) == len(rows)
 
 
 def test_a_case_can_fail():
@@ -154,6 +165,30 @@ def test_options_reach_the_format_they_are_for(tmp_path):
         write(tmp_path / "c.inp", back)
 
 
+@pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")
+@pytest.mark.parametrize("form", [form for form in FORMATS if form.begins or form.hdf5], ids=lambda form: form.name)
+def test_content_tells_the_format_where_the_suffix_does_not(form, tmp_path):
+    """Of all kinds of a file; the suffix tells a format that is not `sure`, whose text may be that of others."""
+    if form.meshio:
+        pytest.importorskip("meshio")
+    mesh = cases.skin() if form.name in SURFACES else cases.bare()
+    for k, options in enumerate(({}, *(CODINGS[o] for o in CODINGS if o in form.options))):
+        path = tmp_path / f"{k}{form.suffixes[0]}"
+        write(path, mesh, **options)
+        assert detect_format(path).format == form.name
+        for suffix in (".msh", ".vtu", ".dat", ".unknown") if form.sure else ():
+            other = path.rename(path.with_suffix(suffix))
+            assert detect_format(other).format == form.name, suffix
+            other.rename(path)
+
+
+def test_the_table_has_the_keywords_of_mail_files():
+    for keyword in (*NODES, "TITRE", "COOR_1D", "COOR_2D", "COOR_3D", "GROUP_NO", "GROUP_MA"):
+        for before in ("", "% a mesh\n", "% two\n  % comments\n "):
+            assert re.match(OF_NAME["mail"].begins, f"{before}{keyword}\nN1".encode()), keyword
+    assert not re.match(OF_NAME["mail"].begins, b"COOR_3DX\n")
+
+
 def test_suffixes_are_those_of_the_table():
     assert {s for f in FORMATS for s in f.suffixes} == set(SUFFIXES)
     assert SUFFIXES[".msh"] == "msh" and SUFFIXES[".h5m"] == "h5m"
@@ -165,9 +200,8 @@ def test_meshio_has_no_other_format():
     from meshio._helpers import extension_to_filetypes, reader_map
 
     from lacmesh.formats.by_meshio import NOT_TAKEN
-    from lacmesh.formats.table import OF_MESHIO
 
     known = {suffix: name for suffix, names in extension_to_filetypes.items() for name in names}
     packed = {".post.gz", ".dato.gz"}  # which meshio writes as plain text
-    assert {s: n for s, n in known.items() if n not in NOT_TAKEN and s not in packed} == OF_MESHIO
-    assert set(OF_MESHIO.values()) <= set(reader_map)
+    assert {s: n for s, n in known.items() if n not in NOT_TAKEN and s not in packed} == cases.OF_MESHIO
+    assert set(cases.OF_MESHIO.values()) <= set(reader_map)

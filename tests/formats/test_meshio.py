@@ -13,19 +13,18 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, title_of, write
-from lacmesh.formats.fidelity import ROWS
 from lacmesh.formats.meshio_mesh import NAMES
 from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
-from lacmesh.formats.table import OF_MESHIO
+from lacmesh.formats.table import OF_NAME
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
-from tests.formats.feature_cases import bare, one_cell, solid
+from tests.formats.feature_cases import OF_MESHIO, bare, one_cell, solid
 
 meshio = pytest.importorskip("meshio")
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("kind", sorted(next(row for row in ROWS if row.format == "vtk").takes))
+@pytest.mark.parametrize("kind", sorted(OF_NAME["vtk"].fidelity[0].takes))
 def test_vtk_takes_cells_for_what_they_are(kind, tmp_path):
     pyvista = pytest.importorskip("pyvista")
     mesh = one_cell(kind)

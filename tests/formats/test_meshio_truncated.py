@@ -11,9 +11,10 @@ import pytest
 
 from lacmesh.errors import LacmeshError, ReadError
 from lacmesh.formats import read
-from lacmesh.formats.table import OF_MESHIO, OF_NAME
+from lacmesh.formats.table import OF_NAME
 from lacmesh.formats.truncation import AT_RISK
 from tests.bad_input.case import SECONDS, alarm
+from tests.formats.feature_cases import OF_MESHIO
 
 meshio = pytest.importorskip("meshio")
 pytestmark = pytest.mark.meshio

@@ -17,8 +17,7 @@ from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.cutting.records import CELL_RECORDS, is_cut
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import sidecar
-from lacmesh.formats.fidelity import BESIDE, ROWS
-from lacmesh.formats.table import FORMATS, OF_NAME
+from lacmesh.formats.table import BESIDE, FORMATS
 from lacmesh.topology.skin import FACE_TYPES
 from tests.formats.feature_cases import told
 from tests.meshes import cell_with_faces, random_mesh
@@ -26,15 +25,12 @@ from tests.meshes import cell_with_faces, random_mesh
 SOLIDS = [(name, "pyramid") for name, cell in CELLS.items() if cell.dim > 1]
 SOLIDS += [(name, "hexa") for name in RING_PARENTS if CELLS[name].dim == 3]
 SKINS = [name for name in FACE_TYPES if CELLS[name].dim == 2]
-WAYS = [(row.title, OF_NAME[row.format].suffixes[0], dict(row.options)) for row in ROWS if row.keeps("cut") == BESIDE]
-WAYS += [
-    ("elements", ".inp", {"all_cells": True}),
-    ("Abaqus' elements", ".inp", {"all_cells": True, "target": "abaqus"}),
-]
+WAYS = [(form, row, dict(row.options)) for form in FORMATS for row in form.fidelity if row.keeps("cut") == BESIDE]
+WAYS += [(form, row, {**options, "all_cells": True}) for form, row, options in WAYS if form.name == "inp"]
 #: families whose cut a format cannot take, for want of a type of cell
 LACKS = {".inp for CalculiX": "PENTA", "mdpa": "PENTA", "nastran": "TRIA QUAD HEXA PENTA", "h5m": "QUAD HEXA PENTA"}
 #: formats that may take the cut of skin alone
-SURFACES = [(row.format, OF_NAME[row.format].suffixes[0]) for row in ROWS if OF_NAME[row.format].sidecar]
+SURFACES = [form for form in FORMATS if form.sidecar]
 
 
 def one_cell(name, variant):
@@ -73,21 +69,20 @@ def same(before, after):
     assert all(now.mesh.cell_data[n].dtype.kind == "i" for n in CELL_RECORDS)
 
 
-def takes(title, mesh):
-    return all(row.keeps_cells(kind) != "error" for row in ROWS if row.title == title for kind in mesh.cells_by_type)
+def takes(row, mesh):
+    return all(row.keeps_cells(kind) != "error" for kind in mesh.cells_by_type)
 
 
-@pytest.mark.parametrize(("title", "suffix", "options"), WAYS, ids=lambda w: w if isinstance(w, str) else "")
-def test_every_family_by_every_format_of_cells_and_skin(title, suffix, options, tmp_path):
-    if OF_NAME[next((r.format for r in ROWS if r.title == title), "inp")].meshio:
+@pytest.mark.parametrize(("form", "row", "options"), WAYS, ids=[f"{row.title}-{len(o)}" for _, row, o in WAYS])
+def test_every_family_by_every_format_of_cells_and_skin(form, row, options, tmp_path):
+    if form.meshio:
         pytest.importorskip("meshio")
-    row = {"elements": ".inp for CalculiX", "Abaqus' elements": ".inp for Abaqus"}.get(title, title)
-    tried = set()
+    suffix, tried = form.suffixes[0], set()
     for k, (name, variant) in enumerate(SOLIDS):
         mesh = one_cell(name, variant)
         if not takes(row, mesh) or (name == "QUAD9" and suffix == ".inp"):  # which Abaqus has, but not in the plane
             continue
-        if title == "nastran":  # meshio fails on coordinates of many digits
+        if form.name == "nastran":  # meshio fails on coordinates of many digits
             mesh = replace(mesh, points=np.round(mesh.points, 6))
         path = tmp_path / f"{k}{suffix}"
         found, said = quiet(path, mesh, **options)
@@ -95,26 +90,23 @@ def test_every_family_by_every_format_of_cells_and_skin(title, suffix, options, 
         assert sidecar.place_of(path).exists()
         same(mesh, found)
         tried.add(CELLS[name].family)
-    lacks = LACKS.get(title, LACKS.get(row, ""))
-    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - set(lacks.split())
+    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - set(LACKS.get(row.title, "").split())
 
 
-@pytest.mark.parametrize(("name", "suffix"), SURFACES)
-def test_skin_alone_by_every_format(name, suffix, tmp_path):
+@pytest.mark.parametrize("form", SURFACES, ids=lambda form: form.name)
+def test_skin_alone_by_every_format(form, tmp_path):
     """Formats of one type of cells take the cut of a skin; those that keep arrays need no second file."""
-    form = OF_NAME[name]
     if form.meshio:
         pytest.importorskip("meshio")
-    row = next(row for row in ROWS if row.format == name)
     tried = 0
     for k, kind in enumerate(SKINS):
         mesh = flat(kind)
-        if all(row.keeps_cells(t) != "error" for t in mesh.cells_by_type):
-            path = tmp_path / f"{k}{suffix}"
+        if takes(form.fidelity[0], mesh):
+            path = tmp_path / f"{k}{form.suffixes[0]}"
             same(mesh, quiet(path, mesh)[0])
-            assert sidecar.place_of(path).exists() == (name not in ("vtk", "hmf"))
+            assert sidecar.place_of(path).exists() == (form.name not in ("vtk", "hmf"))
             tried += 1
-    assert tried or name in ("su2", "flac3d")  # formats of volumes
+    assert tried or form.name in ("su2", "flac3d")  # formats of volumes
 
 
 @pytest.mark.filterwarnings("ignore:slave faces stand twice")

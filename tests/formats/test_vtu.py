@@ -21,6 +21,7 @@ from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import detect_format, read, vtu, write
 from lacmesh.formats.meshio_mesh import NAMES, from_meshio
+from lacmesh.formats.table import WriteOptions
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
@@ -61,7 +62,7 @@ def test_what_is_written_is_read(mesh, tmp_path):
         path = tmp_path / "mesh.vtu"
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            vtu.write(path, mesh, **options)
+            vtu.write(path, mesh, WriteOptions(**options))
             assert same(mesh, vtu.read(path)) == [], options
         assert detect_format(path).binary == (k != 1)
 
@@ -78,7 +79,7 @@ def test_a_cut_is_kept(tmp_path):
 def test_every_kind_of_number(dtype, options, tmp_path):
     values = np.array([0, 1, 100, 127], dtype) if "f" not in dtype else np.array([np.pi, np.nan, -1e-30, 1e30], dtype)
     mesh = Mesh.create(np.eye(4, 3), [("POI1", [[0], [1], [2], [3]])], cell_data={"x": values}, space_dim=3)
-    vtu.write(tmp_path / "a.vtu", mesh, **options)
+    vtu.write(tmp_path / "a.vtu", mesh, WriteOptions(**options))
     back = vtu.read(tmp_path / "a.vtu").cell_data["x"]
     np.testing.assert_array_equal(back, values)
     assert back.dtype == np.dtype(dtype).newbyteorder("=")

@@ -7,21 +7,8 @@ All cards, those of materials and steps too, are in the record `Mesh.deck`.
 
 from __future__ import annotations
 
-import re
-
 from lacmesh.formats.inp.plain import losses
 from lacmesh.formats.inp.reader import read
 from lacmesh.formats.inp.writer import write
 
-__all__ = ["begins", "losses", "read", "write"]
-
-_KEYWORD = re.compile(rb"(?m)^[ \t]*\*[ \t]*(?:[A-Za-z]|\*)")
-
-
-def begins(head: bytes) -> bool:
-    """True if a file's first bytes may be those of an .inp file: one of their lines is a keyword or a comment.
-
-    >>> begins(b"** made by hand\\n*Node, NSET=all\\n"), begins(b"COOR_3D\\n")
-    (True, False)
-    """
-    return _KEYWORD.search(head) is not None
+__all__ = ["losses", "read", "write"]

@@ -27,38 +27,32 @@ from lacmesh.formats.inp.plain import below_dimension, losses
 from lacmesh.formats.inp.plan import NAME, Plan, losses_of_groups, plan_of, write_groups
 from lacmesh.formats.inp.roles import Roles, roles_of
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS
+from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.without_fields import left_out
 from lacmesh.mesh import Mesh
 
 
-def write(
-    path: Path,
-    mesh: Mesh,
-    *,
-    target: str | None = None,
-    plane: str | None = None,
-    all_cells: bool = False,
-    lenient: bool = False,
-) -> None:
-    """Write a mesh as an .inp file for `target`, "calculix" (also if None) or "abaqus", replacing any content.
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+    """Write a mesh as an .inp file for the `target` "calculix" (also if None) or "abaqus", replacing any content.
 
-    `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by default
-    `mesh.plane`, else CPS, with a warning. Skin cells are written as faces of *SURFACEs, other cells below the mesh's
-    dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell that the
-    target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left out.
+    The option `plane`: the elements of plane meshes: CPS (plane stress), CPE (plane strain) or CAX (axisymmetric); by
+    default `mesh.plane`, else CPS, with a warning. Skin cells are written as faces of *SURFACEs, other cells below the
+    mesh's dimension as sets of nodes; with `all_cells` all of them are elements as well. Raises WriteError for a cell
+    that the target has no element for, RequestError for an option; one LacmeshWarning names what is changed or left
+    out.
 
     A mesh with a deck (`Mesh.deck`) is written as that deck: every card in its place, its mesh as it has become; one of
     parts is written without them if anything in its mesh has changed, or if "calculix", which has none, is named.
     Raises DataError for a line that cannot be carried; with `lenient` it is left out, and a LacmeshWarning names it.
     """
-    with_parts, target = target != "calculix", target or "calculix"
-    chosen = plane or mesh.plane or "CPS"
+    with_parts, target = options.target != "calculix", options.target or "calculix"
+    chosen, all_cells = options.plane or mesh.plane or "CPS", options.all_cells
     if target not in TARGETS or chosen not in PLANES:
         raise RequestError(
             f"an .inp file is for {' or '.join(TARGETS)}, in {', '.join(PLANES)}: not {target}, {chosen}"
         )
     said = left_out(mesh)
-    complaints = Complaints(lenient)
+    complaints = Complaints(options.lenient)
     followed = None if mesh.deck is None else _followed(mesh.deck, mesh, with_parts, complaints, said)
     if followed is not None and (why := followed.misfit() or ("" if all_cells else below_dimension(followed))):
         said += [
@@ -68,9 +62,9 @@ def write(
         followed = None
     roles = roles_of(mesh, all_cells)
     if followed is not None:
-        _write_deck(path, followed, roles, said, target, plane, complaints)
+        _write_deck(path, followed, roles, said, target, options.plane, complaints)
     else:
-        _write_mesh(path, mesh, roles, said, target, plane)
+        _write_mesh(path, mesh, roles, said, target, options.plane)
     if said:
         warnings.warn(LacmeshWarning(".inp: " + "; ".join(said)), stacklevel=2)
 

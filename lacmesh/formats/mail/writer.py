@@ -13,8 +13,9 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.mail.types import NODES
+from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.text import int_rows, reals
-from lacmesh.formats.without_fields import left_out
+from lacmesh.formats.without_fields import check_types, left_out
 from lacmesh.mesh import Floats, Ints, Mesh
 
 #: code_aster's limits: characters of a group's name, and of a node's or cell's (a letter and seven digits).
@@ -23,13 +24,13 @@ _LINE, _PER_LINE = 80, 8
 _ROWS = 1 << 14
 
 
-def write(path: Path, mesh: Mesh) -> None:
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     """Write a mesh as a .mail file, replacing any content.
 
     Nodes are N and their number, cells M and theirs. Cells go by type, within a type as in `mesh.file_order`. Raises
     WriteError for cells that code_aster has not; one LacmeshWarning names what is changed or left out.
     """
-    _check(path, mesh)
+    check_types(path, mesh, NODES, "code_aster")
     said = left_out(mesh)
     node, cell = _numbers(path, mesh.node_number, "nodes", said), _numbers(path, mesh.cell_number, "cells", said)
     with path.open("wb") as file:
@@ -48,15 +49,6 @@ def write(path: Path, mesh: Mesh) -> None:
         file.write(b"FIN\n")
     if said:
         warnings.warn(LacmeshWarning(".mail: " + "; ".join(said)), stacklevel=2)
-
-
-def _check(path: Path, mesh: Mesh) -> None:
-    for cell_type, n in mesh.cells_by_type.items():
-        if cell_type not in NODES:
-            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
-            raise WriteError(
-                path, f"code_aster has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
-            )
 
 
 def _numbers(path: Path, numbers: Ints, what: str, said: list[str]) -> Ints:

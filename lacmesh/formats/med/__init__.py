@@ -23,6 +23,8 @@ from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.med import families, fields, notes, reader
 from lacmesh.formats.med.hdf5 import add_array, add_group, compact, created, encoded, text
 from lacmesh.formats.med.types import MED_TYPES, MedType
+from lacmesh.formats.table import DEFAULT, WriteOptions
+from lacmesh.formats.without_fields import check_types
 from lacmesh.mesh import Ints, Mesh
 
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
@@ -40,7 +42,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     return reader.with_zones(made).mesh()
 
 
-def write(path: Path, mesh: Mesh) -> None:
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     """Write a mesh as MED 4.1.1, replacing what `path` holds.
 
     Cells go by type, within a type as in `mesh.file_order`. Raises WriteError for cells or names that MED cannot hold;
@@ -68,12 +70,7 @@ def write(path: Path, mesh: Mesh) -> None:
 
 
 def _check(path: Path, mesh: Mesh) -> None:
-    for cell_type, n in mesh.cells_by_type.items():
-        if cell_type not in _OF_TYPE:
-            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
-            raise WriteError(
-                path, f"MED has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
-            )
+    check_types(path, mesh, _OF_TYPE, "MED")
     for name in (*mesh.cell_groups, *mesh.node_groups):
         if len(encoded(name)) > families.NAME_SIZE:
             raise WriteError(path, f"a group's name has {families.NAME_SIZE} bytes at most in MED; shorten {name!r}")

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, WriteError
-from lacmesh.formats.hdf5_sink import written
+from lacmesh.formats.journal import journalled
 from lacmesh.formats.slices import RowRange
 from lacmesh.mesh import Floats, Ints
 
@@ -251,13 +251,21 @@ class Branch:
 def created(path: Path) -> Iterator[h5py.Group]:
     """Create a file and yield its root. Raises WriteError if it cannot be written."""
     try:
-        access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-        access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
         make = h5py.h5p.create(h5py.h5p.FILE_CREATE)
         make.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
-        with written(path, access, make) as file:
+        with journalled(path, make) as file:
             yield file
     except (OSError, RuntimeError) as error:
+        raise WriteError(path, f"cannot be written ({reason(error)})") from error
+
+
+@contextmanager
+def changing(path: Path) -> Iterator[h5py.File]:
+    """Open a file for changes, of which all or none are in the file at the end. Raises WriteError."""
+    try:
+        with journalled(path) as root:
+            yield root
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise WriteError(path, f"cannot be written ({reason(error)})") from error
 
 

@@ -19,17 +19,19 @@ from lacmesh.formats.msh.names import safe_names, unnamed
 from lacmesh.formats.msh.notes import Notes, to_text
 from lacmesh.formats.msh.output import Output
 from lacmesh.formats.notes import CellsNote
+from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.mesh import Ints, Mesh, Tag
 
 _LARGEST = 2**31 - 1
 
 
-def write(path: Path, mesh: Mesh, version: str = "4.1", binary: bool = True) -> None:
-    """Write a mesh as msh `version` ("4.1" or "2.2"), binary or ASCII, replacing any content.
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+    """Write a mesh as msh 4.1 or 2.2, binary or ASCII, replacing any content.
 
     Raises WriteError for numbers that the format cannot hold. Warns of what only lacmesh reads again (TRIA7) or what
     changes (partitions in 4.1, numbers that are not distinct).
     """
+    version, binary = options.msh or "4.1", options.in_binary
     entities = assign(mesh)
     nodes, cells = _numbers(mesh.node_number, "nodes"), _numbers(mesh.cell_number, "cells")
     notes = Notes(mesh.n_nodes, mesh.n_cells)

@@ -17,10 +17,12 @@ from typing import BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.notes import to_json
+from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.vtu.types import LAGRANGE_HEXAHEDRON, OF_TYPE
+from lacmesh.formats.without_fields import check_types
 from lacmesh.mesh import Ints, Mesh
 
 NOTES = "lacmesh"
@@ -59,27 +61,18 @@ class _Array(NamedTuple):
         return f'type="{_NAMES[dtype.kind]}{8 * dtype.itemsize}" Name={name}{components}{tuples}'
 
 
-def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False) -> None:
-    """Write a mesh, over what `path` holds; `binary`: raw bytes, else text; `compress`: with zlib, a third of the size.
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+    """Write a mesh, over what `path` holds: raw bytes or text; `compress`: with zlib, a third of the size.
 
     Raises WriteError for a cell that VTK lacks. What is left out is named in a LacmeshWarning.
     """
-    check_types(path, mesh, "VTK")
+    check_types(path, mesh, OF_TYPE, "VTK")
     said: list[str] = []
     sections = _sections(mesh, said)
     with path.open("wb") as file:
-        _write(file, mesh, sections, binary, compress)
+        _write(file, mesh, sections, options.in_binary, options.compress)
     if said:
         warnings.warn("VTU: " + "; ".join(said), LacmeshWarning, stacklevel=3)
-
-
-def check_types(path: Path, mesh: Mesh, whose: str) -> None:
-    """Raise WriteError where the mesh has cells of a type that VTK lacks."""
-    for cell_type, n in mesh.cells_by_type.items():
-        if cell_type not in OF_TYPE:
-            what = "write them as PYRAM13" if cell_type == "PYRAM14" else "lower their order"
-            message = f"{whose} has no cells of type {cell_type}, the mesh has {n}; {what}, or write a .msh file"
-            raise WriteError(path, message)
 
 
 def _sections(mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:

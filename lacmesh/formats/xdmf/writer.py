@@ -35,6 +35,7 @@ from lacmesh.formats.med.families import derive
 from lacmesh.formats.med.hdf5 import created, set_attributes
 from lacmesh.formats.notes import to_json
 from lacmesh.formats.output import readable
+from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.writer import legal
 from lacmesh.formats.xdmf.types import OF_TYPE, XDMF_TYPES
@@ -61,20 +62,21 @@ class _Sink(Protocol):
         """Store an array, and return the XML of the DataItem that refers to it."""
 
 
-def write(path: Path, mesh: Mesh, *, heavy: Path | None = None, link: str = "", compress: bool = False) -> None:
-    """Write a mesh: XML to `path`, arrays to the HDF5 file `heavy`, which the XML calls `link`; without it, as text.
+def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+    """Write a mesh: XML to `path`, arrays to the `second` file, of HDF5; without it, as text.
 
     `compress`: everything in the HDF5 file, not the groups only. Raises WriteError for a cell that XDMF lacks. What is
     left out is named in a LacmeshWarning.
     """
     _check(path, mesh)
+    heavy, link = options.second or (None, "")
     if readable(link) != link:
         raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")
     said: list[str] = []
     with ExitStack() as stack:
         sink: _Sink = _Text()
         if heavy is not None:
-            sink = _Heavy(stack.enter_context(created(heavy)), link, compress)
+            sink = _Heavy(stack.enter_context(created(heavy)), link, options.compress)
         body = _domain(mesh, sink, said)
         mark = ""  # told in the body where MARK stands
         if isinstance(sink, _Heavy):

@@ -1,9 +1,10 @@
-"""Change an HDF5 file so that it stays valid, even if the disk is full or fails.
+"""Write HDF5 files so that they stay valid, even if the disk is full or fails.
 
 Data that HDF5 appends are written to the file at once: nothing in the old part of the file refers to them yet. Changes
 of the old part are kept in memory, page by page, until all appended data are on the disk; then they overwrite the old
 pages, which needs no new space. A full disk is thus noticed while appending, and the file is truncated to its old
-size. Errors are not passed on to HDF5, which could not close the file then (HDF5 1.14).
+size; of a new file that is nothing. Errors are not passed on to HDF5, which could not close the file then: objects that
+are freed later fail again, each with a message on stderr, and the process ends in a segmentation fault (HDF5 1.14).
 """
 
 from __future__ import annotations
@@ -16,8 +17,6 @@ from typing import Any, BinaryIO
 
 import h5py
 
-from lacmesh.errors import WriteError
-from lacmesh.formats.med.hdf5 import reason
 from lacmesh.formats.output import signals_wait
 
 _PAGE = 4096
@@ -115,19 +114,23 @@ class Journal:
 
 
 @contextmanager
-def changing(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for changes, of which all or none are in the file at the end. Raises WriteError."""
+def journalled(path: Path, new: h5py.h5p.PropFCID | None = None) -> Iterator[h5py.File]:
+    """Open an HDF5 file for changes, of which all or none are in the file at the end; `new`: properties of a new file.
+
+    The file format is held at HDF5 1.10. Raises OSError, after closing the file, if the disk refused data.
+    """
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
     access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
-    try:
-        # an exception must not come up inside a write that HDF5 asked for
-        with path.open("r+b", buffering=0) as file, signals_wait():
-            journal = Journal(file)
-            access.set_fileobj_driver(h5py.h5fd.fileobj_driver, journal)
-            opened = h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDWR, access)
-            access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
-            with h5py.File(opened) as root:
-                yield root
-            journal.finish()
-    except (OSError, RuntimeError, KeyError, ValueError) as error:
-        raise WriteError(path, f"cannot be written ({reason(error)})") from error
+    # an exception must not come up inside a write that HDF5 asked for
+    with path.open("r+b" if new is None else "w+b", buffering=0) as file, signals_wait():
+        journal = Journal(file)
+        access.set_fileobj_driver(h5py.h5fd.fileobj_driver, journal)
+        name = os.fsencode(path)
+        if new is None:
+            opened = h5py.h5f.open(name, h5py.h5f.ACC_RDWR, access)
+        else:
+            opened = h5py.h5f.create(name, h5py.h5f.ACC_TRUNC, new, access)
+        access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
+        with h5py.File(opened) as root:
+            yield root
+        journal.finish()
