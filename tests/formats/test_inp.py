@@ -21,6 +21,7 @@ from lacmesh.formats.inp.scope import ElementCard, NodesOf
 from lacmesh.formats.inp.types import FACETS, element
 from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
+from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
 from lacmesh.reference.quadrature import measure
 from tests.formats.inp_texts import DAMAGED, MORE, PARTS, WHOLE
@@ -38,7 +39,7 @@ def read_text(folder, text):
 
 def again(folder, mesh, **options):
     path = folder / "again.inp"
-    inp.write(path, mesh, **options)
+    inp.write(path, mesh, WriteOptions(**options))
     return inp.read(path)
 
 
@@ -164,7 +165,7 @@ def test_every_facet_of_every_type(tmp_path, kind, target):
         return
     if card(kind, target, "CPS" if cell.dim == 2 else None, False) is None:
         with pytest.raises(WriteError, match=rf"no element (in the plane )?for {kind}, and the mesh has 1; "):
-            inp.write(tmp_path / "a.inp", cell_with_faces(kind, facets=()), target=target)
+            inp.write(tmp_path / "a.inp", cell_with_faces(kind, facets=()), WriteOptions(target=target))
         return
     for j, facet in enumerate(cell.facets):
         mesh = cell_with_faces(kind, facets=[j], rotation=j, inward=bool(j % 2))
@@ -195,7 +196,7 @@ def test_order_of_nodes(tmp_path, kind):
     if kind == "QUAD9":  # a shell only
         mesh = Mesh.create(mesh.points + np.array([0, 0, 1]), [(kind, mesh.block(kind))])
     with lenient():
-        inp.write(tmp_path / "a.inp", mesh, target="abaqus")
+        inp.write(tmp_path / "a.inp", mesh, WriteOptions(target="abaqus"))
     text = (tmp_path / "a.inp").read_text()
     numbers = re.search(r"\*ELEMENT[^\n]*\n([\d,\s]*)", text)[1].replace(",", " ").split()
     at = mesh.points[np.array(numbers[1:], int) - 1]
@@ -446,7 +447,7 @@ def test_elements_on_the_edges_of_others_are_said_and_can_be_kept(tmp_path):
     )
     with pytest.warns(LacmeshWarning, match=words):
         inp.write(tmp_path / "mesh.inp", mesh)
-    inp.write(tmp_path / "all.inp", mesh, all_cells=True)
+    inp.write(tmp_path / "all.inp", mesh, WriteOptions(all_cells=True))
     kept = inp.read(tmp_path / "all.inp")
     assert sorted(kept.cell_number[kept.cell_groups["beam"]].tolist()) == [2, 3]
     assert [c.options["TYPE"] for c in kept.deck.named("ELEMENT")] == ["S4", "B31"]
@@ -692,13 +693,13 @@ def test_wrong_options(tmp_path):
     mesh = Mesh.create([[0, 0]], [])
     for options in ({"target": "nastran"}, {"plane": "CPX"}):
         with pytest.raises(RequestError, match=r"an \.inp file is for calculix or abaqus"):
-            inp.write(tmp_path / "a.inp", mesh, **options)
+            inp.write(tmp_path / "a.inp", mesh, WriteOptions(**options))
 
 
 def test_lines_of_16_numbers(tmp_path):
     mesh = cell_with_faces("HEXA27", facets=[0])
     mesh = Mesh.create(mesh.points, [("HEXA27", mesh.block("HEXA27"))], node_groups={"all": range(27)})
-    inp.write(tmp_path / "a.inp", mesh, target="abaqus")
+    inp.write(tmp_path / "a.inp", mesh, WriteOptions(target="abaqus"))
     lines = (tmp_path / "a.inp").read_text().splitlines()
     assert max(len([w for w in line.split(",") if w.strip()]) for line in lines) == 16
     assert sum(line.endswith(",") for line in lines) == 1  # the element goes on; the set's lines are whole

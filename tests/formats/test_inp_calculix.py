@@ -12,6 +12,7 @@ from lacmesh import cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.formats import inp
 from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.table import WriteOptions
 from tests.formats.inp_blocks import PRESSED, E, K, P, on_springs, run, two_blocks
 from tests.meshes import cell_with_faces
 
@@ -68,7 +69,7 @@ def test_pressure_pushes_the_edge(tmp_path, kind):
             raised = replace(plane, points=plane.points + np.array([0, 0, 1]), space_dim=3)
             jobs.append((raised, on_springs(cell.n_nodes, solid.replace("SOLID", "SHELL"))))
         for mesh, job in jobs:
-            inp.write(tmp_path / "mesh.inp", mesh, plane="CPE")
+            inp.write(tmp_path / "mesh.inp", mesh, WriteOptions(plane="CPE"))
             words, found = run(tmp_path, PROGRAM, job)
             assert "Job finished" in words, words[-2000:]
             u = found["displacements"][-1][:, 1:]

@@ -14,6 +14,7 @@ from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import reader2 as msh_read2
+from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
@@ -30,7 +31,7 @@ some = settings(max_examples=samples(15, 40), deadline=None, suppress_health_che
 def again(tmp_path, mesh, version="4.1", binary=True):
     """A mesh written and read."""
     path = tmp_path / "again.msh"
-    msh.write(path, mesh, version, binary)
+    msh.write(path, mesh, WriteOptions(msh=version, binary=binary))
     return msh.read(path)
 
 
