@@ -120,31 +120,25 @@ def from_arrays(
     return fields
 
 
-class MeshArrays(NamedTuple):
-    """Parts of a mesh to be assembled: points (n, 3), nodes by type in `blocks`, arrays on cells and on nodes.
-
-    `place`: for each cell, block after block, its position in the file, which is its row in the arrays on cells.
-    """
-
-    points: Floats
-    blocks: Mapping[str, Ints]
-    place: Ints
-    cell: Mapping[str, NDArray]
-    node: Mapping[str, NDArray]
-
-
 def assembled(
-    parts: MeshArrays,
+    points: Floats,
+    blocks: Mapping[str, Ints],
+    place: Ints,
+    arrays: tuple[Mapping[str, NDArray], Mapping[str, NDArray]],
     fields: Mapping[str, Any],
     noted: Mapping[str, Any],
     said: list[str],
     groups: Mapping[str, Mapping[str, Ints]] | None = None,
 ) -> Mesh:
-    """Assemble a mesh from its parts, the `fields` read from its notes, and further `groups` (on "cell", "node")."""
-    place = parts.place
+    """Assemble a mesh from points (n, 3), nodes by cell type, and `arrays` on cells and on nodes.
+
+    `place`: for each cell, block after block, its position in the file, which is its row in the arrays on cells.
+    `fields`: those read from its notes; `groups`: further ones (on "cell", "node").
+    """
     in_order = bool((np.diff(place) > 0).all())
-    rows = {name: values if in_order else values[place] for name, values in parts.cell.items()}
-    more = {**fields, **from_arrays(rows, parts.node, (len(place), len(parts.points)), noted, said)}
+    of_cells, of_nodes = arrays
+    rows = {name: values if in_order else values[place] for name, values in of_cells.items()}
+    more = {**fields, **from_arrays(rows, of_nodes, (len(place), len(points)), noted, said)}
     if not in_order:
         more["file_order"] = np.argsort(place)
     for on, given in (groups or {}).items():
@@ -153,7 +147,7 @@ def assembled(
     more["steps"] = {key: step for key, step in more.get("steps", {}).items() if key in known}
     if not more.get("zones"):
         more["zones"] = zone_names(more["cell_data"], more["cell_groups"])
-    return fitting(Mesh.create(parts.points, parts.blocks.items(), **more))
+    return fitting(Mesh.create(points, blocks.items(), **more))
 
 
 def _is_mark(values: NDArray) -> bool:

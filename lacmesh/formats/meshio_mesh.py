@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CARRIED
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import GROUP, MeshArrays, assembled, to_arrays
+from lacmesh.formats.arrays import GROUP, assembled, to_arrays
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Ints, Mesh, Tag
@@ -120,8 +120,8 @@ def _from_meshio(given: Any) -> Mesh:
         cell.pop(_PHYSICAL)
     node = {name: np.asarray(values) for name, values in given.point_data.items()}
     node_groups = {name: np.asarray(nodes) for name, nodes in given.point_sets.items()}
-    parts = MeshArrays(points, blocks, place, _native(cell), _native(node))
-    return assembled(parts, {"group_tags": tags, **fields}, noted, said, {"cell": groups, "node": node_groups})
+    arrays, more = (_native(cell), _native(node)), {"cell": groups, "node": node_groups}
+    return assembled(points, blocks, place, arrays, {"group_tags": tags, **fields}, noted, said, more)
 
 
 def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:

@@ -105,7 +105,7 @@ def _sides(number: int, on_face: re.Match[str] | None, label: str, followed: Fol
     faces = followed.faces(number, int(on_face[2]))
     if not faces:
         raise RefusedError(f"element {number} was cut, and its children have no face that lies on its {label}")
-    return [(side.element, f"{on_face[1]}{side.face}{on_face[3]}") for side in faces]
+    return [(child, f"{on_face[1]}{side}{on_face[3]}") for child, side in faces]
 
 
 def _concentrated(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:

@@ -17,19 +17,11 @@ _FACE = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*,[ \t]*([A-Za-z]\w*)[ \t]*,?[ \t]*\
 _NUMBER = re.compile(r"[+-]?\d{1,18}")
 
 
-class IdRange(NamedTuple):
-    """The numbers first, first + step ... up to last, as GENERATE gives them."""
-
-    first: int
-    last: int
-    step: int
-
-
 class Members(NamedTuple):
     """Members that a set's data lines list: numbers, ranges of numbers, names of sets."""
 
     numbers: Ints
-    ranges: tuple[IdRange, ...]
+    ranges: tuple[range, ...]
     names: tuple[str, ...]
 
 
@@ -158,7 +150,7 @@ def members(card: Card) -> Members:
     if values is not None:
         return Members(values, (), ())
     numbers: list[int] = []
-    ranges: list[IdRange] = []
+    ranges: list[range] = []
     names: list[str] = []
     at = 0
     for line in text.splitlines(keepends=True):
@@ -175,13 +167,13 @@ def members(card: Card) -> Members:
     return Members(np.array(numbers, np.int64), tuple(ranges), tuple(names))
 
 
-def _range(card: Card, fields: list[str], at: int) -> IdRange:
+def _range(card: Card, fields: list[str], at: int) -> range:
     if len(fields) not in (2, 3) or not all(_NUMBER.fullmatch(f) for f in fields):
         raise card.error(f"{', '.join(fields)[:60]!r} should be first, last, step of numbers to generate", at)
     first, last, step = (*map(int, fields), 1)[:3]
     if step < 1:
         raise card.error(f"the step of numbers to generate is {step}, and should be 1 or more", at)
-    return IdRange(first, last, step)
+    return range(first, last + 1, step)
 
 
 def faces(card: Card) -> list[tuple[str, Ints | str]]:

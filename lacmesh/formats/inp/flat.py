@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from io import BytesIO
-from typing import NamedTuple
 
 from lacmesh.deck import DataLine, Deck, DeckCard, DeckInstance, Lines, key_of
 from lacmesh.formats.inp.carry import NUMBER, OF_NODES, with_option, without_option
@@ -41,17 +40,10 @@ _NAMING = frozenset(
 )
 
 
-class Flat(NamedTuple):
-    """A deck without parts, and what it lacks of the deck that it is made of."""
-
-    deck: Deck
-    refused: tuple[Contradiction, ...]
-
-
-def flattened(deck: Deck) -> Flat:
-    """Return a deck with instances of parts as one without; a deck without instances as it is."""
+def flattened(deck: Deck) -> tuple[Deck, tuple[Contradiction, ...]]:
+    """Return a deck with instances of parts as one without, and what it lacks of that; one without them as it is."""
     if not deck.instances:
-        return Flat(deck, ())
+        return deck, ()
     made = _Flattening(deck)
     for k, card in enumerate(deck.cards):
         made.take(k, card)
@@ -66,7 +58,7 @@ def flattened(deck: Deck) -> Flat:
         apart="",
         instances=(),
     )
-    return Flat(flat, tuple(made.refused))
+    return flat, tuple(made.refused)
 
 
 @dataclass

@@ -8,7 +8,6 @@ bound the parent, and two of them lie on the same facet if they meet at a node o
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,8 @@ from lacmesh.deck import Deck
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Floats, Ints, Mesh
 
-
-class Side(NamedTuple):
-    """A face of an element: the element's number, and the face's number as S1, S2 ... count."""
-
-    element: int
-    face: int
+#: a face of an element: the element's number, and the face's number as S1, S2 ... count
+Side = tuple[int, int]
 
 
 class Followed:
@@ -145,7 +140,7 @@ class Followed:
         for kind, cells, nodes in self.mesh.select(self._parts(number)):
             for k, row in zip(cells.tolist(), nodes, strict=True):
                 for label, facet in enumerate(FACETS[CELLS[kind].family], start=1):
-                    side = Side(int(self.mesh.cell_number[k]), label)
+                    side = int(self.mesh.cell_number[k]), label
                     sides.setdefault(frozenset(_corners(kind, facet, row)), []).append(side)
         return [(of[0], corners) for corners, of in sides.items() if len(of) == 1]
 

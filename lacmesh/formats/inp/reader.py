@@ -6,7 +6,6 @@ import warnings
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from lacmesh.formats.inp.deck import read_model
 from lacmesh.formats.inp.plain import plane_of
 from lacmesh.formats.inp.record import deck_of
 from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
-from lacmesh.formats.inp.skin import CellBlock, DeckCells, Skin
+from lacmesh.formats.inp.skin import CellBlock, Skin
 from lacmesh.mesh import Floats, Ints, Mesh
 
 _NONE = np.empty(0, np.int64)
@@ -32,55 +31,35 @@ def read(path: Path) -> Mesh:
     if not model.scope.nodes:
         raise ReadError(path, "has no nodes: there is no *NODE")
     number, points = _nodes(model.scope)
-    elements = _elements(model.scope, Index(number), said)
-    skin = Skin(DeckCells(elements.blocks, len(number)))
-    groups = _groups(model.scope, number, elements.number, skin, said)
-    new, members = skin.finish([groups.cells.get(name, _NONE) for name in groups.surfaces])
+    listed, place, cell_number = _elements(model.scope, Index(number), said)
+    skin = Skin(listed, len(number))
+    node_groups, cell_groups, surfaces = _groups(model.scope, number, cell_number, skin, said)
+    new, members = skin.finish([cell_groups.get(name, _NONE) for name in surfaces])
     if skin.unknown:
         said.append(f"surfaces name sides that are no faces, left out: {', '.join(skin.unknown)}")
     if said:
         warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=2)
-    cells = _with_skin(elements, new, model.largest)
-    for name, which in zip(groups.surfaces, members, strict=True):
-        groups.cells[name] = np.append(groups.cells.get(name, _NONE), which)
+    for name, which in zip(surfaces, members, strict=True):
+        cell_groups[name] = np.append(cell_groups.get(name, _NONE), which)
+    blocks, before = _with_skin(listed, new)
+    n_new = len(before) - len(place)
+    largest = max(model.largest, int(cell_number.max(initial=0)))
+    cell_number = np.append(cell_number, largest + 1 + np.arange(n_new))[before]
+    place = np.append(place, len(place) + np.arange(n_new))[before]
+    index = np.argsort(before)
     mesh = Mesh.create(
         points,
-        cells.blocks,
+        blocks,
         space_dim=_space_dim(model.scope, points),
         node_number=number,
-        cell_number=cells.number,
-        file_order=None if (np.diff(cells.place) > 0).all() else np.argsort(cells.place),
-        cell_groups={name: cells.of_earlier[which] for name, which in groups.cells.items()},
-        node_groups=groups.nodes,
+        cell_number=cell_number,
+        file_order=None if (np.diff(place) > 0).all() else np.argsort(place),
+        cell_groups={name: index[which] for name, which in cell_groups.items()},
+        node_groups=node_groups,
         name=model.heading[0] if len(model.heading) == 1 else "mesh",
         plane=plane_of(model.scope.elements),
     )
     return replace(mesh, deck=deck_of(path, model, mesh))
-
-
-class _Listed(NamedTuple):
-    """Elements of the file: one block per type, and for each cell its position in the file and its number."""
-
-    blocks: list[CellBlock]
-    place: Ints
-    number: Ints
-
-
-class _Groups(NamedTuple):
-    """Node and cell indices by group name; the names of the surfaces, in the order of the skin."""
-
-    nodes: dict[str, Ints]
-    cells: dict[str, Ints]
-    surfaces: list[str]
-
-
-class _All(NamedTuple):
-    """Elements and new skin: blocks, positions in the file, numbers; `of_earlier` maps earlier to final indices."""
-
-    blocks: list[tuple[str, Ints]]
-    place: Ints
-    number: Ints
-    of_earlier: Ints
 
 
 def _nodes(scope: Scope) -> tuple[Ints, Floats]:
@@ -92,8 +71,11 @@ def _nodes(scope: Scope) -> tuple[Ints, Floats]:
     return number, np.concatenate([n.points for n in scope.nodes])
 
 
-def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
-    """Collect the elements that are cells, types in order of first appearance. Raises ReadError."""
+def _elements(scope: Scope, nodes: Index, said: list[str]) -> tuple[list[CellBlock], Ints, Ints]:
+    """Elements that are cells, a block a type in order of first appearance; their positions in the file and numbers.
+
+    Raises ReadError.
+    """
     used = [e for e in scope.elements if e.element is not None and len(e.number)]
     number = np.concatenate([_NONE, *(e.number for e in used)])
     twice = repeated(number) if len(number) else None
@@ -113,7 +95,7 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> _Listed:
         blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
     place = np.concatenate(order)
     _say_repeats(blocks, number[place], said)
-    return _Listed(blocks, place, number[place])
+    return blocks, place, number[place]
 
 
 def _what(e: ElementCard) -> int:
@@ -158,28 +140,31 @@ def _say_repeats(blocks: list[CellBlock], number: Ints, said: list[str]) -> None
         start += len(block.nodes)
 
 
-def _groups(scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]) -> _Groups:
-    """Convert sets and surfaces of nodes to groups, and add surfaces of faces to the skin. Raises ReadError."""
+def _groups(
+    scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]
+) -> tuple[dict[str, Ints], dict[str, Ints], list[str]]:
+    """Indices of nodes and of cells by group; surfaces of faces are added to the skin, in the order of the names last.
+
+    Raises ReadError.
+    """
     resolver = Resolver(scope, {"node": np.sort(node), "element": np.sort(cell)}, NodesOf(scope.elements))
     nodes, elements = Index(node), Index(cell)
-    groups = _Groups(
-        {s.shown: nodes.places(resolver.numbers("node", k, s.card)) for k, s in scope.node_sets.items()},
-        {s.shown: elements.places(resolver.numbers("element", k, s.card)) for k, s in scope.element_sets.items()},
-        [],
-    )
+    of_nodes = {s.shown: nodes.places(resolver.numbers("node", k, s.card)) for k, s in scope.node_sets.items()}
+    of_cells = {s.shown: elements.places(resolver.numbers("element", k, s.card)) for k, s in scope.element_sets.items()}
+    surfaces = []
     for surface in scope.surfaces.values():
         entries = [_entry(resolver, surface, which) for _, which in surface.entries]
         if surface.of_nodes:
             more = np.concatenate([_NONE, *(nodes.places(e) for e in entries)])
-            groups.nodes[surface.shown] = np.append(groups.nodes.get(surface.shown, _NONE), more)
+            of_nodes[surface.shown] = np.append(of_nodes.get(surface.shown, _NONE), more)
             continue
         skin.begin()
-        groups.surfaces.append(surface.shown)
+        surfaces.append(surface.shown)
         for (face, _), which in zip(surface.entries, entries, strict=True):
             skin.add(surface.card, face, np.sort(elements.places(which)))
     if resolver.strays:
         said.append(f"{resolver.strays} members of sets and surfaces are no nodes or cells of the mesh, and left out")
-    return groups
+    return of_nodes, of_cells, surfaces
 
 
 def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
@@ -189,21 +174,20 @@ def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
     return resolver.existing(of, which)
 
 
-def _with_skin(elements: _Listed, new: list[tuple[str, Ints]], largest: int) -> _All:
-    """Append the new cells on surfaces to the file's cells; their numbers follow those, and `largest`."""
-    offsets = np.cumsum([0, *(len(b.nodes) for b in elements.blocks)])
-    blocks = {b.type: b.nodes for b in elements.blocks}
-    index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(elements.blocks, pairwise(offsets), strict=True)}
+def _with_skin(listed: list[CellBlock], new: list[tuple[str, Ints]]) -> tuple[list[tuple[str, Ints]], Ints]:
+    """Blocks of the file's cells and of the new ones on surfaces, and the index that each cell had before.
+
+    The new ones had the indices that follow those of the file.
+    """
+    offsets = np.cumsum([0, *(len(b.nodes) for b in listed)])
+    blocks = {b.type: b.nodes for b in listed}
+    index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(listed, pairwise(offsets), strict=True)}
     n = int(offsets[-1])
     for cell_type, rows in new:
         index[cell_type] = np.append(index.get(cell_type, _NONE), n + np.arange(len(rows)))
         blocks[cell_type] = np.concatenate([blocks[cell_type], rows]) if cell_type in blocks else rows
         n += len(rows)
-    before = np.concatenate([_NONE, *index.values()])  # the index that each cell had before new ones came among them
-    more = np.arange(n - int(offsets[-1]))
-    number = np.append(elements.number, max(largest, int(elements.number.max(initial=0))) + 1 + more)
-    place = np.append(elements.place, len(elements.place) + more)
-    return _All(list(blocks.items()), place[before], number[before], np.argsort(before))
+    return list(blocks.items()), np.concatenate([_NONE, *index.values()])
 
 
 def _space_dim(scope: Scope, points: Floats) -> int:

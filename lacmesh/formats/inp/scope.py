@@ -14,7 +14,7 @@ import numpy as np
 
 from lacmesh.errors import did_you_mean
 from lacmesh.formats.inp.cards import Card, label
-from lacmesh.formats.inp.data import IdRange, Members, key
+from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.types import DeckElement
 from lacmesh.mesh import Floats, Ints
 
@@ -118,7 +118,7 @@ class Scope:
 
 def raised(members: Members, by: int, prefix: str) -> Members:
     """Members with numbers raised by `by`, and names preceded by a prefix."""
-    ranges = tuple(IdRange(r.first + by, r.last + by, r.step) for r in members.ranges)
+    ranges = tuple(range(r.start + by, r.stop + by, r.step) for r in members.ranges)
     return Members(members.numbers + by, ranges, tuple(prefix + key(n) for n in members.names))
 
 
@@ -176,10 +176,10 @@ class Resolver:
         self.strays += int((~known).sum())
         return numbers[known]
 
-    def _generated(self, of: str, r: IdRange) -> Ints:
+    def _generated(self, of: str, r: range) -> Ints:
         present = self.present[of]
-        inside = present[np.searchsorted(present, r.first) : np.searchsorted(present, r.last, side="right")]
-        return inside[(inside - r.first) % r.step == 0]
+        inside = present[np.searchsorted(present, r.start) : np.searchsorted(present, r.stop)]
+        return inside[(inside - r.start) % r.step == 0]
 
 
 def ordered(numbers: Ints) -> Ints:

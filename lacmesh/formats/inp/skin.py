@@ -27,39 +27,27 @@ class CellBlock(NamedTuple):
 
 
 @dataclass
-class DeckCells:
-    """The cells of a file, blocks one after the other: a cell's index counts through them."""
+class Skin:
+    """Collector of surfaces: the existing cells and the faces of each; `unknown`: face labels without a meaning.
+
+    `blocks`: the cells of the file, a cell's index counts through them.
+    """
 
     blocks: list[CellBlock]
     n_nodes: int
+    existing: list[Ints] = field(default_factory=list)
+    faces: list[tuple[int, tuple[str, Ints]]] = field(default_factory=list)
+    n_surfaces: int = 0
+    unknown: dict[str, None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.offsets = np.cumsum([0, *(len(b.nodes) for b in self.blocks)])
 
-    def parts(self, which: Ints | None = None) -> list[tuple[CellBlock, Ints]]:
-        """Blocks and the indices of their cells, or of those among `which` (sorted)."""
+    def _parts(self, which: Ints) -> list[tuple[CellBlock, Ints, Ints]]:
+        """Blocks, the indices of their cells among `which` (sorted), and the rows of these in the block."""
         spans = zip(self.blocks, self.offsets[:-1].tolist(), self.offsets[1:].tolist(), strict=True)
-        if which is None:
-            return [(b, np.arange(lo, hi)) for b, lo, hi in spans]
-        return [(b, which[np.searchsorted(which, lo) : np.searchsorted(which, hi)]) for b, lo, hi in spans]
-
-
-class _Side(NamedTuple):
-    """Facets of cells of one block: their type and nodes."""
-
-    type: str
-    nodes: Ints
-
-
-@dataclass
-class Skin:
-    """Collector of surfaces: the existing cells and the faces of each; `unknown`: face labels without a meaning."""
-
-    cells: DeckCells
-    existing: list[Ints] = field(default_factory=list)
-    faces: list[tuple[int, _Side]] = field(default_factory=list)
-    n_surfaces: int = 0
-    unknown: dict[str, None] = field(default_factory=dict)
+        parts = [(b, which[np.searchsorted(which, lo) : np.searchsorted(which, hi)], lo) for b, lo, hi in spans]
+        return [(b, cells, cells - lo) for b, cells, lo in parts]
 
     def begin(self) -> None:
         """Begin the next surface."""
@@ -71,12 +59,10 @@ class Skin:
         if not label:
             self._add_free(which)
             return
-        for block, found in self.cells.parts(which):
-            here = found - self.cells.offsets[self.cells.blocks.index(block)] if len(found) else found
-            for kind in np.unique(block.kind[here]).tolist():
-                self._add_side(
-                    card, label, block, kind, found[block.kind[here] == kind], here[block.kind[here] == kind]
-                )
+        for block, cells, rows in self._parts(which):
+            for kind in np.unique(block.kind[rows]).tolist():
+                alike = block.kind[rows] == kind
+                self._add_side(card, label, block, kind, cells[alike], rows[alike])
 
     def _add_side(self, card: Card, label: str, block: CellBlock, kind: int, which: Ints, rows: Ints) -> None:
         """Add one face of cells of one block that are all of one kind. Raises ReadError."""
@@ -90,34 +76,31 @@ class Skin:
             self.unknown[f"{label} of {block.type}"] = None
             return
         side = CELLS[block.type].facets[facet]
-        self.faces.append((self.n_surfaces - 1, _Side(side.type, block.nodes[rows][:, side.nodes])))
+        self.faces.append((self.n_surfaces - 1, (side.type, block.nodes[rows][:, side.nodes])))
 
     def _add_free(self, which: Ints) -> None:
         """Add all faces of some cells that no other cell shares, and shells themselves."""
         parts = []
-        for block, found in self.cells.parts(which):
-            here = found - self.cells.offsets[self.cells.blocks.index(block)] if len(found) else found
+        for block, cells, here in self._parts(which):
             shells = block.kind[here] == SHELL
-            self.existing[-1] = np.append(self.existing[-1], found[shells])
+            self.existing[-1] = np.append(self.existing[-1], cells[shells])
             solid = np.isin(block.kind[here], (SOLID, PLANE))
-            parts += [
-                _Side(f.type, block.nodes[here[solid]][:, f.nodes]) for f in CELLS[block.type].facets if solid.any()
-            ]
+            parts += [(f.type, block.nodes[here[solid]][:, f.nodes]) for f in CELLS[block.type].facets if solid.any()]
         faces = Faces.join(parts)
         first = first_of_each(*label_faces(faces))[0]
-        owners = find_owners(faces.take(first), self._volumes(), self.cells.n_nodes)
+        owners = find_owners(faces.take(first), self._volumes(), self.n_nodes)
         free = np.bincount(owners.face, minlength=len(first)) == 1
         for code in np.unique(faces.type[first[free]]).tolist():
             chosen = first[free & (faces.type[first] == code)]
-            self.faces.append((self.n_surfaces - 1, _Side(FACE_TYPES[code], faces.nodes[chosen][:, : N_NODES[code]])))
+            self.faces.append((self.n_surfaces - 1, (FACE_TYPES[code], faces.nodes[chosen][:, : N_NODES[code]])))
 
     def _volumes(self) -> list[tuple[str, Ints, Ints]]:
         """Solid and plane cells: (type, nodes, indices)."""
-        found = []
-        for block, which in self.cells.parts():
+        volumes = []
+        for block, lo in zip(self.blocks, self.offsets.tolist(), strict=False):
             solid = (block.kind == SOLID) | (block.kind == PLANE)
-            found.append((block.type, block.nodes[solid], which[solid]))
-        return found
+            volumes.append((block.type, block.nodes[solid], lo + np.flatnonzero(solid)))
+        return volumes
 
     def finish(self, members: list[Ints]) -> tuple[list[tuple[str, Ints]], list[Ints]]:
         """Return the new cells, one (type, nodes) per type, and the cell indices of each surface.
@@ -126,14 +109,16 @@ class Skin:
         each surface the cells of the element set of its name; a face on which one of them lies adds no other cell.
         """
         faces = Faces.join([side for _, side in self.faces])
-        of_surface = np.repeat([s for s, _ in self.faces] or [0], [len(side.nodes) for _, side in self.faces] or [0])
+        of_surface = np.repeat([s for s, _ in self.faces] or [0], [len(nodes) for _, (_, nodes) in self.faces] or [0])
         first, label = first_of_each(*label_faces(faces))
         distinct = faces.take(first)
-        repeats = find_repeats(distinct, [(b.type, b.nodes, w) for b, w in self.cells.parts()], self.cells.n_nodes)
+        spans = zip(self.blocks, self.offsets.tolist(), strict=False)
+        known = [(b.type, b.nodes, lo + np.arange(len(b.nodes))) for b, lo in spans]
+        repeats = find_repeats(distinct, known, self.n_nodes)
         cell = np.full(len(first), -1)
         cell[repeats.face[::-1]] = repeats.cell[::-1]  # the first cell on a face
         new: list[tuple[str, Ints]] = []
-        n = int(self.cells.offsets[-1])
+        n = int(self.offsets[-1])
         for code in dict.fromkeys(distinct.type[cell < 0].tolist()):
             rows = np.flatnonzero((cell < 0) & (distinct.type == code))
             new.append((FACE_TYPES[code], distinct.nodes[rows][:, : N_NODES[code]]))

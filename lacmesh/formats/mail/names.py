@@ -54,12 +54,8 @@ def words(text: bytes) -> Words:
     return Words(letters, begin, end, first[:-1])
 
 
-class Scanned(NamedTuple):
-    """Words that are letters and a number: the numbers, the letters as integers, and which words begin a line."""
-
-    number: Ints
-    prefix: Ints
-    first: NDArray[np.bool_]
+#: of words that are letters and a number: the numbers, the letters as integers, and which words begin a line
+Scanned = tuple[Ints, Ints, NDArray[np.bool_]]
 
 
 def scanned(text: bytes) -> Scanned | None:
@@ -69,7 +65,7 @@ def scanned(text: bytes) -> Scanned | None:
     size = len(text) // 2 + 1
     number, prefix, first = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, bool)
     n = scan_names(np.frombuffer(text, np.uint8), _CLASS, number, prefix, first)
-    return None if n < 0 else Scanned(number[:n], prefix[:n], first[:n])
+    return None if n < 0 else (number[:n], prefix[:n], first[:n])
 
 
 def scanned_by_arrays(text: bytes) -> Scanned | None:
@@ -84,7 +80,7 @@ def scanned_by_arrays(text: bytes) -> Scanned | None:
     if wrong.any() or len(digits) != len(begin):
         return None
     if not len(begin):
-        return Scanned(np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, bool))
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0, bool)
     size = digits - begin
     end = np.flatnonzero((before == _DIGIT) & (after == _BLANK))
     leading = (letters[digits] == ord("0")) & (end - digits > 1)
@@ -94,7 +90,7 @@ def scanned_by_arrays(text: bytes) -> Scanned | None:
     for k in range(int(size.max())):
         prefix |= np.where(size > k, letters[np.minimum(begin + k, len(letters) - 1)], 0).astype(np.int64) << 8 * k
     numbers = parsed(text.translate(_DIGITS_ONLY), np.int64)
-    return None if numbers is None else Scanned(numbers, prefix, words(text).first)
+    return None if numbers is None else (numbers, prefix, words(text).first)
 
 
 class Names:
@@ -112,9 +108,10 @@ class Names:
         """The keys of all words of a text whose lines are whole, and which words begin a line."""
         regular = scanned(text) if is_long(text) else scanned_by_arrays(text)
         if regular is not None:
-            keys = self._with_prefixes(regular.number, regular.prefix)
+            number, prefix, first = regular
+            keys = self._with_prefixes(number, prefix)
             if keys is not None:
-                return keys, regular.first
+                return keys, first
         keys = np.array([self._key(word) for word in text.translate(_SPACED).split()], np.int64)
         return keys, words(text).first
 

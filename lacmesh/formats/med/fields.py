@@ -52,15 +52,8 @@ class Support(NamedTuple):
     first: int
 
 
-class _Leaf(NamedTuple):
-    """Values of one field at one step on one support."""
-
-    number: int
-    order: int
-    time: float
-    support: str
-    profile: Name
-    branch: Branch
+#: values of one field at one step, which has no name, on one support: the step, the support, the profile, the values
+_Leaf = tuple[Step, str, Name, Branch]
 
 
 class Data(NamedTuple):
@@ -104,16 +97,16 @@ def _field(
     width = field.integer("NCO")
     pieces: dict[tuple[str, Step], list[tuple[Ints, NDArray]]] = {}
     whole = at_cells = True
-    for leaf in _leaves(field, mesh):
-        if leaf.support not in supports or leaf.branch.integer("NGA", 1) != 1:
+    for step, support, profile, branch in _leaves(field, mesh):
+        if support not in supports or branch.integer("NGA", 1) != 1:
             whole = False
-            at_cells = at_cells and leaf.support not in supports
+            at_cells = at_cells and support not in supports
             continue
         if width < 1:
             raise field.error(f"has {width} components")
-        where = "NOE" if leaf.support == "NOE" else "MAI"
-        there = pieces.setdefault((where, Step("", leaf.number, leaf.order, leaf.time)), [])
-        there += _values(root, leaf, supports[leaf.support], width)
+        where = "NOE" if support == "NOE" else "MAI"
+        there = pieces.setdefault((where, step), [])
+        there += _values(root, profile, branch, supports[support], width)
     return {
         (where, step): _assembled(field, part, sizes[where], width)
         for (where, step), part in pieces.items()
@@ -126,33 +119,39 @@ def _leaves(field: Branch, mesh: Name) -> Iterator[_Leaf]:
         if child.has_attribute("NDT"):
             if field.string("MAI") != text(mesh):
                 return
-            when = child.integer("NDT"), child.integer("NOR", -1), child.real("PDT", 0.0)
+            when = _step(child)
             for support, inside in child.branches():
                 for profile, branch in inside.branches():
-                    yield _Leaf(*when, text(support), profile, branch)
+                    yield when, text(support), profile, branch
         else:
             for _, step in child.branches():
-                when = step.integer("NDT"), step.integer("NOR", -1), step.real("PDT", 0.0)
                 if step.has(mesh):
                     branch = step.branch(mesh)
-                    yield _Leaf(*when, text(outer), branch.string("PFL"), branch)
+                    yield _step(step), text(outer), branch.string("PFL"), branch
 
 
-def _values(root: Branch, leaf: _Leaf, support: Support, width: int) -> Iterator[tuple[Ints, NDArray]]:
+def _step(group: Branch) -> Step:
+    """The step of a group of values, without a name."""
+    return Step("", group.integer("NDT"), group.integer("NOR", -1), group.real("PDT", 0.0))
+
+
+def _values(
+    root: Branch, profile: Name, branch: Branch, support: Support, width: int
+) -> Iterator[tuple[Ints, NDArray]]:
     """Yield the indices of nodes or cells that are read, and their values (k, width)."""
     rows, first = support
-    if text(leaf.profile) in ("", NO_PROFILE):
-        values = leaf.branch.numbers("CO", rows.size * width, rows)
+    if text(profile) in ("", NO_PROFILE):
+        values = branch.numbers("CO", rows.size * width, rows)
         yield first + np.arange(rows.n), values.reshape(width, -1).T
         return
-    home = _profile(root, leaf.profile)
+    home = _profile(root, profile)
     size = home.count("PFL", "iu")
     for start in range(0, max(size, 1), _PIECE):
         piece = RowRange(start, min(start + _PIECE, size), size)
         place = home.integers("PFL", None, piece).astype(np.int64) - 1
         if len(place) and (place.min() < 0 or place.max() >= rows.size):
             raise home.error(f"holds a number outside 1..{rows.size}", "PFL")
-        values = leaf.branch.numbers("CO", size * width, piece).reshape(width, -1).T
+        values = branch.numbers("CO", size * width, piece).reshape(width, -1).T
         ours = (place >= rows.start) & (place < rows.stop)
         yield first + place[ours] - rows.start, values[ours]
 

@@ -48,16 +48,18 @@ def to_slice(content: Content, comm: Communicator = SERIAL) -> MeshSlice:
     index = {"node": own, "cell": msh_cells.cell_index(content, cells.number, comm)}
     groups, group_tags = cell_groups(content, cells.first, notes, index["cell"], comm, said)
     sizes = {"node": node_rows.size, "cell": sum(whole.sizes.values())}
-    fields = comm.on_each(lambda: msh_fields.to_mesh(content.source, content.rows, index, sizes, notes.fields))
+    cell_data, node_data, steps, n_known = comm.on_each(
+        lambda: msh_fields.to_mesh(content.source, content.rows, index, sizes, notes.fields)
+    )
     node_groups = {name: known(own, number) for name, number in notes.node_groups.items()}
-    _say_lost(content, notes, fields.known + sum(map(len, node_groups.values())), comm, said)
+    _say_lost(content, notes, n_known + sum(map(len, node_groups.values())), comm, said)
     if whole.entities:
-        fields.cell_data["entity"] = cells.entity
+        cell_data["entity"] = cells.entity
     if cells.partition is not None:
-        fields.cell_data["partition"] = cells.partition
+        cell_data["partition"] = cells.partition
     entity = _node_entity(content, notes)
     if entity is not None:
-        fields.node_data["entity"] = entity
+        node_data["entity"] = entity
     return MeshSlice(
         rows=node_rows,
         points=content.points,
@@ -68,11 +70,11 @@ def to_slice(content: Content, comm: Communicator = SERIAL) -> MeshSlice:
         cell_place=cells.place,
         cell_groups=groups,
         node_groups=node_groups,
-        cell_data=fields.cell_data,
-        node_data=fields.node_data,
+        cell_data=cell_data,
+        node_data=node_data,
         noted={
             "group_tags": group_tags,
-            "steps": fields.steps,
+            "steps": steps,
             "zones": notes.zones,
             "model": _model(content, notes, nodes),
             "name": "mesh" if notes.name is None else notes.name,

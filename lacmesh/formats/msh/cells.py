@@ -167,7 +167,7 @@ def _check_nodes(content: Content, stray: tuple[Piece, int] | None, nodes: Index
 def cell_index(content: Content, number: Ints, comm: Communicator) -> Index:
     """Map from cell numbers, also of those merged into another, to indices in the slice. Raises ReadError."""
     check_numbers("cell", number, content.source, content.elements_at, comm)
-    return Index(number, content.repeats.number, content.repeats.of, table=comm.size == 1)
+    return Index(number, content.repeats[0], content.repeats[1], table=comm.size == 1)
 
 
 def check_numbers(what: str, number: Ints, source: MshBytes, place: int, comm: Communicator) -> None:

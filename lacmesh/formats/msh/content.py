@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -33,21 +33,10 @@ class Piece:
     physical: Ints | None = None
 
 
-class Repeats(NamedTuple):
-    """Elements that repeated cells `of` for a further physical group: both numbers, dimension and tag of the group."""
-
-    number: Ints
-    of: Ints
-    dim: Ints
-    physical: Ints
-
-
-_NONE = np.empty(0, np.int64)
-
-
 @dataclass
 class Content:
-    """A file's content. `names`: (dimension or None, tag, name); `repeats`: elements merged into others.
+    """A file's content. `names`: (dimension or None, tag, name); `repeats` (4, m): elements that repeated a cell for a
+    further physical group: number, the cell's number, dimension and tag of the group.
 
     `node_rows`: the nodes that are read, None for all. `links`: slave, master, affine map, node numbers (m, 2).
     `elements_at`: where the elements begin.
@@ -60,7 +49,7 @@ class Content:
     node_entity: Ints | None = None
     node_rows: RowRange | None = None
     pieces: list[Piece] = field(default_factory=list)
-    repeats: Repeats = field(default_factory=lambda: Repeats(_NONE, _NONE, _NONE, _NONE))
+    repeats: Ints = field(default_factory=lambda: np.empty((4, 0), np.int64))
     boundary: dict[Tag, tuple[int, ...]] = field(default_factory=dict)
     links: list[tuple[Tag, Tag, tuple[float, ...], Ints]] = field(default_factory=list)
     rows: list[msh_fields.Rows] = field(default_factory=list)

@@ -102,27 +102,21 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
     return result
 
 
-class Fields(NamedTuple):
-    """Fields of a file as arrays of a mesh, or of a slice of it; `known` counts the rows of its nodes and cells."""
-
-    cell_data: dict[str, NDArray]
-    node_data: dict[str, NDArray]
-    steps: dict[str, Step]
-    known: int
-
-
 def to_mesh(
     source: MshBytes,
     rows: Sequence[Rows],
     index: Mapping[str, Index],
     sizes: Mapping[str, int],
     notes: Mapping[tuple[str, str, int], FieldNote],
-) -> Fields:
-    """Convert sections to arrays; `index`: from numbers of nodes ("node") and cells ("cell") to their indices.
+) -> tuple[dict[str, NDArray], dict[str, NDArray], dict[str, Step], int]:
+    """The arrays on cells and on nodes, their steps, and how many rows of the sections have a place.
 
-    `sizes`: how many nodes and cells the whole mesh has. Raises ReadError.
+    `index`: from numbers of nodes ("node") and cells ("cell") to their indices; `sizes`: how many of them the
+    whole mesh has. Raises ReadError.
     """
-    fields = Fields({}, {}, {}, 0)
+    cell_data: dict[str, NDArray] = {}
+    node_data: dict[str, NDArray] = {}
+    steps: dict[str, Step] = {}
     arrays = _joined(rows)
     budget = 64 * source.size + 2**28
     known = 0
@@ -138,11 +132,11 @@ def to_mesh(
             key = note.key if note.key not in RESERVED else key
             step = Step(note.name, note.number, note.order, head.time)
             step = None if step == Step(key, 0, -1, 0.0) else step
-        data = fields.node_data if head.on == "node" else fields.cell_data
+        data = node_data if head.on == "node" else cell_data
         data[key] = _shaped(source, key, head, values, note)
         if step is not None:
-            fields.steps[key] = step
-    return fields._replace(known=known)
+            steps[key] = step
+    return cell_data, node_data, steps, known
 
 
 def _fill(values: Floats, rows: Rows, index: Index) -> int:

@@ -71,11 +71,12 @@ def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list
         if p.physical is not None:
             for physical, rows in _by_value(p.physical):
                 members.setdefault((ALL_CELLS[p.type].dim, physical), []).append(rows + a)
+    repeated, _, dims, tags = content.repeats
     for dim in range(4):
-        here = content.repeats.dim == dim
+        here = dims == dim
         if here.any():
-            cells = index.places(content.repeats.number[here])
-            for physical, rows in _by_value(content.repeats.physical[here]):
+            cells = index.places(repeated[here])
+            for physical, rows in _by_value(tags[here]):
                 members.setdefault((dim, physical), []).append(cells[rows])
     return members
 

@@ -14,7 +14,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import runs as msh_runs
-from lacmesh.formats.msh.content import Content, Piece, Repeats
+from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes, TextNumbers
 from lacmesh.formats.msh.types import TYPE_NAMES
 from lacmesh.mesh import Ints
@@ -51,9 +51,8 @@ class Reader2:
             raise content.source.error(f"two cells have the number {twice}", content.elements_at)
         if not content.pieces:
             return content
-        repeats = [_merge(piece) for piece in content.pieces]
-        content.repeats = Repeats(*(np.concatenate(parts) for parts in zip(*repeats, strict=True)))
-        gone = len(content.repeats.number)
+        content.repeats = np.concatenate([_merge(piece) for piece in content.pieces], axis=1)
+        gone = content.repeats.shape[1]
         if not gone:
             return content
         _close_gaps(content.pieces)
@@ -147,10 +146,11 @@ class Reader2:
         numbers.done()
 
 
-def _merge(piece: Piece) -> Repeats:
+def _merge(piece: Piece) -> Ints:
     """Remove from a piece the elements that repeat another one for a further group; the smallest number is kept.
 
-    Repeats have the same nodes in the same order and the same entity, and each another group.
+    Returns their columns of `Content.repeats`. Repeats have the same nodes in the same order and the same entity, and
+    each another group.
     """
     assert piece.physical is not None
     group, rows = _equal(piece)
@@ -165,7 +165,7 @@ def _merge(piece: Piece) -> Repeats:
     keeper = rows[begins][np.cumsum(begins) - 1]
     gone = rows[~begins]
     dim = np.full(len(gone), ALL_CELLS[piece.type].dim)
-    repeats = Repeats(piece.number[gone], piece.number[keeper[~begins]], dim, piece.physical[gone])
+    repeats = np.stack([piece.number[gone], piece.number[keeper[~begins]], dim, piece.physical[gone]])
     if len(gone):
         kept = np.ones(len(piece.number), bool)
         kept[gone] = False

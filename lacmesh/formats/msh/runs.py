@@ -8,7 +8,6 @@ of equal records are found by galloping, in steps that double; records that keep
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -31,27 +30,8 @@ class ElementRuns(NamedTuple):
     end: int
 
 
-class _Key(NamedTuple):
-    """Leading numbers of a record, which fix its length: type, count of elements that follow, count of tags."""
-
-    kind: int
-    follow: int
-    n_tags: int
-
-
-@dataclass
-class _Runs:
-    """Runs of records with equal keys: the key, the position of the first record, and their count."""
-
-    keys: dict[_Key, int] = field(default_factory=dict)
-    key: list[int] = field(default_factory=list)
-    place: list[int] = field(default_factory=list)
-    times: list[int] = field(default_factory=list)
-
-    def add(self, key: _Key, place: int, times: int) -> None:
-        self.key.append(self.keys.setdefault(key, len(self.keys)))
-        self.place.append(place)
-        self.times.append(times)
+#: Leading numbers of a record, which fix its length: gmsh's type, count of elements that follow, count of tags.
+_Key = tuple[int, int, int]
 
 
 def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadError]) -> ElementRuns:
@@ -59,17 +39,18 @@ def find(table: Ints, n: int, binary: bool, error: Callable[[str, int], ReadErro
 
     Raises ReadError for an unknown type, an impossible record, or a table that ends too early.
     """
-    runs = _Runs()
+    runs: list[tuple[_Key, int, int]] = []  # of records with equal keys: the key, where the first is, their count
+    lengths: dict[_Key, int] = {}
     place, left = 0, n
     while left > 0:
         key = _key(table, place, left, binary, error)
-        length = _length(key, binary)
-        times = _alike(table, place, length, min(left // key.follow, (len(table) - place) // length), binary)
-        runs.add(key, place, times)
+        length = lengths[key] = _length(key, binary)
+        times = _alike(table, place, length, min(left // key[1], (len(table) - place) // length), binary)
+        runs.append((key, place, times))
         place += times * length
-        left -= times * key.follow
+        left -= times * key[1]
         if times < _FEW:
-            place, left = _walk(table, place, left, binary, runs)
+            place, left = _walk(table, place, left, binary, lengths, runs)
     return _expanded(runs, binary, place)
 
 
@@ -78,11 +59,11 @@ def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str,
     if place + 3 > len(table):
         raise error(f"the elements end too early: {left} more were announced", place)
     first, second, third = table[place : place + 3].tolist()
-    key = _Key(first, second, third) if binary else _Key(second, 1, third)
-    if key.kind not in TYPE_NAMES:
-        raise error(UNKNOWN_TYPE.format(key.kind), place)
-    if not 1 <= key.follow <= left or not 0 <= key.n_tags <= len(table):
-        raise error(f"no element has {key.n_tags} tags, or {key.follow} of them do not follow", place)
+    kind, follow, n_tags = key = (first, second, third) if binary else (second, 1, third)
+    if kind not in TYPE_NAMES:
+        raise error(UNKNOWN_TYPE.format(kind), place)
+    if not 1 <= follow <= left or not 0 <= n_tags <= len(table):
+        raise error(f"no element has {n_tags} tags, or {follow} of them do not follow", place)
     if place + _length(key, binary) > len(table):
         raise error(f"the elements end too early: {left} more were announced", place)
     return key
@@ -90,11 +71,11 @@ def _key(table: Ints, place: int, left: int, binary: bool, error: Callable[[str,
 
 def _size(key: _Key) -> int:
     """Count of tags and nodes of one element."""
-    return key.n_tags + ALL_CELLS[TYPE_NAMES[key.kind]].n_nodes
+    return key[2] + ALL_CELLS[TYPE_NAMES[key[0]]].n_nodes
 
 
 def _length(key: _Key, binary: bool) -> int:
-    return 3 + (key.follow * (1 + _size(key)) if binary else _size(key))
+    return 3 + (key[1] * (1 + _size(key)) if binary else _size(key))
 
 
 def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int:
@@ -113,28 +94,34 @@ def _alike(table: Ints, place: int, length: int, most: int, binary: bool) -> int
     return times
 
 
-def _walk(table: Ints, place: int, left: int, binary: bool, runs: _Runs) -> tuple[int, int]:
-    """Go through the records of a window one after the other; stop at one with a new key, or not complete in it."""
+def _walk(
+    table: Ints, place: int, left: int, binary: bool, lengths: dict[_Key, int], runs: list[tuple[_Key, int, int]]
+) -> tuple[int, int]:
+    """Go through the records of a window one after the other; stop at one with a new key, or not complete in it.
+
+    `lengths`: of records with the keys that are known.
+    """
     window: list[int] = table[place : place + _WINDOW].tolist()
-    lengths = {key: _length(key, binary) for key in runs.keys}
     at = 0
     while left > 0 and at + 3 <= len(window):
-        key = _Key(*window[at : at + 3]) if binary else _Key(window[at + 1], 1, window[at + 2])
+        first, second, third = window[at : at + 3]
+        key = (first, second, third) if binary else (second, 1, third)
         length = lengths.get(key, len(window) + 1)
-        if at + length > len(window) or key.follow > left:
+        if at + length > len(window) or key[1] > left:
             break
-        runs.add(key, place + at, 1)
+        runs.append((key, place + at, 1))
         at += length
-        left -= key.follow
+        left -= key[1]
     return place + at, left
 
 
-def _expanded(runs: _Runs, binary: bool, end: int) -> ElementRuns:
+def _expanded(runs: list[tuple[_Key, int, int]], binary: bool, end: int) -> ElementRuns:
     """Expand the runs to one row for each element."""
-    keys = np.array(list(runs.keys), np.int64).reshape(-1, 3)
-    inner = np.array([1 + _size(key) for key in runs.keys], np.int64)
-    outer = np.array([_length(key, binary) for key in runs.keys], np.int64)
-    key, place, times = (np.array(a, np.int64) for a in (runs.key, runs.place, runs.times))
+    row = {key: k for k, key in enumerate(dict.fromkeys(key for key, _, _ in runs))}
+    keys = np.array(list(row), np.int64).reshape(-1, 3)
+    inner = np.array([1 + _size(key) for key in row], np.int64)
+    outer = np.array([_length(key, binary) for key in row], np.int64)
+    key, place, times = np.array([(row[key], place, times) for key, place, times in runs], np.int64).reshape(-1, 3).T
     count = times * keys[key, 1]
     which = np.repeat(key, count)
     within = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import MeshArrays, assembled, merged
+from lacmesh.formats.arrays import assembled, merged
 from lacmesh.formats.vtu.types import LAGRANGE_HEXAHEDRON, NOT_READ, OF_NUMBER, lagrange_8_to_9
 from lacmesh.formats.vtu.writer import NOTES
 from lacmesh.formats.vtu.xml import Document, XmlElement, opened
@@ -26,11 +27,8 @@ class VtkCells(NamedTuple):
     types: Ints
 
 
-class _Piece(NamedTuple):
-    points: Floats
-    cells: VtkCells
-    cell: dict[str, NDArray]
-    node: dict[str, NDArray]
+#: points (n, 3), cells, arrays on cells, arrays on nodes
+_Piece = tuple[Floats, VtkCells, dict[str, NDArray], dict[str, NDArray]]
 
 
 def read(path: Path) -> Mesh:
@@ -58,12 +56,9 @@ def _piece(document: Document, element: XmlElement, said: list[str]) -> _Piece:
     if not np.isfinite(points).all():
         bad = some(np.flatnonzero(~np.isfinite(points.reshape(n, 3)).all(axis=1)))
         raise document.error(f"the coordinates of points {bad} (from 0) are not finite numbers", "<Points>")
-    return _Piece(
-        points.reshape(n, 3).astype(np.float64, copy=False),
-        _cells(document, element, n, k),
-        _data(document, element, "CellData", k, said),
-        _data(document, element, "PointData", n, said),
-    )
+    cells = _cells(document, element, n, k)
+    data, node_data = (_data(document, element, f"{on}Data", size, said) for on, size in (("Cell", k), ("Point", n)))
+    return points.reshape(n, 3).astype(np.float64, copy=False), cells, data, node_data
 
 
 def _cells(document: Document, element: XmlElement, n_points: int, k: int) -> VtkCells:
@@ -119,22 +114,26 @@ def _data(document: Document, element: XmlElement, section: str, size: int, said
 
 
 def _mesh(document: Document, grid: XmlElement, pieces: list[_Piece], said: list[str]) -> Mesh:
-    n_nodes = sum(len(p.points) for p in pieces)
-    if sum(len(p.points) > 0 for p in pieces) > 1:
+    points, cells_of, cell_data, node_data = zip(*pieces, strict=True)
+    n_nodes = sum(map(len, points))
+    if sum(len(p) > 0 for p in points) > 1:
         said.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
     fields, noted = _notes(document, grid, n_nodes, said)
-    first = np.cumsum([0, *(len(p.points) for p in pieces)])
-    starts = np.cumsum([0, *(len(p.cells.connectivity) for p in pieces)])
-    cells = VtkCells(
-        np.concatenate([p.cells.connectivity + a for p, a in zip(pieces, first, strict=False)]),
-        np.concatenate([p.cells.ends + a for p, a in zip(pieces, starts, strict=False)]),
-        np.concatenate([p.cells.types for p in pieces]),
-    )
+    cells = joined(cells_of, np.cumsum([0, *map(len, points)]))
     blocks, place = blocks_of(document, cells, _is_old(document))
-    cell = merged(((p.cell, len(p.cells.types)) for p in pieces), said, "cell")
-    node = merged(((p.node, len(p.points)) for p in pieces), said, "node")
-    points = np.concatenate([p.points for p in pieces])
-    return assembled(MeshArrays(points, blocks, place, cell, node), fields, noted, said)
+    cell = merged(zip(cell_data, (len(c.types) for c in cells_of), strict=True), said, "cell")
+    node = merged(zip(node_data, map(len, points), strict=True), said, "node")
+    return assembled(np.concatenate(points), blocks, place, (cell, node), fields, noted, said)
+
+
+def joined(parts: Sequence[VtkCells], first: Sequence[int] | Ints) -> VtkCells:
+    """Join cells of several parts of a mesh; `first`: the index of each part's first point in the whole."""
+    starts = np.cumsum([0, *(len(p.connectivity) for p in parts)])
+    return VtkCells(
+        np.concatenate([p.connectivity + a for p, a in zip(parts, first, strict=False)]),
+        np.concatenate([p.ends + a for p, a in zip(parts, starts, strict=False)]),
+        np.concatenate([p.types for p in parts]),
+    )
 
 
 def _is_old(document: Document) -> bool:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, did_you_mean, some
 from lacmesh.formats import notes
-from lacmesh.formats.arrays import GROUP, MeshArrays, assembled, merged
-from lacmesh.formats.vtu.reader import VtkCells, blocks_of, stray_node
+from lacmesh.formats.arrays import GROUP, assembled, merged
+from lacmesh.formats.vtu.reader import VtkCells, blocks_of, joined, stray_node
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.xml import parsed
 from lacmesh.formats.xdmf.items import ItemElement, XdmfSource
@@ -41,11 +41,8 @@ class _Grid(NamedTuple):
     cells: str
 
 
-class _Part(NamedTuple):
-    """Cells that came from one grid, and the attributes on them."""
-
-    cells: VtkCells
-    data: dict[str, NDArray]
+#: cells that came from one grid, and the attributes on them
+_Part = tuple[VtkCells, dict[str, NDArray]]
 
 
 def read(path: Path, mesh: str | None = None) -> Mesh:
@@ -164,7 +161,7 @@ def _mesh(source: XdmfSource, grids: list[_Grid], noted_text: str | None, said: 
         part = parts.get(grid.cells)
         if part is None:
             cells = _cells(source, _only(source, grid.children, "Topology"), len(points))
-            part = parts[grid.cells] = _Part(cells, {})
+            part = parts[grid.cells] = cells, {}
         for center, attribute in _attributes(source, grid):
             key = attribute.get("Name", "")
             if grid.time is not None and (len(times) > 1 or grid.time):
@@ -172,8 +169,8 @@ def _mesh(source: XdmfSource, grids: list[_Grid], noted_text: str | None, said: 
                 step = Step(key, k, -1, grid.time)
                 key = f"{key}@{k}" if len(times) > 1 else key
                 steps[key] = step
-            size = len(part.cells.ends) if center == "Cell" else len(points)
-            (part.data if center == "Cell" else node)[key] = _values(source, attribute, size)
+            size = len(part[0].ends) if center == "Cell" else len(points)
+            (part[1] if center == "Cell" else node)[key] = _values(source, attribute, size)
     fields.setdefault("steps", {}).update(steps)
     return _put_together(source, points, list(parts.values()), node, fields, noted, said)
 
@@ -283,20 +280,14 @@ def _put_together(
     said: list[str],
 ) -> Mesh:
     """Assemble the mesh from all parts."""
-    sizes = [len(p.cells.ends) for p in parts]
-    starts = np.cumsum([0, *(len(p.cells.connectivity) for p in parts)])
-    cells = VtkCells(
-        np.concatenate([p.cells.connectivity for p in parts]),
-        np.concatenate([p.cells.ends + a for p, a in zip(parts, starts, strict=False)]),
-        np.concatenate([p.cells.types for p in parts]),
-    )
-    blocks, place = blocks_of(source, cells, old=False)
-    data = merged(((p.data, n) for p, n in zip(parts, sizes, strict=True)), said, "cell")
+    sizes = [len(cells.ends) for cells, _ in parts]
+    blocks, place = blocks_of(source, joined([cells for cells, _ in parts], [0] * len(parts)), old=False)
+    data = merged(((data, n) for (_, data), n in zip(parts, sizes, strict=True)), said, "cell")
     if noted:
         data, place = _own(data, place, noted)
     elif len(parts) > 1:
         blocks, place, data = _without_repeats(blocks, place, data, parts, np.repeat(np.arange(len(parts)), sizes))
-    return assembled(MeshArrays(points, blocks, place, data, node), fields, noted, said, {"cell": _noted_groups(noted)})
+    return assembled(points, blocks, place, (data, node), fields, noted, said, {"cell": _noted_groups(noted)})
 
 
 def _own(data: dict[str, NDArray], place: Ints, noted: dict[str, Any]) -> tuple[dict[str, NDArray], Ints]:
@@ -332,7 +323,7 @@ def _without_repeats(
         begin += len(nodes)
     repeated = np.flatnonzero(part[first] < part)
     for name, values in data.items():
-        has = np.array([name in p.data for p in parts])
+        has = np.array([name in of_part for _, of_part in parts])
         wanted = repeated[has[part[repeated]] & ~has[part[first[repeated]]]]
         values[first[wanted]] = values[wanted]
     kept = np.ones(len(place), bool)

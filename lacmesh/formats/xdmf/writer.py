@@ -21,7 +21,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple, Protocol
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape, quoteattr
 
@@ -48,20 +47,6 @@ _KINDS = {1: "Scalar", 3: "Vector", 6: "Tensor6", 9: "Tensor"}
 _NUMBERS = {"i": "Int", "u": "UInt", "f": "Float"}
 
 
-class _Grid(NamedTuple):
-    """The cells of one dimension: the grid's name, and their indices in the order of the file."""
-
-    name: str
-    cells: Ints
-
-
-class _Sink(Protocol):
-    """Destination of the arrays: the text of the XML, or an HDF5 file."""
-
-    def item(self, place: str, values: NDArray, packed: bool) -> str:
-        """Store an array, and return the XML of the DataItem that refers to it."""
-
-
 def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     """Write a mesh: XML to `path`, arrays to the `second` file, of HDF5; without it, as text.
 
@@ -74,7 +59,7 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
         raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")
     said: list[str] = []
     with ExitStack() as stack:
-        sink: _Sink = _Text()
+        sink: _Text | _Heavy = _Text()
         if heavy is not None:
             sink = _Heavy(stack.enter_context(created(heavy)), link, options.compress)
         body = _domain(mesh, sink, said)
@@ -109,10 +94,10 @@ def _check(path: Path, mesh: Mesh) -> None:
 
 
 class _Text:
-    """Arrays as text, where they belong in the XML."""
+    """Destination of the arrays: as text, where they belong in the XML."""
 
     def item(self, place: str, values: NDArray, packed: bool) -> str:
-        """The array as a DataItem."""
+        """Store an array, and return the XML of the DataItem that refers to it."""
         rows = values.tolist() if values.ndim == 2 else [[v] for v in values.tolist()]
         form = repr if values.dtype.kind == "f" and values.dtype.itemsize == 8 else "{:.9g}".format
         text = "\n".join(" ".join(map(form if values.dtype.kind == "f" else str, row)) for row in rows)
@@ -120,7 +105,7 @@ class _Text:
 
 
 class _Heavy:
-    """Arrays in an HDF5 file; `digest` runs over all that was put there."""
+    """Destination of the arrays: an HDF5 file; `digest` runs over all that was put there."""
 
     def __init__(self, root: h5py.Group, link: str, compress: bool) -> None:
         self.root, self.link, self.compress, self.digest = root, link, compress, 0
@@ -157,7 +142,7 @@ def told(information: ElementTree.Element) -> str:
         raise ValueError(str(error)) from None
 
 
-def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
+def _domain(mesh: Mesh, sink: _Text | _Heavy, said: list[str]) -> str:
     """XML of the domain: the grids, with the Information elements in the first."""
     arrays = to_arrays(mesh, said, legal)
     tags, table = _tags(mesh)
@@ -168,7 +153,7 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
     node = {name: _widened(values) for name, values in arrays.node.items()}
     own = [tags_name]
     order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
-    if not np.array_equal(np.concatenate([grid.cells for grid in _grids(mesh)]), order):
+    if not np.array_equal(np.concatenate([cells for _, cells in _grids(mesh)]), order):
         cell[PLACE] = np.argsort(order)
         own.append(PLACE)
     groups = [n for n in arrays.cell if n.startswith(GROUP)]
@@ -176,13 +161,13 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
     information += _information(NOTES, to_json(mesh, {**arrays.notes, "own": own, "groups": groups}))
     parts: list[str] = []
     geometry = _geometry(mesh, sink)
-    for k, grid in enumerate(_grids(mesh)):
-        here = {name: values[grid.cells] for name, values in cell.items()}
+    for k, (title, cells) in enumerate(_grids(mesh)):
+        here = {name: values[cells] for name, values in cell.items()}
         here = {name: v for name, v in here.items() if not _says_nothing(name, v, first=k == 0, own=own)}
-        parts.append(f'<Grid Name="{grid.name}" GridType="Uniform">\n')
-        parts.append(_topology(mesh, grid, sink) + geometry)
-        parts += _attributes(grid.name, "Cell", here, sink)
-        parts += _attributes(grid.name, "Node", node if k == 0 else {}, sink)
+        parts.append(f'<Grid Name="{title}" GridType="Uniform">\n')
+        parts.append(_topology(mesh, title, cells, sink) + geometry)
+        parts += _attributes(title, "Cell", here, sink)
+        parts += _attributes(title, "Node", node if k == 0 else {}, sink)
         parts.append((information + MARK if k == 0 else "") + "</Grid>\n")
     return "".join(parts)
 
@@ -210,48 +195,48 @@ def _says_nothing(name: str, values: NDArray, *, first: bool, own: list[str]) ->
     return not first and bool(np.isnan(values).all() if values.dtype.kind == "f" else (values == -1).all())
 
 
-def _grids(mesh: Mesh) -> Iterator[_Grid]:
-    """The cells of each dimension that has any, the highest first."""
+def _grids(mesh: Mesh) -> Iterator[tuple[str, Ints]]:
+    """The grids, one for each dimension that has cells, the highest first: its name, its cells in the file's order."""
     order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
     names = {mesh.dim - 1: "facets", mesh.dim: "mesh"}
     for dim in range(mesh.dim, -1, -1):
         cells = order[mesh.cell_dim[order] == dim]
         if len(cells) or dim == mesh.dim:
-            yield _Grid(names.get(dim) or ("vertices", "edges")[dim], cells)
+            yield names.get(dim) or ("vertices", "edges")[dim], cells
 
 
-def _geometry(mesh: Mesh, sink: _Sink) -> str:
+def _geometry(mesh: Mesh, sink: _Text | _Heavy) -> str:
     flat = mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
     points = mesh.points[:, : 2 if flat else 3].astype(np.float64)
     item = sink.item("mesh/geometry", points, packed=False)
     return f'<Geometry GeometryType="{"XY" if flat else "XYZ"}">\n{item}</Geometry>\n'
 
 
-def _topology(mesh: Mesh, grid: _Grid, sink: _Sink) -> str:
+def _topology(mesh: Mesh, title: str, cells: Ints, sink: _Text | _Heavy) -> str:
     """Topology of a grid: a table of nodes for cells of one type, else a mixture with the type number of each cell."""
-    chosen = [(OF_TYPE[name], cells, n[:, VTK_OF_TYPE[name].nodes]) for name, cells, n in mesh.select(grid.cells)]
+    chosen = [(OF_TYPE[name], some, n[:, VTK_OF_TYPE[name].nodes]) for name, some, n in mesh.select(cells)]
     if len(chosen) < 2:
         kind = chosen[0][0] if chosen else XDMF_TYPES[0]
         rows = chosen[0][2].astype(np.int64) if chosen else np.empty((0, 1), np.int64)
         head = f'TopologyType="{kind.name}" NumberOfElements="{len(rows)}" NodesPerElement="{rows.shape[1]}"'
-        return f"<Topology {head}>\n{sink.item(f'{grid.name}/topology', rows, packed=False)}</Topology>\n"
+        return f"<Topology {head}>\n{sink.item(f'{title}/topology', rows, packed=False)}</Topology>\n"
     at = np.empty(mesh.n_cells, np.int64)
-    at[grid.cells] = np.arange(len(grid.cells))
-    width = np.empty(len(grid.cells), np.int64)
+    at[cells] = np.arange(len(cells))
+    width = np.empty(len(cells), np.int64)
     rows_of = []
-    for kind, cells, nodes in chosen:
+    for kind, some, nodes in chosen:
         mark = [kind.number, *([nodes.shape[1]] if kind.counted else [])]
-        rows_of.append((at[cells], np.hstack([np.tile(mark, (len(nodes), 1)), nodes])))
-        width[at[cells]] = rows_of[-1][1].shape[1]
+        rows_of.append((at[some], np.hstack([np.tile(mark, (len(nodes), 1)), nodes])))
+        width[at[some]] = rows_of[-1][1].shape[1]
     first = np.cumsum(width) - width
     flat = np.empty(int(width.sum()), np.int64)
     for place, rows in rows_of:
         flat[first[place, None] + np.arange(rows.shape[1])] = rows
-    item = sink.item(f"{grid.name}/topology", flat, packed=False)
-    return f'<Topology TopologyType="Mixed" NumberOfElements="{len(grid.cells)}">\n{item}</Topology>\n'
+    item = sink.item(f"{title}/topology", flat, packed=False)
+    return f'<Topology TopologyType="Mixed" NumberOfElements="{len(cells)}">\n{item}</Topology>\n'
 
 
-def _attributes(grid: str, center: str, arrays: dict[str, NDArray], sink: _Sink) -> Iterator[str]:
+def _attributes(grid: str, center: str, arrays: dict[str, NDArray], sink: _Text | _Heavy) -> Iterator[str]:
     for k, (name, values) in enumerate(arrays.items()):
         packed = name.startswith((GROUP, TAGS))
         item = sink.item(f"{grid}/{center.lower()}/{k}", values, packed)
