@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import resource
 import subprocess
 import sys
 import tempfile
+import warnings
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from lacmesh import read
+from lacmesh.errors import LacmeshWarning, ReadError
 from tests.bad_input import case, page, stop_cases, tool_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD, OUTPUTS
@@ -57,6 +61,21 @@ def test_one_sentence_and_nothing_left(one, folder):
     if outcome.status == 3:  # it names the file: the input, one that belongs to it, the output, or where it is made
         names = [Path(path).name for path in (*folder.iterdir(), one.input, one.out, *one.command)]
         assert any(name in outcome.sentence for name in (*names, tempfile.gettempdir()))
+
+
+def damaged_files():
+    """Cases of files that a reader refuses: all of them, as this takes no command."""
+    return [c for c in all_cases() if c.status == 3 and c.format not in ("any", "STEP", "IGES", "BREP", "STL", "geo")]
+
+
+@pytest.mark.parametrize("one", parameters(c for c in damaged_files() if c.command in (case.CUT, case.INFO)))
+def test_the_reader_says_what_the_command_says(one, folder):
+    with contextlib.chdir(folder), case.alarm(case.SECONDS), case.room(case.BYTES), warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        case.made(one, folder)
+        with pytest.raises(ReadError) as caught:
+            read(one.input)
+    holds(one, case.Outcome(3, [f"lacmesh: error: {caught.value}"], 0))
 
 
 @pytest.mark.fuzz

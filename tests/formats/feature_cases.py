@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lacmesh.cells import CELLS
+from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.formats.table import OF_NAME, SUFFIXES
 from lacmesh.mesh import Mesh, Model, Periodic, Step
@@ -312,7 +312,7 @@ TYPES = tuple(CELLS)
 
 def one_cell(kind):
     """One cell of a type, bent so that no two of its nodes could change places unseen."""
-    cell = CELLS[kind]
+    cell = ALL_CELLS[kind]
     x = np.array(cell.reference, float).reshape(cell.n_nodes, -1)
     x = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
     bent = x @ np.array([[1, 0.1, 0.2], [0.05, 1.1, 0.1], [0.15, 0.2, 0.9]]) + 0.02 * np.sin(3 * x + [1, 2, 3])

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from lacmesh.cells import CELLS
+from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import SUFFIXES, detect_format, read, write
 from lacmesh.formats.mail.types import NODES
@@ -22,10 +22,6 @@ SURFACES = ("ply", "stl", "obj", "off")
 CHOSEN = re.compile(
     r"\.inp: written as CPS \(plane stress\)|--plane CPE or CAX \(plane=\) for plane strain or axisymmetry"
 )
-
-
-def told(options):
-    return [(name, str(value)) for name, value in options.items()]
 
 
 #: further codings of a file, which keep the same
@@ -205,3 +201,27 @@ def test_meshio_has_no_other_format():
     packed = {".post.gz", ".dato.gz"}  # which meshio writes as plain text
     assert {s: n for s, n in known.items() if n not in NOT_TAKEN and s not in packed} == cases.OF_MESHIO
     assert set(cases.OF_MESHIO.values()) <= set(reader_map)
+
+
+def written_by(form):
+    return {"mail": "code_aster", "vtu": "VTK", "inp": "CalculiX"}.get(form.name, form.title)
+
+
+@pytest.mark.parametrize("form", [form for form in FORMATS if not form.meshio], ids=lambda form: form.name)
+def test_cells_that_are_refused_are_named_and_nothing_is_left(form, tmp_path):
+    """The program or format that lacks them, how many there are, and what to try."""
+    for cell_type in ALL_CELLS:
+        mesh = cases.one_cell(cell_type)
+        path = tmp_path / f"mesh{form.suffixes[0]}"
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            try:
+                write(path, mesh)
+            except WriteError as error:
+                has_none = rf"{written_by(form)} has no (cells of type|element for) {cell_type}"
+                assert re.search(rf"mesh{form.suffixes[0]}: {has_none}(, and)?,? the mesh has 1; \w+", str(error))
+                assert not list(tmp_path.iterdir())
+            else:
+                assert CELLS.get(cell_type) is None or form.fidelity[0].keeps_cells(cell_type) != REFUSED
+                for file in tmp_path.iterdir():
+                    file.unlink()

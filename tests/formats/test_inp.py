@@ -532,17 +532,6 @@ def test_files_in_files_have_an_end(tmp_path):
         inp.read(tmp_path / "0.inp")
 
 
-@pytest.mark.parametrize("at", range(0, len(WHOLE), 23))
-def test_cut_off_anywhere(tmp_path, at):
-    """A truncated file is read, or raises an error of one line."""
-    (tmp_path / "more.inp").write_text(MORE)
-    with lenient():
-        try:
-            read_text(tmp_path, WHOLE[:at])
-        except ReadError as error:
-            assert "\n" not in str(error)
-
-
 def test_compiled_lines_are_the_plain_ones():
     rng = np.random.default_rng(5)
     pieces = [b"1", b"23", b",", b", ", b" ", b"\t", b"\n", b"\r\n", b"999999999", b",\n"]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from lacmesh import formats
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
@@ -16,7 +13,6 @@ from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
-from tests.bad_input.case import SECONDS, alarm
 from tests.formats.msh_gmsh import as_seen, by_place, places, seen_by, two_boxes
 from tests.formats.msh_meshes import decided, entities, lenient, meshes, plain
 from tests.formats.msh_meshes import order as order_of
@@ -266,12 +262,6 @@ def test_partitions(tmp_path, version, binary):
     assert read.cell_data["partition"].dtype == np.int32
 
 
-def test_cells_that_msh_lacks_are_said(tmp_path):
-    mesh = Mesh.create(np.eye(7)[:, :3], [("TRIA7", [range(7)])])
-    with pytest.warns(LacmeshWarning, match="msh has no TRIA7: 1 cells"):
-        assert again(tmp_path, mesh).cells_by_type == {"TRIA7": 1}
-
-
 @pytest.mark.parametrize("version", ["4.1", "2.2"])
 def test_what_msh_cannot_hold_is_an_error(tmp_path, version):
     big = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], node_number=np.array([1, 2, 2**40]))
@@ -382,15 +372,6 @@ def test_the_sign_of_a_group_is_dropped_and_said(tmp_path):
     path.write_text(ASCII4.replace("1 1 0 1 5 0\n", "1 1 0 2 -5 -6 0\n"))
     with pytest.warns(LacmeshWarning, match="left out: the sign of physical groups"):
         assert groups_of(msh.read(path)) == {"five": [1, 2], "2:6": [1, 2]}
-
-
-@kinds
-def test_by_the_door_of_all_formats(tmp_path, version, binary):
-    mesh = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], cell_groups={"g": [0]})
-    path = tmp_path / "mesh.msh"
-    formats.write(path, mesh, msh=version, binary=binary)
-    assert formats.detect_format(path) == formats.DetectedFormat("msh", version, binary)
-    assert plain(formats.read(path)) == plain(mesh)
 
 
 def test_nothing_is_added_where_nothing_is_needed(tmp_path):
@@ -520,38 +501,6 @@ def tried(path, content):
         assert error.place.startswith(("line ", "byte "))
         assert str(error).count("\n") == 0
         return str(error)
-
-
-@kinds
-def test_truncated_files(tmp_path, version, binary):
-    with lenient():
-        again(tmp_path, rich(), version, binary)
-    content = (tmp_path / "again.msh").read_bytes()
-    last = content.rindex(b"$LacMesh")
-    results = [tried(tmp_path / "cut.msh", content[:n]) for n in range(0, last, 7)]
-    whole = {content[: content.index(mark) + len(mark) + 1] for mark in re.findall(rb"\$End\w+", content)}
-    for n, result in zip(range(0, last, 7), results, strict=True):
-        rest = content[:n].rstrip(b"\r\n")
-        assert isinstance(result, str) or any(rest == w.rstrip() for w in whole), n
-
-
-@kinds
-def test_changed_bytes(tmp_path, version, binary):
-    with lenient():
-        again(tmp_path, rich(), version, binary)
-    content = np.frombuffer((tmp_path / "again.msh").read_bytes(), np.uint8)
-    rng = np.random.default_rng(4)
-    errors = 0
-    for k in range(300):
-        damaged = content.copy()
-        where = rng.integers(0, len(content), rng.integers(1, 4))
-        damaged[where] = rng.integers(0, 256, len(where)) if k % 2 else rng.choice(list(b"-.e$\n 0179\xff"), len(where))
-        if k % 3 == 0:
-            a, b = np.sort(rng.integers(0, len(content), 2))
-            damaged = np.delete(damaged, slice(a, min(b, a + 9)))
-        with alarm(SECONDS):
-            errors += isinstance(tried(tmp_path / "changed.msh", damaged.tobytes()), str)
-    assert errors > 100
 
 
 @pytest.mark.parametrize(("old", "new", "says"), DAMAGES)

@@ -52,7 +52,15 @@ def spoilt(name: str, number: int) -> Seed:
 
 def tried(name: str, number: int, folder: Path) -> Outcome:
     """Spoil, write and read a file in a folder, and do with the mesh what commands do."""
-    seed = spoilt(name, number)
+    return _tried(spoilt(name, number), folder, _read)
+
+
+def read_and_checked(seed: Seed, folder: Path) -> Outcome:
+    """Write and read a file in a folder, and look at the mesh."""
+    return _tried(seed, folder, lambda path: mesh if isinstance(mesh := _mesh(path), Outcome) else Outcome(READ))
+
+
+def _tried(seed: Seed, folder: Path, work: Callable[[Path], Outcome]) -> Outcome:
     for old in folder.iterdir():
         old.unlink()
     for file, content in seed.files.items():
@@ -62,7 +70,7 @@ def tried(name: str, number: int, folder: Path) -> Outcome:
     try:
         with warnings.catch_warnings(), alarm(SECONDS):
             warnings.simplefilter("ignore")
-            outcome = _read(folder / seed.main)
+            outcome = work(folder / seed.main)
     except TooSlow as error:
         outcome = Outcome(FAILED, f"{error}\n{traceback.format_exc()}")
     except Exception:
@@ -72,7 +80,8 @@ def tried(name: str, number: int, folder: Path) -> Outcome:
     return Outcome(FAILED, f"an exception in the background: {unraised}") if unraised else outcome
 
 
-def _read(path: Path) -> Outcome:
+def _mesh(path: Path) -> Mesh | Outcome:
+    """The mesh of a file, whose parts fit together, or REFUSED."""
     try:
         mesh = lacmesh.read(path)
     except LacmeshError as error:
@@ -80,6 +89,13 @@ def _read(path: Path) -> Outcome:
     except AssertionError as error:
         raise RuntimeError("the reader takes for granted what is not so") from error
     consistent(mesh)
+    return mesh
+
+
+def _read(path: Path) -> Outcome:
+    mesh = _mesh(path)
+    if isinstance(mesh, Outcome):
+        return mesh
     json.dumps(describe(mesh), allow_nan=False)
     json.dumps(measure_quality(mesh).as_json(), allow_nan=False)
     for group in list(mesh.cell_groups)[:2]:
