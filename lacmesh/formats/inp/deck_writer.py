@@ -23,6 +23,7 @@ from lacmesh.formats.inp.plain import name_of
 from lacmesh.formats.inp.plan import Plan, no_element, write_groups
 from lacmesh.formats.inp.types import LINE, element
 from lacmesh.formats.inp.variants import variant
+from lacmesh.formats.writing import file_order
 from lacmesh.mesh import Ints
 
 #: Cards of the mesh, behind the last of which (before the first step) stands what the deck does not have.
@@ -130,7 +131,7 @@ class DeckWriter:
     @cached_property
     def _by_home(self) -> tuple[Ints, Ints]:
         mesh, home = self.plan.mesh, self.followed.home
-        order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+        order = file_order(mesh)
         order = order[np.argsort(home[order], kind="stable")]
         return home[order], order
 

@@ -10,17 +10,13 @@ from lacmesh.cells import CELLS
 from lacmesh.formats.inp.roles import Roles
 from lacmesh.formats.inp.types import FACETS, NODES
 from lacmesh.formats.text import int_rows, joined, reals
+from lacmesh.formats.writing import is_plane
 from lacmesh.mesh import Ints, Mesh
 
 _ROWS = 1 << 14
 _PER_LINE = 16
 #: Characters of a real number in both programs.
 _REAL = 20
-
-
-def is_plane(mesh: Mesh) -> bool:
-    """True if nodes have two coordinates in the file."""
-    return mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
 
 
 def write_nodes(file: BinaryIO, mesh: Mesh, number: Ints, begin: int = 0, end: int | None = None) -> None:

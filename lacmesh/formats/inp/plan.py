@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.inp.lines import is_plane, write_faces, write_set
+from lacmesh.formats.inp.lines import write_faces, write_set
 from lacmesh.formats.inp.roles import Roles
 from lacmesh.formats.inp.writer_types import card, hint
 from lacmesh.formats.labels import changes, labels
+from lacmesh.formats.writing import is_plane
 from lacmesh.mesh import Ints, Mesh
 
 LARGEST = 999_999_999

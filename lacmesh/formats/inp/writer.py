@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,13 +21,13 @@ from lacmesh.formats.inp.contradictions import contradictions
 from lacmesh.formats.inp.deck_writer import DeckWriter
 from lacmesh.formats.inp.flat import flattened
 from lacmesh.formats.inp.follow import Followed
-from lacmesh.formats.inp.lines import is_plane, write_nodes, write_rows
+from lacmesh.formats.inp.lines import write_nodes, write_rows
 from lacmesh.formats.inp.plain import below_dimension, losses
 from lacmesh.formats.inp.plan import NAME, Plan, losses_of_groups, plan_of, write_groups
 from lacmesh.formats.inp.roles import Roles, roles_of
 from lacmesh.formats.inp.writer_types import PLANES, TARGETS
 from lacmesh.formats.table import DEFAULT, WriteOptions
-from lacmesh.formats.without_fields import left_out
+from lacmesh.formats.writing import blocks_in_order, is_plane, left_out
 from lacmesh.mesh import Mesh
 
 
@@ -137,9 +136,7 @@ def _write_heading(file: BinaryIO, name: str) -> None:
 def _write_elements(file: BinaryIO, plan: Plan) -> None:
     """Write a card of elements for each type, cells in the file's order."""
     mesh, roles = plan.mesh, plan.roles
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
-    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
-        here = order[(order >= lo) & (order < hi)]
+    for block, lo, here in blocks_in_order(mesh):
         for skin in (False, True):
             some = here[roles.element[here] & (roles.skin[here] == skin)]
             if len(some):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
 
@@ -15,7 +14,7 @@ from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.mail.types import NODES
 from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.text import int_rows, reals
-from lacmesh.formats.without_fields import check_types, left_out
+from lacmesh.formats.writing import blocks_in_order, check_types, is_plane, left_out
 from lacmesh.mesh import Floats, Ints, Mesh
 
 #: code_aster's limits: characters of a group's name, and of a node's or cell's (a letter and seven digits).
@@ -69,8 +68,7 @@ def _write_title(file: BinaryIO, name: str) -> None:
 
 
 def _write_nodes(file: BinaryIO, mesh: Mesh, number: Ints) -> None:
-    plane = mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
-    dim = 2 if plane else 3
+    dim = 2 if is_plane(mesh) else 3
     file.write(f"COOR_{dim}D\n".encode())
     for a in range(0, mesh.n_nodes, _ROWS):
         part = slice(a, a + _ROWS)
@@ -87,11 +85,7 @@ def _node_lines(number: Ints, points: Floats) -> str:
 
 
 def _write_cells(file: BinaryIO, mesh: Mesh, node: Ints, cell: Ints) -> None:
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
-    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
-        here = order[lo:hi] if mesh.file_order is None else order[(order >= lo) & (order < hi)]
-        if not len(here):
-            continue
+    for block, lo, here in blocks_in_order(mesh):
         places = list(NODES[block.type])
         leads = [b"\nM", *(b"\nN" if k % _PER_LINE == 0 else b" N" for k in range(1, len(places) + 1))]
         file.write(block.type.encode())

@@ -24,7 +24,7 @@ from lacmesh.formats.med import families, fields, notes, reader
 from lacmesh.formats.med.hdf5 import add_array, add_group, compact, created, encoded, text
 from lacmesh.formats.med.types import MED_TYPES, MedType
 from lacmesh.formats.table import DEFAULT, WriteOptions
-from lacmesh.formats.without_fields import check_types
+from lacmesh.formats.writing import blocks_in_order, check_types, is_plane
 from lacmesh.mesh import Ints, Mesh
 
 _OF_TYPE = {kind.type: kind for kind in MED_TYPES}
@@ -51,7 +51,7 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     said: list[str] = []
     _check(path, mesh)
     name = fields.title(path, mesh.name or "mesh", "mesh", said)
-    cells = _in_file_order(mesh)
+    cells = [(_OF_TYPE[block.type], here) for block, _, here in blocks_in_order(mesh)]
     cell_family, cell_families = families.derive(mesh.cell_groups, mesh.cell_dim)
     node_family, node_families = families.derive(mesh.node_groups, np.zeros(mesh.n_nodes, np.int8))
     with created(path) as root:
@@ -80,20 +80,9 @@ def _check(path: Path, mesh: Mesh) -> None:
             )
 
 
-def _in_file_order(mesh: Mesh) -> list[tuple[MedType, Ints]]:
-    """The types present, with the indices of their cells as they go to the file."""
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
-    cells = []
-    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
-        if len(block.nodes):
-            here = order[lo:hi] if mesh.file_order is None else order[(order >= lo) & (order < hi)]
-            cells.append((_OF_TYPE[block.type], here))
-    return cells
-
-
 def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
     """The group of the mesh, and in it that of its only step."""
-    esp = _coordinates(mesh)
+    esp = 2 if is_plane(mesh) else 3
     dim = mesh.dim if mesh.n_cells else esp
     blank = " " * (16 * esp)
     home = add_group(
@@ -106,14 +95,10 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
     return add_group(home, f"{-1:020d}{-1:020d}", **step)
 
 
-def _coordinates(mesh: Mesh) -> int:
-    return 2 if mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2]) else 3
-
-
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
     n = mesh.n_nodes
     nodes = add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
-    add_array(nodes, "COO", mesh.points[:, : _coordinates(mesh)].T.astype(float).reshape(-1), CGT=1, NBR=n)
+    add_array(nodes, "COO", mesh.points[:, : 2 if is_plane(mesh) else 3].T.astype(float).reshape(-1), CGT=1, NBR=n)
     add_array(nodes, "FAM", family, CGT=1, NBR=n)
     add_array(nodes, "NUM", compact(mesh.node_number), CGT=1, NBR=n)
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.msh.output import Output, pieces, ragged_lines
+from lacmesh.formats.writing import file_order
 from lacmesh.mesh import Ints, Mesh
 
 #: Elements put together at a time.
@@ -36,7 +37,7 @@ def first_group(entities: Assignment) -> Ints:
 def _write_elements(
     out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
 ) -> None:
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+    order = file_order(mesh)
     lacking = [ALL_CELLS[b.type].msh is None for b in mesh.blocks]
     if any(lacking):
         order = order[~np.array(lacking)[np.searchsorted(mesh.offsets, order, side="right") - 1]]

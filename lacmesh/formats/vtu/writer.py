@@ -22,7 +22,7 @@ from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.notes import to_json
 from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.vtu.types import LAGRANGE_HEXAHEDRON, OF_TYPE
-from lacmesh.formats.without_fields import check_types
+from lacmesh.formats.writing import check_types
 from lacmesh.mesh import Ints, Mesh
 
 NOTES = "lacmesh"

@@ -37,6 +37,7 @@ from lacmesh.formats.output import readable
 from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.writer import legal
+from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.formats.xdmf.types import OF_TYPE, XDMF_TYPES
 from lacmesh.mesh import Ints, Mesh
 
@@ -152,7 +153,7 @@ def _domain(mesh: Mesh, sink: _Text | _Heavy, said: list[str]) -> str:
     cell = {tags_name: tags, **{name: _widened(values) for name, values in arrays.cell.items()}}
     node = {name: _widened(values) for name, values in arrays.node.items()}
     own = [tags_name]
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+    order = file_order(mesh)
     if not np.array_equal(np.concatenate([cells for _, cells in _grids(mesh)]), order):
         cell[PLACE] = np.argsort(order)
         own.append(PLACE)
@@ -197,7 +198,7 @@ def _says_nothing(name: str, values: NDArray, *, first: bool, own: list[str]) ->
 
 def _grids(mesh: Mesh) -> Iterator[tuple[str, Ints]]:
     """The grids, one for each dimension that has cells, the highest first: its name, its cells in the file's order."""
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+    order = file_order(mesh)
     names = {mesh.dim - 1: "facets", mesh.dim: "mesh"}
     for dim in range(mesh.dim, -1, -1):
         cells = order[mesh.cell_dim[order] == dim]
@@ -206,7 +207,7 @@ def _grids(mesh: Mesh) -> Iterator[tuple[str, Ints]]:
 
 
 def _geometry(mesh: Mesh, sink: _Text | _Heavy) -> str:
-    flat = mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
+    flat = is_plane(mesh)
     points = mesh.points[:, : 2 if flat else 3].astype(np.float64)
     item = sink.item("mesh/geometry", points, packed=False)
     return f'<Geometry GeometryType="{"XY" if flat else "XYZ"}">\n{item}</Geometry>\n'

@@ -1,13 +1,34 @@
-"""Content of a mesh that a format has no place for: types of cells, and what is not nodes, cells and groups."""
+"""What several writers ask of a mesh: its cells in the order of a file, and what a format has no place for."""
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Iterator
+from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.sidecar import without_records
-from lacmesh.mesh import Mesh
+from lacmesh.mesh import Block, Ints, Mesh
+
+
+def file_order(mesh: Mesh) -> Ints:
+    """Indices of the cells (n_cells,) in the order of the file."""
+    return np.arange(mesh.n_cells) if mesh.file_order is None else np.asarray(mesh.file_order)
+
+
+def blocks_in_order(mesh: Mesh) -> Iterator[tuple[Block, int, Ints]]:
+    """Yield each block that has cells, the index of its first cell, and the indices of all in the order of the file."""
+    order = file_order(mesh)
+    for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets.tolist()), strict=True):
+        if lo < hi:
+            yield block, lo, order[lo:hi] if mesh.file_order is None else order[(order >= lo) & (order < hi)]
+
+
+def is_plane(mesh: Mesh) -> bool:
+    """True if two coordinates say all of a mesh: it is of two dimensions, has no solids, and z is 0."""
+    return mesh.space_dim == 2 and mesh.dim < 3 and not np.any(mesh.points[:, 2])
 
 
 def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> None:
