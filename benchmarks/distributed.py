@@ -118,8 +118,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):
-        for name in ("factorise", "factorise_on_nodes"):
-            stack.enter_context(patch.object(cache, name, set_up(getattr(cache, name))))
+        stack.enter_context(patch.object(cache, "factorise", set_up(cache.factorise)))
     for module, name, phase, kept in places:
         stack.enter_context(patch.object(module, name, clock.around(phase, getattr(module, name), kept)))
     return stack

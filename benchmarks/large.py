@@ -91,7 +91,6 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
         (lacsolver.contact.interface, "contact_points", "search", None),
         (lacsolver.problem.problem, "integrate", "search and integration", None),
         (lacsolver.saddle.stiffness.FactorCache, "factorise", "set-up", None),
-        (lacsolver.saddle.stiffness.FactorCache, "factorise_on_nodes", "set-up", None),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.attempt, "coarse_start", "coarse start", None),
     ]

@@ -236,8 +236,6 @@ class _Applied:
             )
         return u
 
-    cycle = solve
-
 
 def _stiffness(K: csr_array, R: Floats | None, solve: Callable[[Floats], Floats] | None, backend: str) -> Stiffness:
     """Return K with a factor of ours, or with K^-1 of another program. Raises SingularError, RequestError.

@@ -37,7 +37,7 @@ from lacsolver.saddle.contact_system import Rows
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.shared_stiffness import SharedFactors
-from lacsolver.saddle.stiffness import FactorCache, Stiffness, Whole, embed
+from lacsolver.saddle.stiffness import FactorCache, NodalEmbedding, Stiffness, embed
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -155,7 +155,7 @@ class ReducedProblem:
             if part is not None:
                 added = embed(part, free, K.shape[0], diagonal=0.0)
                 on_nodes = bsr_array(on_nodes + added.tobsr(K.blocksize))
-        return factors.factorise_on_nodes(on_nodes)
+        return factors.factorise(on_nodes)
 
     def stabilized(self, K_q: csr_array, matrix: csr_array | None = None) -> csr_array:
         """Return K_q with the springs of the stabilisation, and a scheme's matrix."""
@@ -179,7 +179,7 @@ class ReducedProblem:
         return SingularError(f"{message}; {advice}", error.dof, error.mode)
 
     @cached_property
-    def _whole(self) -> Whole | None:
+    def _whole(self) -> NodalEmbedding | None:
         """Embedding of q in the unknowns of all nodes, with the rigid-body modes, for multigrid.
 
         None if T does not merely select unknowns.
@@ -189,7 +189,7 @@ class ReducedProblem:
             return None
         modes = rigid_modes(space, bodies(space))
         modes[np.setdiff1d(np.arange(space.n_dof), c.free, assume_unique=True)] = 0.0
-        return Whole(c.free, space.n_dof, space.dim, modes)
+        return NodalEmbedding(c.free, space.n_dof, space.dim, modes)
 
     @cached_property
     def length(self) -> float:

@@ -1,14 +1,28 @@
-"""The linear solvers: their properties, installation, and the choice of `auto`."""
+"""The linear solvers: their properties, installation, the choice of `auto`, and analysis and factorisation by one."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
+from typing import TypeAlias
+
+import numpy as np
+from scipy.sparse import issparse
 
 from lacmesh.errors import RequestError, did_you_mean
-from lacsolver.linear.direct.mkl import library
+from lacmesh.mesh import Floats
+from lacsolver.linear.accuracy import Matrix
+from lacsolver.linear.direct import rslab
+from lacsolver.linear.direct.factor import DirectAnalysis, DirectFactor
+from lacsolver.linear.direct.pardiso import library
+from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
+
+#: factor of a matrix; `iterative` if its basic operation approximates K^-1, and a solution takes many of them
+Factor: TypeAlias = DirectFactor | MultigridFactor
+Analysis: TypeAlias = DirectAnalysis | MultigridAnalysis
 
 #: above this number of unknowns in 3D, contact costs less with multigrid than with a factorisation
 #: (docs/solver_backends.md)
@@ -85,3 +99,62 @@ def choose(backend: str, n: int, n_modes: int = 0, multigrid_above: int = MULTIG
     if not chosen.installed:
         raise RequestError(f"the linear solver {backend} is not installed; {chosen.install}, or take another backend")
     return chosen
+
+
+def analyse(
+    K: Matrix,
+    *,
+    backend: str = "auto",
+    threads: int = 1,
+    modes: Floats | None = None,
+    block: int | None = None,
+    multigrid_above: int = MULTIGRID_ABOVE,
+    definite: bool = True,
+) -> Analysis:
+    """Analyse a sparse, symmetric positive definite matrix (n, n), with both triangles and the whole diagonal stored.
+
+    With `definite` false it may have negative eigenvalues, like the tangent of a buckling structure: it is then
+    factorised by rslab, whose L D L^T pivots, whatever the backend.
+
+    `.factor(K)` may be called repeatedly, with values in the same pattern; `.factor(K).solve(b)` gives K^-1 b for b
+    (n,) or (n, k): for a direct backend, columns solved together cost much less than one by one.
+
+    `threads`: cores, for all backends except superlu. `modes` (n, r) and `block` are for multigrid: the rigid-body
+    modes, at least those of every body, and the number of unknowns of a node (that of a block matrix if None). `auto`
+    takes multigrid above `multigrid_above` unknowns, see `choose`. A direct solution is exact to round-off, one of
+    multigrid to the `tolerance` that `solve` takes.
+
+    Raises RequestError for a backend that is unknown or not installed; `factor` raises SingularError.
+
+    >>> from scipy.sparse import csr_array
+    >>> K = csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> factor = analyse(K, backend="superlu").factor(K)
+    >>> factor.solve(np.array([0.0, 3.0])).round(12).tolist(), factor.n_solves
+    ([1.0, 2.0], 1)
+    """
+    if not issparse(K) or K.shape[0] != K.shape[1]:
+        raise RequestError("a linear solver takes a sparse square matrix")
+    if threads < 1:
+        raise RequestError(f"threads is 1 or more, not {threads}")
+    if not definite:
+        return DirectAnalysis("rslab", K, lambda triangle: rslab.analyse(triangle, threads, definite=False), False)
+    name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
+    if name == "multigrid":
+        return MultigridAnalysis(K, modes, block, threads)
+    method = import_module(f"lacsolver.linear.direct.{name}")
+    return DirectAnalysis(name, K, lambda triangle: method.analyse(triangle, threads))
+
+
+def factorise(
+    K: Matrix,
+    *,
+    backend: str = "auto",
+    threads: int = 1,
+    modes: Floats | None = None,
+    block: int | None = None,
+    multigrid_above: int = MULTIGRID_ABOVE,
+) -> Factor:
+    """Return the factor of a matrix that is factorised only once: `analyse` and `factor` in one call."""
+    return analyse(
+        K, backend=backend, threads=threads, modes=modes, block=block, multigrid_above=multigrid_above
+    ).factor(K)

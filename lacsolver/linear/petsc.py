@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.errors import LinearError
@@ -105,9 +105,6 @@ class PetscCycle:
         self._pc, self._backend = pc, backend
         self._x, self._b = pc.getOperators()[0].createVecs()
 
-    def with_rows(self, B: bsr_array, weights: Floats) -> None:
-        """Return None: PETSc's cycle has no rows of contact."""
-
     def __call__(self, r: Floats) -> NDArray[np.floating]:
         """Return an approximation of K^-1 r (n_own,). Raises LinearError on all processes if it is not finite."""
         self._b.array = r
@@ -121,15 +118,15 @@ class PetscCycle:
 
 def _orthonormal(like: Any, modes: Floats) -> list[Any]:
     """Return modes as orthonormal vectors of PETSc; those that depend on others are left out."""
-    found: list[Any] = []
+    basis: list[Any] = []
     for column in modes.T:
         vector = like.duplicate()
         vector.array = column
         before = vector.norm()
         for _ in range(2):
-            for other in found:
+            for other in basis:
                 vector.axpy(-vector.dot(other), other)
         if vector.norm() > 1e-10 * before > 0:
             vector.normalize()
-            found.append(vector)
-    return found
+            basis.append(vector)
+    return basis

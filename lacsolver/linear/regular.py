@@ -16,8 +16,8 @@ import numpy as np
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats
+from lacsolver.linear.accuracy import Matrix
 from lacsolver.linear.errors import SingularError
-from lacsolver.linear.protocol import Matrix
 
 #: energies (relative to D) above this need no further check
 CLEAR = 1e-10

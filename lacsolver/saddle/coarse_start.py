@@ -26,7 +26,7 @@ from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
-from lacsolver.saddle.stiffness import Stiffness, Whole
+from lacsolver.saddle.stiffness import NodalEmbedding, Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 
 #: reduction of the residual in each solve, and most sets that are tried
@@ -55,7 +55,7 @@ class _CoarseLevel(NamedTuple):
 
     K: Stiffness
     above: Level
-    whole: Whole
+    whole: NodalEmbedding
 
     @staticmethod
     def of(K: Operator) -> _CoarseLevel | None:
@@ -67,12 +67,12 @@ class _CoarseLevel(NamedTuple):
             return None
         factor, above = found
         n, none = factor.shape[0], np.zeros((factor.shape[0], 0))
-        whole = Whole(np.arange(n), n, factor.matrix.blocksize[1], none)
+        whole = NodalEmbedding(np.arange(n), n, factor.matrix.blocksize[1], none)
         return _CoarseLevel(Stiffness(factor.matrix, factor, none, whole), above, K.whole)
 
     def restricted(self, f: Floats) -> NDArray[np.floating]:
         """Return P^T f."""
-        return _in_single(self.above.restrict, self._embedded(f))
+        return _in_single(self.above.restrict, self.whole.on_nodes(f))
 
     def prolonged(self, v: Floats) -> NDArray[np.floating]:
         """Return P v."""
@@ -80,14 +80,7 @@ class _CoarseLevel(NamedTuple):
 
     def rows(self, B: csr_array) -> bsr_array:
         """Return B P."""
-        columns = self.whole.free.astype(B.indices.dtype)[B.indices]
-        N = csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.whole.n_dof))
-        return self.above.rows_below(bsr_array(N.tobsr((1, self.whole.block))))
-
-    def _embedded(self, f: Floats) -> NDArray[np.floating]:
-        out = np.zeros(self.whole.n_dof)
-        out[self.whole.free] = f
-        return out
+        return self.above.rows_below(self.whole.rows(B))
 
 
 def _in_single(apply: Callable[[NDArray[np.floating]], NDArray[np.floating]], v: Floats) -> NDArray[np.floating]:

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacsolver.linear.accuracy import backward_error
 from lacsolver.linear.krylov import minimise
-from lacsolver.linear.refine import backward_error
 from lacsolver.saddle.coupled import solve_coupled
 from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.saddle.stiffness import Stiffness
@@ -30,7 +30,7 @@ from lacsolver.saddle.tolerances import LinearTolerance
 _PATIENCE = 40
 #: largest number of applications of K^-1 in all
 _MOST = 400
-#: backward error (`linear.refine`) of forces in balance, a few units of round-off, and most corrections to reach it
+#: backward error (`linear.accuracy`) of forces in balance, a few units of round-off, and most corrections to reach it
 _BALANCED, _CORRECTIONS = 2e-15, 3
 #: a cycle that leaves more than this fraction of the residual has reached round-off
 _SLOW = 0.5

@@ -8,7 +8,6 @@ and the cycle on the other unknowns is completed by eliminating them (`bordered`
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -28,26 +27,23 @@ from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
 from lacsolver.saddle.bordered import Bordered
 from lacsolver.saddle.node_blocks import add_to_diagonal, only_rows, submatrix
-from lacsolver.saddle.stiffness import KeptParts, embed, leading_unknowns
+from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.stiffness import embed, leading_unknowns
 from lacsolver.space.space import Space
 
 
-@dataclass(eq=False)
-class SharedStiffness(KeptParts):
-    """Rows of K (n, n) at the own unknowns of this process, and a cycle; see `stiffness.Stiffness` for the methods.
-
-    `matrix`: these rows, or those of own nodes as blocks on the unknowns of all nodes, with the springs.
-    """
-
-    matrix: Matrix
-    R: NDArray[np.floating]
-    constraints: Constraints
-    hierarchy: Hierarchy[Cycle | PetscCycle]
-    vectors: Vectors
-    spring: NDArray[np.floating] | None = None
-    definite: bool = True
+class SharedStiffness(Operator):
+    """Rows of K (n, n) at the own unknowns of this process, and a hierarchy with a cycle."""
 
     iterative = True
+
+    def __init__(
+        self, matrix: Matrix, R: NDArray[np.floating], constraints: Constraints,
+        hierarchy: Hierarchy[Cycle | PetscCycle], vectors: Vectors, spring: NDArray[np.floating] | None = None,
+        definite: bool = True,
+    ) -> None:  # fmt: skip
+        super().__init__(matrix, R, spring)
+        self.constraints, self.hierarchy, self.vectors, self.definite = constraints, hierarchy, vectors, definite
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
@@ -64,15 +60,13 @@ class SharedStiffness(KeptParts):
         """Return K q (n,) at the own unknowns."""
         if isinstance(self.matrix, csr_array):
             return self.vectors.summed(np.asarray(self.matrix @ q))
-        made = np.asarray(self.matrix @ (self.constraints.T @ q))[self.constraints.free]
-        return made if self.spring is None else made - self.spring * q
+        Kq = np.asarray(self.matrix @ (self.constraints.T @ q))[self.constraints.free]
+        return Kq if self.spring is None else Kq - self.spring * q
 
     def _total(self, A: csr_array) -> csr_array:
-        """Return the sum of a matrix over all processes."""
         return self.constraints.space.share.total_matrix(A)
 
     def _submatrix(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, without the rows of other processes."""
         assert self.constraints.own is not None
         own = (self.constraints.own[unknowns] | (unknowns >= self.constraints.n_nodal)).astype(float)
         if isinstance(self.matrix, csr_array):
@@ -90,8 +84,11 @@ class SharedStiffness(KeptParts):
 
     def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]] | None:
         """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle; None if the backend has none."""
-        cycle = self.hierarchy.cycle.with_rows(self._kept_blocks_of(B), weights)
-        return None if cycle is None else self._with_motions(cycle, B, weights)
+        cycle = self.hierarchy.cycle
+        if isinstance(cycle, PetscCycle):
+            return None
+        rows = self._rows_of(B, lambda B: cycle.on_levels(self._blocks_of(B)))
+        return self._with_motions(cycle.with_rows(rows, weights), B, weights)
 
     def _blocks_of(self, B: csr_array) -> bsr_array:
         """Return rows B at the unknowns of own nodes, as blocks."""
@@ -122,10 +119,8 @@ class SharedStiffness(KeptParts):
         u[space.share.own] = made.reshape(-1, space.dim)
         return np.asarray(nodal.T.T @ space.updated(u.ravel()))
 
-    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
-        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
-        if first > 0:
-            self.hierarchy.record_convergence(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
+    def _record(self, use: str, cycles: int, decades: float) -> None:
+        self.hierarchy.record_convergence(use, cycles, decades)
 
 
 class SharedFactors:
@@ -140,41 +135,35 @@ class SharedFactors:
 
     @property
     def on_nodes(self) -> bool:
-        """True if multigrid takes K as blocks of whole nodes: see `factorise_on_nodes`."""
+        """True if `factorise` takes K as blocks of whole nodes, too, for multigrid."""
         return self._constraints.is_selection and self._chosen == "multigrid"
 
     def forget(self) -> None:
         """Drop the cycle: the next matrix is not similar to the last one."""
         self._kept = None
 
-    def factorise(self, K: csr_array, definite: bool = True) -> SharedStiffness:
-        """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation."""
-        regular, spring = K, self._springs(K.diagonal())
-        if spring is not None:
-            regular = csr_array(K + diags_array(spring))
-        backend, n = self._chosen if definite else "mumps", self._constraints.n_nodal
-        if self._kept is None or self._kept.is_stale or backend == "mumps":
-            nodal = regular if n == regular.shape[0] else csr_array(regular[:n, :n])
-            hierarchy = Hierarchy(_cycle(nodal, self._constraints.nodal, backend))
-            self._kept = None if backend == "mumps" else hierarchy
-        else:
-            hierarchy = self._kept
-        return SharedStiffness(K, self._R, self._constraints, hierarchy, self._vectors, spring, definite)
+    def factorise(self, K: Matrix, definite: bool = True) -> SharedStiffness:
+        """Precondition a symmetric K, regularised by springs; one that may be indefinite by a factorisation.
 
-    def factorise_on_nodes(self, K: bsr_array) -> SharedStiffness:
-        """Precondition K, embedded in the unknowns of all nodes of the share as blocks, by multigrid.
-
-        K is regularised in place; its rows of own nodes are the only copy that is kept.
+        K (n, n), or blocks of the unknowns of all nodes of the share, in which it is embedded (`on_nodes`): they are
+        regularised in place, and their rows of own nodes are the only copy that is kept.
         """
         constraints, share = self._constraints, self._constraints.space.share
-        assert share.own is not None
-        spring = self._springs(K.diagonal()[constraints.free])
-        if spring is not None:
-            add_to_diagonal(K, constraints.T @ spring)
-        K = only_rows(K, share.own)
-        if self._kept is None or self._kept.is_stale:
-            self._kept = Hierarchy(_aggregated(K, constraints))
-        return SharedStiffness(K, self._R, constraints, self._kept, self._vectors, spring)
+        backend, spring = self._chosen if definite else "mumps", None
+        if isinstance(K, bsr_array):
+            spring = self._springs(K.diagonal()[constraints.free])
+            if spring is not None:
+                add_to_diagonal(K, constraints.T @ spring)
+            assert share.own is not None
+            K = rows = only_rows(K, share.own)
+        else:
+            spring = self._springs(K.diagonal())
+            rows = K if spring is None else csr_array(K + diags_array(spring))
+        hierarchy = self._kept
+        if hierarchy is None or hierarchy.is_stale or backend == "mumps":
+            hierarchy = Hierarchy(_cycle(rows, constraints, backend))
+            self._kept = None if backend == "mumps" else hierarchy
+        return SharedStiffness(K, self._R, constraints, hierarchy, self._vectors, spring, definite)
 
     def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
         """Return springs (n,) at as many unknowns as there are rigid-body modes, each on one process; None for none."""
@@ -208,14 +197,20 @@ def _mean(diagonal: Floats, constraints: Constraints) -> float:
     return float(total / max(count, 1.0)) or 1.0
 
 
-def _cycle(K: csr_array, constraints: Constraints, backend: str) -> Cycle | PetscCycle:
-    """Return a cycle of T K T^T, with the mean diagonal of K in what T leaves out."""
-    space, share = constraints.space, constraints.space.share
-    assert share.own is not None
-    rows = _own_rows(K, constraints, space.dofs(np.flatnonzero(share.own)).ravel())
+def _cycle(K: Matrix, constraints: Constraints, backend: str) -> Cycle | PetscCycle:
+    """Return a cycle of T K T^T on the nodal unknowns, with the mean diagonal of K in what T leaves out.
+
+    K: on the constrained unknowns, or as blocks of all nodes of the share, of which others than own ones are empty.
+    """
+    if isinstance(K, bsr_array):
+        return _aggregated(K, constraints)
+    n, nodal, space = constraints.n_nodal, constraints.nodal, constraints.space
+    assert space.share.own is not None
+    own = space.dofs(np.flatnonzero(space.share.own)).ravel()
+    rows = _own_rows(K if n == K.shape[0] else csr_array(K[:n, :n]), nodal, own)
     if backend != "multigrid":
-        return _petsc_cycle(rows, constraints, backend)
-    return _aggregated(bsr_array(rows.tobsr((space.dim, space.dim))), constraints)
+        return _petsc_cycle(rows, nodal, backend)
+    return _aggregated(bsr_array(rows.tobsr((space.dim, space.dim))), nodal)
 
 
 def _aggregated(rows: bsr_array, constraints: Constraints) -> Cycle:

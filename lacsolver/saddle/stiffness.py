@@ -1,4 +1,4 @@
-"""Stiffness K on the constrained unknowns, regularised and factorised.
+"""Stiffness K on the constrained unknowns of one process, regularised and factorised.
 
 A body that only contact supports makes K singular: springs at as many unknowns as it has rigid-body modes make K
 definite, and the contact loop (`schur`) ensures that they carry no force. Multigrid works on blocks of whole nodes: for
@@ -7,10 +7,8 @@ it K is embedded in the unknowns of all nodes, with multiples of identity rows f
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,12 +20,14 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
-from lacsolver.linear.vectors import Vectors
+from lacsolver.linear.multigrid.cycle import RowsOnLevels
+from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix
+from lacsolver.saddle.operator import Operator
 
 
-class Whole(NamedTuple):
-    """Embedding of q in the unknowns of all nodes.
+class NodalEmbedding(NamedTuple):
+    """Embedding of the unknowns q in those of all nodes.
 
     `free` (n_q,): indices of q among the `n_dof` unknowns; `block`: unknowns per node; `modes` (n_dof, r): rigid-body
     modes.
@@ -38,73 +38,28 @@ class Whole(NamedTuple):
     block: int
     modes: NDArray[np.floating]
 
+    def on_nodes(self, f: Floats) -> NDArray[np.floating]:
+        """Return f (n_q,) at the unknowns of all nodes, 0 at others."""
+        out = np.zeros(self.n_dof)
+        out[self.free] = f
+        return out
 
-class KeptParts(ABC):
-    """Parts of a stiffness, of one or of several processes, that are kept for the next active set."""
-
-    matrix: Matrix
-    R: NDArray[np.floating]
-    _restricted: tuple[Ints, csr_array] | None = None
-    _rows: tuple[csr_array, bsr_array] | None = None
-
-    @cached_property
-    def K(self) -> csr_array:
-        """Matrix (n, n); where only blocks are kept, it is made of them once it is asked for."""
-        return self.matrix if isinstance(self.matrix, csr_array) else self._submatrix(np.arange(len(self.R)))
-
-    def restricted(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
-        if self._restricted is None or self._restricted[0] is not unknowns:
-            self._restricted = unknowns, self._total(self._submatrix(unknowns))
-        return self._restricted[1]
-
-    def _kept_blocks_of(self, B: csr_array) -> bsr_array:
-        """Return rows B as blocks of the unknowns of nodes; the last are kept."""
-        if self._rows is None or self._rows[0] is not B:
-            self._rows = B, self._blocks_of(B)
-        return self._rows[1]
-
-    @abstractmethod
-    def _submatrix(self, unknowns: Ints) -> csr_array:
-        """Return the rows and columns of K at some unknowns, without the rows of other processes."""
-
-    @abstractmethod
-    def _blocks_of(self, B: csr_array) -> bsr_array:
-        """Return rows B as blocks of the unknowns of nodes."""
-
-    def _total(self, A: csr_array) -> csr_array:
-        """Return the sum of a matrix over all processes."""
-        return A
+    def rows(self, B: csr_array) -> bsr_array:
+        """Return rows B (m, n_q) as blocks of the unknowns of all nodes."""
+        columns = self.free.astype(B.indices.dtype)[B.indices]
+        return bsr_array(csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.n_dof)).tobsr((1, self.block)))
 
 
-@dataclass(eq=False)
-class Stiffness(KeptParts):
-    """K (n, n) on the constrained unknowns, its factor, and the rigid-body modes R (n, r) in its null space.
+class Stiffness(Operator):
+    """K with the factor of K and its springs, embedded by `whole` unless that is None; it solves with K, too."""
 
-    `R` has orthonormal columns. `factor`: that of K with the springs `spring` (n,), embedded by `whole` unless that is
-    None. `matrix`: K, or the matrix of that factor, as blocks. It is an `Operator`, and solves with K.
-    """
-
-    matrix: Matrix
-    factor: Factor
-    R: NDArray[np.floating]
-    whole: Whole | None = None
-    spring: NDArray[np.floating] | None = None
-
-    @property
-    def definite(self) -> bool:
-        """True if negative energies of K are errors, of an iterative solution."""
-        return True
-
-    @property
-    def iterative(self) -> bool:
-        """True with multigrid, where `cycle` is the basic operation and K^-1 takes many cycles."""
-        return self.factor.iterative
-
-    @property
-    def vectors(self) -> Vectors:
-        """Operations on vectors of the unknowns."""
-        return self.factor.vectors
+    def __init__(
+        self, matrix: Matrix, factor: Factor, R: NDArray[np.floating], whole: NodalEmbedding | None = None,
+        spring: NDArray[np.floating] | None = None,
+    ) -> None:  # fmt: skip
+        super().__init__(matrix, R, spring)
+        self.factor, self.whole = factor, whole
+        self.iterative, self.vectors = factor.iterative, factor.vectors
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
@@ -118,10 +73,35 @@ class Stiffness(KeptParts):
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,), computed on all threads with multigrid."""
-        if not self.factor.iterative:
+        if not isinstance(self.factor, MultigridFactor):
             return np.asarray(self.K @ q)
-        made = self._on_nodes(self.factor.apply, q)
-        return made if self.spring is None else made - self.spring * q
+        Kq = self._on_nodes(self.factor.apply, q)
+        return Kq if self.spring is None else Kq - self.spring * q
+
+    def solve(self, f: Floats) -> NDArray[np.floating]:
+        """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
+        return self._on_nodes(self.factor.solve, f)
+
+    def cycle(self, f: Floats) -> NDArray[np.floating]:
+        """Return an approximation of K^-1 f (n,), by one V-cycle."""
+        return self._on_nodes(self._multigrid.cycle, f)
+
+    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle: rows B (m, n), W = diag `weights` (m,)."""
+        cycle = self._multigrid.hierarchy.cycle.with_rows(self._rows_of(B, self._on_levels), weights)
+        return lambda f: self._on_nodes(cycle, f)
+
+    @property
+    def _multigrid(self) -> MultigridFactor:
+        assert isinstance(self.factor, MultigridFactor)
+        return self.factor
+
+    def _on_levels(self, B: csr_array) -> RowsOnLevels:
+        blocks = bsr_array(B.tobsr((1, 1))) if self.whole is None else self.whole.rows(B)
+        return self._multigrid.hierarchy.cycle.on_levels(blocks)
+
+    def _record(self, use: str, cycles: int, decades: float) -> None:
+        self._multigrid.hierarchy.record_convergence(use, cycles, decades)
 
     def _submatrix(self, unknowns: Ints) -> csr_array:
         if isinstance(self.matrix, csr_array) or self.whole is None:
@@ -129,42 +109,11 @@ class Stiffness(KeptParts):
         K = submatrix(self.matrix, self.whole.free[unknowns])
         return K if self.spring is None else csr_array(K - diags_array(self.spring[unknowns]))
 
-    def solve(self, f: Floats) -> NDArray[np.floating]:
-        """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
-        return self._on_nodes(self.factor.solve, f)
-
-    def cycle(self, f: Floats) -> NDArray[np.floating]:
-        """Return an approximation of K^-1 f (n,): by one V-cycle with multigrid, else the solution."""
-        return self._on_nodes(self.factor.cycle, f)
-
-    def cycle_with_rows(self, B: csr_array, weights: Floats) -> Callable[[Floats], NDArray[np.floating]]:
-        """Return f -> an approximation of (K + B^T W B)^-1 f, one V-cycle: rows B (m, n), W = diag `weights` (m,).
-
-        What was made for the cycles of K, and for the rows of B, serves other weights too.
-        """
-        cycle = self.factor.cycle_with_rows(self._kept_blocks_of(B), weights)
-        return lambda f: self._on_nodes(cycle, f)
-
-    def _blocks_of(self, B: csr_array) -> bsr_array:
-        """Return rows B as blocks of the unknowns of nodes."""
-        if self.whole is None:
-            return bsr_array(B.tobsr((1, 1)))
-        columns = self.whole.free.astype(B.indices.dtype)[B.indices]
-        made = csr_array((B.data, columns, B.indptr), shape=(B.shape[0], self.whole.n_dof))
-        return bsr_array(made.tobsr((1, self.whole.block)))
-
-    def record_convergence(self, use: str, cycles: int, first: float, last: float) -> None:
-        """Record that `cycles` V-cycles reduced a residual norm from `first` to `last`."""
-        if first > 0:
-            self.factor.record_convergence(use, cycles, float(np.log10(first / max(last, 1e-16 * first))))
-
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
         """Apply an operator to f, embedded in the unknowns of all nodes if the operator works on nodal blocks."""
         if self.whole is None:
             return np.asarray(apply(f))
-        all_f = np.zeros(self.whole.n_dof)
-        all_f[self.whole.free] = f
-        return np.asarray(apply(all_f)[self.whole.free])
+        return np.asarray(apply(self.whole.on_nodes(f))[self.whole.free])
 
 
 class FactorCache:
@@ -176,15 +125,15 @@ class FactorCache:
     """
 
     def __init__(
-        self, R: NDArray[np.floating], backend: str = "auto", threads: int = 1, whole: Whole | None = None
+        self, R: NDArray[np.floating], backend: str = "auto", threads: int = 1, whole: NodalEmbedding | None = None
     ) -> None:
         self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
         self._analyses: dict[bool, Analysis] = {}
-        self._cycles: Factor | None = None
+        self._last: MultigridFactor | None = None
 
     @property
     def on_nodes(self) -> bool:
-        """True if multigrid is taken, which works on blocks of whole nodes: see `factorise_on_nodes`."""
+        """True if `factorise` takes K as blocks of whole nodes, too, for multigrid."""
         return self._whole is not None and not self._chosen.direct
 
     @cached_property
@@ -193,34 +142,27 @@ class FactorCache:
 
     def forget(self) -> None:
         """Drop the hierarchy of multigrid: the next matrix is not similar to the last one."""
-        self._cycles = None
+        self._last = None
 
-    def factorise(self, K: csr_array, definite: bool = True) -> Stiffness:
+    def factorise(self, K: Matrix, definite: bool = True) -> Stiffness:
         """Factorise a symmetric K, regularised by springs; with `definite` false K may be indefinite, see `analyse`.
 
-        Raises SingularError if K has other motions without energy than R.
+        K (n, n), or blocks of the unknowns of all nodes, in which it is embedded (`on_nodes`): they are regularised in
+        place, and the only copy that is kept. Raises SingularError if K has other motions without energy than R.
         """
-        regular, spring, whole = K, self._springs(K.diagonal()), self._whole
-        if spring is not None:
-            regular = csr_array(K + diags_array(spring))
-        if whole is None or self._chosen.direct or not definite:
-            return Stiffness(K, self._analysed(regular, self._chosen.name, definite), self._R, None, spring)
+        whole = self._whole if self.on_nodes and definite else None
+        if whole is not None and isinstance(K, bsr_array):
+            spring = self._springs(K.diagonal()[whole.free])
+            if spring is not None:
+                add_to_diagonal(K, whole.on_nodes(spring))
+            return Stiffness(K, self._preconditioned(K, whole), self._R, whole, spring)
+        K = csr_array(K) if isinstance(K, bsr_array) else K
+        spring = self._springs(K.diagonal())
+        regular = K if spring is None else csr_array(K + diags_array(spring))
+        if whole is None:
+            return Stiffness(K, self._analysed(regular, definite), self._R, None, spring)
         on_nodes = bsr_array(embed(regular, whole.free, whole.n_dof).tobsr((whole.block, whole.block)))
         return Stiffness(K, self._preconditioned(on_nodes, whole), self._R, whole, spring)
-
-    def factorise_on_nodes(self, K: bsr_array) -> Stiffness:
-        """Return the factor of K that is embedded in the unknowns of all nodes as blocks, for multigrid.
-
-        K is the only copy that is kept, and regularised in place. Raises SingularError as `factorise` does.
-        """
-        whole = self._whole
-        assert whole is not None
-        spring = self._springs(K.diagonal()[whole.free])
-        if spring is not None:
-            everywhere = np.zeros(whole.n_dof)
-            everywhere[whole.free] = spring
-            add_to_diagonal(K, everywhere)
-        return Stiffness(K, self._preconditioned(K, whole), self._R, whole, spring)
 
     def _springs(self, diagonal: Floats) -> NDArray[np.floating] | None:
         """Return springs (n,) at as many unknowns as K of that diagonal has rigid-body modes; None if it has none."""
@@ -230,19 +172,20 @@ class FactorCache:
         spring[leading_unknowns(self._R)] = np.abs(diagonal).mean() or 1.0
         return spring
 
-    def _preconditioned(self, K: bsr_array, whole: Whole) -> Factor:
+    def _preconditioned(self, K: bsr_array, whole: NodalEmbedding) -> MultigridFactor:
         """Return K with a hierarchy, that of the matrix before until it is stale."""
         name = self._chosen.name
-        made = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
-        self._cycles = made.factor(K, self._cycles)
-        return self._cycles
+        analysis = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
+        assert isinstance(analysis, MultigridAnalysis)
+        self._last = analysis.factor(K, self._last)
+        return self._last
 
-    def _analysed(self, K: csr_array, backend: str, definite: bool) -> Factor:
+    def _analysed(self, K: csr_array, definite: bool) -> Factor:
         """Return a factor of K, by the analysis before if the pattern is the same."""
         if definite in self._analyses:
             with suppress(RequestError):  # another pattern
                 return self._analyses[definite].factor(K)
-        analysis = analyse(K, backend=backend, threads=self._threads, definite=definite)
+        analysis = analyse(K, backend=self._chosen.name, threads=self._threads, definite=definite)
         self._analyses[definite] = analysis
         return analysis.factor(K)
 

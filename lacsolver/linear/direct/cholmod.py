@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lacmesh.mesh import Floats
-from lacsolver.linear.direct.threads import limited
-from lacsolver.linear.direct.triangle import Triangle
+from lacsolver.linear.direct.triangle import Factorise, Solve, Triangle, limited
 from lacsolver.linear.errors import Breakdown
 
 
@@ -22,7 +21,7 @@ class _Cholmod:
         with limited(threads):
             self._factor = cholmod.symbolic(self._A)
 
-    def factor(self, values: Floats) -> _Cholmod:
+    def factor(self, values: Floats) -> Solve:
         self._A.V = self._matrix(values)
         with limited(self._threads):
             self._cholmod.numeric(self._A, self._factor)
@@ -30,7 +29,7 @@ class _Cholmod:
             self._cholmod.diag(self._factor)  # `numeric` does not report a failure
         except ValueError:
             raise Breakdown from None
-        return self
+        return self.solve
 
     def solve(self, b: Floats) -> Floats:
         x = self._matrix(b)
@@ -39,6 +38,6 @@ class _Cholmod:
         return np.array(x).reshape(b.shape)
 
 
-def analyse(triangle: Triangle, threads: int) -> _Cholmod:
+def analyse(triangle: Triangle, threads: int) -> Factorise:
     """Analyse the pattern of a triangle: order its elimination."""
-    return _Cholmod(triangle, threads)
+    return _Cholmod(triangle, threads).factor

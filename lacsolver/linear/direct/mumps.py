@@ -8,8 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from lacmesh.mesh import Floats
-from lacsolver.linear.direct.threads import limited
-from lacsolver.linear.direct.triangle import Triangle
+from lacsolver.linear.direct.triangle import Factorise, Solve, Triangle, limited
 from lacsolver.linear.errors import Breakdown, LinearError
 
 #: values of INFOG(1) for a structurally and for a numerically singular matrix
@@ -30,13 +29,13 @@ class _Mumps:
         with limited(threads):
             self._call(self._context.analyze, ordering="metis")
 
-    def factor(self, values: Floats) -> _Mumps:
+    def factor(self, values: Floats) -> Solve:
         self._set(values)
         with limited(self._threads):
             self._call(self._context.factor, reuse_analysis=True, pivot_tol=0.0)
         if self._context.mumps_instance.infog[_NEGATIVE_PIVOTS]:
             raise Breakdown
-        return self
+        return self.solve
 
     def solve(self, b: Floats) -> Floats:
         with limited(self._threads):
@@ -56,6 +55,6 @@ class _Mumps:
             raise LinearError(f"the linear solver mumps gave up: {error}; try backend = rslab") from None
 
 
-def analyse(triangle: Triangle, threads: int) -> _Mumps:
+def analyse(triangle: Triangle, threads: int) -> Factorise:
     """Analyse the pattern of a triangle: order its elimination."""
-    return _Mumps(triangle, threads)
+    return _Mumps(triangle, threads).factor

@@ -1,15 +1,27 @@
-"""One triangle of a symmetric matrix, extracted from its full storage, repeatedly for new values."""
+"""What the modules of direct backends share: the triangle of a symmetric matrix, and a limit of threads.
+
+Each has a function `analyse(triangle, threads)`, which orders the elimination and returns a function of a triangle's
+values, `Factorise`. Its result is a function of right-hand sides, `Solve`.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
+
+#: b -> K^-1 b, for b (n,), or (n, k) stored by columns; b may be overwritten
+Solve: TypeAlias = Callable[[Floats], Floats]
+#: values of a triangle -> its factor, which may overwrite the previous one; raises Breakdown
+Factorise: TypeAlias = Callable[[Floats], Solve]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,3 +57,15 @@ class Triangle:
     def values(self, K: csr_array) -> Floats:
         """Return the values of the triangle of a matrix with the same pattern."""
         return K.data[self.taken]
+
+
+@cache
+def _controller() -> Any:
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+def limited(threads: int) -> AbstractContextManager[Any]:
+    """Return a context in which BLAS and OpenMP libraries loaded before the first call use `threads` cores."""
+    return _controller().limit(limits=threads)

@@ -18,7 +18,7 @@ by products of the rows with the prolongations, and everything that belongs to t
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -226,36 +226,37 @@ class Level(NamedTuple):
         return r if last else self.residual(r, z)
 
 
+#: rows B on all levels, finest first, in single precision, over their largest entry, which comes first
+RowsOnLevels: TypeAlias = tuple[float, list[bsr_array]]
+
+
 class Cycle:
     """One V-cycle as a function of a residual (n,). Levels and the coarsest matrix are those of `unit` K."""
 
     def __init__(self, levels: list[Level], coarsest: Floats, unit: float, team: Team) -> None:
         self._levels, self._unit, self._team, self._K = levels, unit, team, coarsest
         self._coarsest = np.linalg.pinv(coarsest, hermitian=True) if coarsest.size else coarsest
-        self._rows: tuple[bsr_array, float, list[bsr_array]] | None = None
 
-    def with_rows(self, B: bsr_array, weights: Floats) -> Cycle:
-        """Return the V-cycle of K + B^T W B, for rows B (m, n) of blocks (1, b), with W = diag `weights` (m,).
+    def on_levels(self, B: bsr_array) -> RowsOnLevels:
+        """Return rows B (m, n) of blocks (1, b) on all levels, for `with_rows`."""
+        size = self._team.largest(B.data.ravel()) or 1.0
+        rows = [bsr_array(((B.data / size).astype(np.float32), B.indices, B.indptr), shape=B.shape)]
+        for level in self._levels:
+            rows.append(level.rows_below(rows[-1]))
+        return size, rows
 
-        Rows without weight have no part in it. The rows on all levels are kept for other weights of the same B.
+    def with_rows(self, B: RowsOnLevels, weights: Floats) -> Cycle:
+        """Return the V-cycle of K + B^T W B, for rows B of `on_levels`, with W = diag `weights` (m,).
+
+        Rows without weight have no part in it.
         """
-        if self._rows is None or self._rows[0] is not B:
-            self._rows = self._restricted(B)
-        _, size, on_levels = self._rows
+        size, rows = B
         active = np.flatnonzero(weights)
         factor = np.sqrt(weights[active] * self._unit) * size
-        *N, coarsest = (scaled_rows(rows, active, factor) for rows in on_levels)
+        *N, coarsest = (scaled_rows(on_level, active, factor) for on_level in rows)
         levels = [level.with_rows(own, k == 0) for k, (level, own) in enumerate(zip(self._levels, N, strict=True))]
         dense = coarsest.toarray().astype(float)
         return Cycle(levels, self._K + dense.T @ dense, self._unit, self._team)
-
-    def _restricted(self, B: bsr_array) -> tuple[bsr_array, float, list[bsr_array]]:
-        """Return B, its largest entry, and B over that on all levels in single precision, finest first."""
-        size = self._team.largest(B.data.ravel()) or 1.0
-        on_levels = [bsr_array(((B.data / size).astype(np.float32), B.indices, B.indptr), shape=B.shape)]
-        for level in self._levels:
-            on_levels.append(level.rows_below(on_levels[-1]))
-        return B, size, on_levels
 
     def below(self) -> tuple[bsr_array, Cycle, Level] | None:
         """Return the matrix of the first coarser level, its V-cycle, and the level above it; None if that is dense."""

@@ -16,14 +16,12 @@ from scipy.sparse.csgraph import connected_components
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
+from lacsolver.linear.accuracy import TOLERANCE, Matrix, backward_error, right_hand_sides
 from lacsolver.linear.errors import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.multigrid.aggregation import aggregated
 from lacsolver.linear.multigrid.cycle import Blocks, Cycle, Level, Team
-from lacsolver.linear.protocol import TOLERANCE, Factor, Matrix
-from lacsolver.linear.refine import backward_error
 from lacsolver.linear.regular import CLEAR, is_free, positive_diagonal, singular
-from lacsolver.linear.sides import right_hand_sides
 from lacsolver.linear.vectors import Vectors
 
 #: most iterations in all and in a round of GCR, whose directions are stored; most rounds
@@ -89,7 +87,8 @@ class MultigridFactor:
 
     def cycle_with_rows(self, B: bsr_array, weights: Floats) -> Callable[[Floats], Floats]:
         """Return b -> an approximation of (K + B^T W B)^-1 b, one V-cycle, with the hierarchy of K."""
-        return self.hierarchy.cycle.with_rows(B, weights)
+        cycle = self.hierarchy.cycle
+        return cycle.with_rows(cycle.on_levels(B), weights)
 
     def coarse(self) -> tuple[MultigridFactor, Level] | None:
         """Return the factor of the matrix on the first coarser level, and the level above it; None if there is none."""
@@ -99,10 +98,6 @@ class MultigridFactor:
         K, cycle, above = found
         d = K.diagonal()
         return MultigridFactor(K, np.where(d > 0, d, 1.0), Hierarchy(cycle), self.team), above
-
-    def record_convergence(self, use: str, cycles: int, decades: float) -> None:
-        """Record that `cycles` reduced a residual by so many decades, in a kind of use."""
-        self.hierarchy.record_convergence(use, cycles, decades)
 
     def solve(self, b: Floats, *, tolerance: float = TOLERANCE, x0: Floats | None = None) -> Floats:
         """Return x with |b - K x| <= tolerance |b|, each column from its own x0.
@@ -147,7 +142,8 @@ class MultigridFactor:
             self.n_iterations += step.directions
             x = x + step.x
             r = b - self.image(x)
-            self.record_convergence("alone", step.directions, float(np.log10(before / max(norm(step.residual), _TINY))))
+            decades = float(np.log10(before / max(norm(step.residual), _TINY)))
+            self.hierarchy.record_convergence("alone", step.directions, decades)
         if norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
             return x
         message = f"multigrid stopped at a residual of {norm(r) / norm(b):.1e} of the forces, "
@@ -175,7 +171,7 @@ class MultigridAnalysis:
             raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
         self._modes, self._team = modes, Team(threads)
 
-    def factor(self, K: Matrix, reuse: Factor | None = None) -> MultigridFactor:
+    def factor(self, K: Matrix, reuse: MultigridFactor | None = None) -> MultigridFactor:
         """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `reuse` or a new one.
 
         The hierarchy of `reuse`, the factor of a similar matrix, is used until it is stale. Raises SingularError if a
@@ -185,7 +181,7 @@ class MultigridAnalysis:
             raise RequestError(f"the matrix is {K.shape}, and {len(self._modes)} unknowns were analysed")
         d = positive_diagonal(K)
         blocks = K.tobsr((self._block, self._block))
-        if isinstance(reuse, MultigridFactor) and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
+        if reuse is not None and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
             return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
         return MultigridFactor(blocks, d, Hierarchy(aggregated(blocks, self._modes, self._team)), self._team)
