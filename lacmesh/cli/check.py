@@ -18,7 +18,7 @@ from lacmesh.cli.options import (
     sides,
     skins,
 )
-from lacmesh.cli.terminal import Stages, as_json, console, memory, table
+from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import DataError, LacmeshWarning
 
 if TYPE_CHECKING:
@@ -60,8 +60,7 @@ def run(args: argparse.Namespace) -> None:
         print(as_json(findings.as_dict()))
     elif not args.quiet:
         _print_findings(findings, size_of(mesh))
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.input}: {times}{memory()}")
+        print(f"{args.input}: {stage.spent()}")
     else:
         warn_of(findings)
     sys.stdout.flush()

@@ -23,7 +23,7 @@ from lacmesh.cli.options import (
     skins,
     write_mesh,
 )
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
@@ -255,5 +255,4 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stage
     if summary.worst[0] <= 0:
         message = "cells behind the slave faces were inverted or degenerate before the cut: their children are too"
         warnings.warn(message, LacmeshWarning, stacklevel=1)
-    times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-    print(f"{target}: {times}{memory()}")
+    print(f"{target}: {stage.spent()}")

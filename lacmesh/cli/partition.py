@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import PendingOutput, add_command, add_mesh_option
-from lacmesh.cli.terminal import Stages, memory
+from lacmesh.cli.terminal import Stages
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Ints, Mesh
@@ -53,8 +53,7 @@ def run(args: argparse.Namespace) -> None:
         nodes = described["parts"]["nodes"]
         print(f"{source}: {args.parts:,} parts of {min(nodes):,} to {max(nodes):,} nodes, ", end="")
         print(f"{described['copies']:.2f} copies of a node; written to {folder}")
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{times}{memory()}")
+        print(stage.spent())
 
 
 def _beside(source: Path) -> Path:

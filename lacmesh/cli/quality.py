@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
-from lacmesh.cli.terminal import Stages, as_json, console, memory, table
+from lacmesh.cli.terminal import Stages, as_json, console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -66,8 +66,7 @@ def run(args: argparse.Namespace) -> None:
         print(as_json(report))
     elif not args.quiet:
         _print(args, quality, children)
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.plot}: {times}{memory()}" if args.plot else f"{times}{memory()}")
+        print(f"{args.plot}: {stage.spent()}" if args.plot else stage.spent())
 
 
 def _measures(text: str | None) -> str | list[str] | None:

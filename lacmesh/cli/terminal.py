@@ -55,6 +55,10 @@ class Stages:
             if self.bar and (name not in self.seconds or name == self.names[-1]):
                 self.bar.stop()
 
+    def spent(self) -> str:
+        """Return the seconds of each stage, and the peak memory."""
+        return ", ".join(f"{name} {seconds:.2f} s" for name, seconds in self.seconds.items()) + memory()
+
 
 def tell(say: Callable[[str], None]) -> None:
     """Pass the library's log messages to `say`: that kernels are compiled, which takes a while the first time."""

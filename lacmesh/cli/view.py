@@ -15,7 +15,7 @@ from lacmesh.cli.options import (
     sides,
     skins,
 )
-from lacmesh.cli.terminal import Stages, memory
+from lacmesh.cli.terminal import Stages
 from lacmesh.errors import RequestError, did_you_mean
 
 if TYPE_CHECKING:
@@ -77,8 +77,7 @@ def run(args: argparse.Namespace) -> None:
 
             page(mesh, target, title=args.title or Path(args.input).name, **shown)
     if not args.quiet:
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{target}: {target.stat().st_size / 1e6:.1f} MB; {times}{memory()}")
+        print(f"{target}: {target.stat().st_size / 1e6:.1f} MB; {stage.spent()}")
 
 
 def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import pending_output
-from lacsolver.cli.options import add_command
+from lacsolver.cli.options import add_command, add_folder, folder_of, print_size
 from lacsolver.cli.ranks import check_alone
 
 #: quantities that bodies may be coloured by: the keys of lacsolver.pictures.frames.COLOURS
@@ -22,9 +22,7 @@ def add(commands: Any) -> None:
         run,
         "make a film of a run or a natural mode, or a sheet of pictures, with curves of a run's history",
     )
-    parser.add_argument(
-        "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
-    )
+    add_folder(parser)
     parser.add_argument(
         "-o", "--output", metavar="FILE", required=True, help="a film (.gif) or a sheet of pictures (.png)"
     )
@@ -67,8 +65,7 @@ def run(args: argparse.Namespace) -> None:
     from lacsolver.pictures.filming import CAMERA, check_film, film
 
     check_alone()
-    folder, target = Path(args.folder), Path(args.output)
-    folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
+    folder, target = folder_of(args), Path(args.output)
     check_film(target, folder)
     args.left = pending_output(target, force=args.force).left
     film(
@@ -84,5 +81,4 @@ def run(args: argparse.Namespace) -> None:
         title=args.title,
         mode=args.mode,
     )
-    if not args.quiet:
-        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")
+    print_size(target, args)

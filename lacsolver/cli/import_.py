@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import pending_output
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
@@ -60,8 +60,7 @@ def run(args: argparse.Namespace) -> None:
         print(f"lacsolver: {finding.level}: {finding.text}", file=sys.stderr)
     if not args.quiet:
         _print(target, made)
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.deck}: {times}{memory()}")
+        print(f"{args.deck}: {stage.spent()}")
 
 
 def _print(target: Path, made: Imported) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import pending_output
-from lacmesh.cli.terminal import Stages, memory
+from lacmesh.cli.terminal import Stages
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
 from lacsolver.cli.ranks import check_alone
@@ -73,8 +73,7 @@ def run(args: argparse.Namespace) -> None:
             print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
         if not is_cut(mesh):
             print("the columns follow the nodes of the cut mesh; lacmesh cut writes that mesh")
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.case}: {times}{memory()}")
+        print(f"{args.case}: {stage.spent()}")
 
 
 def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:

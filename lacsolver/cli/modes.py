@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import RequestError
-from lacsolver.cli.options import add_case, add_command
+from lacsolver.cli.options import add_case, add_command, beside
 from lacsolver.cli.ranks import check_alone
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> None:
         raise RequestError("--from says which state in the folder of --state to take; give both")
     if args.count < 1:
         raise RequestError(f"-k is the number of modes to find, 1 or more, not {args.count}")
-    folder = check_modes_folder(args.output or _beside(Path(args.case)), force=args.force)
+    folder = check_modes_folder(args.output or beside(Path(args.case), "modes", "_modes"), force=args.force)
     case = read_case(args.case)
     stage = Stages(args, ("mesh", "modes", "write"))
     with stage("mesh"):
@@ -83,15 +83,7 @@ def run(args: argparse.Namespace) -> None:
     if not args.quiet:
         _print(modes, problem, state)
         print(f"results: {folder} (modes.json, modes.pvd for ParaView)")
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.case}: {times}{memory()}")
-
-
-def _beside(case: Path) -> Path:
-    """Return the default folder of modes."""
-    if not case.suffix:
-        raise RequestError(f"{case} has no suffix to leave out for the folder of the modes; name one with -o")
-    return case.with_name(f"{case.stem}_modes")
+        print(f"{args.case}: {stage.spent()}")
 
 
 def _print(modes: NaturalModes, problem: Problem, state: Restart | None) -> None:

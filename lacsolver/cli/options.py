@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import add_command as add_lacmesh_command
+from lacmesh.errors import RequestError
 
 EPILOG = """\
 Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
@@ -23,3 +25,29 @@ def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -
 def add_case(parser: argparse.ArgumentParser) -> None:
     """Declare the argument for the case file."""
     parser.add_argument("case", metavar="CASE.toml", help="the case file (lacsolver schema lists its keys)")
+
+
+def add_folder(parser: argparse.ArgumentParser) -> None:
+    """Declare the argument for the folder of a run."""
+    parser.add_argument(
+        "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
+    )
+
+
+def folder_of(args: argparse.Namespace) -> Path:
+    """Return the folder of a run that was named, itself or by its case."""
+    folder = Path(args.folder)
+    return folder.with_suffix("") if folder.suffix == ".toml" else folder
+
+
+def beside(case: Path, what: str, ending: str = "") -> Path:
+    """Return the default folder of what a command writes: the case's name without its suffix, and an ending."""
+    if not case.suffix:
+        raise RequestError(f"{case} has no suffix to leave out for the folder of the {what}; name one with -o")
+    return case.with_name(f"{case.stem}{ending}")
+
+
+def print_size(target: Path, args: argparse.Namespace) -> None:
+    """Print the size of a picture or film, unless the command is quiet."""
+    if not args.quiet:
+        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")

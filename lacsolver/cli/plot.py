@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import pending_output
-from lacsolver.cli.options import add_command
+from lacsolver.cli.options import add_command, add_folder, folder_of, print_size
 from lacsolver.cli.ranks import check_alone
 
 
 def add(commands: Any) -> None:
     """Declare the command."""
     parser = add_command(commands, "plot", run, "draw columns of a run's history.csv over time")
-    parser.add_argument(
-        "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
-    )
+    add_folder(parser)
     parser.add_argument(
         "--history",
         nargs="+",
@@ -34,10 +32,8 @@ def run(args: argparse.Namespace) -> None:
     from lacsolver.pictures.history import check_plot_history, plot_history
 
     check_alone()
-    folder, target = Path(args.folder), Path(args.output)
-    folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
+    folder, target = folder_of(args), Path(args.output)
     check_plot_history(target)
     args.left = pending_output(target, force=args.force).left
     plot_history(folder, target, args.history, title=args.title)
-    if not args.quiet:
-        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")
+    print_size(target, args)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.errors import RequestError
-from lacsolver.cli.options import add_case, add_command
+from lacsolver.cli.options import add_case, add_command, beside
 from lacsolver.cli.ranks import Ranks, all_ranks, check_alone
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     if args.restart is not None:
         mesh = read_mesh(case, distribution)
         start = ranks.on_first(lambda: read_state(args.restart, case, args.from_time, mesh=mesh, large=ranks.n == 1))
-    output = args.output or _beside(Path(args.case))
+    output = args.output or beside(Path(args.case), "results")
     folder = ranks.on_first(lambda: create_output(output, force=args.force, restart=start))
     if args.plot is not None:
         ranks.on_first(lambda: _check_plot(case, args))
@@ -80,13 +80,6 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
         print_summary(results, folder.path, case.output.format)
     if args.plot is not None and ranks.rank == 0:
         _plot(case, folder, args)
-
-
-def _beside(case: Path) -> Path:
-    """Return the default folder of results: the case's name without its suffix."""
-    if not case.suffix:
-        raise RequestError(f"{case} has no suffix to leave out for the folder of the results; name one with -o")
-    return case.with_suffix("")
 
 
 def _solve(

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.terminal import Stages, console, memory, table
+from lacmesh.cli.terminal import Stages, console, table
 from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
@@ -42,8 +42,7 @@ def run(args: argparse.Namespace) -> None:
         found = validate(case, mesh)
     if not args.quiet:
         _print(case, found)
-        times = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in stage.seconds.items())
-        print(f"{args.case}: {times}{memory()}")
+        print(f"{args.case}: {stage.spent()}")
     sys.stdout.flush()
     if found.problems:
         raise CaseError(found.problems)
