@@ -223,8 +223,8 @@ class Case(Entry):
         super().__post_init__()
         for name, record in sections_of(Case).items():
             self._set(name, _records(name, record, getattr(self, name)))
-        if found := check(self):
-            raise CaseError([Issue(one.message) for one in found], self.path)
+        if mistakes := check(self):
+            raise CaseError([Issue(mistake.message) for mistake in mistakes], self.path)
         self.settle()
 
     @property

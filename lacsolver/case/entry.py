@@ -6,10 +6,11 @@ record goes on to the rules of the case all the same, so that all mistakes are r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import MISSING, dataclass, field, fields, replace
-from typing import Any, ClassVar, NamedTuple, Self
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from lacmesh.errors import did_you_mean
 from lacmesh.facts import Described
@@ -17,15 +18,8 @@ from lacsolver.case.errors import CaseError, Issue, Mistake
 from lacsolver.case.formula import Formula
 from lacsolver.case.keys import ANY, PLANE, Key, Section, defaults_of, keys_of
 from lacsolver.case.kinds import Choice
-from lacsolver.case.lines import KeyPath
+from lacsolver.case.lines import KeyPath, Lines
 from lacsolver.case.value import Value, values_in, with_values
-
-
-class Found(NamedTuple):
-    """A mistake: the path of its key, which leads to a line, and a message that begins with its subject."""
-
-    path: KeyPath
-    message: str
 
 
 def same(value: Any, default: Any) -> bool:
@@ -40,31 +34,32 @@ class Entry(Described):
     SECTION: ClassVar[Section]
     #: names of the keys that were given, valid or not
     _given: ClassVar[frozenset[str]] = frozenset()
-    #: path in the file: ("contact", 0)
+    #: path in the file, ("contact", 0), and the lines of that
     _path: ClassVar[KeyPath] = ()
+    _lines: ClassVar[Lines | None] = None
     place: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Convert and check the given values, as from a file. Raises CaseError."""
-        found = self._take(self.told())
-        if found:
-            raise CaseError([Issue(one.message) for one in found], self.place or None)
+        if mistakes := self._take(self.told()):
+            raise CaseError(mistakes, self.place or None)
 
     @classmethod
-    def from_table(cls, table: Mapping[str, Any], path: KeyPath, place: Callable[..., str]) -> tuple[Self, list[Found]]:
-        """Return the record of a table of a file, and the mistakes in it.
-
-        `place` returns file and line of a key of the table, or of the table itself.
-        """
+    def from_table(
+        cls, table: Mapping[str, Any], path: KeyPath, lines: Lines, file: str | Path
+    ) -> tuple[Self, list[Issue]]:
+        """Return the record of a table of a file, and the mistakes in it; keys that cannot be read are None."""
         record = object.__new__(cls)
         for one in fields(cls):
             record._set(one.name, None if one.default is MISSING else one.default)
-        record._set("place", place())
+        record._set("place", f"{file}, line {lines[path]}" if path else str(file))
         record._set("_path", path)
-        found = record._take(table)
+        record._set("_lines", lines)
+        mistakes = record._take(table)
         for name in record._given & keys_of(cls).keys():
-            record._set(name, _placed(getattr(record, name), place(name)))
-        return record, found
+            place = f"{file}, line {lines[(*path, name)]}"
+            record._set(name, _placed(getattr(record, name), place))
+        return record, mistakes
 
     def altered(self, **values: Any) -> Self:
         """Return the record with other values, which are not checked."""
@@ -83,10 +78,10 @@ class Entry(Described):
         values = {name: getattr(self, name) for name in defaults}
         return {n: v for n, v in values.items() if not same(v, defaults[n]) and not (v is None and self.has(n))}
 
-    def wrong(self, message: str, key: str | None = None, inside: KeyPath = ()) -> Found:
+    def wrong(self, message: str, key: str | None = None, inside: KeyPath = ()) -> Issue:
         """Return a mistake of the whole record, or of one key."""
         path = self._path if key is None else (*self._path, key, *inside)
-        return Found(path, f"{self._subject(key)} {message}")
+        return Issue(f"{self._subject(key)} {message}", self._lines[path] if self._lines else None)
 
     def __repr__(self) -> str:
         words = (f"{name}={value}" for name, value in self._facts().items())
@@ -104,38 +99,38 @@ class Entry(Described):
             return self.SECTION.header
         return f"{self.SECTION.name}.{key}" if self.SECTION.name else key
 
-    def _take(self, given: Mapping[str, Any]) -> list[Found]:
+    def _take(self, given: Mapping[str, Any]) -> list[Issue]:
         """Convert and store the given values; return the mistakes that this record alone shows."""
-        keys, found = keys_of(type(self)), []
+        keys, mistakes = keys_of(type(self)), []
         self._set("_given", frozenset(given))
         for name in [n for n in given if n in keys]:
             value = None
             try:
                 value = _named(keys[name].kind.read(given[name]), self._subject(name))
             except Mistake as mistake:
-                found.append(self.wrong(mistake.message, name, mistake.inside))
+                mistakes.append(self.wrong(mistake.message, name, mistake.inside))
             self._set(name, value)
-        found += [*self._unknown(given), *self._missing(), *self._exclusive(), *self._needs()]
+        mistakes += [*self._unknown(given), *self._missing(), *self._exclusive(), *self._needs()]
         self._complete()
-        return found
+        return mistakes
 
     def _complete(self) -> None:
         """Set the values that depend on others."""
 
-    def _unknown(self, given: Mapping[str, Any]) -> Iterator[Found]:
+    def _unknown(self, given: Mapping[str, Any]) -> Iterator[Issue]:
         known = keys_of(type(self))
         for name in given:
             if name not in known:
                 yield self.wrong(f"is no key of {self.SECTION.header}{did_you_mean(name, known)}", name)
 
-    def _missing(self) -> Iterator[Found]:
+    def _missing(self) -> Iterator[Issue]:
         for name, default in defaults_of(type(self)).items():
             key = keys_of(type(self))[name]
             required = default is MISSING or (key.unless and not self.has(key.unless))
             if required and not self.has(name):
                 yield self.wrong(f"needs {name} ({key.meaning}; {key.kind.words})")
 
-    def _exclusive(self) -> Iterator[Found]:
+    def _exclusive(self) -> Iterator[Issue]:
         for names in self.SECTION.one_of:
             given = [n for n in names if self.has(n)]
             if not given:
@@ -149,7 +144,7 @@ class Entry(Described):
             if self.has(one) and self.has(other):
                 yield self.wrong(f"stands beside {one}; give one of the two", other)
 
-    def _needs(self) -> Iterator[Found]:
+    def _needs(self) -> Iterator[Issue]:
         keys = keys_of(type(self))
         for name in self.told():
             needs = keys[name].needs
@@ -161,7 +156,7 @@ class Entry(Described):
                 wanted = " or ".join(f'{needs.key} = "{value}"' for value in needs.values)
                 yield self.wrong(f"means something only with {wanted}; leave it out, or say that", name)
 
-    def against(self, model: str | None, kinematics: str | None) -> Iterator[Found]:
+    def against(self, model: str | None, kinematics: str | None) -> Iterator[Issue]:
         """Yield the mistakes under this model and these kinematics (None: not known, so not checked)."""
         told = self.told()
         for name, key in keys_of(type(self)).items():
@@ -170,7 +165,7 @@ class Entry(Described):
             if model is not None and name in told:
                 yield from self._against_model(name, key, model)
 
-    def _against_kinematics(self, name: str, key: Key, kinematics: str, told: bool) -> Iterator[Found]:
+    def _against_kinematics(self, name: str, key: Key, kinematics: str, told: bool) -> Iterator[Issue]:
         """Yield mistakes against the kinematics; words are checked by default too, such as a material's law."""
         if key.kinematics not in (ANY, kinematics) and told:
             yield self.wrong(
@@ -184,7 +179,7 @@ class Entry(Described):
             message = f'is "{value}", which needs kinematics = "{needs[value]}"; with "{kinematics}" it is one of'
             yield self.wrong(f"{message} {', '.join(fitting)}", name)
 
-    def _against_model(self, name: str, key: Key, model: str) -> Iterator[Found]:
+    def _against_model(self, name: str, key: Key, model: str) -> Iterator[Issue]:
         value = getattr(self, name)
         if model not in key.models:
             yield self.wrong(f"is of the models {', '.join(key.models)}, and the model is {model}; leave it out", name)
@@ -208,5 +203,7 @@ def _placed(stored: Any, place: str) -> Any:
 
 def _plainly(value: Any) -> str:
     """Return a value of a record as it could be given."""
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_plainly, value))}{',' if len(value) == 1 else ''})"
     source = value.source if isinstance(value, Value) else value
     return repr(source.text) if isinstance(source, Formula) else repr(source)

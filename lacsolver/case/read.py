@@ -11,7 +11,7 @@ from typing import Any
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 from lacsolver.case.case import Case
-from lacsolver.case.entry import Found
+from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.keys import keys_of, sections_of
 from lacsolver.case.lines import KeyPath, Lines
@@ -63,10 +63,10 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
     """
     path = Path(path)
     document, lines = _document(text, path)
-    case, found = _drafted(document, lines, path)
-    found += [*check(case), *_needed(case, document, matrices)]
-    if found:
-        raise CaseError(dict.fromkeys(Issue(one.message, lines[one.path]) for one in found), path)
+    case, mistakes = _drafted(document, lines, path)
+    mistakes += [*check(case), *_needed(case, document, matrices)]
+    if mistakes:
+        raise CaseError(dict.fromkeys(mistakes), path)
     assert isinstance(case.mesh, Path)
     case = case.altered(mesh=path.parent / case.mesh, path=path)
     case.settle()
@@ -95,60 +95,54 @@ def _document(text: str, path: Path) -> tuple[dict[str, Any], Lines]:
         raise ReadError(path, f"is no TOML text ({said})") from None
 
 
-def _drafted(document: Mapping[str, Any], lines: Lines, path: Path) -> tuple[Case, list[Found]]:
+def _drafted(document: Mapping[str, Any], lines: Lines, path: Path) -> tuple[Case, list[Issue]]:
     """Return the case with the records of all sections, and the mistakes that each of them shows."""
-
-    def place(*keys: str | int) -> str:
-        return f"{path}, line {lines[keys]}" if keys else str(path)
-
     sections, top = sections_of(Case), keys_of(Case)
-    case, found = Case.from_table({name: value for name, value in document.items() if name in top}, (), place)
+    case, mistakes = Case.from_table({k: v for k, v in document.items() if k in top}, (), lines, path)
     for name, given in document.items():
         if name in sections:
-            tables, wrong = _tables(name, sections[name], given)
-            drafts = [_record(sections[name], table, at, place) for at, table in tables]
-            found += [*wrong, *(one for _, mistakes in drafts for one in mistakes)]
-            records = tuple(record for record, _ in drafts)
-            if sections[name].SECTION.several:
-                case = case.altered(**{name: records})
-            elif records:
-                case = case.altered(**{name: records[0]})
+            record = sections[name]
+            tables, wrong = _tables(name, record, given, lines)
+            read = [_record(record, table, at, lines, path) for at, table in tables]
+            mistakes += [*wrong, *(mistake for _, some in read for mistake in some)]
+            records = tuple(one for one, _ in read)
+            if records or record.SECTION.several:
+                case = case.altered(**{name: records if record.SECTION.several else records[0]})
         elif name not in top:
             what = "section" if isinstance(given, dict) or _is_tables(given) else "key"
             near = did_you_mean(name, [*top, *sections])
-            found.append(Found((name,), f"{name} is no {what} of a case{near}"))
-    return case, found
+            mistakes.append(Issue(f"{name} is no {what} of a case{near}", lines[(name,)]))
+    return case, mistakes
 
 
-def _record(record: Any, table: Mapping[str, Any], path: KeyPath, place: Any) -> tuple[Any, list[Found]]:
+def _record(record: Any, table: Mapping[str, Any], at: KeyPath, lines: Lines, path: Path) -> tuple[Entry, list[Issue]]:
     """Return the record of a table, and its mistakes; keys that belong at the top of the file get a hint."""
     top = [name for name in table if name in keys_of(Case) and name not in keys_of(record)]
-    rest = {name: value for name, value in table.items() if name not in top}
-    made, found = record.from_table(rest, path, lambda *keys: place(*path, *keys))
+    made, mistakes = record.from_table({k: v for k, v in table.items() if k not in top}, at, lines, path)
     hint = f"is no key of {record.SECTION.header}; it belongs at the top of the file, before the first section"
-    return made, [*found, *(Found((*path, name), f"{name} {hint}") for name in top)]
+    return made, [*mistakes, *(Issue(f"{name} {hint}", lines[(*at, name)]) for name in top)]
 
 
-def _tables(name: str, record: Any, given: Any) -> tuple[list[tuple[KeyPath, Any]], list[Found]]:
+def _tables(name: str, record: Any, given: Any, lines: Lines) -> tuple[list[tuple[KeyPath, Any]], list[Issue]]:
     """Return the tables of a section with their paths; and a mistake for `[x]` or `[[x]]` confused, or no table."""
-    section = record.SECTION
+    section, line = record.SECTION, lines[(name,)]
     if section.several and _is_tables(given):
         return [((name, k), table) for k, table in enumerate(given)], []
     if not section.several and isinstance(given, dict):
         return [((name,), given)], []
     if section.several and isinstance(given, dict):  # its keys are worth reading all the same
-        return [((name,), given)], [Found((name,), f"[{name}] may stand several times; write {section.header}")]
+        return [((name,), given)], [Issue(f"[{name}] may stand several times; write {section.header}", line)]
     if _is_tables(given) and given:
-        message = f"[[{name}]] stands once; write {section.header}"
-        return [((name, 0), given[0])], [Found((name, len(given) - 1), message)]
-    return [], [Found((name,), f"{name} is {described(given)}; write {section.header} and its keys below it")]
+        last = lines[(name, len(given) - 1)]
+        return [((name, 0), given[0])], [Issue(f"[[{name}]] stands once; write {section.header}", last)]
+    return [], [Issue(f"{name} is {described(given)}; write {section.header} and its keys below it", line)]
 
 
 def _is_tables(given: Any) -> bool:
     return isinstance(given, list) and all(isinstance(item, dict) for item in given)
 
 
-def _needed(case: Case, document: Mapping[str, Any], matrices: bool) -> Iterator[Found]:
+def _needed(case: Case, document: Mapping[str, Any], matrices: bool) -> Iterator[Issue]:
     """Yield a mistake if the mesh or a required section is missing."""
     there = {name for name, given in document.items() if given != []}
     mesh = keys_of(Case)["mesh"]

@@ -7,7 +7,7 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
-from lacsolver.case.entry import Found
+from lacsolver.case.errors import Issue
 
 if TYPE_CHECKING:
     from lacsolver.case.case import Case
@@ -20,14 +20,14 @@ BACKENDS_OF = {
 }
 
 
-def check(case: Case) -> list[Found]:
+def check(case: Case) -> list[Issue]:
     """Return the mistakes that only the case as a whole shows; keys that could not be read are None."""
     records = [case, *(record for _, record in case.records())]
-    found = [one for record in records for one in record.against(case.model, case.kinematics)]
-    return found + [one for rule in RULES for one in rule(case)]
+    alone = [mistake for record in records for mistake in record.against(case.model, case.kinematics)]
+    return alone + [mistake for rule in RULES for mistake in rule(case)]
 
 
-def _materials(case: Case) -> Iterator[Found]:
+def _materials(case: Case) -> Iterator[Issue]:
     """Check that each material has the constants of its law."""
     for record in case.material:
         law, poisson = record.law, record.poisson
@@ -47,7 +47,7 @@ def _materials(case: Case) -> Iterator[Found]:
                 yield record.wrong(f"is {poisson:g}; it must be > -1 and < 0.5{hint}", "poisson")
 
 
-def _orthotropic(record: Material) -> Iterator[Found]:
+def _orthotropic(record: Material) -> Iterator[Issue]:
     young, poisson = record.young, record.poisson
     if not record.has("shear"):
         yield record.wrong('needs shear = [G12, G13, G23] with law = "orthotropic"')
@@ -69,7 +69,7 @@ def _stores_energy(young: tuple[float, ...], poisson: tuple[float, ...]) -> bool
     return abs(a) < 1 and 1 - a * a - b * b - c * c - 2 * a * b * c > 0
 
 
-def _groups_once(case: Case) -> Iterator[Found]:
+def _groups_once(case: Case) -> Iterator[Issue]:
     """Check that groups do not give a cell two laws or two temperatures."""
     for records in (case.material, case.temperature):
         taken: set[str] = set()
@@ -82,7 +82,7 @@ def _groups_once(case: Case) -> Iterator[Found]:
                 taken.add(group)
 
 
-def _pairs(case: Case) -> Iterator[Found]:
+def _pairs(case: Case) -> Iterator[Issue]:
     """Check that each slave has one master, which is another skin, and that no slave is rigid."""
     slaves: set[str] = set()
     rigid = {record.group for record in case.rigid}
@@ -99,7 +99,7 @@ def _pairs(case: Case) -> Iterator[Found]:
         slaves.add(slave)
 
 
-def _creases(case: Case) -> Iterator[Found]:
+def _creases(case: Case) -> Iterator[Issue]:
     """Check that crease_angle is given only where smooth surfaces or smoothed normals use it."""
     for record in (*case.contact, *case.tie):
         normals = getattr(record, "normals", "facet")  # a tie has no normals
@@ -109,7 +109,7 @@ def _creases(case: Case) -> Iterator[Found]:
             yield record.wrong(message, "crease_angle")
 
 
-def _constants(case: Case) -> Iterator[Found]:
+def _constants(case: Case) -> Iterator[Issue]:
     """Check that constants are given to laws that a program has added, and only to these."""
     laws = [(record, "law", record.law, MATERIAL_LAWS) for record in case.material]
     types = [(record, "type", record.type, CONTACT_LAWS) for record in case.contact]
@@ -119,7 +119,7 @@ def _constants(case: Case) -> Iterator[Found]:
             yield record.wrong(message, "constants")
 
 
-def _contacts(case: Case) -> Iterator[Found]:
+def _contacts(case: Case) -> Iterator[Issue]:
     """Check that the deformed area is the measure only of contact on the deformed skins."""
     usual = "current" if case.kinematics == "finite" else "reference"
     for record in case.contact:
@@ -127,7 +127,7 @@ def _contacts(case: Case) -> Iterator[Found]:
             yield record.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
 
 
-def _names(case: Case) -> Iterator[Found]:
+def _names(case: Case) -> Iterator[Issue]:
     """Check that the names, by which results are called, are given and unique."""
     for records, default in (((*case.contact, *case.tie), "slave"), (case.probe, "group")):
         taken: set[str] = set()
@@ -142,7 +142,7 @@ def _names(case: Case) -> Iterator[Found]:
             yield probe.wrong("needs a name, for it has no group to be called by")
 
 
-def _prescribed_once(case: Case) -> Iterator[Found]:
+def _prescribed_once(case: Case) -> Iterator[Issue]:
     """Check that each component of a group is prescribed once, and that of a rigid group only by [[rigid]]."""
     taken: set[tuple[Any, ...]] = set()
     rigid = {record.group for record in case.rigid}
@@ -162,7 +162,7 @@ def _prescribed_once(case: Case) -> Iterator[Found]:
             taken.add((where, record.kind, name))
 
 
-def _rigid_once(case: Case) -> Iterator[Found]:
+def _rigid_once(case: Case) -> Iterator[Issue]:
     """Check that a group is one rigid body."""
     taken: set[Any] = set()
     for record in case.rigid:
@@ -171,7 +171,7 @@ def _rigid_once(case: Case) -> Iterator[Found]:
         taken.add(record.group)
 
 
-def _fields(case: Case) -> Iterator[Found]:
+def _fields(case: Case) -> Iterator[Issue]:
     """Check that gravity and temperature have a material that they act on."""
     gravity = [] if case.gravity is None else [case.gravity]
     for records, constant, effect in ((gravity, "density", "weighs"), (case.temperature, "expansion", "expands")):
@@ -185,7 +185,7 @@ def _article(noun: str) -> str:
     return f"an {noun}" if noun[0] in "aeiou" else f"a {noun}"
 
 
-def _engine(case: Case) -> Iterator[Found]:
+def _engine(case: Case) -> Iterator[Issue]:
     """Check that the linear solver is one of the engine, if that is named."""
     engine, backend = case.solver.engine, case.solver.backend
     fitting = BACKENDS_OF.get(engine, ())
@@ -194,7 +194,7 @@ def _engine(case: Case) -> Iterator[Found]:
         yield case.solver.wrong(f'is "{backend}"; {others}', "backend")
 
 
-def _output(case: Case) -> Iterator[Found]:
+def _output(case: Case) -> Iterator[Issue]:
     """Check that no output time is after the end of the steps."""
     end = case.steps.last
     late = [t for t in case.output.times or () if end is not None and t > end]
@@ -202,7 +202,7 @@ def _output(case: Case) -> Iterator[Found]:
         yield case.output.wrong(f"has {late[0]:g}, after the end of the steps at {end:g}", "times")
 
 
-def _motion(case: Case) -> Iterator[Found]:
+def _motion(case: Case) -> Iterator[Issue]:
     """Check that bodies that move have a mass, and that the scheme is stable."""
     if case.dynamics is None:
         for record in case.initial:
@@ -229,7 +229,7 @@ def _motion(case: Case) -> Iterator[Found]:
             yield record.wrong(f"{message}: the static steps before give the displacement", name)
 
 
-def _inertia(case: Case) -> Iterator[Found]:
+def _inertia(case: Case) -> Iterator[Issue]:
     """Check that the inertia of rigid bodies has a mass, and is that of a body."""
     space = case.model == "3d"
     for record in case.rigid:
@@ -245,7 +245,7 @@ def _inertia(case: Case) -> Iterator[Found]:
             yield record.wrong("has a moment larger than the sum of the other two, as no body has", "inertia")
 
 
-RULES: tuple[Callable[[Case], Iterator[Found]], ...] = (
+RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _materials,
     _groups_once,
     _pairs,

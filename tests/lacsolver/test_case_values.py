@@ -238,3 +238,9 @@ def test_records_are_frozen_and_equal_by_what_they_say():
         'material = [{young = 1.0, poisson = 0.3}]\npressure = [{group = "a", value = "x"}]\n'
     )
     assert read == one
+
+
+def test_a_record_is_shown_as_it_could_be_given():
+    body = Rigid(group="a", ux="sin(t)", rotation=[0, "0.1 * t", [[0, 0], [1, 0.5]]])
+    assert repr(body) == "Rigid(group='a', ux='sin(t)', rotation=(0.0, '0.1 * t', ((0.0, 0.0), (1.0, 0.5))))"
+    assert eval(repr(body)) == body
