@@ -100,8 +100,7 @@ def _check(name: str) -> None:
 
 def _surfaces() -> None:
     below, above = whole(sheet(3, kind="QUAD8")), whole(sheet(4, 0.01, kind="TRIA6", skew=0.3, down=True))
-    for search in ("tree", "front"):
-        contact_points(below, above, search=search, max_penetration=1.0)
+    contact_points(below, above, max_penetration=1.0)
 
 
 def _boxes() -> None:

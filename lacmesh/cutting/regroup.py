@@ -11,6 +11,8 @@ middle is numbered after both ends, and if the two triangles are neighbours in t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +27,7 @@ Bools = NDArray[np.bool_]
 Segments = tuple[str, Ints, Ints, float]
 
 
-@dataclass(frozen=True)
-class _Chains:
+class _Chains(NamedTuple):
     """Candidate chains of segments: `parts` (m, k), consecutive rows of faces; `nodes` (m, k + 1), from end to end."""
 
     parts: Ints
@@ -36,8 +37,7 @@ class _Chains:
         return _Chains(self.parts[rows], self.nodes[rows])
 
 
-@dataclass(frozen=True)
-class _Merge:
+class _Merge(NamedTuple):
     """Cells to merge: `chain` (k,), the candidate; `gone` (k, r), its cells; `parent` (k, 4), nodes of the parent."""
 
     chain: Ints
@@ -53,19 +53,20 @@ def regroup_segments(mesh: Mesh, faces: Faces, place: Ints, tolerance: float) ->
     pairs, triples, half = _candidates(mesh, faces, tolerance)
     if not len(pairs.parts) and not len(triples.parts):
         return []
-    plane = _Plane.around(mesh, np.unique(np.concatenate([pairs.nodes.ravel(), triples.nodes.ravel()])))
-    sides_of_pair, sides_of_triple = plane.sides(pairs.nodes), plane.sides(triples.nodes)
+    cells = cells_around(mesh, np.unique(np.concatenate([pairs.nodes.ravel(), triples.nodes.ravel()])))
+    sides_of_pair, sides_of_triple = ((cells.behind(c.nodes) >= 0).sum(axis=1) for c in (pairs, triples))
     late = triples.nodes[:, 1:3].min(axis=1) > triples.nodes[:, [0, 3]].max(axis=1)
     together = (np.diff(place[triples.parts], axis=1) == 1).all(axis=1)
     parentless = (sides_of_triple == 0) & late & together
     merged_pairs, merged_triples = np.zeros_like(sides_of_pair), np.zeros_like(sides_of_triple)
     while True:
-        merges = [plane.rings(triples.nodes), *plane.cones(pairs.nodes, sides_of_pair)]
+        merges = [find_rings(cells, triples.nodes), *find_cones(cells, pairs.nodes, sides_of_pair)]
         if not sum(len(merge.chain) for merge in merges):
             break
-        plane, done = plane.put_together(merges)
-        np.add.at(merged_triples, done[0], 1)
-        np.add.at(merged_pairs, np.concatenate(done[1:]), 1)
+        merges = _apart(merges, len(cells.nodes))
+        cells = merged(cells, merges)
+        np.add.at(merged_triples, merges[0].chain, 1)
+        np.add.at(merged_pairs, np.concatenate([merge.chain for merge in merges[1:]]), 1)
     in_a_row = (np.diff(place[pairs.parts], axis=1) == 1).all(axis=1)
     is_pair = (merged_pairs == sides_of_pair) & ((sides_of_pair > 0) | in_a_row)
     is_triple = (merged_triples == sides_of_triple) & ((sides_of_triple > 0) | parentless)
@@ -117,160 +118,158 @@ def _near(x: Floats, expected: Floats, side: Floats, tolerance: float) -> Bools:
 
 
 @dataclass(frozen=True)
-class _Plane:
-    """The TRIA3 and QUAD4 near a skin: `nodes` (k, 4), -1 last in a triangle.
+class Cells:
+    """The TRIA3 and QUAD4 near a skin: `nodes` (k, 4), -1 last in a triangle; `n_nodes` of the mesh.
 
     `first`, `last` (k,): the range of positions in the file that each occupies; a merged cell takes that of its parts.
-    `key`, `owner`: the edges, sorted, and the cell of each.
     """
 
     nodes: Ints
     first: Ints
     last: Ints
     n_nodes: int
-    key: Ints
-    owner: Ints
 
-    @classmethod
-    def of(cls, nodes: Ints, first: Ints, last: Ints, n_nodes: int) -> _Plane:
-        """Collect the cells and sort their edges."""
-        size = np.where(nodes[:, 3] < 0, 3, 4)
-        keys, owners = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-        for k in range(4):
-            rows = np.flatnonzero(k < size)
-            a, b = nodes[rows, k], nodes[rows, (k + 1) % size[rows]]
-            keys.append(np.minimum(a, b) * n_nodes + np.maximum(a, b))
-            owners.append(rows)
-        key, owner = np.concatenate(keys), np.concatenate(owners)
-        order = np.argsort(key, kind="stable")
-        return cls(nodes, first, last, n_nodes, key[order], owner[order])
+    @cached_property
+    def _edges(self) -> tuple[Ints, Ints]:
+        """The edges of all cells, by a number of their nodes, sorted; the cell of each."""
+        size = np.where(self.nodes[:, 3] < 0, 3, 4)
+        row, k = np.nonzero(np.arange(4) < size[:, None])
+        number = self._number(self.nodes[row, k], self.nodes[row, (k + 1) % size[row]])
+        order = np.lexsort((row, number))
+        return number[order], row[order]
 
-    @classmethod
-    def around(cls, mesh: Mesh, seeds: Ints) -> _Plane:
-        """Return the cells that touch some nodes, and the cells that share two nodes with them."""
-        touched = np.zeros(mesh.n_nodes, bool)
-        touched[seeds] = True
-        plane = [(n, ids) for kind, n, ids in cells_of_dim(mesh, 2) if kind in ("TRIA3", "QUAD4") and len(n)]
-        for least in (1, 2):
-            near = [np.count_nonzero(touched[nodes], axis=1) >= least for nodes, _ in plane]
-            for (nodes, _), rows in zip(plane, near, strict=True):
-                touched[nodes[rows]] = True
-        cells = [np.empty((0, 4), np.int64)]
-        cells += [
-            np.pad(n[r], ((0, 0), (0, 4 - n.shape[1])), constant_values=-1)
-            for (n, _), r in zip(plane, near, strict=True)
-        ]
-        ids = np.concatenate([np.empty(0, np.int64), *(i[r] for (_, i), r in zip(plane, near, strict=True))])
-        if mesh.file_order is not None:
-            rank = np.empty(mesh.n_cells, np.int64)
-            rank[mesh.file_order] = np.arange(mesh.n_cells)
-            ids = rank[ids]
-        return cls.of(np.concatenate(cells).astype(np.int64), ids, ids, mesh.n_nodes)
+    def _number(self, a: Ints, b: Ints) -> Ints:
+        return np.minimum(a, b) * self.n_nodes + np.maximum(a, b)
 
-    def owners(self, a: Ints, b: Ints) -> Ints:
+    def at_edge(self, a: Ints, b: Ints) -> Ints:
         """(k, 2): the cells that have the edges a b, padded with -1; -1 also for edges of more than two cells."""
-        key = np.minimum(a, b) * self.n_nodes + np.maximum(a, b)
-        low, high = (np.searchsorted(self.key, key, side=side) for side in ("left", "right"))
-        out = np.full((len(key), 2), -1, np.int64)
+        numbers, owner = self._edges
+        low, high = (np.searchsorted(numbers, self._number(a, b), side=side) for side in ("left", "right"))
+        out = np.full((len(low), 2), -1, np.int64)
         for k in range(2):
             there = (high - low > k) & (high - low <= 2)
-            out[there, k] = self.owner[low[there] + k]
+            out[there, k] = owner[low[there] + k]
         return out
 
-    def sides(self, chains: Ints) -> Ints:
-        """(m,): the number of cells behind the first segment of each chain."""
-        return (self.owners(chains[:, 0], chains[:, 1]) >= 0).sum(axis=1)
+    def behind(self, chains: Ints) -> Ints:
+        """(m, 2): the cells behind the first segment of each chain, padded with -1."""
+        return self.at_edge(chains[:, 0], chains[:, 1])
 
     def across(self, cell: Ints, a: Ints, b: Ints) -> Ints:
         """Return the neighbours of the cells across the edges a b, -1 where there is none."""
-        both = self.owners(a, b)
-        return np.where(both[:, 0] == cell, both[:, 1], np.where(both[:, 1] == cell, both[:, 0], -1))
+        one, other = self.at_edge(a, b).T
+        return np.where(one == cell, other, np.where(other == cell, one, -1))
 
-    def beside(self, cell: Ints, at: Ints, other: Ints) -> Ints:
-        """Return the neighbour of corner `at` in each quadrangle that is not `other`; -1 where there is none."""
+    def beside(self, cell: Ints, corner: Ints, other: Ints) -> Ints:
+        """Return the neighbour of a corner in each quadrangle that is not `other`; -1 where there is none."""
         nodes = self.nodes[cell]
-        place = (nodes == at[:, None]).argmax(axis=1)
+        k = (nodes == corner[:, None]).argmax(axis=1)
         rows = np.arange(len(cell))
-        before, after = nodes[rows, (place - 1) % 4], nodes[rows, (place + 1) % 4]
-        good = (cell >= 0) & (nodes[:, 3] >= 0) & (nodes[rows, place] == at)
+        before, after = nodes[rows, (k - 1) % 4], nodes[rows, (k + 1) % 4]
+        good = (cell >= 0) & (nodes[:, 3] >= 0) & (nodes[rows, k] == corner)
         return np.where(good & (before == other), after, np.where(good & (after == other), before, -1))
 
-    def _behind(self, chains: Ints) -> tuple[Ints, Ints]:
-        """(chain (k,), cell (k,)): one row for each cell behind the first segment of each chain."""
-        chain, side = np.nonzero(self.owners(chains[:, 0], chains[:, 1]) >= 0)
-        return chain, self.owners(chains[:, 0], chains[:, 1])[chain, side]
 
-    def cones(self, chains: Ints, sides: Ints) -> list[_Merge]:
-        """Find pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three triangles.
+def cells_around(mesh: Mesh, seeds: Ints) -> Cells:
+    """Return the cells that touch some nodes, and the cells that share two nodes with them."""
+    touched = np.zeros(mesh.n_nodes, bool)
+    touched[seeds] = True
+    plane = [(n, ids) for kind, n, ids in cells_of_dim(mesh, 2) if kind in ("TRIA3", "QUAD4")]
+    nodes = np.concatenate(
+        [np.empty((0, 4), np.int64), *(np.pad(n, ((0, 0), (0, 4 - n.shape[1])), constant_values=-1) for n, _ in plane)]
+    )
+    ids = np.concatenate([np.empty(0, np.int64), *(ids for _, ids in plane)])
+    for least in (1, 2):
+        near = np.count_nonzero(touched[nodes] & (nodes >= 0), axis=1) >= least
+        touched[nodes[near][nodes[near] >= 0]] = True
+    place = ids[near]
+    if mesh.file_order is not None:
+        rank = np.empty(mesh.n_cells, np.int64)
+        rank[mesh.file_order] = np.arange(mesh.n_cells)
+        place = rank[place]
+    return Cells(nodes[near].astype(np.int64), place, place, mesh.n_nodes)
 
-        The triangles are a fan around the middle n of a chain a n b: it is walked from the segment a n, over spokes
-        from n, to b. `sides` (m,): the number of cells behind each chain in the mesh.
-        """
-        chain, cell = self._behind(chains)
-        spoke, n, b = (chains[chain, k] for k in range(3))
-        fan: list[Ints] = []
-        outline: list[Ints] = []  # the ends of the spokes so far
-        walking = np.ones(len(chain), bool)
-        merges = []
-        for size in (1, 2, 3):
-            fan = [*fan, cell]
-            walking &= (cell >= 0) & (self.nodes[cell, 3] < 0)
-            third = np.where(walking, self.nodes[cell, :3].sum(axis=1) - n - spoke, -1)
-            arrived = walking & (third == b)
-            if size > 1:
-                rows = np.flatnonzero(arrived & self._may_merge(fan, sides[chain] == 2))
-                far = [*outline[::-1], *[np.full(len(chain), -1)] * (3 - size)]
-                parent = np.column_stack([chains[chain, 0], b, *far])[rows]
-                merges.append(_Merge(chain[rows], np.column_stack(fan)[rows], parent))
-            walking &= ~arrived
-            outline = [*outline, third]
-            cell, spoke = np.where(walking, self.across(cell, n, third), -1), third
-        return merges
 
-    def _may_merge(self, fan: list[Ints], interface: Bools) -> Bools:
-        """(k,): True for fans of two or three triangles that a cut has made; meshers make such fans too.
+def find_cones(cells: Cells, chains: Ints, sides: Ints) -> list[_Merge]:
+    """Find pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three triangles.
 
-        Two must follow each other in the file. A cut makes three only at an `interface`, or in a cell with another
-        slave edge at an interface: then one of the three has been merged before.
-        """
-        if len(fan) == 2:
-            a, b = fan
-            return (self.last[a] + 1 == self.first[b]) | (self.last[b] + 1 == self.first[a])
-        merged: Bools = np.any([self.first[cell] < self.last[cell] for cell in fan], axis=0)
-        return interface | merged
+    The triangles are a fan around the middle n of a chain a n b: it is walked from the segment a n, over spokes from n,
+    to b. `sides` (m,): the number of cells behind each chain in the mesh.
+    """
+    behind = cells.behind(chains)
+    chain, side = np.nonzero(behind >= 0)
+    cell = behind[chain, side]
+    spoke, n, b = (chains[chain, k] for k in range(3))
+    fan: list[Ints] = []
+    outline: list[Ints] = []  # the ends of the spokes so far
+    walking = np.ones(len(chain), bool)
+    merges = []
+    for size in (1, 2, 3):
+        fan = [*fan, cell]
+        walking &= (cell >= 0) & (cells.nodes[cell, 3] < 0)
+        third = np.where(walking, cells.nodes[cell, :3].sum(axis=1) - n - spoke, -1)
+        arrived = walking & (third == b)
+        if size > 1:
+            rows = np.flatnonzero(arrived & _may_merge(cells, fan, sides[chain] == 2))
+            far = [*outline[::-1], *[np.full(len(chain), -1)] * (3 - size)]
+            parent = np.column_stack([chains[chain, 0], b, *far])[rows]
+            merges.append(_Merge(chain[rows], np.column_stack(fan)[rows], parent))
+        walking &= ~arrived
+        outline = [*outline, third]
+        cell, spoke = np.where(walking, cells.across(cell, n, third), -1), third
+    return merges
 
-    def rings(self, chains: Ints) -> _Merge:
-        """Find triples whose cells on one side are a quadrangle cut in four."""
-        chain, first = self._behind(chains)
-        a, n1, n2, b = (chains[chain, k] for k in range(4))
-        v4, m1 = self.beside(first, a, n1), self.beside(first, n1, a)
-        middle = self.across(first, n1, m1)
-        m2 = self.beside(middle, n2, n1)
-        last = self.across(middle, n2, m2)
-        v3 = self.beside(last, b, n2)
-        far = self.across(middle, m1, m2)
-        good = (self.beside(middle, n1, n2) == m1) & (self.beside(last, n2, b) == m2) & (v3 >= 0) & (v4 >= 0)
-        good &= (self.beside(far, m1, m2) == v4) & (self.beside(far, m2, m1) == v3)
-        rows = np.flatnonzero(good)
-        gone = np.column_stack([first, middle, last, far])[rows]
-        return _Merge(chain[rows], gone, np.column_stack([a, b, v3, v4])[rows])
 
-    def put_together(self, merges: list[_Merge]) -> tuple[_Plane, list[Ints]]:
-        """Replace cells by the parents they came from; return all cells, and the chains for which this was done.
+def _may_merge(cells: Cells, fan: list[Ints], interface: Bools) -> Bools:
+    """(k,): True for fans of two or three triangles that a cut has made; meshers make such fans too.
 
-        A merge that needs a cell of another merge is left for a later round.
-        """
-        used = np.zeros(len(self.nodes), np.int64)
-        for merge in merges:
-            np.add.at(used, merge.gone.ravel(), 1)
-        alone = [merge.take((used[merge.gone] == 1).all(axis=1)) for merge in merges]
-        if not sum(len(merge.chain) for merge in alone):  # take any one, or nothing would end
-            best = next(k for k, merge in enumerate(merges) if len(merge.chain))
-            alone = [m.take((np.arange(len(m.chain)) == 0) & (k == best)) for k, m in enumerate(merges)]
-        kept = np.ones(len(self.nodes), bool)
-        for merge in alone:
-            kept[merge.gone] = False
-        nodes = np.concatenate([self.nodes[kept], *(m.parent for m in alone)])
-        first = np.concatenate([self.first[kept], *(self.first[m.gone].min(axis=1, initial=2**62) for m in alone)])
-        last = np.concatenate([self.last[kept], *(self.last[m.gone].max(axis=1, initial=-1) for m in alone)])
-        return _Plane.of(nodes, first, last, self.n_nodes), [merge.chain for merge in alone]
+    Two must follow each other in the file. A cut makes three only at an `interface`, or in a cell with another slave
+    edge at an interface: then one of the three has been merged before.
+    """
+    if len(fan) == 2:
+        a, b = fan
+        return (cells.last[a] + 1 == cells.first[b]) | (cells.last[b] + 1 == cells.first[a])
+    of_parts: Bools = np.any([cells.first[cell] < cells.last[cell] for cell in fan], axis=0)
+    return interface | of_parts
+
+
+def find_rings(cells: Cells, chains: Ints) -> _Merge:
+    """Find triples whose cells on one side are a quadrangle cut in four."""
+    behind = cells.behind(chains)
+    chain, side = np.nonzero(behind >= 0)
+    first = behind[chain, side]
+    a, n1, n2, b = (chains[chain, k] for k in range(4))
+    v4, m1 = cells.beside(first, a, n1), cells.beside(first, n1, a)
+    middle = cells.across(first, n1, m1)
+    m2 = cells.beside(middle, n2, n1)
+    last = cells.across(middle, n2, m2)
+    v3 = cells.beside(last, b, n2)
+    far = cells.across(middle, m1, m2)
+    good = (cells.beside(middle, n1, n2) == m1) & (cells.beside(last, n2, b) == m2) & (v3 >= 0) & (v4 >= 0)
+    good &= (cells.beside(far, m1, m2) == v4) & (cells.beside(far, m2, m1) == v3)
+    rows = np.flatnonzero(good)
+    gone = np.column_stack([first, middle, last, far])[rows]
+    return _Merge(chain[rows], gone, np.column_stack([a, b, v3, v4])[rows])
+
+
+def _apart(merges: list[_Merge], n_cells: int) -> list[_Merge]:
+    """Leave a merge that needs a cell of another merge for a later round; if all do, take one, or nothing would end."""
+    used = np.zeros(n_cells, np.int64)
+    for merge in merges:
+        np.add.at(used, merge.gone.ravel(), 1)
+    apart = [merge.take((used[merge.gone] == 1).all(axis=1)) for merge in merges]
+    if sum(len(merge.chain) for merge in apart):
+        return apart
+    best = next(k for k, merge in enumerate(merges) if len(merge.chain))
+    return [merge.take((np.arange(len(merge.chain)) == 0) & (k == best)) for k, merge in enumerate(merges)]
+
+
+def merged(cells: Cells, merges: list[_Merge]) -> Cells:
+    """Replace cells by the parents they came from; no two merges have a cell in common."""
+    kept = np.ones(len(cells.nodes), bool)
+    for merge in merges:
+        kept[merge.gone] = False
+    nodes = np.concatenate([cells.nodes[kept], *(m.parent for m in merges)])
+    first = np.concatenate([cells.first[kept], *(cells.first[m.gone].min(axis=1, initial=2**62) for m in merges)])
+    last = np.concatenate([cells.last[kept], *(cells.last[m.gone].max(axis=1, initial=-1) for m in merges)])
+    return Cells(nodes, first, last, cells.n_nodes)

@@ -1,7 +1,7 @@
 """The geometry of contact between two surfaces: pairing, mortar segments, contact points, gaps and coverage.
 
     faces = the skin under some cells, oriented outward                     (record)
-    pairs = slave and master faces whose boxes intersect, by one of two equivalent searches (search, front)
+    pairs = slave and master faces whose boxes intersect                    (search)
     pieces = mortar segments: the common part of each pair, in the slave's plane (clip)
     points = quadrature points on the pieces, projected along the slave's normal (rules, project, points)
     coverage = area, covered part and gap of each macro-element             (coverage)

@@ -14,7 +14,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT
 from lacmesh.surface.patches import Bools, Patches
-from lacmesh.surface.rules import FITTED
+from lacmesh.surface.rules import FITTED, Placed
 from lacmesh.surface.search import Pairs, Reach
 
 _LEAST = 1e-13
@@ -134,25 +134,9 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
     return np.where(even & ~smooth, exact, np.where(straight, _FIT_POINTS + FITTED, 4))
 
 
-class PlacedOnLines(NamedTuple):
-    """Points on parts, one per row: part, u (n,) in slave and master, weight, normal, gap; `met`: ray hits master.
-
-    `first` (parts + 1,): the first point of each part.
-    """
-
-    first: Ints
-    piece: Ints
-    xi_slave: Floats
-    xi_master: Floats
-    weight: Floats
-    normal: Floats
-    gap: Floats
-    met: NDArray[np.bool_]
-
-
 def place_lines(
     parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, radius: float | None
-) -> PlacedOnLines:
+) -> Placed:
     """Place points on parts by rules `code` (gauss_points); weights include 2 pi r, r = `radius` + x, unless None."""
     first, piece, X, w = _rows(code % FITTED)
     s, m = parts.slave[piece], parts.master[piece]
@@ -173,7 +157,7 @@ def place_lines(
             maps = slave.G[slave.face[parts.slave[k]]], master.G[master.face[parts.master[k]]]
             _fit(*maps, parts.ends[k], n[first[k]], radius, u[rows], um[rows], weight[rows])
     xi_s, xi_m = (np.stack([v, np.zeros_like(v)], axis=1) for v in (u, um))
-    return PlacedOnLines(first, piece, xi_s, xi_m, weight, n, gap, met)
+    return Placed(first, piece, xi_s, xi_m, weight, n, gap, met)
 
 
 def _normals(d: Floats) -> Floats:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
@@ -17,28 +16,12 @@ from lacmesh.surface.moments import Gauss, gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
 from lacmesh.surface.project import in_face, inverse, ray
-from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, fan_rules, points_of
+from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, Placed, fan_rules, points_of
 from lacmesh.surface.search import in_parts
 
 _MOST_FUNCTIONS = 20
 #: what must be left of a function that a fit takes, against the bend (`fit`)
 _COUNTS = 0.1
-
-
-class Placed(NamedTuple):
-    """Points, one per row: piece, coordinates (n, 2) in both faces, weight, unit normal, gap; `met`: ray hits master.
-
-    `first` (pieces + 1,): the first point of each piece, in the order in which they were placed.
-    """
-
-    first: Ints
-    piece: Ints
-    xi_slave: Floats
-    xi_master: Floats
-    weight: Floats
-    normal: Floats
-    gap: Floats
-    met: NDArray[np.bool_]
 
 
 def place(
@@ -47,14 +30,14 @@ def place(
     code: Ints,
     slave: Patches,
     master: Patches,
-    k: tuple[Ints, Ints],
+    functions: Ints,
     bend: Floats,
     H: Floats,
 ) -> Placed:
     """Place quadrature points on pieces, in the given `order`, by rules `code`.
 
-    `k`: numbers of fitted functions of the slave face and of the master's, (pieces,) each. `bend` (pieces,): warp of
-    the slave face, or variation of its normals. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
+    `functions` (pieces, 2): numbers of fitted functions of the slave face and of the master's. `bend` (pieces,): warp
+    of the slave face, or variation of its normals. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
     """
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -70,10 +53,9 @@ def place(
         np.empty(n, np.bool_),
     )
     tables = fan_rules(), gauss_rules() if (code % AROUND >= FITTED).any() else Gauss(np.empty(0), np.empty(0))
-    most = int(count.max(initial=1))
 
     def run(rows: slice) -> None:
-        _place_all(rows.start, rows.stop, pieces, order, code, most, slave, master, bend, H, *k, *tables, out)
+        _place_all(rows.start, rows.stop, pieces, order, code, slave, master, functions, bend, H, *tables, out)
 
     in_parts(run, len(order))
     return out
@@ -198,10 +180,13 @@ def _side(patch: int, of: Any, y: Any, k: int) -> Any:
 
 @kernel
 def _place_all(
-    begin: int, end: int, pieces: Any, order: Any, code: Any, most: int, slaves: Any, masters: Any, bend: Any, H: Any,
-    k_s: Any, k_m: Any, fans: Any, gauss: Any, out: Any,
+    begin: int, end: int, pieces: Any, order: Any, code: Any, slaves: Any, masters: Any, functions: Any, bend: Any,
+    H: Any, fans: Any, gauss: Any, out: Any,
 ) -> None:  # fmt: skip
-    """Fill `out` for the pieces order[begin:end]. `most`: largest number of points of a piece."""
+    """Fill `out` for the pieces order[begin:end]."""
+    most = 1  # points of a piece
+    for row in range(begin, end):
+        most = max(most, out.first[row + 1] - out.first[row])
     p, area, y_m = np.empty((most, 2)), np.empty(most), np.empty((4, 3))
     room = (
         np.empty((ROOM, 4)),
@@ -221,7 +206,7 @@ def _place_all(
         n = plane_rule(polygon, len(polygon), code[k], fans, p, area)
         centre, e = slaves.centre[s], slaves.e[s]
         project(masters.x[m], masters.n[m], centre, e, False, y_m)
-        slave, master = _side(s, slaves, slaves.y[s], k_s[k]), _side(m, masters, y_m, k_m[k])
+        slave, master = _side(s, slaves, slaves.y[s], functions[k, 0]), _side(m, masters, y_m, functions[k, 1])
         first, fitted = out.first[row], code[k] % AROUND >= FITTED
         straight = _is_straight(slave) and _is_straight(master)
         flat = straight and len(H) == 0 and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0

@@ -12,19 +12,17 @@ from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.surface.clip import clip
-from lacmesh.surface.front import advance
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, coefficients
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
-from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Sides, pair_rule
+from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates
 from lacmesh.topology.skin import MAX_CORNERS
 
 NORMALS = ("facet", "smoothed")
-SEARCHES = ("tree", "front")
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against the extent of what is there
 _BEYOND = 1e-9
 
@@ -67,7 +65,6 @@ def contact_points(
     crease_angle: float | None = None,
     search_distance: float | None = None,
     max_penetration: float | None = None,
-    search: str = "tree",
     axisymmetric: bool = False,
     degree: int = 0,
 ) -> ContactPoints:
@@ -76,8 +73,7 @@ def contact_points(
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
     negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
     edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
-    takes as one shape). `search`: `tree`, or `front` (advancing front, completed from the
-    tree); both give the same points. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    takes as one shape). `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
@@ -93,7 +89,7 @@ def contact_points(
     >>> points.gap.round(12).tolist(), float(points.weight.sum())
     ([0.1], 1.0)
     """
-    _check(slave, master, normals, search, axisymmetric, search_distance, max_penetration)
+    _check(slave, master, normals, axisymmetric, search_distance, max_penetration)
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
@@ -109,8 +105,6 @@ def contact_points(
     degree = max(degree, *(0 if side.height is None else side.height.degree for side in (slave, master)))
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
     pairs = candidates(s, m, reach)
-    if search == "front":
-        pairs = advance(s, m, pairs, slave.neighbours, master.neighbours)
     if slave.dim == 1:
         points = _on_lines(slave, master, s, m, pairs, reach, H, float(origin[0]) if axisymmetric else None, degree)
     else:
@@ -141,21 +135,19 @@ def _check(
     slave: Surface,
     master: Surface,
     normals: str,
-    search: str,
     axisymmetric: bool,
     distance: float | None,
     penetration: float | None,
 ) -> None:
-    for name, value, allowed in (("normals", normals, NORMALS), ("search", search, SEARCHES)):
-        if value not in allowed:
-            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
+    if normals not in NORMALS:
+        raise RequestError(f"normals is one of {', '.join(NORMALS)}, not {normals!r}")
     for name, length in (("search_distance", distance), ("max_penetration", penetration)):
         if length is not None and not length >= 0:
             raise RequestError(f"{name} is a length, 0 or more, not {length}")
     if slave.dim != master.dim:
         raise RequestError(f"the slave's faces have dimension {slave.dim}, the master's {master.dim}: they do not meet")
     if axisymmetric and slave.dim != 1:
-        raise RequestError("an axisymmetric model is plane: its surfaces are made of segments")
+        raise RequestError("an axisymmetric model is plane: its surfaces are placed of segments")
     if axisymmetric:
         _check_radii(slave, master)
 
@@ -194,8 +186,8 @@ def _diagonals(surface: Surface, group: Ints) -> Floats:
     x = surface.x[nodes]
     for out, corners in zip(ends, (x, -x), strict=True):
         np.maximum.at(out, group[rows], np.where(there[..., None], corners, -np.inf).max(axis=1))
-    found = norm(ends[0] + ends[1])
-    return found[np.isfinite(found)]
+    length = norm(ends[0] + ends[1])
+    return length[np.isfinite(length)]
 
 
 def reaches(
@@ -250,16 +242,11 @@ def _on_faces(
         degree,
     )
     order, groups = _groups(slave, master, fs, fm, code)
-    functions = N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]
+    functions = np.stack([N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]], axis=1)
     bend = np.maximum(s.warp, turned)[fs]
-    made = place(pieces, order, code, s, m, functions, bend, np.empty((0, 9, 3)) if H is None else H)
-    groups[:, 3:] = made.first[groups[:, 3:]]
-    rows = fs[made.piece]
-    points = ContactPoints(
-        rows, rows, fm[made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, made.gap,
-        groups,
-    )  # fmt: skip
-    return points if made.met.all() else _only(points, made.met)
+    placed = place(pieces, order, code, s, m, functions, bend, np.empty((0, 9, 3)) if H is None else H)
+    groups[:, 3:] = placed.first[groups[:, 3:]]
+    return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
 
 
 def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
@@ -293,14 +280,20 @@ def _on_lines(
     count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
-    made = place_lines(parts, count[order], s, m, H, radius)
-    groups[:, 3:] = made.first[groups[:, 3:]]
-    rows = fs[order][made.piece]
+    placed = place_lines(parts, count[order], s, m, H, radius)
+    groups[:, 3:] = placed.first[groups[:, 3:]]
+    return _contact_points(fs[order][placed.piece], fm[order][placed.piece], placed, groups, radius is not None)
+
+
+def _contact_points(
+    slave: Ints, master: Ints, placed: Placed, groups: Ints, axisymmetric: bool = False
+) -> ContactPoints:
+    """Contact points of placed points whose ray hits the master; `slave`, `master` (n,): rows of the two surfaces."""
     points = ContactPoints(
-        rows, rows, fm[order][made.piece], made.xi_slave, made.xi_master, made.weight, made.normal, made.gap, made.gap,
-        groups, radius is not None,
+        slave, slave, master, placed.xi_slave, placed.xi_master, placed.weight, placed.normal, placed.gap, placed.gap,
+        groups, axisymmetric,
     )  # fmt: skip
-    return points if made.met.all() else _only(points, made.met)
+    return points if placed.met.all() else _only(points, placed.met)
 
 
 def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:

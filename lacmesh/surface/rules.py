@@ -45,6 +45,22 @@ N_FUNCTIONS = np.array(
 _ALONE, _AMONG_OTHERS = 0.95, 0.8
 
 
+class Placed(NamedTuple):
+    """Points, one per row: piece, coordinates (n, 2) in both faces, weight, unit normal, gap; `met`: ray hits master.
+
+    `first` (pieces + 1,): the first point of each piece, in the order in which they were placed.
+    """
+
+    first: Ints
+    piece: Ints
+    xi_slave: Floats
+    xi_master: Floats
+    weight: Floats
+    normal: Floats
+    gap: Floats
+    met: Bools
+
+
 class Fans(NamedTuple):
     """Rules on the triangles of a fan, one after the other: that of code k is in rows start[k] to start[k + 1].
 

@@ -50,7 +50,6 @@ class Pairing:
     crease_angle: float | None = None
     search_distance: float | None = None
     max_penetration: float | None = None
-    search: str = "tree"
     axisymmetric: bool = False
     thickness: float = 1.0
     measure: str = "reference"
@@ -135,7 +134,7 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved
         deepest = distance
     return contact_points(
         slave, master, macro=_own_macros(zone, share), normals=pairing.normals, crease_angle=pairing.crease_angle,
-        search_distance=distance, max_penetration=deepest, search=pairing.search,
+        search_distance=distance, max_penetration=deepest,
         axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
     )  # fmt: skip
 

@@ -7,7 +7,7 @@ import pytest
 
 from lacmesh import cut_skin
 from lacmesh.cutting.recognition import PLACE
-from lacmesh.cutting.regroup import _candidates, _Plane
+from lacmesh.cutting.regroup import _apart, _candidates, cells_around, find_cones, find_rings, merged
 from lacmesh.topology.faces import distinct_faces
 from tests.meshes import random_mesh
 
@@ -85,11 +85,11 @@ def test_merges_are_those_of_one_chain_at_a_time(seed):
     mesh = cut_skin(mesh, "slave").mesh
     faces, _ = distinct_faces(mesh, mesh.cells_of("slave"))
     pairs, triples, _ = _candidates(mesh, faces, PLACE)
-    plane = _Plane.around(mesh, np.unique(np.concatenate([pairs.nodes.ravel(), triples.nodes.ravel()])))
-    sides, rounds = plane.sides(pairs.nodes), 0
+    near = cells_around(mesh, np.unique(np.concatenate([pairs.nodes.ravel(), triples.nodes.ravel()])))
+    sides, rounds = (near.behind(pairs.nodes) >= 0).sum(axis=1), 0
     while True:
-        cells = [tuple(nodes[nodes >= 0].tolist()) for nodes in plane.nodes]
-        span = list(zip(plane.first.tolist(), plane.last.tolist(), strict=True))
+        cells = [tuple(nodes[nodes >= 0].tolist()) for nodes in near.nodes]
+        span = list(zip(near.first.tolist(), near.last.tolist(), strict=True))
         expected = {
             (k, tuple(gone), parent)
             for k, chain in enumerate(pairs.nodes.tolist())
@@ -99,9 +99,9 @@ def test_merges_are_those_of_one_chain_at_a_time(seed):
             for k, chain in enumerate(triples.nodes.tolist())
             for gone, parent in rings(cells, chain)
         }
-        found = [plane.rings(triples.nodes), *plane.cones(pairs.nodes, sides)]
+        found = [find_rings(near, triples.nodes), *find_cones(near, pairs.nodes, sides)]
         assert merges(found) == expected
         if not expected:
             break
-        plane, rounds = plane.put_together(found)[0], rounds + 1
+        near, rounds = merged(near, _apart(found, len(near.nodes))), rounds + 1
     assert rounds

@@ -258,8 +258,6 @@ def test_of_two_layers_the_nearest_counts_and_coverage_stays_below_one():
     assert np.abs(found.covered / found.area - 1).max() < 1e-11
     x = positions(p, slave, p.slave, p.xi_slave)[:, 0]
     assert np.allclose(p.gap, np.where(x < 0.6, 0.05, 0.1))
-    again = contact_points(slave, whole(both), search="front")
-    assert np.array_equal(again.weight, p.weight)
 
 
 def test_layers_of_lines():
@@ -425,7 +423,6 @@ def test_points_are_sorted_by_types_and_rule_and_macros_are_kept():
     ("options", "error"),
     [
         ({"normals": "nodal"}, RequestError),
-        ({"search": "grid"}, RequestError),
         ({"search_distance": -1.0}, RequestError),
         ({"max_penetration": float("nan")}, RequestError),
         ({"axisymmetric": True}, RequestError),

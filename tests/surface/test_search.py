@@ -1,4 +1,4 @@
-"""Search and clipping: the tree against brute force, the front against the tree, kernels against their plain twins."""
+"""Search and clipping: the tree against brute force, kernels against their plain twins."""
 
 import time
 
@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from lacmesh import Mesh
 from lacmesh.surface import contact_points
 from lacmesh.surface.clip import clip
-from lacmesh.surface.front import advance
 from lacmesh.surface.patches import patches
 from lacmesh.surface.points import reaches
 from lacmesh.surface.polygon import CHORD
@@ -71,28 +70,6 @@ def test_the_tree_finds_what_brute_force_finds():
         rows = all_candidates(s, m, reach) if len(s.n) * len(m.n) < 20000 else None
         for k, row in enumerate(rows or []):
             assert pairs.master[pairs.start[k] : pairs.start[k + 1]].tolist() == row
-
-
-@pytest.mark.fuzz
-def test_front_and_tree_give_the_same_points_on_many_pairs_of_surfaces():
-    count = samples(40, 1000)
-    names = ("macro", "slave", "master", "xi_slave", "xi_master", "weight", "normal", "gap", "groups")
-    empty = 0
-    for seed in range(count):
-        slave, master = random_pair(seed)
-        tree, front = (contact_points(slave, master, search=how) for how in ("tree", "front"))
-        empty += not len(tree)
-        for name in names:
-            assert np.array_equal(getattr(tree, name), getattr(front, name)), (seed, name)
-    assert empty < count / 20
-
-
-def test_the_front_leaves_out_candidates_that_do_not_meet():
-    slave, master = whole(sheet(20, skew=0.2)), whole(sheet(21, kind="TRIA3", down=True, skew=0.2))
-    s, m = patches(slave), patches(master)
-    pairs = candidates(s, m, reaches(slave, master, s, m))
-    kept = advance(s, m, pairs, slave.neighbours, master.neighbours)
-    assert len(kept.master) < 0.9 * len(pairs.master)
 
 
 @pytest.mark.fuzz
