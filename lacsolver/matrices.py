@@ -122,7 +122,7 @@ def read_matrices(path: str | Path) -> tuple[csr_array, dict[str, NDArray]]:
         raise ReadError(path, f"holds no contact matrices ({getattr(error, 'strerror', None) or error})") from None
 
 
-def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> None:
+def write_matrices(path: Path, matrices: ContactMatrices, *, mtx: bool = False) -> None:
     """Write matrices to `path` (.npz): B as `scipy.sparse.load_npz` reads it, the other arrays beside it by name.
 
     `mtx`: write B also to a second file, in Matrix Market's format. Raises WriteError.
@@ -135,11 +135,11 @@ def write_matrices(path: Path, made: ContactMatrices, *, mtx: bool = False) -> N
     ...     len(np.load(path)["G"])
     36
     """
-    B = made.B
+    B = matrices.B
     arrays = {
         "format": np.array(b"csr"), "_is_array": np.array(True),
         "data": B.data, "indices": B.indices, "indptr": B.indptr, "shape": np.array(B.shape),
-        **{name: getattr(made, name) for name in _ARRAYS},
+        **{name: getattr(matrices, name) for name in _ARRAYS},
     }  # fmt: skip
     paths = [path, *([path.with_suffix(".mtx")] if mtx else [])]
     try:

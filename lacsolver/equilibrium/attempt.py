@@ -161,6 +161,6 @@ def _largest_node(space: Space, r: Floats) -> tuple[int, str]:
     if space.share.own is not None:
         size[~space.share.own] = -1.0
     node = int(size.argmax())
-    found = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
-    _, number, *at = found[found[:, 0].argmax()]
+    largest = space.share.gather(np.array([[size[node], space.mesh.node_number[node], *space.mesh.points[node]]]))
+    _, number, *at = largest[largest[:, 0].argmax()]
     return int(number), ", ".join(space.told(np.array(at)))

@@ -159,7 +159,7 @@ def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
     if not len(Bs) == len(Gs) == len(ws) == len(laws):
         message = f"there are {len(Bs)} matrices B, {len(Gs)} G, {len(ws)} w and {len(laws)} laws"
         raise RequestError(f"{message}; give one of each for every pair")
-    made = []
+    pairs = []
     for k, (one, gap, measure, obeyed) in enumerate(zip(Bs, Gs, ws, laws, strict=True)):
         gap = np.asarray(gap, float)
         if gap.shape != (one.shape[0],):
@@ -167,8 +167,8 @@ def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
         if measure is None and obeyed.yields:
             raise RequestError(f"pair {k}: a law with a compliance needs w, the measure of each row")
         measure = _measures(one) if measure is None else np.asarray(measure, float)
-        made.append(_Pair(one, gap, np.where(measure > 0, measure, 1.0), obeyed))
-    return made
+        pairs.append(_Pair(one, gap, np.where(measure > 0, measure, 1.0), obeyed))
+    return pairs
 
 
 def _measures(B: csr_array) -> NDArray[np.floating]:

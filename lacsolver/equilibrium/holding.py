@@ -37,8 +37,8 @@ def holdings(
         return ()
     loose = _loose(motions, closed, x)
     parts = np.square(felt(closed, loose, x)) if loose else np.empty(0)
-    told = [Held(*one, float(part)) for one, part in zip(_moved(loose, u, x), parts, strict=True)]
-    return (*told, *(Held(*one) for one in _moved(motions, u, x)))
+    loosely = [Held(*one, float(part)) for one, part in zip(_moved(loose, u, x), parts, strict=True)]
+    return (*loosely, *(Held(*one) for one in _moved(motions, u, x)))
 
 
 def _loose(motions: Sequence[FreeMotion], closed: csr_array, x: Floats | None) -> Sequence[FreeMotion]:
@@ -67,11 +67,11 @@ def warnings_of(held: Sequence[Held], prescribed: float) -> Iterator[str]:
 
     `prescribed`: largest prescribed displacement, by which a body may move in addition.
     """
-    told: set[str] = set()
+    described: set[str] = set()
     for one in held:
         far = one.moved > one.size + prescribed
-        if one.words not in told and (far or one.part < HARDLY):
-            told.add(one.words)
+        if one.words not in described and (far or one.part < HARDLY):
+            described.add(one.words)
             went = f"{one.words} by {one.moved:.4g}"
             went += f", farther than it is long ({one.size:.4g})" if far else ""
             advice = "hold it by a displacement or a spring, or look where its load takes it"

@@ -74,9 +74,9 @@ class KeptColumns:
             self._at[:] = -1
         if len(new):
             B = self.rows.B
-            made = [B @ self.K.solve(B[[row]].toarray().ravel()) for row in new]
+            columns = [B @ self.K.solve(B[[row]].toarray().ravel()) for row in new]
             self._at[new] = len(self._values) + np.arange(len(new))
-            self._values = np.concatenate([self._values, made])
+            self._values = np.concatenate([self._values, columns])
         return self._values[self._at[rows]].T
 
     def solved(self, active: Bools, S: Floats) -> _Solved:
@@ -136,12 +136,12 @@ def start_from_columns(
     if not count and _fulfilled(contact, active, p, start.q, tolerance):
         return start
     try:
-        found = _closed_rows(kept, f, contact, (p, active), tolerance.threshold(base))
+        solution = _closed_rows(kept, f, contact, (p, active), tolerance.threshold(base))
     except LinAlgError:
-        found = None
-    if found is None:
+        solution = None
+    if solution is None:
         return start
-    then, a, active = found
+    then, a, active = solution
     change = rows.B_T @ (then - p)
     q = base - K.solve(change) if change.any() else base
     return Iterate(q + K.R @ a, then, active)

@@ -75,8 +75,8 @@ class ReducedProblem:
         T, solver = same_entries(now.constraints.T, then.constraints.T), now.case.solver == then.case.solver
         if not (T and solver and self.linear == before.linear):
             return
-        found = ("K", "K_q", "motions", "stabilization", "factors", "_whole")
-        self.__dict__.update({name: before.__dict__[name] for name in found if name in before.__dict__})
+        names = ("K", "K_q", "motions", "stabilization", "factors", "_whole")
+        self.__dict__.update({name: before.__dict__[name] for name in names if name in before.__dict__})
         self._reference = before._reference
         if len(pairs) == len(then.joints) and now.case.steps == then.case.steps:
             self._columns = before._columns
@@ -232,8 +232,8 @@ class ReducedProblem:
         B = csr_array(vstack([csr_array((0, self.problem.space.n_dof)), *(face.B for face in interfaces)]))
         free = still_free(csr_array(B[np.flatnonzero(paired)]), self.motions)
         if free:
-            said = "; ".join(describe(motion) for motion in free)
-            raise DataError(f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact")
+            motions = "; ".join(describe(motion) for motion in free)
+            raise DataError(f"nothing holds a part of the model: {motions}; add a displacement, a spring or a contact")
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""

@@ -64,11 +64,11 @@ def start_of_motion(
     a = T @ _accelerations(model, inertia.reduced(inertia.M, q, t), left) + b
     whole = kinetic(inertia, v), strain(step, q, internal)
     pushes = step.zone_forces(q, p)
-    made = MotionState(
+    motion = MotionState(
         v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole), 0.0, 0.0, 0.0]),
         *momentum(inertia, inertia.places(q, t), v), np.zeros_like(pushes), np.stack([pushes, pushes], axis=1),
     )  # fmt: skip
-    histories = state.histories._replace(scheme=made._asdict())
+    histories = state.histories._replace(scheme=motion._asdict())
     return StepState(t, Iterate(q, p, active), None, np.inf, histories)
 
 

@@ -75,22 +75,22 @@ class MedSeries:
 
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
-        told = list(_fields(fields, self._part, self._space))
-        names = _names(self._path, [field.name for field in told])
+        series = list(_fields(fields, self._part, self._space))
+        names = _names(self._path, [field.name for field in series])
         if not self._path.exists():
             write(self._path, self._part.mesh)
         with changing(self._path) as root:
-            for name, field in zip(names, told, strict=True):
+            for name, field in zip(names, series, strict=True):
                 home = _home(root, name, self._name, field)
                 _add_time(root, home, field, fields.time, number)
 
 
 def _names(path: Path, names: Iterable[str]) -> list[str]:
     """Return the names of fields in the file, adapted to MED. Raises WriteError for a name that is too long."""
-    made: list[str] = []
+    titles: list[str] = []
     for name in names:
-        made.append(title(path, name, "field", [], made))
-    return made
+        titles.append(title(path, name, "field", [], titles))
+    return titles
 
 
 def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:

@@ -62,9 +62,9 @@ def read_modes(folder: Path) -> dict[str, Any]:
     """Return the content of modes.json. Raises ReadError."""
     path = folder / MODES
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(told, dict) and isinstance(told["rigid"], int) and isinstance(told["frequencies"], list):
-            return told
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(content, dict) and isinstance(content["rigid"], int) and isinstance(content["frequencies"], list):
+            return content
         reason = "it holds something else"
     except (OSError, ValueError, KeyError, RecursionError) as error:
         reason = getattr(error, "strerror", None) or str(error)

@@ -45,28 +45,28 @@ def mode_file(number: int) -> str:
 
 def modes_in(folder: Path) -> list[Path]:
     """Return the files of natural modes in a folder. Raises OSError."""
-    found = [path for path in (folder / MODES, folder / MODES_PVD) if path.exists()]
-    return [*found, *sorted((folder / FIELDS).glob("mode_[0-9][0-9][0-9][0-9]*.vtu"))]
+    files = [path for path in (folder / MODES, folder / MODES_PVD) if path.exists()]
+    return [*files, *sorted((folder / FIELDS).glob("mode_[0-9][0-9][0-9][0-9]*.vtu"))]
 
 
 def number_of(path: Path) -> int | None:
     """Return the number of steps in the name of a state or VTU file; None for any other file."""
-    found = _STATE.fullmatch(path.name) or _VTU.fullmatch(path.name)
-    return int(found[1]) if found else None
+    match = _STATE.fullmatch(path.name) or _VTU.fullmatch(path.name)
+    return int(match[1]) if match else None
 
 
 def states_in(folder: Path) -> list[Path]:
     """Return the files of states in a folder, first to last. Raises OSError."""
-    found = [path for path in folder.iterdir() if _STATE.fullmatch(path.name)]
-    return sorted(found, key=lambda path: number_of(path) or 0)
+    states = [path for path in folder.iterdir() if _STATE.fullmatch(path.name)]
+    return sorted(states, key=lambda path: number_of(path) or 0)
 
 
 def results_in(folder: Path) -> list[Path]:
     """Return the files in a folder that have the names of a run's results. Raises OSError."""
-    found = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
+    files = [path for path in folder.iterdir() if _OURS.fullmatch(path.name)]
     for inside in _inside(folder):
-        found += [path for path in inside.iterdir() if _OURS.fullmatch(path.name) or _VTU.fullmatch(path.name)]
-    return sorted(found)
+        files += [path for path in inside.iterdir() if _OURS.fullmatch(path.name) or _VTU.fullmatch(path.name)]
+    return sorted(files)
 
 
 def collections_in(folder: Path) -> list[Path]:

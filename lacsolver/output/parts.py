@@ -54,10 +54,10 @@ def body(space: Space) -> Part:
             rows.append(_Rows(kind, nodes[bare], index[bare]))
     if space.share.own is None:
         return _part(mesh, rows)
-    cells, made = np.zeros(mesh.n_cells, bool), _part(mesh, rows, all_groups=True)
-    cells[made.cells] = True
+    cells, part = np.zeros(mesh.n_cells, bool), _part(mesh, rows, all_groups=True)
+    cells[part.cells] = True
     some = {name for name, ids in mesh.cell_groups.items() if space.share.total(np.array(int(cells[ids].sum())))}
-    return made._replace(mesh=replace(made.mesh, cell_groups={k: made.mesh.cell_groups[k] for k in sorted(some)}))
+    return part._replace(mesh=replace(part.mesh, cell_groups={k: part.mesh.cell_groups[k] for k in sorted(some)}))
 
 
 def skin(mesh: Mesh, surface: Surface) -> Part:
@@ -82,7 +82,7 @@ def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False, all_groups
     nodes = np.flatnonzero(used)
     place = np.cumsum(used) - 1
     cells = np.concatenate([np.empty(0, np.int64), *(r.cells for r in rows)])
-    made = Mesh.create(
+    restricted = Mesh.create(
         mesh.points[nodes],
         [(r.type, place[r.nodes]) for r in rows],
         space_dim=mesh.space_dim,
@@ -95,7 +95,7 @@ def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False, all_groups
         zones=mesh.zones,
         name=mesh.name,
     )
-    return Part(made, nodes, cells)
+    return Part(restricted, nodes, cells)
 
 
 def _storable(rows: list[_Rows]) -> list[_Rows]:
@@ -117,12 +117,12 @@ def _groups(groups: Mapping[str, Ints], members: Ints, size: int, empty: bool = 
     """Return the groups restricted to some members of the whole, as indices into these; `empty` ones too, or not."""
     place = np.full(size, -1)
     place[members] = np.arange(len(members))
-    told = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
-    return {name: np.sort(ids) for name, ids in told.items() if len(ids) or empty}
+    members_of = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
+    return {name: np.sort(ids) for name, ids in members_of.items() if len(ids) or empty}
 
 
 def on_faces(values: NDArray, macro: Ints, missing: float) -> NDArray:
     """Return values of macro-elements (n, ...) on their faces (n_faces, ...), `missing` for faces of none."""
-    told = np.full((len(macro), *values.shape[1:]), missing, values.dtype)
-    told[macro >= 0] = values[macro[macro >= 0]]
-    return told
+    out = np.full((len(macro), *values.shape[1:]), missing, values.dtype)
+    out[macro >= 0] = values[macro[macro >= 0]]
+    return out

@@ -121,10 +121,10 @@ def read_state(
     path = paths[-1] if from_time is None else _at(folder, paths, from_time)
     with _damage_in(path, _others(folder, paths, path)), _opened(path) as file:
         about = _about(path, file)
-        found = _restart(file if large else _Light(file), about, folder)
+        state = _restart(file if large else _Light(file), about, folder)
     if large:
-        check_same(found, case, mesh_of(case, mesh))
-    return found
+        check_same(state, case, mesh_of(case, mesh))
+    return state
 
 
 def scatter_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> Restart:
@@ -238,11 +238,11 @@ def _about(path: Path, file: Mapping[str, NDArray]) -> dict[str, Any]:
 def _at(folder: Path, paths: list[Path], time: float) -> Path:
     """Return the file of the state at a time. Raises RequestError."""
     times = {path: _time(path) for path in paths}
-    found = [path for path, there in times.items() if there is not None and same_time(there, time)]
-    if not found:
+    matching = [path for path, there in times.items() if there is not None and same_time(there, time)]
+    if not matching:
         known = ", ".join(f"{there:.9g}" for there in times.values() if there is not None) or "none that can be read"
         raise RequestError(f"{folder} holds no state at t = {time:.9g}; there are: {known}")
-    return found[-1]
+    return matching[-1]
 
 
 def _time(path: Path) -> float | None:

@@ -125,10 +125,10 @@ def _columns(vectors: Floats, z: float) -> list[NDArray]:
 
 def _blank(values: NDArray) -> list[Any]:
     """Return values for csv, None where they are not finite."""
-    told: list[Any] = values.tolist()
+    plain: list[Any] = values.tolist()
     for k in np.flatnonzero(~np.isfinite(values)):
-        told[k] = None
-    return told
+        plain[k] = None
+    return plain
 
 
 def _plain(value: float | None) -> float | None:

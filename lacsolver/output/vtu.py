@@ -52,8 +52,8 @@ class VtuSeries:
         if self._space.share.rank > 0:  # the first process has all of the skins
             return
         for zone, stem in contact_stems(fields.zones).items():
-            told = fields.zones[zone]
-            self._add(stem, self._part(stem, told), _nodal(told, fields), _by_face(told), fields.time, number)
+            of_zone = fields.zones[zone]
+            self._add(stem, self._part(stem, of_zone), _nodal(of_zone, fields), _by_face(of_zone), fields.time, number)
 
     def _part(self, stem: str, zone: ZoneFields | None) -> Part:
         if stem not in self._parts:

@@ -71,13 +71,13 @@ def load(
 
 def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | None:
     """Return df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None without follower loads."""
-    made = None
+    tangent = None
     for pressure in case.pressure:
         if pressure.follower:
             cells, value = space.mesh.cells_of(pressure.group), at_points(space, pressure.value)
             own = loads.pressure_tangent(space, cells, value, t, x=space.places(u))
-            made = own if made is None else csr_array(made + own)
-    return made
+            tangent = own if tangent is None else csr_array(tangent + own)
+    return tangent
 
 
 def _force(space: Space, force: Force, t: float) -> NDArray[np.floating]:
@@ -122,13 +122,13 @@ def _nodes_before_cut(space: Space, record: Force | Spring) -> Ints:
 
 def springs(space: Space, case: Case) -> csr_array | None:
     """Return the stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
-    made = None
+    stiffness_matrix = None
     moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
     for spring in case.spring:
         stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
         own = loads.springs(space, _nodes_before_cut(space, spring), stiffness, moved=moved)
-        made = own if made is None else csr_array(made + own)
-    return made
+        stiffness_matrix = own if stiffness_matrix is None else csr_array(stiffness_matrix + own)
+    return stiffness_matrix
 
 
 def temperature(space: Space, materials: Materials, case: Case) -> TemperatureField | None:
@@ -164,7 +164,7 @@ def _traction(space: Space, record: Traction) -> loads.TractionField:
 
     def traction(x: Floats, n: Floats, t: float) -> NDArray[np.floating]:
         at, normals = x[:, : space.dim], n[:, : space.dim]
-        told = [np.zeros(len(x)) if value is None else value(at, t, normals=normals) for value in values]
-        return np.stack(told, axis=1)
+        components = [np.zeros(len(x)) if value is None else value(at, t, normals=normals) for value in values]
+        return np.stack(components, axis=1)
 
     return traction

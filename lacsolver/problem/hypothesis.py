@@ -70,13 +70,13 @@ def check_hypothesis(
     if free.all() and not _suspect(pair, space, constraints, materials):
         return
     face = _facing(pair, space, case.steps.planned[0])
-    found = judged(pair, face, space, constraints, materials)
-    if not found.determined:
-        raise wrong(pair.record, _refusal(pair, found, space, constraints))
-    stiff = found.ratio >= STIFFER
+    judgement = judged(pair, face, space, constraints, materials)
+    if not judgement.determined:
+        raise wrong(pair.record, _refusal(pair, judgement, space, constraints))
+    stiff = judgement.ratio >= STIFFER
     if finer(pair, face, stiff, constraints):
         record = pair.record
-        times = float(np.median(found.ratio[stiff]))
+        times = float(np.median(judgement.ratio[stiff]))
         message = f"{record.SECTION.name} {record.name!r}: slave {record.slave!r} is stiffer than master "
         message += f"{record.master!r} and has finer faces ({times:.3g} times its modulus over size, and more "
         message += "macro-elements than the master has nodes in front of them): pressures may alternate"
@@ -225,14 +225,14 @@ def _facing(pair: ContactPair, space: Space, t: float) -> Interface:
     )  # fmt: skip
 
 
-def _refusal(pair: ContactPair, found: Judgement, space: Space, constraints: Constraints) -> str:
+def _refusal(pair: ContactPair, judgement: Judgement, space: Space, constraints: Constraints) -> str:
     """Return the message for a pair with pressures that nothing determines."""
     zone, record = pair.zone, pair.record
     owner = internal_nodes(zone, space.mesh.n_nodes)
-    without = np.flatnonzero(np.isin(owner, np.flatnonzero(found.lacking)))
+    without = np.flatnonzero(np.isin(owner, np.flatnonzero(judgement.lacking)))
     moved = [body.name for body in constraints.rigid if np.isin(without, body.nodes).any()]
     why = f"rigid body {moved[0]!r} moves them" if moved else "their displacement is prescribed"
-    message = f"{int(found.lacking.sum()):,} of {zone.n_macros:,} macro-elements of slave {record.slave!r} have no "
-    message += f"internal dof that is free, for {why}, and master {record.master!r} has only {found.nodes:,} free "
+    message = f"{int(judgement.lacking.sum()):,} of {zone.n_macros:,} macro-elements of slave {record.slave!r} have no "
+    message += f"internal dof that is free, for {why}, and master {record.master!r} has only {judgement.nodes:,} free "
     message += "nodes in front of them, which do not determine as many pressures"
     return f"{message}; exchange slave and master, or refine the master"

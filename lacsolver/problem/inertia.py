@@ -60,9 +60,9 @@ class Inertia:
         points = tuple(_points(space, body) for body in constraints.rigid if body.record.mass)
         own = [_point_mass(body, space.dim) for body in points]
         M = csr_array(block_diag([_redistributed(space, plain, massless), *own], format="csr"))
-        made = cls(space, constraints, M, plain, massless, points, finite)
-        made._check_rigid()
-        return made
+        inertia = cls(space, constraints, M, plain, massless, points, finite)
+        inertia._check_rigid()
+        return inertia
 
     def places(self, q: Floats, t: float) -> NDArray[np.floating]:
         """Return w (n_w,), the displacements of nodes and points at unknowns q (n_q,) and time t."""
@@ -81,11 +81,12 @@ class Inertia:
     @cached_property
     def turning(self) -> tuple[tuple[RigidBody, Ints], ...]:
         """Bodies, and points of bodies, that turn by finite rotations, with their places in w."""
-        made, first = [(body, self.space.dofs(body.nodes).ravel()) for body in self.constraints.rigid], self.space.n_dof
+        first = self.space.n_dof
+        turned = [(body, self.space.dofs(body.nodes).ravel()) for body in self.constraints.rigid]
         for body in self.points:
-            made.append((body, first + np.arange(len(body.moment_arm))))
+            turned.append((body, first + np.arange(len(body.moment_arm))))
             first += len(body.moment_arm)
-        return tuple((body, at) for body, at in made if body.turns)
+        return tuple((body, at) for body, at in turned if body.turns)
 
     @cached_property
     def massless_dofs(self) -> Ints:
@@ -97,8 +98,8 @@ class Inertia:
         c, n, T = self.constraints, self.space.n_dof, self.tangent(q, t)
         if not self.points:
             return c.reduced(S, T)
-        made = c.reduced(csr_array(S[:n, :n]), csr_array(T[:n]))
-        return made if self.space.share.rank else csr_array(made + T[n:].T @ S[n:, n:] @ T[n:])
+        S_q = c.reduced(csr_array(S[:n, :n]), csr_array(T[:n]))
+        return S_q if self.space.share.rank else csr_array(S_q + T[n:].T @ S[n:, n:] @ T[n:])
 
     def on_unknowns(self, f: Floats, q: Floats, t: float) -> NDArray[np.floating]:
         """Return T_w^T f (n_q,) of forces f (n_w,)."""

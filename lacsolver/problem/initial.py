@@ -35,12 +35,12 @@ def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
     Several processes have them at all their nodes.
     """
     shape = space.mesh.n_nodes, space.dim
-    made = Given(np.zeros(shape), np.full(shape, -1)), Given(np.zeros(shape), np.full(shape, -1))
+    given = Given(np.zeros(shape), np.full(shape, -1)), Given(np.zeros(shape), np.full(shape, -1))
     for number, record in enumerate(case.initial):
         nodes = _nodes(space, record)
         x = space.mesh.points[nodes, : space.dim]
         turned = _turned(space, record, nodes, t)
-        for field, letter, more in zip(made, "uv", (None, turned), strict=True):
+        for field, letter, more in zip(given, "uv", (None, turned), strict=True):
             for k, axis in enumerate("xyz"[: space.dim]):
                 value = getattr(record, letter + axis)
                 if value is None and more is None:
@@ -50,7 +50,7 @@ def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
                 field.record[nodes, k] = number
     displacements, velocities = (
         Given(space.share.update(values), space.share.update(record.astype(float)).astype(np.int64))
-        for values, record in made
+        for values, record in given
     )
     return displacements, velocities
 

@@ -25,8 +25,8 @@ def law_of(material: Material) -> Law:
     """
     if material.law in MATERIAL_LAWS:
         density = {"density": material.density} if material.density else {}
-        made: Law = _added(MATERIAL_LAWS[material.law], material.law, {**(material.constants or {}), **density})
-        return made
+        added: Law = _added(MATERIAL_LAWS[material.law], material.law, {**(material.constants or {}), **density})
+        return added
     given = {name: getattr(material, name) for name in ("young", "poisson", "density", "expansion")}
     given["reference_temperature"] = material.reference_temperature
     if material.law in _ISOTROPIC:
@@ -42,11 +42,11 @@ def contact_law_of(record: Contact | Tie) -> ContactLaw:
     if isinstance(record, Tie):
         return Tied()
     if record.type in CONTACT_LAWS:
-        made: ContactLaw = _added(CONTACT_LAWS[record.type], record.type, record.constants or {})
-        missing = [name for name in vars(ContactLaw) if not name.startswith("_") and not hasattr(made, name)]
+        added: ContactLaw = _added(CONTACT_LAWS[record.type], record.type, record.constants or {})
+        missing = [name for name in vars(ContactLaw) if not name.startswith("_") and not hasattr(added, name)]
         if missing:
             raise DataError(f"the contact law {record.type!r} lacks {', '.join(missing)}; see lacsolver.contact.laws")
-        return made
+        return added
     compliance = 0.0 if record.stiffness is None else 1 / record.stiffness
     return (Bilateral if record.type == "bilateral" else Unilateral)(compliance)
 

@@ -78,8 +78,8 @@ def pressure_tangent(
         rows.append(np.broadcast_to(dofs[:, :, :, None, None], K.shape).ravel())
         columns.append(np.broadcast_to(dofs[:, None, None], K.shape).ravel())
         values.append(K.ravel())
-    made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return coo_array(made, shape=(space.n_dof, space.n_dof)).tocsr()
+    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+    return coo_array(entries, shape=(space.n_dof, space.n_dof)).tocsr()
 
 
 def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:

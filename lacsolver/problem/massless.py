@@ -53,7 +53,7 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     held[rigid] = True
     attached = space.agreed(space.attached)
     movable, levels = attached & ~space.agreed(held), _levels(space, zones)
-    wanted, told, of_node = levels[choice] & movable, [], bodies(space)
+    wanted, sentences, of_node = levels[choice] & movable, [], bodies(space)
     for fallback, words in (("slave", "all but its master skins"), ("internal", "its internal nodes alone")):
         if choice in (fallback, "internal", "none"):
             continue
@@ -63,11 +63,13 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
             there = np.isin(of_node, short)
             wanted = np.where(there, levels[fallback] & movable, wanted)
             names = body_names(space, of_node)
-            told += [f"{names[body]} is too thin for massless skins: {words} are massless, if any" for body in short]
+            sentences += [
+                f"{names[body]} is too thin for massless skins: {words} are massless, if any" for body in short
+            ]
     wanted &= _reached(space, adjacent, attached & ~wanted)
     own = wanted if space.share.own is None else wanted & space.share.own
     around = space.share.add_matrices(csr_array(diags_array(own.astype(float)) @ adjacent), (True, True))
-    return Massless(wanted, _velocities(space, around, wanted, linear=choice == "internal"), tuple(told))
+    return Massless(wanted, _velocities(space, around, wanted, linear=choice == "internal"), tuple(sentences))
 
 
 def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:

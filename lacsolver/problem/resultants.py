@@ -53,10 +53,10 @@ def resultants(
 
     `u`, `weight`: as for `acting.load`. Springs, supports and forces on rigid bodies are no loads here.
     """
-    found = []
+    out = []
     for record, alone in each_load(replace(case, temperature=())):
         f = space.own(acting.load(space, materials, alone, t, u=u, weight=weight))
         sums = space.share.total(np.stack([f.sum(axis=0), np.abs(f).sum(axis=0)]))
         force = np.where(np.abs(sums[0]) > _ROUNDING * sums[1].max(), sums[0], 0.0)
-        found.append(Resultant(record.SECTION.name, where_of(record), tuple(force.tolist())))
-    return tuple(found)
+        out.append(Resultant(record.SECTION.name, where_of(record), tuple(force.tolist())))
+    return tuple(out)

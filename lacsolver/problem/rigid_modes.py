@@ -88,15 +88,15 @@ def free_motions(space: Space, constraints: Constraints, springs: csr_array | No
     """
     frame = _frame(space, constraints)
     rows = _rows(space, constraints, frame, springs)
-    found: list[FreeMotion] = []
+    motions: list[FreeMotion] = []
     for blocks, columns, basis in _null_spaces(rows, frame.block, _STOPPED):
         amplitudes = np.zeros((len(basis), len(frame.block)))
         amplitudes[:, columns] = basis
         twists = np.stack([amplitudes[:, frame.block == b] @ frame.twists[frame.block == b] for b in blocks], axis=1)
         moving = [k for k, b in enumerate(blocks) if b < frame.n_connected or len(frame.bodies[b].nodes)]
         if moving:
-            found += plain_motions(space, [frame.bodies[blocks[k]] for k in moving], twists[:, moving])
-    return tuple(found)
+            motions += plain_motions(space, [frame.bodies[blocks[k]] for k in moving], twists[:, moving])
+    return tuple(motions)
 
 
 def still_free(

@@ -44,19 +44,19 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
     if not any(record.surfaces for record in records):
         return case
     taken = {record.slave for record in records if not record.surfaces}
-    made: list[Contact | Tie] = []
+    records_with_roles: list[Contact | Tie] = []
     for record in records:
         one = _chosen(case, mesh, record, taken) if record.surfaces else record
         taken.add(one.slave)
-        made.append(one)
-    names = [record.name for record in made]
-    for record in made:
+        records_with_roles.append(one)
+    names = [record.name for record in records_with_roles]
+    for record in records_with_roles:
         if record.why and names.count(record.name) > 1:
             raise wrong(
                 record, f"its name by default is that of its slave, {record.name!r}, which another has; name it"
             )
-    contacts = tuple(one for one in made if isinstance(one, Contact))
-    ties = tuple(one for one in made if isinstance(one, Tie))
+    contacts = tuple(one for one in records_with_roles if isinstance(one, Contact))
+    ties = tuple(one for one in records_with_roles if isinstance(one, Tie))
     return case.altered(contact=contacts, tie=ties)
 
 
@@ -136,8 +136,8 @@ class _Side:
     def covered_by(self, other: _Side) -> float:
         """The part of the area that faces the other surface."""
         met = contact_points(self.skin, other.skin, search_distance=self._record.search_distance)
-        found = coverage(met, self.skin)
-        return float(found.covered.sum() / found.area.sum())
+        covered = coverage(met, self.skin)
+        return float(covered.covered.sum() / covered.area.sum())
 
     @property
     def size(self) -> float:

@@ -32,8 +32,8 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
         if max(part, within) <= _ALTERNATE:
             continue
         face = joint.integrate(problem.space, state.u, state.time)
-        found = judged(joint, face, problem.space, problem.constraints, problem.materials)
-        poor = finer(joint, face, found.lacking | (found.ratio >= ALTERNATING), problem.constraints)
+        judgement = judged(joint, face, problem.space, problem.constraints, problem.materials)
+        poor = finer(joint, face, judgement.lacking | (judgement.ratio >= ALTERNATING), problem.constraints)
         record = joint.record
         message = f"pressures of {record.SECTION.name} {joint.name!r} alternate: they differ by "
         if poor:

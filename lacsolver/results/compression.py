@@ -36,10 +36,10 @@ def most_compressed(problem: Problem, state: State) -> NDArray[np.floating]:
         return out
     theta = body.stretches(state.time)
     most = WARNED * max([1.0, *(part.max(initial=0.0) for part in theta or ())])
-    found = evaluated(
+    stretches = evaluated(
         space, materials, state.u, lambda P, F, w: _least(F, most), stretches=theta, threads=problem.threads
     )
-    for number, (block, stretch) in enumerate(zip(space.blocks, found, strict=True)):
+    for number, (block, stretch) in enumerate(zip(space.blocks, stretches, strict=True)):
         elastic = stretch if theta is None else stretch / theta[number]
         for k in np.flatnonzero(softens):
             cells = np.flatnonzero((materials.law[number] == k) & space.own_cells(block))

@@ -112,8 +112,8 @@ def balance(zones: Iterable[tuple[Floats, Floats]]) -> tuple[float, float]:
     the sum of magnitude times distance. In axisymmetry they are taken in the plane too: the forces on both skins are
     those of the slave's circle.
     """
-    found = [_balance(force, x) for force, x in zones]
-    return max((f for f, _ in found), default=0.0), max((m for _, m in found), default=0.0)
+    errors = [_balance(force, x) for force, x in zones]
+    return max((f for f, _ in errors), default=0.0), max((m for _, m in errors), default=0.0)
 
 
 def _balance(force: Floats, x: Floats) -> tuple[float, float]:
@@ -140,10 +140,10 @@ def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tupl
         np.concatenate([-low[cells].min(axis=0, initial=np.inf), high[cells].max(axis=0, initial=-np.inf)])
         for cells in groups.values()
     ]
-    found = space.share.gather(np.array(ends)[None]).max(axis=0)
+    largest = space.share.gather(np.array(ends)[None]).max(axis=0)
     return {
         name: {c: (float(-end[k]), float(end[n + k])) for k, c in enumerate(COMPONENTS[:n])}
-        for name, end in zip(groups, found, strict=True)
+        for name, end in zip(groups, largest, strict=True)
         if end[n] > -np.inf
     }
 

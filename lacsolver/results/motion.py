@@ -78,10 +78,10 @@ def doubtful_energy(times: Sequence[float], energies: Floats, rigid: bool) -> st
     if not len(times):
         return None
     largest = max(energies[:, :2].sum(axis=1).max(), energies[:, 2].max())  # external has that at the start
-    made, taken = -energies[:, 4:].sum(axis=1), energies[:, 4]
-    last, most = int(made.argmax()), int(taken.argmax())
-    if made[last] > _MADE * largest:
-        share = f"{made[last] / largest:.0%} of the largest energy out of nothing by time {times[last]:.6g}"
+    gained, taken = -energies[:, 4:].sum(axis=1), energies[:, 4]
+    last, most = int(gained.argmax()), int(taken.argmax())
+    if gained[last] > _MADE * largest:
+        share = f"{gained[last] / largest:.0%} of the largest energy out of nothing by time {times[last]:.6g}"
         return f"contact and the time scheme have made {share}"
     if rigid and taken[most] > _TAKEN * largest:
         share = f"{taken[most] / largest:.0%} of the largest energy by time {times[most]:.6g}"

@@ -24,9 +24,9 @@ def with_held(K: bsr_array, free: Ints, own: NDArray[np.bool_] | None = None) ->
     wanted, free_node = np.ones(len(on), bool) if own is None else own, np.asarray(on.any(axis=1))
     rows = wanted & free_node
     size = int((np.repeat(rows, np.diff(K.indptr)) & free_node[K.indices]).sum() + (wanted & ~free_node).sum())
-    made = np.empty((size, b, b)), np.empty(size, K.indices.dtype), np.zeros_like(K.indptr)
-    _copy_held(K.indptr, K.indices, K.data, on, wanted, mean, *made)
-    return bsr_array(made, shape=K.shape)
+    blocks = np.empty((size, b, b)), np.empty(size, K.indices.dtype), np.zeros_like(K.indptr)
+    _copy_held(K.indptr, K.indices, K.data, on, wanted, mean, *blocks)
+    return bsr_array(blocks, shape=K.shape)
 
 
 @kernel
