@@ -18,7 +18,6 @@ from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it
 SUITES = ("quick", "full", "all")
-Suite = Literal["quick", "full", "all"]
 #: how a value is held against `expected`: within `tolerance` of it, at least or at most that, or for information
 Bound = Literal["equal", "at least", "at most", "informative"]
 
@@ -110,18 +109,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Outcome:
-    """All that a case yields."""
+    """All that a case yields. `failure`: the reason, in a sentence, why there is nothing."""
 
-    results: tuple[Result, ...]
+    results: tuple[Result, ...] = ()
     plots: tuple[Plot, ...] = ()
     pictures: tuple[Picture, ...] = field(default=(), repr=False)
-
-
-@dataclass(frozen=True)
-class Failure:
-    """The reason, in a sentence, why a case has no outcome."""
-
-    message: str
+    failure: str = ""
 
 
 def equal(

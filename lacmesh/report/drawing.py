@@ -18,6 +18,7 @@ from lacmesh.quality.measures import SCALES, primary_metric
 from lacmesh.quality.statistics import Histogram, Statistics
 from lacmesh.quality.summary import Quality, TypeQuality
 from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.report.histograms import outer, window
 
 _INK, _SOFT, _LINE, _GOOD, _POOR, _BAD = "#1d2733", "#5c6b7a", "#dde3ea", "#2563b8", "#e0982c", "#b3261e"
 #: the measures drawn for a type: the one that ranks it, then the first of each of these that it has
@@ -76,10 +77,9 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
         return
     values = kind.measures[measure]
     h = values.histogram
-    counts = np.array([h.below, *h.counts, h.above])
     at = np.arange(-1, len(h.counts) + 1) + 0.5
     accepted = ACCEPTED.get(kind.type, {}).get(measure)
-    axis.bar(at, counts, width=0.92, color=_colours(measure, h.edges, accepted), zorder=2)
+    axis.bar(at, outer(h), width=0.92, color=_colours(measure, h.edges, accepted), zorder=2)
     ticks = _TICKS[SCALES[measure].kind]
     axis.set_xticks(np.interp(ticks, h.edges, np.arange(len(h.edges))), [f"{t:g}" for t in ticks])
     axis.set_xlim(*_limits(measure, h))
@@ -87,14 +87,9 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
 
 
 def _limits(measure: str, h: Histogram) -> tuple[float, float]:
-    """Limits of the bins that are shown: for a ratio or an angle the part in use, for other measures all."""
-    last = len(h.counts)
-    used = last if h.above else int(np.flatnonzero(h.counts).max(initial=0)) + 1
-    if SCALES[measure].kind == "ratio":
-        last = max(used, 10)
-    elif SCALES[measure].kind == "angle" and used <= last // 2:
-        last //= 2
-    return -1.2 if h.below else -0.3, last + (1.2 if h.above else 0.3)
+    """Limits of the bins that are shown, with room beside them."""
+    low, high = window(SCALES[measure].kind, [h])
+    return low - 1 - (0.2 if h.below else 0.3), high + (0.2 if h.above else 0.3)
 
 
 def _colours(measure: str, edges: tuple[float, ...], accepted: tuple[float, float] | None) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from typing import NamedTuple
 
@@ -17,10 +17,10 @@ WIDTH, HEIGHT = 340, 168
 _LEFT, _RIGHT, _TOP, _BOTTOM = 40, 10, 8, 34
 _EIGHTHS = " ▏▎▍▌▋▊▉"
 _BAR = 24
-_TICKS = {
-    "unit": ((0, "0"), (0.2, "0.2"), (0.4, "0.4"), (0.6, "0.6"), (0.8, "0.8"), (1, "1")),
-    "ratio": ((1, "1"), (2, "2"), (5, "5"), (10, "10"), (20, "20"), (50, "50"), (100, "100")),
-    "angle": tuple((a, str(a)) for a in range(0, 181, 30)),
+_TICKS: dict[str, Sequence[float]] = {
+    "unit": (0, 0.2, 0.4, 0.6, 0.8, 1),
+    "ratio": (1, 2, 5, 10, 20, 50, 100),
+    "angle": range(0, 181, 30),
 }
 
 
@@ -46,7 +46,7 @@ def svg(chart: Bars) -> str:
     """A chart: the share of the cells in each bin, before and after side by side, as an <svg> element."""
     first = chart.histograms[0]
     words = [word for word, _ in lines(first)]
-    low, high = _window(chart)
+    low, high = window(chart.scale, chart.histograms)
     shares = [_shares(h, low, high) for h in chart.histograms]
     top = _round_up(max(float(s.max(initial=0)) for s in shares))
     bins = len(shares[0])
@@ -70,27 +70,26 @@ def svg(chart: Bars) -> str:
     return f"{start}{''.join(parts)}</svg>"
 
 
-def _outer(h: Histogram) -> np.ndarray:
+def outer(h: Histogram) -> np.ndarray:
     """Counts of all bins, with what lies below the first and above the last."""
     return np.array([h.below, *h.counts, h.above])
 
 
-def _window(chart: Bars) -> tuple[int, int]:
-    """First and last bin to show, of those that `_outer` counts; of ratios and angles only those in use."""
-    histograms = chart.histograms
-    used = np.flatnonzero(np.sum([_outer(h) for h in histograms], axis=0))
+def window(scale: str, histograms: Sequence[Histogram]) -> tuple[int, int]:
+    """First and last bin to show, of those that `outer` counts; of ratios and angles only those in use."""
+    used = np.flatnonzero(np.sum([outer(h) for h in histograms], axis=0))
     last = len(histograms[0].counts) + 1
     low = 0 if len(used) and used[0] == 0 else 1
     high = last if len(used) and used[-1] == last else last - 1
-    if chart.scale == "ratio":
+    if scale == "ratio":
         high = max(int(used.max(initial=1)), 10)
-    elif chart.scale == "angle" and used.max(initial=1) <= (last - 1) // 2:
+    elif scale == "angle" and used.max(initial=1) <= (last - 1) // 2:
         high = (last - 1) // 2
     return low, high
 
 
 def _shares(h: Histogram, low: int, high: int) -> np.ndarray:
-    counts = _outer(h)
+    counts = outer(h)
     return counts[low : high + 1] / max(int(counts.sum()), 1)
 
 
@@ -115,12 +114,12 @@ def _axis(chart: Bars, h: Histogram, low: int, bins: int, width: float, y: float
     """Ticks of the bins, and words under what lies outside them."""
     out = []
     edges = np.array(h.edges)
-    for value, word in _TICKS.get(chart.scale, ((edges[0], f"{edges[0]:.3g}"), (edges[-1], f"{edges[-1]:.3g}"))):
+    for value in _TICKS.get(chart.scale, edges[[0, -1]].tolist()):
         place = float(np.interp(value, edges, np.arange(len(edges)))) + 1 - low
         if 0 <= place <= bins:
             x = _LEFT + place * width
             out.append(f'<line class="notch" x1="{x:.1f}" x2="{x:.1f}" y1="{y:.1f}" y2="{y + 4:.1f}"/>')
-            out.append(f'<text class="tick" x="{x:.1f}" y="{y + 15:.1f}" text-anchor="middle">{word}</text>')
+            out.append(f'<text class="tick" x="{x:.1f}" y="{y + 15:.1f}" text-anchor="middle">{value:.3g}</text>')
     if low == 0:
         out.append(f'<text class="tick" x="{_LEFT + width / 2:.1f}" y="{y + 28:.1f}" text-anchor="middle">below</text>')
     if low + bins > len(h.counts) + 1:

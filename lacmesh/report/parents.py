@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +23,6 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.quality import corner_jacobian
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.statistics import Statistics, statistics
-
-
-class ParentGroup(NamedTuple):
-    """Parents of one type and their children: `nodes` (p, n) of the parents, `children` (p, c) indices of cells."""
-
-    type: str
-    nodes: Ints
-    children: Ints
 
 
 @dataclass(frozen=True)
@@ -73,11 +65,11 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
     for kind, cells, nodes in mesh.select(children):
         quality[cells] = corner_jacobian(kind, mesh.points[nodes])
         valid[cells] = validity_among(kind, mesh.points, nodes).least > 0
-    families = list(parents_of(cut))
-    ranked = [f for f in families if CELLS[f.type].dim > 1]
-    parent = [corner_jacobian(f.type, mesh.points[f.nodes]) for f in ranked]
-    ratios = [_ratio(quality[f.children], q[:, None]).ravel() for f, q in zip(ranked, parent, strict=True)]
-    known = sum(len(f.nodes) for f in families)
+    groups = list(parents_of(cut))
+    ranked = [group for group in groups if CELLS[group[0]].dim > 1]
+    parent = [corner_jacobian(kind, mesh.points[nodes]) for kind, nodes, _ in ranked]
+    ratios = [_ratio(quality[own], q[:, None]).ravel() for (_, _, own), q in zip(ranked, parent, strict=True)]
+    known = sum(len(nodes) for _, nodes, _ in groups)
     return ChildrenQuality(
         children=len(children),
         parents=known,
@@ -99,8 +91,11 @@ def _ratio(child: Floats, parent: Floats) -> Floats:
     return np.divide(child, parent, out=np.full(child.shape, np.nan), where=parent > 0)
 
 
-def parents_of(cut: Cut) -> Iterator[ParentGroup]:
-    """Reconstruct the parents of a cut from their children where possible, type by type."""
+def parents_of(cut: Cut) -> Iterator[tuple[str, Ints, Ints]]:
+    """Reconstruct the parents of a cut from their children where possible, type by type.
+
+    Yields the type, the parents' nodes (p, n), and the indices (p, c) of their children.
+    """
     mesh = cut.mesh
     for kinds, cells in _broods(cut):
         nodes = [mesh.blocks[_block(cut, cells[0, k])].nodes for k in range(cells.shape[1])]
@@ -112,7 +107,7 @@ def parents_of(cut: Cut) -> Iterator[ParentGroup]:
             fits &= left
             left &= ~fits
             if fits.any():
-                yield ParentGroup(name, found[fits], cells[fits])
+                yield name, found[fits], cells[fits]
 
 
 def _block(cut: Cut, cell: int) -> int:

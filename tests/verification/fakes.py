@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from verification.cli import main
-from verification.records import Case, Failure, Outcome, at_most
+from verification.records import Case, Outcome, at_most
 from verification.running import plan, pool
 from verification.running.folder import write_case_result
 from verification.running.plan import Planned, sources
@@ -24,7 +24,7 @@ class Given:
 def outcome_of(name):
     """`missed...` misses one figure of two, `failed...` has no outcome, others meet both."""
     if name.startswith("failed"):
-        return Failure("ValueError: the\x1b[31m mesh\n is <wrong>")
+        return Outcome(failure="ValueError: the\x1b[31m mesh\n is <wrong>")
     missed = 2.0 if name.startswith("missed") else 0.5
     return Outcome((at_most("error", missed, 1.0, source="us"), at_most("balance", 0.0, 1.0, source="us")))
 

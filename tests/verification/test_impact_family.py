@@ -10,7 +10,7 @@ from lacmesh import check
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.space.space import Space
-from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, rod_pressure, speed_for
+from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, speed_for
 from verification.families.impact import FAMILY, solve_case
 from verification.families.impact_free import spin
 from verification.families.impact_runs import Impact, on_wall
@@ -43,9 +43,7 @@ def test_bars_by_characteristics():
     np.testing.assert_allclose(np.interp(SDNL111_TIMES, ends, places), SDNL111, rtol=1e-3)
 
 
-def test_the_rod_has_period_3_and_hertz_is_consistent():
-    t = np.linspace(0.05, 8.95, 90)
-    np.testing.assert_array_equal(rod_pressure(t), rod_pressure(t + 3))
+def test_hertz_is_consistent():
     speed = speed_for(1e-3, 2.0, 5.0, 0.3, 1.5)
     found = hertz(2.0, 5.0, 0.3, 1.5, speed)
     assert found.approach == pytest.approx(1e-3)

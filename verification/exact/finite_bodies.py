@@ -91,12 +91,8 @@ class Profile:
         return cls(force, float(found[0]), (float(found[1]), float(found[2]), float(found[3])))
 
 
-class PressureProfile(NamedTuple):
-    """Profile at slave nodes: distance from the axis and pressure, both of the undeformed body; and the total force."""
-
-    x: Floats
-    p: Floats
-    force: float
+#: distance of slave nodes from the axis and pressure there, both of the undeformed body; and the total force
+PressureProfile = tuple[Floats, Floats, float]
 
 
 class Held(NamedTuple):
@@ -130,7 +126,7 @@ def cylinder(n: int, *, current: bool = False, growth: float = GROWTH, turns: in
             normal = _outward(moved, along[:count])
             place = _ahead(moved, normal, pushed, lower.points[master, 0])
     area = np.concatenate([[along[1] / 2], (along[2:] - along[:-2]) / 2])
-    return PressureProfile(start[:, 0], force / area, float(-2 * normal[:, 1] @ force))
+    return start[:, 0], force / area, float(-2 * normal[:, 1] @ force)
 
 
 def sphere(n: int, *, growth: float = GROWTH) -> PressureProfile:
@@ -149,7 +145,7 @@ def sphere(n: int, *, growth: float = GROWTH) -> PressureProfile:
     ring = 2 * np.pi * np.linalg.norm(np.diff(r, axis=0), axis=1) / 6
     area = ring * (2 * r[:-1, 0] + r[1:, 0])
     area[1:] += (ring * (r[:-1, 0] + 2 * r[1:, 0]))[:-1]
-    return PressureProfile(r[:-1, 0], force / area, float(force.sum()))
+    return r[:-1, 0], force / area, float(force.sum())
 
 
 def profile(name: str, n: int = 128) -> Profile:

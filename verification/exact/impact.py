@@ -23,18 +23,6 @@ def modulus(young: float, poisson: float) -> float:
     return young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
 
 
-def rod_pressure(t: Floats) -> Floats:
-    """Pressure of the rod of period 3 (Dabaghi, Petrov, Pousin and Renard 2016; a demo of GetFEM) at times t.
-
-    It is clamped at 1, an obstacle is at 0; it starts at rest with u = (1 - x) / 2. E = rho = L = 1. Until t = 1 its
-    end goes down freely, until 2 it is pressed on with 1/2, then it goes up again.
-
-    >>> rod_pressure(np.array([0.5, 1.5, 2.5, 4.5])).tolist()
-    [0.0, 0.5, 0.0, 0.5]
-    """
-    return np.where((np.mod(t, 3) > 1) & (np.mod(t, 3) < 2), 0.5, 0.0)
-
-
 #: displacements of the face of contact of the free bar of code_aster's sdnl111, by characteristics, at these times: two
 #: equal bars of length 1 (E = 2e11, nu = 0.3, rho = 7800, lateral motion held), 1e-5 apart; the free one flies at a
 #: speed of 1 against the other, which is clamped at its far end

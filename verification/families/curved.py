@@ -15,13 +15,10 @@ much better; `smooth` may not be much worse, and nowhere worse than `faces`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-import lacsolver
-from lacmesh import Mesh
 from lacmesh.report.charts import Line, Plot
 from lacsolver.problem.problem import Problem
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
@@ -29,7 +26,7 @@ from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted
 from verification.profiles import line
 from verification.records import Case, Family, Level, Outcome, Result, at_most, informative, levels_of, rate
-from verification.solving import LevelSolution, Solved, balanced, finished, with_true_gap
+from verification.solving import LevelSolution, balanced, finished, with_true_gap
 
 Floats = NDArray[np.floating]
 
@@ -63,51 +60,9 @@ _CUBIC = (
 _OTHER_GAPS = "beside the smooth surfaces'"
 
 
-class Curved(Protocol):
-    """A problem with one contact whose skins are curved."""
-
-    @property
-    def axisymmetric(self) -> bool:
-        """True for an axisymmetric model."""
-
-    @property
-    def second(self) -> float | None:
-        """The largest error of p_m on the second mesh, where one is asked for."""
-
-    @property
-    def uniform(self) -> bool:
-        """True if the whole slave surface is in contact."""
-
-    @property
-    def exact(self) -> bool:
-        """True if the skins are circles or spheres, which the fit recognises."""
-
-    @property
-    def cubic(self) -> bool:
-        """True if the skins have third derivatives, which heights over faces represent only in part."""
-
-    def sets(self, level: int, levels: int) -> int:
-        """Number of sets of meshes on which the problem is solved at one of `levels` levels."""
-
-    def mesh(self, level: int, number: int = 0) -> Mesh:
-        """The bodies, not cut; of those that are irregular, a set of a `number`."""
-
-    def h(self, level: int) -> float:
-        """The size of the slave's faces."""
-
-    def case(self, surface: str) -> lacsolver.Case:
-        """The case, with the gap between `faces` or `smooth` surfaces."""
-
-    def gap(self, x: Floats) -> Floats:
-        """(n,): the true gap at points x (n, dim) of the slave."""
-
-    def pressure(self, x: Floats) -> Floats:
-        """(n, 1): the exact pressure at points x (n, dim)."""
-
-    def quantities(self, solved: Solved) -> dict[str, float]:
-        """Further errors of a solution, by name."""
-
-
+#: a problem with one contact whose skins are curved; each has what the others have: its meshes, case, true gap, exact
+#: pressure and further errors, and whether `exact`, `cubic`, `uniform`, `second` are to be asked of it
+Curved = curved_fits.Fitted | curved_hertz.Lifted | curved_pin.Pin
 #: the solutions with a gap: a list for each level, of one for each set of meshes
 Levels = list[list[LevelSolution]]
 Found = dict[str, Levels]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from lacmesh import Mesh
 from verification.meshes.bars import bar_on_wall, bars
@@ -22,17 +21,12 @@ class Free:
     @property
     def text(self) -> str:
         """The case, as TOML."""
-        return _PROBLEMS[self.name].text
+        return _PROBLEMS[self.name][0]
 
     @property
     def mesh(self) -> Mesh:
         """The mesh, not cut."""
-        return _PROBLEMS[self.name].mesh()
-
-
-class _Problem(NamedTuple):
-    text: str
-    mesh: Callable[[], Mesh]
+        return _PROBLEMS[self.name][1]()
 
 
 def _text(model: str, *tables: str, finite: bool = False, end: float = 1.0, count: int = 2) -> str:
@@ -51,29 +45,30 @@ def _held(dim: int) -> list[str]:
 _CONTACT = entry("contact", slave="slave", master="master")
 _BOTTOM = entry("displacement", group="bottom", ux=0.0, uy=0.0, uz=0.0)
 _NO_LOAD = {"fx": 0.0, "fy": 0.0, "fz": 0.0, "moment": [0.0, 0.0, 0.0]}
-_PROBLEMS = {
-    "bars": _Problem(
+#: name -> the text of the case, and what makes the mesh
+_PROBLEMS: dict[str, tuple[str, Callable[[], Mesh]]] = {
+    "bars": (
         _text(
             "plane_strain", _CONTACT, *_held(2), entry("initial", groups=["upper"], vy=-0.05), "[dynamics]",
             end=1.2, count=15,
         ),
         lambda: bars(("QUAD8", "TRIA3"), (8, 7), (2, 1), 0.01),
     ),
-    "spin": _Problem(
+    "spin": (
         _text(
             "3d", _CONTACT, entry("initial", groups=["upper"], vz=-0.15, rotation=[0.0, 0.1, 0.05]),
             '[dynamics]\nscheme = "newmark"\nrayleigh = [0.02, 0.01]', finite=True, end=1.2, count=8,
         ),
         lambda: bars(("HEXA8", "TETRA4"), (4, 3), (2, 1), 0.02),
     ),
-    "top": _Problem(
+    "top": (
         _text(
             "3d", _CONTACT, _BOTTOM, entry("spring", group="top", kx=1e-3, ky=1e-3),
             entry("rigid", group="top", fz="-1e-4 * t", moment=[0.0, "1e-6 * t", 0.0]),
         ),
         lambda: bars(("HEXA8", "TETRA4"), (4, 3), (2, 1)),
     ),
-    "plate": _Problem(
+    "plate": (
         _text(
             "plane_strain", entry("contact", slave="slave", master="wall"),
             entry("displacement", group="top", ux=0.0, uy=0.0),
@@ -81,7 +76,7 @@ _PROBLEMS = {
         ),
         lambda: bar_on_wall("QUAD8", 8),
     ),
-    "wall": _Problem(
+    "wall": (
         _text(
             "plane_strain", entry("contact", slave="slave", master="wall"),
             entry("rigid", group="wall", fx=0.0, fy=0.0, moment=0.0, mass=0.5, inertia=0.01), "[gravity]\ngx = 0.1",
@@ -90,7 +85,7 @@ _PROBLEMS = {
         ),
         lambda: bar_on_wall("QUAD4", 6, 0.05),
     ),
-    "thrown": _Problem(
+    "thrown": (
         _text(
             "3d", _CONTACT, _BOTTOM, entry("rigid", group="top", **_NO_LOAD, mass=0.01, inertia=[1e-4, 1e-4, 2e-4]),
             "[dynamics]", entry("initial", groups=["upper"], vz=-0.1), count=6,

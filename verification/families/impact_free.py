@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,22 +28,15 @@ def spin(given: Impact, levels: int) -> Iterator[Result]:
     counts = [_STEPS << level for level in range(levels)]
     runs = [_turned(given, count) for count in counts]
     off = [_errors(solved, given.dim) for solved in runs]
-    yield at_most("linear momentum", max(e.linear for e in off), 1e-12, source="no force acts", reason="in every step")
+    yield at_most(
+        "linear momentum", max(e["linear"] for e in off), 1e-12, source="no force acts", reason="in every step"
+    )
     steps, unknowns = [2 * np.pi / count for count in counts], [runs[0].unknowns] * levels
-    for what, errors in (("angular momentum", [e.angular for e in off]), ("energy", [e.energy for e in off])):
-        table = levels_of(steps, unknowns, errors)
+    for what in ("angular momentum", "energy"):
+        table = levels_of(steps, unknowns, [e[what] for e in off])
         yield rate(f"{what}, its largest error", table, 1.95, source="second order in dt", reason="relative, in a turn")
-    yield at_most("account of energy", max(e.account for e in off), 10 * CLOSED, source=ACCOUNT,
+    yield at_most("account of energy", max(e["account"] for e in off), 10 * CLOSED, source=ACCOUNT,
                   reason="Newton's method ends at the round-off of K u, 1e-14 of it, in every step")  # fmt: skip
-
-
-class _Errors(NamedTuple):
-    """Largest relative errors over a motion, of what a free body keeps, and of the account of energy."""
-
-    linear: float
-    angular: float
-    energy: float
-    account: float
 
 
 def _turned(given: Impact, count: int) -> Solved:
@@ -61,17 +53,19 @@ def _turned(given: Impact, count: int) -> Solved:
     return solve(text, bar(given.cell, given.n))
 
 
-def _errors(solved: Solved, dim: int) -> _Errors:
+def _errors(solved: Solved, dim: int) -> dict[str, float]:
+    """Largest relative errors over a motion of what a free body keeps, and of the account of energy."""
     motions = [motion for state in solved.states if (motion := state.step.motion) is not None]
     linear = np.array([m.linear for m in motions]) / WIDTH ** (dim - 1) - _FLIGHT[:dim]
     angular = np.array([np.atleast_1d(m.angular) for m in motions])
     table = np.array([m.energies for m in motions])
     whole = table[:, :2].sum(axis=1)
-    return _Errors(
-        float(np.linalg.norm(linear, axis=1).max() / np.linalg.norm(_FLIGHT[:dim])),
-        float(np.linalg.norm(angular - angular[0], axis=1).max() / np.linalg.norm(angular[0])),
-        float(np.abs(whole / table[0, 2] - 1).max()), float(max(abs(m.account) for m in motions) / np.abs(table).max()),
-    )  # fmt: skip
+    return {
+        "linear": float(np.linalg.norm(linear, axis=1).max() / np.linalg.norm(_FLIGHT[:dim])),
+        "angular momentum": float(np.linalg.norm(angular - angular[0], axis=1).max() / np.linalg.norm(angular[0])),
+        "energy": float(np.abs(whole / table[0, 2] - 1).max()),
+        "account": float(max(abs(m.account) for m in motions) / np.abs(table).max()),
+    }
 
 
 def vibration(given: Impact, levels: int) -> Iterator[Result]:

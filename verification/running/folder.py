@@ -27,7 +27,7 @@ import numpy as np
 from lacmesh import LacmeshError
 from lacmesh.formats.output import replace_file
 from lacmesh.report.charts import Plot
-from verification.records import Case, Failure, Outcome, Result
+from verification.records import Case, Outcome, Result
 
 #: of the files of a folder; a folder of another format is not resumed
 FORMAT = 1
@@ -100,20 +100,18 @@ class Run:
 
 
 def write_case_result(
-    case: Case, levels: int, seconds: float, memory: int, outcome: Outcome | Failure, path: Path, sources: str
+    case: Case, levels: int, seconds: float, memory: int, outcome: Outcome, path: Path, sources: str
 ) -> CaseResult:
     """Write the outcome of a case, or why there is none, into the folder of a run; return the stored result."""
-    solved = outcome if isinstance(outcome, Outcome) else Outcome(())
-    failure = outcome.message if isinstance(outcome, Failure) else ""
     place = _place(path, case.family, case.name)
     place.parent.mkdir(parents=True, exist_ok=True)
     pictures = []
-    for k, picture in enumerate(solved.pictures):
+    for k, picture in enumerate(outcome.pictures):
         pictures.append(StoredPicture(picture.title, picture.alt, _picture(place, k).name))
         replace_file(_picture(place, k), picture.png)
     done = CaseResult(
         case.family, case.name, case.description, parameters_of(case), levels, seconds, memory,
-        solved.results, solved.plots, tuple(pictures), failure, sources,
+        outcome.results, outcome.plots, tuple(pictures), outcome.failure, sources,
     )  # fmt: skip
     replace_file(place, _json(plain(done)))
     return done

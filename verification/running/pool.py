@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
-from verification.records import Failure
+from verification.records import Outcome
 from verification.running.folder import CaseResult, forget, read_case_result, sweep, write_case_result
 from verification.running.plan import ROOT, Planned
 
@@ -122,8 +122,8 @@ def _end(one: _Running, folder: Path) -> CaseResult:
     _kill(one.process)
     done = read_case_result(folder, case.family, case.name)
     if done is None:
-        why = f"{_why(status)}; see {one.log.relative_to(folder)}"
-        return write_case_result(case, one.planned.levels, seconds, 0, Failure(why), folder, one.planned.sources)
+        outcome = Outcome(failure=f"{_why(status)}; see {one.log.relative_to(folder)}")
+        return write_case_result(case, one.planned.levels, seconds, 0, outcome, folder, one.planned.sources)
     if not done.failure:
         one.log.unlink(missing_ok=True)
     return done

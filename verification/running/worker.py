@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lacmesh.kernels.threads import peak_memory
 from verification import families
-from verification.records import Case, Failure, Family, Outcome
+from verification.records import Case, Family, Outcome
 from verification.running.folder import write_case_result
 from verification.running.plan import sources
 
@@ -32,14 +32,14 @@ def main(family: str, name: str, levels: int, folder: Path) -> None:
     write_case_result(case, levels, time.perf_counter() - began, peak_memory(), outcome, folder, code)
 
 
-def _solved(family: Family, case: Case, levels: int) -> Outcome | Failure:
-    """Solve a case and return its outcome, or why there is none."""
+def _solved(family: Family, case: Case, levels: int) -> Outcome:
+    """Solve a case and return its outcome, or the reason why there is none."""
     try:
         outcome = family.solve(case, levels)
     except Exception as error:  # whatever it is, it is this case's alone
         traceback.print_exc()
-        return Failure(f"{type(error).__name__}: {error}".removesuffix(": "))
-    return outcome if outcome.results else Failure("there is no result")
+        return Outcome(failure=f"{type(error).__name__}: {error}".removesuffix(": "))
+    return outcome if outcome.results else Outcome(failure="there is no result")
 
 
 def end_with(parent: int) -> None:
