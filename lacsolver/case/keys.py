@@ -1,6 +1,6 @@
 """The table of keys: each key is a field of a record, and its row of the table is stored in the field's metadata.
 
-    young: float = key(Number(POSITIVE), "stress", "Young's modulus")
+    young: float = key(POSITIVE, "stress", "Young's modulus")
 
 The record's field has the key's name and default; `Key` has the other columns. The parser, `validate`, the schemas, the
 page of docs and the checks of records made from Python all read these rows, and nothing else.

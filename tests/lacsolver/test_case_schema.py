@@ -17,6 +17,7 @@ from lacsolver.case import Case, Contact, parse_case
 from lacsolver.case.keys import keys_of, sections_of, told_default
 from lacsolver.case.kinds import Choice
 from lacsolver.case.schema import json_schema, page_tables, records, schema_text
+from lacsolver.cli import main
 from lacsolver.space.space import MODELS
 from tests.lacsolver.case_mistakes import MISTAKES
 from tests.lacsolver.case_texts import SMALL, VALID
@@ -120,14 +121,18 @@ def test_every_row_of_the_page_has_its_columns():
         assert len({line.count("|") for line in rows}) == 1
 
 
-def test_examples_of_the_page():
-    """The TOML of the page is a case, and the same as the one made in Python beside it."""
+def test_examples_of_the_page(fresh, capsys):
+    """The TOML of the page is a case that can be run, and the same as the one made in Python beside it."""
     text = PAGE.read_text(encoding="utf-8")
     (toml,) = re.findall(r"^```toml\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     (python,) = re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
     names: dict = {}
     exec(python, names)
     assert parse_case(toml) == names["case"]
+    (fresh / "case.toml").write_text(toml, encoding="utf-8")
+    assert main(["validate", "case.toml"]) == 0
+    assert "rigid-body mode without support" in capsys.readouterr().out
+    assert main(["run", "case.toml", "-q"]) == 0
 
 
 # ---- one table

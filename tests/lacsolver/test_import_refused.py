@@ -184,73 +184,71 @@ def test_every_mistake_at_once(tmp_path):
     assert len(caught.value.problems) == 3
 
 
-def test_two_procedures_of_one_step(tmp_path):
-    text = BLOCK.text() + section() + held() + step("*DYNAMIC\n" + LOAD)
-    with pytest.raises(CaseError, match=r"\*DYNAMIC: this step is \*STATIC already \(line \d+\); keep one"):
+SOLID = BLOCK.text() + section()
+TILTED = (
+    Block("C", (0, 0, 1), (1, 1, 2), (2, 2, 1), first=100).text().replace("101, 0.0, 0.0, 1.0", "101, 0.0, 0.0, 1.1")
+)
+UNEVEN = (
+    BLOCK.text() + TILTED + section() + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n" + held()
+    + held("C").replace("C_Z0, 3\n", "")
+    + "*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n*SURFACE INTERACTION, NAME=S\n"
+    + "*CONTACT PAIR, INTERACTION=S\nU, L\n*CLEARANCE, SLAVE=U, MASTER=L, VALUE=0.\n"
+    + step("*BOUNDARY\nC_Z1, 3, 3, -0.1\n")
+)  # fmt: skip
+PLANE = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n" + section()
+INSTANCES = (
+    f"*PART, NAME=P\n{BLOCK.text()}*SOLID SECTION, ELSET=B, MATERIAL=EL\n*END PART\n*ASSEMBLY, NAME=A\n"
+    + "*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n*INSTANCE, NAME=J, PART=P\n3., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n"
+    + "*MATERIAL, NAME=EL\n*ELASTIC\n1., 0.\n"
+)
+ORTHOTROPIC = "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1,1,1,.3,.3,.3,1,1\n1"
+#: what is wrong with a deck as a whole -> the deck, and what is said
+WHOLE = {
+    "two procedures of a step": (
+        SOLID + held() + step("*DYNAMIC\n" + LOAD),
+        r"\*DYNAMIC: this step is \*STATIC already \(line \d+\); keep one",
+    ),
+    "an end in a step, where loads may be missing": (
+        deck("", LOAD).replace("*END STEP\n", ""), r"\*STEP: this step has no \*END STEP; end it",
+    ),
+    "no steps": (SOLID + held(), r"there is no \*STEP"),
+    "no section": (BLOCK.text() + held() + step(LOAD), r"\*ELEMENT: elements 1 have no \*SOLID SECTION"),
+    "no law": (
+        SOLID.replace("*ELASTIC\n1000., 0.3", "*DENSITY\n1.") + held() + step(LOAD), r"material EL has no \*ELASTIC",
+    ),
+    "a law of finite displacements": (
+        deck("", LOAD).replace("*ELASTIC\n1000., 0.3", "*HYPERELASTIC, NEO HOOKE\n1., 1."), "say NLGEOM",
+    ),
+    "a law of small displacements": (
+        deck("", LOAD).replace("*ELASTIC\n1000., 0.3", ORTHOTROPIC).replace("*STEP", "*STEP, NLGEOM"),
+        "leave out NLGEOM",
+    ),
+    "a value that a case refuses, told with the line of the deck": (
+        deck("", LOAD).replace("1000., 0.3", "1000., 0.5"), r"^\*MATERIAL \(model.inp, line \d+\): .*poisson is 0.5",
+    ),
+    "a clearance in place of an uneven gap": (
+        UNEVEN, r"\*CLEARANCE: the gap in the mesh is from .* to .*: .*move the nodes",
+    ),
+    "a pressure between elements": (
+        Block(high=(1, 1, 2), cells=(1, 1, 2)).text() + section() + held() + step("*DLOAD\nB, P2, 1.\n"),
+        r"\*DLOAD: these faces of elements 1 lie between two elements",
+    ),
+    "a force out of the plane": (
+        PLANE + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"),
+        r"\*CLOAD: a force has the directions 1 and 2",
+    ),
+    "numbers where there are instances": (
+        INSTANCES + "*BOUNDARY\n1, 1, 3\n" + step(LOAD),
+        r"\*BOUNDARY: there are 2 instances of parts, .*; name a set",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WHOLE)
+def test_a_deck_that_is_wrong_as_a_whole(tmp_path, what):
+    text, said = WHOLE[what]
+    with pytest.raises(CaseError, match=said):
         imported(tmp_path, text)
-
-
-def test_a_truncated_deck(tmp_path):
-    """A deck that ends in its step would have fewer loads than it was meant to have."""
-    with pytest.raises(CaseError, match=r"\*STEP: this step has no \*END STEP; end it"):
-        imported(tmp_path, deck("", LOAD).replace("*END STEP\n", ""))
-
-
-def test_a_deck_without_steps(tmp_path):
-    with pytest.raises(CaseError, match=r"there is no \*STEP"):
-        imported(tmp_path, BLOCK.text() + section() + held())
-
-
-def test_elements_without_a_section(tmp_path):
-    with pytest.raises(CaseError, match=r"\*ELEMENT: elements 1 have no \*SOLID SECTION"):
-        imported(tmp_path, BLOCK.text() + held() + step(LOAD))
-
-
-def test_a_material_without_a_law(tmp_path):
-    text = (
-        BLOCK.text() + "*MATERIAL, NAME=EL\n*DENSITY\n1.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n" + held() + step(LOAD)
-    )
-    with pytest.raises(CaseError, match=r"material EL has no \*ELASTIC"):
-        imported(tmp_path, text)
-
-
-@pytest.mark.parametrize(("options", "law", "words"), [
-    ("", "*HYPERELASTIC, NEO HOOKE\n1., 1.", "say NLGEOM"),
-    (", NLGEOM", "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1,1,1,.3,.3,.3,1,1\n1", "leave out NLGEOM"),
-])  # fmt: skip
-def test_laws_of_one_kinematics(tmp_path, options, law, words):
-    text = deck("", LOAD).replace("*ELASTIC\n1000., 0.3", law).replace("*STEP", f"*STEP{options}")
-    with pytest.raises(CaseError, match=words):
-        imported(tmp_path, text)
-
-
-def test_values_that_a_case_refuses_name_the_card(tmp_path):
-    """A Poisson's ratio of 0.5 is told with the line of the deck, not with one of a case that is not written."""
-    with pytest.raises(CaseError, match=r"^\*MATERIAL \(model.inp, line \d+\): .*poisson is 0.5"):
-        imported(tmp_path, deck("", LOAD).replace("1000., 0.3", "1000., 0.5"))
-
-
-def test_uneven_gap_with_a_clearance(tmp_path):
-    """A clearance replaces the gap of the mesh, which must be even for this."""
-    above = Block("C", (0, 0, 1), (1, 1, 2), (2, 2, 1), first=100)
-    text = BLOCK.text() + above.text().replace("101, 0.0, 0.0, 1.0", "101, 0.0, 0.0, 1.1") + section()
-    text += "*SOLID SECTION, ELSET=C, MATERIAL=EL\n" + held() + held("C").replace("C_Z0, 3\n", "")
-    text += "*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n*SURFACE INTERACTION, NAME=S\n"
-    text += "*CONTACT PAIR, INTERACTION=S\nU, L\n*CLEARANCE, SLAVE=U, MASTER=L, VALUE=0.\n"
-    with pytest.raises(CaseError, match=r"\*CLEARANCE: the gap in the mesh is from .* to .*; .*|move the nodes"):
-        imported(tmp_path, text + step("*BOUNDARY\nC_Z1, 3, 3, -0.1\n"))
-
-
-def test_pressure_between_elements(tmp_path):
-    column = Block(high=(1, 1, 2), cells=(1, 1, 2))
-    with pytest.raises(CaseError, match=r"\*DLOAD: these faces of elements 1 lie between two elements"):
-        imported(tmp_path, column.text() + section() + held() + step("*DLOAD\nB, P2, 1.\n"))
-
-
-def test_a_force_out_of_the_plane(tmp_path):
-    deck = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n" + section()
-    with pytest.raises(CaseError, match=r"\*CLOAD: a force has the directions 1 and 2"):
-        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 2\n2, 2\n" + step("*CLOAD\n3, 3, 1.\n"))
 
 
 def test_radial_gravity(tmp_path):
@@ -260,17 +258,6 @@ def test_radial_gravity(tmp_path):
     assert made.case.gravity.gy.at(1.0) == -2
     with pytest.raises(CaseError, match=r"\*DLOAD: gravity along the radius"):
         imported(tmp_path, deck + step("*DLOAD\nB, GRAV, 2., 1., 0., 0.\n"))
-
-
-def test_numbers_of_a_deck_of_instances(tmp_path):
-    """Sets are needed if the numbers of cards are not those of the mesh."""
-    part = BLOCK.text() + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n"
-    deck = f"*PART, NAME=P\n{part}*END PART\n*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
-    deck += (
-        "*INSTANCE, NAME=J, PART=P\n3., 0., 0.\n*END INSTANCE\n*END ASSEMBLY\n*MATERIAL, NAME=EL\n*ELASTIC\n1., 0.\n"
-    )
-    with pytest.raises(CaseError, match=r"\*BOUNDARY: there are 2 instances of parts, .*; name a set"):
-        imported(tmp_path, deck + "*BOUNDARY\n1, 1, 3\n" + step(LOAD))
 
 
 def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
