@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import numpy as np
 
 from lacmesh.kernels import kernel
 
@@ -15,4 +15,4 @@ def double(x):
 @kernel
 def fractions(a, b):
     """Operations that plain Python treats otherwise: a number or an array entry over zero, the root of a negative."""
-    return 1.0 / b, a[0] / b, a[0] / a[1], math.sqrt(a[2])
+    return 1.0 / b, a[0] / b, a[0] / a[1], np.sqrt(a[2])

@@ -144,20 +144,45 @@ def fresh(monkeypatch):
     return Kernel(twice), Kernel(is_kept)
 
 
-def test_small_work_is_done_as_it_stands_and_large_work_compiled(fresh):
-    x = np.ones(kernels.LOADED_FROM)
-    for one in fresh:
-        assert (one(x) == 2).all() and one.compiled is None
-    assert (fresh[1](x) == 2).all() and fresh[1].compiled is not None  # in all it was asked more, and is kept
-    assert (fresh[0](x) == 2).all() and fresh[0].compiled is None
-    assert (fresh[0](np.ones(kernels.COMPILED_FROM)) == 2).all() and fresh[0].compiled is not None
+@pytest.mark.parametrize(
+    ("kept", "sizes", "compiled"),
+    [
+        (0, (kernels.KEPT_FROM - 1, kernels.COMPILED_FROM - 1), False),
+        (0, (kernels.COMPILED_FROM,), True),
+        (1, (kernels.KEPT_FROM - 1,), False),
+        (1, (kernels.KEPT_FROM,), True),
+    ],
+)
+def test_small_work_is_done_as_it_stands_and_large_work_compiled(fresh, kept, sizes, compiled):
+    for size in sizes:
+        assert (fresh[kept](np.ones(size)) == 2).all() and (fresh[kept].compiled is not None) == compiled
 
 
-def test_a_kernel_that_is_kept_is_loaded_sooner_where_another_is_in_use(fresh):
-    x = np.ones(kernels.ADDED_FROM + 1)
-    assert (fresh[1](x) == 2).all() and fresh[1].compiled is None
-    fresh[0].compile()
-    assert (fresh[1](x) == 2).all() and fresh[1].compiled is not None
+def test_the_form_of_a_call_does_not_hang_on_earlier_calls(fresh, monkeypatch):
+    """Small calls are done as they stand, whatever their sum, also after a large one for which it was compiled."""
+    monkeypatch.setattr(kernels, "save", lambda *_: None)
+    for _ in range(kernels.WORTH_KEEPING // (kernels.COMPILED_FROM - 1) + 2):
+        fresh[0](np.ones(kernels.COMPILED_FROM - 1))
+    assert fresh[0].compiled is None
+    fresh[0](np.ones(kernels.COMPILED_FROM))
+    monkeypatch.setattr(fresh[0], "compiled", lambda x: "compiled")
+    assert fresh[0](np.ones(kernels.COMPILED_FROM)) == "compiled"
+    assert (fresh[0](np.ones(kernels.COMPILED_FROM - 1)) == 2).all()
+
+
+def test_what_much_work_was_done_for_is_compiled_by_the_next_process(tmp_path):
+    code = """
+import numpy as np
+from lacmesh import kernels
+from tests.small_kernels import double
+for _ in range(2 * kernels.WORTH_KEEPING // kernels.COMPILED_FROM):
+    double(np.ones(kernels.COMPILED_FROM // 2))
+print(double.compiled is not None)
+"""
+    env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+    for compiled in ("False", "True"):
+        done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=env, capture_output=True, text=True)
+        assert done.stdout.strip() == compiled, done.stderr
 
 
 def test_nothing_is_compiled_where_people_debug(fresh, monkeypatch):

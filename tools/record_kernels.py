@@ -28,7 +28,7 @@ def recorded(folder: Path, how: Callable[..., Any] = as_it_stands) -> dict[str, 
     from tests.kernels_to_try import work
 
     found: dict[str, list[Any]] = {}
-    before = Kernel.__call__
+    before = Kernel.dispatch
 
     def call(self: Kernel, *arguments: Any) -> Any:
         forms = found.setdefault(f"{self.__module__}.{self.__qualname__}", [])
@@ -37,12 +37,12 @@ def recorded(folder: Path, how: Callable[..., Any] = as_it_stands) -> dict[str, 
             forms.append(form)
         return how(self, *arguments)
 
-    Kernel.__call__ = call  # type: ignore[method-assign]
+    Kernel.dispatch = call  # type: ignore[method-assign]
     try:
         for _, run in work(folder):
             run()
     finally:
-        Kernel.__call__ = before  # type: ignore[method-assign]
+        Kernel.dispatch = before  # type: ignore[method-assign]
     return found
 
 

@@ -1,10 +1,10 @@
 """Kernels: loops over arrays that run compiled if there is enough work, and as plain Python if there is not.
 
 Compiling a kernel takes seconds, loading numba and the compiled code takes tenths of a second. For a few faces plain
-Python is faster, with the same results up to rounding. So a kernel starts as plain Python, and is compiled once its
-work in this process (the number of entries in its arrays, summed over the calls) passes a limit: a low limit if it was
-compiled before and is cached on the disk (`kept`), a lower one if numba is loaded already because another kernel is in
-use, and a high one if it must be compiled first.
+Python is faster, with the same results up to rounding. Which form a call takes hangs on its own work, the number of
+entries in its arrays, and not on earlier calls: it is compiled from a low limit on if the kernel was compiled before
+this process and is cached on the disk (`kept`), from a high one if it must be compiled first. A kernel that did much
+work in all, call by call, is compiled from the low limit on in the next process.
 
 A kernel is called with positional arguments, and calls other kernels by their names: they are compiled into it, or run
 as plain Python with it. With NUMBA_DISABLE_JIT=1, which is set for debugging, all kernels run as plain Python.
@@ -14,61 +14,81 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import math
 import os
 import re
 import sys
+import threading
 from collections.abc import Callable, Iterator
-from threading import Lock
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType
 from typing import Any, ClassVar
 
 import numpy as np
 
-from lacmesh.kernels.kept import has
+from lacmesh.kernels.kept import has, save
 
-#: numbers in the arrays of a kernel's calls so far, beyond which it goes on compiled: where it is kept on the disk and
-#: others are in use, where it is the first, and where it has to be compiled first. As it stands, a number takes one to
-#: ten microseconds; to load a kernel takes 2 to 15 ms, numba 200
-ADDED_FROM, LOADED_FROM, COMPILED_FROM = 1_000, 20_000, 500_000
+#: numbers in the arrays of a call from which it runs compiled, if the kernel is kept on the disk, and if it is not. As
+#: it stands, a number takes one to ten microseconds; to load a kernel takes 2 to 15 ms, numba 200
+KEPT_FROM, COMPILED_FROM = 300, 100_000
+#: numbers in all calls of a process from which a kernel that is not kept is compiled by later ones
+WORTH_KEEPING = 500_000
+
+
+class _Plain(threading.local):
+    """State of this thread: `running` is True inside a kernel that runs as it stands."""
+
+    running = False
+
+
+_plain = _Plain()
 
 
 class Kernel:
-    """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy."""
+    """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy.
+
+    `least`: numbers in the arrays of a call below which it runs as it stands in any case.
+    """
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
-    _one_at_a_time: ClassVar[Any] = Lock()
+    _one_at_a_time: ClassVar[Any] = threading.Lock()
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], least: int = 0) -> None:
         functools.update_wrapper(self, function)
         self.__qualname__: str = function.__qualname__
-        self._function: Any = function
-        self._done = 0
+        self.function: Any = function
+        #: what runs as it stands; another function that gives the same may take its place
+        self.plain: Any = function
         self.compiled: Any = None
+        self._least = least
+        self._done = 0
         Kernel.known.append(self)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the function, compiled or plain, and return its result."""
-        if self.compiled is None:
-            self._done += _numbers(arguments)
-            if not self._is_worth_compiling():
-                return self.py_func(*arguments)
-            self.compile()
-        return self.compiled(*arguments)
+        """Call the function and return its result: as it stands if the calling kernel runs so, else by `dispatch`."""
+        return self.plain(*arguments) if _plain.running else self.dispatch(*arguments)
+
+    def dispatch(self, *arguments: Any) -> Any:
+        """Call the function, compiled or plain, by the size of the arguments."""
+        if self._is_worth_compiling(_numbers(arguments)):
+            return (self.compiled or self.compile())(*arguments)
+        return self.py_func(*arguments)
 
     def py_func(self, *arguments: Any) -> Any:
         """Call the plain function with numpy's numbers, which allow division by zero, and without numpy's warnings."""
-        with np.errstate(all="ignore"):
-            return self.plain(*(np.float64(a) if type(a) is float else a for a in arguments))
+        before, _plain.running = _plain.running, True
+        try:
+            with np.errstate(all="ignore"):
+                return self.plain(*(np.float64(a) if type(a) is float else a for a in arguments))
+        finally:
+            _plain.running = before
 
     def compile(self) -> Any:
-        """Switch to the compiled form and return it: a numba dispatcher, which compiles for the argument types."""
+        """Return the compiled form for calls from Python: a numba dispatcher, which compiles for the argument types."""
         from lacmesh.kernels.compiled import outer
 
         with Kernel._one_at_a_time:
             if self.compiled is None:
-                self.compiled = outer(self.linked(lambda other: other.inner), self.key)
+                self.compiled = outer(self.function, self.key)
         return self.compiled
 
     @functools.cached_property
@@ -76,12 +96,7 @@ class Kernel:
         """The compiled form for kernels that call this one."""
         from lacmesh.kernels.compiled import inner
 
-        return inner(self.linked(lambda other: other.inner))
-
-    @functools.cached_property
-    def plain(self) -> Callable[..., Any]:
-        """The plain function, which calls the plain form of other kernels. Square roots are numpy's: NaN below zero."""
-        return self.linked(lambda other: other.plain, {math: np})
+        return inner(self.function)
 
     @functools.cached_property
     def key(self) -> str:
@@ -92,23 +107,10 @@ class Kernel:
         name = re.sub(r"[^\w.]", "", f"{self.__module__}.{self.__qualname__}")  # of a file
         return f"{name}.{sys.implementation.cache_tag}.{stamp.hexdigest()[:24]}"
 
-    def linked(self, form: Callable[[Kernel], Any], instead: dict[Any, Any] | None = None) -> Callable[..., Any]:
-        """Copy of the function that refers to the given form of each kernel it uses, and to the globals `instead`."""
-        named: dict[str, Any] = {"__name__": self.__module__, "__builtins__": __builtins__}
-        for name, value in self.named():
-            named[name] = form(value) if isinstance(value, Kernel) else value
-            if isinstance(value, ModuleType) and instead:
-                named[name] = instead.get(value, value)
-        old = self._function
-        made = FunctionType(old.__code__, named, old.__name__, old.__defaults__, old.__closure__)
-        functools.update_wrapper(made, old)
-        del made.__wrapped__  # type: ignore[attr-defined]
-        return made
-
     def parts(self) -> Iterator[bytes]:
         """Yield everything on which the compiled form depends, as bytes."""
-        words = self._function.__doc__  # which changes nothing
-        for code in _codes(self._function.__code__):
+        words = self.function.__doc__  # which changes nothing
+        for code in _codes(self.function.__code__):
             yield code.co_code
             yield repr([c for c in code.co_consts if not isinstance(c, CodeType) and c != words]).encode()
         for name, value in self.named():
@@ -122,20 +124,34 @@ class Kernel:
 
     def named(self) -> Iterator[tuple[str, Any]]:
         """Yield the names and values of the globals that the function uses."""
-        every = self._function.__globals__
-        for code in _codes(self._function.__code__):
+        every = self.function.__globals__
+        for code in _codes(self.function.__code__):
             yield from ((name, every[name]) for name in code.co_names if name in every)
 
-    def _is_worth_compiling(self) -> bool:
-        least = ADDED_FROM if any(k.compiled for k in Kernel.known) else LOADED_FROM
-        if self._done <= least or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+    @functools.cached_property
+    def _is_kept(self) -> bool:
+        """True if the compiled form was on the disk, or was asked for, when this process began to use kernels."""
+        return has(self.key)
+
+    def _is_worth_compiling(self, numbers: int) -> bool:
+        """True if a call with so many numbers runs compiled; if not, count the work for later processes."""
+        if numbers < max(KEPT_FROM, self._least) or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return False
-        return self._done > COMPILED_FROM or has(self.key)
+        if self._is_kept or numbers >= COMPILED_FROM:
+            return True
+        before, self._done = self._done, self._done + numbers
+        if before < WORTH_KEEPING <= self._done:
+            save(self.key, f"{self.key}.wanted", b"")
+        return False
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles."""
-    return Kernel(function)
+def kernel(function: Callable[..., Any] | None = None, *, least: int = 0) -> Any:
+    """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles.
+
+    `least`: numbers in the arrays of a call below which it runs as it stands in any case; for kernels of commands that
+    otherwise do without numba.
+    """
+    return functools.partial(Kernel, least=least) if function is None else Kernel(function)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -1,5 +1,10 @@
 """The compiled form of kernels, by numba, which is slow to import: `kernels` imports this module only if it pays.
 
+Kernels are compiled by numba's public interface. What is compiled is stored and loaded here (`_Kept`), which numba
+leaves to itself: its own cache does not know when a kernel of another file has changed, reads no folder that it cannot
+write to, and loads the compiler, which takes longer than all else that a small command does beyond its imports. This
+leans on `Dispatcher._cache`, `CompileResult` and `_nrt_python` of numba.
+
 The compiled code of a kernel is cached by `kept`, under a name made of its `key`, the types of its arguments, the
 processor, and the version of numba.
 """
@@ -17,44 +22,53 @@ from typing import Any
 
 import numba
 from llvmlite.binding import add_symbol, parse_assembly
-from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
+from numba.extending import models, register_model, typeof_impl
 
+from lacmesh.kernels import Kernel
 from lacmesh.kernels.kept import folders, read, save
 
 #: numba's types say less than it takes
 _NJIT: Any = numba.njit
-_UNLITERAL: Any = numba.types.unliteral
 _RESULT: Any = CompileResult
+_DISPATCHER: Any = numba.types.Dispatcher
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def outer(function: Callable[..., Any], key: str) -> Any:
     """Return the form for calls from Python: compiled for the types of the arguments, or loaded from the disk."""
-    made = _NJIT(function, **_OPTIONS)
-    made._cache = _Kept(key)
-    return made
+    dispatcher = _NJIT(function, **_OPTIONS)
+    dispatcher._cache = _Kept(key)
+    return dispatcher
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """Return the form for calls from other kernels; no wrapper for Python is made, which takes a third of the time."""
-    made = _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
-    template = made.get_call_template
-    # one form for all integers, not another for each that a caller writes as a number
-    made.get_call_template = lambda types, keywords: template([_UNLITERAL(t) for t in types], keywords)
-    return made
+    return _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
 
 
-class _Kept(_Cache):
+class _Inner(_DISPATCHER):  # type: ignore[misc]
+    """numba's type of a kernel that another calls: one form for all integers, not another for each that is written."""
+
+    def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        return super().get_call_type(context, [numba.types.unliteral(a) for a in args], kws)
+
+
+register_model(_Inner)(models.OpaqueModel)
+
+
+@typeof_impl.register(Kernel)
+def _(kernel: Kernel, _: Any) -> Any:
+    return _Inner(kernel.inner)
+
+
+class _Kept:
     """Cache on the disk of the compiled forms of one kernel, with the interface that numba expects."""
 
     def __init__(self, key: str) -> None:
         self._key = key
-
-    @property
-    def cache_path(self) -> str:
-        return str(folders()[0])
+        self.cache_path = str(folders()[0])
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the compiled form for a signature; None if there is none that can be read."""
@@ -76,12 +90,6 @@ class _Kept(_Cache):
     def _name(self, sig: Any, codegen: Any) -> str:
         every = repr((sig, codegen.magic_tuple(), numba.__version__))
         return f"{self._key}.{hashlib.sha256(every.encode()).hexdigest()[:16]}"
-
-    def enable(self) -> None: ...
-
-    def disable(self) -> None: ...
-
-    def flush(self) -> None: ...
 
 
 def _lean(library: Any, described: Any, environment: Any, *rest: Any) -> tuple[Any, ...]:
@@ -105,8 +113,8 @@ class _Reader(pickle.Unpickler):
     """Unpickler of a compiled form that does not import the numba modules whose functions were compiled into it."""
 
     def find_class(self, module: str, name: str) -> Any:
-        found = super().find_class(module, name)
-        return (lambda _, *rest: found(__name__, *rest)) if name == "_rebuild_env" else found
+        function = super().find_class(module, name)
+        return (lambda _, *rest: function(__name__, *rest)) if name == "_rebuild_env" else function
 
 
 @functools.cache

@@ -6,7 +6,6 @@ Jacobians, where nearly all the time goes, take all three components in one loop
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -96,7 +95,7 @@ def _against_mean(along: Any, inside: Any, plane: bool, det: Any) -> None:
             a += along[q, 0, k]
             b += along[q, 1, k]
             c += along[q, 2, k]
-        size = math.sqrt(a * a + b * b + c * c)
+        size = np.sqrt(a * a + b * b + c * c)
         if plane:
             a, b, c, size = 0.0, 0.0, 1.0, 1.0
         for q in range(len(det)):

@@ -7,7 +7,6 @@ its own plain form, as fast as numpy is.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,7 @@ def cross(a: Any, b: Any) -> Any:
 @kernel
 def norm(a: Any) -> Any:
     """Length."""
-    return math.sqrt(dot(a, a))
+    return np.sqrt(dot(a, a))
 
 
 @kernel

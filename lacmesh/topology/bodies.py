@@ -12,6 +12,8 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints
 
 Array = NDArray[Any]
+#: numbers below which bodies are found as the code stands, in milliseconds: to load numba takes longer
+_SMALL = 8_000
 
 
 def label_bodies(cells: Iterable[Ints], n_nodes: int) -> Ints:
@@ -36,7 +38,7 @@ def _top(parent: Array, node: int) -> int:
     return node
 
 
-@kernel
+@kernel(least=_SMALL)
 def _join(cells: Array, parent: Array) -> None:
     """Join the nodes of each cell in a forest: `parent` (n_nodes,), -1 for nodes of no cell so far."""
     for cell in range(len(cells)):
@@ -59,7 +61,7 @@ def _join(cells: Array, parent: Array) -> None:
                 parent[b] = a
 
 
-@kernel
+@kernel(least=_SMALL)
 def _number(parent: Array) -> Array:
     """(n_nodes,): the trees of a forest, numbered by their first nodes."""
     body = np.full(len(parent), -1, np.int64)
