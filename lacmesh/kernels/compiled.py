@@ -33,6 +33,7 @@ from lacmesh.kernels.kept import folders, read, save
 _NJIT: Any = numba.njit
 _RESULT: Any = CompileResult
 _DISPATCHER: Any = numba.types.Dispatcher
+_UNLITERAL: Any = numba.types.unliteral
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
@@ -52,7 +53,7 @@ class _Inner(_DISPATCHER):  # type: ignore[misc]
     """numba's type of a kernel that another calls: one form for all integers, not another for each that is written."""
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        return super().get_call_type(context, [numba.types.unliteral(a) for a in args], kws)
+        return super().get_call_type(context, [_UNLITERAL(a) for a in args], kws)
 
 
 register_model(_Inner)(models.OpaqueModel)
