@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import faulthandler
 import os
-import random
-import re
 import time
 import warnings
 
@@ -18,7 +16,6 @@ from tests.bad_input import case
 from tests.fuzz import pool, trial
 from tests.fuzz.seeds import FORMATS, seeds
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
-from tests.samples import samples
 
 FILES = 24
 
@@ -41,44 +38,6 @@ def test_spoilt_files_are_read_or_refused(name, tmp_path):
     assert not failed, f"python -m tests.fuzz {name!r} --only {next(iter(failed))}"
     assert sum(outcome.what == READ for outcome in found) > FILES / 30
     assert sum(outcome.what == REFUSED for outcome in found) > FILES / 4
-
-
-def may_end(name, content):
-    """True if a file of the format may be whole: `inp` after any line, msh after a section, .mail after FIN."""
-    ends = {"inp": rb"", "msh": rb"\$End\w+\s*\Z|\A\s*\Z", "mail": rb"(?m)^\s*FIN\b"}
-    end = ends.get(name.split()[0])
-    return end is not None and re.search(end, content) is not None
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", FORMATS)
-def test_a_file_that_ends_too_early_is_refused(name, tmp_path):
-    rng, n_read = random.Random(name), 0  # a VTU file has all its arrays before its last tags
-    for seed in seeds(name):
-        for file, content in seed.files.items():
-            if file.endswith(".lac.json"):  # without it the mesh is read, with a warning
-                continue
-            tail = re.search(rb"\s*(</AppendedData>\s*)?(</VTKFile>)?\s*\Z", content)
-            for n in rng.sample(range(tail.start() - 1), samples(12, 200)):
-                outcome = trial.read_and_checked(replace_file(seed, file, content[:n]), tmp_path)
-                assert outcome.what == REFUSED or (outcome.what == READ and may_end(name, content[:n])), (n, outcome)
-                n_read += outcome.what == READ
-    assert n_read or not name.startswith("inp")
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", FORMATS)
-def test_spoilt_files_are_sound_meshes_or_refused(name, tmp_path):
-    """More files than are tried by commands; here they are read alone."""
-    n = samples(60, 1000)
-    outcomes = [trial.read_and_checked(trial.spoilt(name, FILES + k), tmp_path) for k in range(n)]
-    failed = {FILES + k: outcome.text for k, outcome in enumerate(outcomes) if outcome.what == FAILED}
-    assert not failed, f"python -m tests.fuzz {name!r} --only {next(iter(failed))}"
-    assert min(sum(o.what == what for o in outcomes) for what in (READ, REFUSED)) > n / 30
-
-
-def replace_file(seed, file, content):
-    return seed._replace(files={**seed.files, file: content})
 
 
 def test_a_spoilt_file_is_always_the_same():
