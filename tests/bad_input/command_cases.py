@@ -36,11 +36,6 @@ def _points(folder: Path) -> None:
     (folder / "bad.msh").write_bytes(raw.msh41(mesh))
 
 
-def _same_tag(folder: Path) -> None:
-    content = raw.msh41(two_hexahedra())
-    (folder / "bad.msh").write_bytes(content.replace(b'2 3 "SLAVE"', b'2 3 "BODY"'))
-
-
 GROUPS: list[tuple[str, bytes | Callable[[Path], object], tuple[str, ...], int, str]] = [
     ("a tag that no group has", GOOD, _cut("77"), 2, "no cell group named '77'"),
     ("a dimension and tag that no group has", GOOD, _cut("1:2"), 2, "no cell group named '1:2'"),

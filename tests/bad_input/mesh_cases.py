@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import lacmesh
 from tests.bad_input import raw
-from tests.bad_input.case import CUT, INFO, Case
+from tests.bad_input.case import CUT, Case
 from tests.bad_input.raw import Cell, Raw, two_hexahedra
 
 WRITERS: dict[str, Callable[[Raw], bytes]] = {
@@ -27,8 +27,6 @@ WRITERS: dict[str, Callable[[Raw], bytes]] = {
 }
 MSH = tuple(name for name in WRITERS if name.startswith("msh"))
 MED = tuple(name for name in WRITERS if name.startswith("MED"))
-#: Formats whose cells and nodes have numbers of their own.
-NUMBERED = (*MSH, *MED, "mail", "inp")
 
 
 class Defect(NamedTuple):
@@ -388,10 +386,6 @@ DEFECTS = [
 ]
 
 
-def _lost_type(name: str) -> str:
-    return {"mail": "HEXA99", "inp": "C3D99"}.get(name, "199")
-
-
 def cases() -> Iterator[Case]:
     """Every defect in every format that can have it."""
     for defect in DEFECTS:
@@ -417,6 +411,3 @@ def _latin() -> Iterator[Case]:
             assert lacmesh.read(folder / "out.msh").zones == ("Körper",)
 
         yield Case("names", name, "a group's name is in Latin-1", WRITERS[name](mesh), "", 0, command, then=then)
-
-
-_ = INFO

@@ -39,10 +39,6 @@ def _lines(mesh: Raw) -> None:
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
 
 
-def _of_triangles(mesh: Raw) -> None:
-    mesh.cells = [Cell(101, "TRIA3", [11, 12, 14], "BODY"), Cell(102, "SEG2", [11, 12], "SLAVE")]
-
-
 #: what is wrong, content, command, words: `lacmesh check` and the limits of `lacmesh cut` say no
 VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("check: not cut yet", GOOD, (*CHECK, "SLAVE"), "is not usable for LAC: 1 error .no-internal-dof"),

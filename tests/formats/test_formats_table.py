@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, WriteError
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import SUFFIXES, detect_format, read, write
 from lacmesh.formats.mail.types import NODES
 from lacmesh.formats.table import BESIDE, BY_TYPE, FEATURES, FORMATS, KEPT, LOST, OF_NAME, OURS, REFUSED
@@ -225,3 +225,11 @@ def test_cells_that_are_refused_are_named_and_nothing_is_left(form, tmp_path):
                 assert CELLS.get(cell_type) is None or form.fidelity[0].keeps_cells(cell_type) != REFUSED
                 for file in tmp_path.iterdir():
                     file.unlink()
+
+
+@pytest.mark.parametrize("form", [form for form in FORMATS if not form.meshio], ids=lambda form: form.name)
+def test_a_file_that_is_not_there_is_an_error_of_ours(form, tmp_path):
+    with pytest.raises(ReadError, match=r"none\.\w+: cannot be read \(No such file"):
+        form.read(tmp_path / f"none{form.suffixes[0]}")
+    with pytest.raises(WriteError, match="does not exist"):
+        write(tmp_path / "nowhere" / f"a{form.suffixes[0]}", cases.bare())

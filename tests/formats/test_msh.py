@@ -491,6 +491,14 @@ def rich():
     )
 
 
+@kinds
+def test_cells_that_msh_lacks_keep_their_places(tmp_path, version, binary):
+    with pytest.warns(LacmeshWarning, match="msh has no TRIA7: 1 cells"):
+        read = again(tmp_path, rich(), version, binary)
+    assert plain(read) == plain(rich())
+    assert version == "4.1" or order_of(read) == order_of(rich())
+
+
 def tried(path, content):
     """Read a damaged file and return the error's text, or the mesh; every other exception is a failure."""
     path.write_bytes(content)
