@@ -27,20 +27,11 @@ class PieceIndices:
         return np.concatenate([[0], np.cumsum(chosen)])[self.start]
 
 
-@dataclass(frozen=True)
-class MeshPieces:
-    """The pieces of a mesh: one for each of `n_ranks`, in their order, then one for each of `skins`."""
+def pieces_of(mesh: Mesh, owner: Ints) -> tuple[tuple[str, ...], PieceIndices, PieceIndices]:
+    """Return the names of the skins of a mesh, and its pieces, those of nodes and those of cells.
 
-    n_ranks: int
-    skins: tuple[str, ...]
-    node: PieceIndices
-    cell: PieceIndices
-
-
-def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
-    """Return the pieces of a mesh whose nodes have the owners (n_nodes,): those of `part_of`, and every skin's.
-
-    A skin is a group without cells of the highest dimension; in a mesh without groups, an entity of msh.
+    There is one for each rank, as by `part_of`, then one for each skin. `owner` (n_nodes,): the rank that owns each
+    node. A skin is a group without cells of the highest dimension; in a mesh without groups, an entity of msh.
     """
     n_ranks = int(owner.max(initial=0)) + 1
     skins = tuple(name for name in mesh.cell_groups if mesh.group_dim(name) < mesh.dim)
@@ -53,7 +44,7 @@ def pieces_of(mesh: Mesh, owner: Ints) -> MeshPieces:
         mask = np.zeros(mesh.n_cells, bool)
         mask[cells] = True
         under.append(np.flatnonzero(nodes_of(mesh, mask)))
-    return MeshPieces(n_ranks, skins, _joined(node, under), _joined(cell, around))
+    return skins, _joined(node, under), _joined(cell, around)
 
 
 def cells_of_ranks(mesh: Mesh, owner: Ints, n_ranks: int, everywhere: Ints) -> PieceIndices:

@@ -33,7 +33,7 @@ from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, positions, skin_name, whole_of
-from lacmesh.partition.pieces import MeshPieces, PieceIndices, pieces_of
+from lacmesh.partition.pieces import PieceIndices, pieces_of
 
 if TYPE_CHECKING:
     import h5py
@@ -54,7 +54,7 @@ def write_parts(folder: str | os.PathLike[str], mesh: Mesh, owner: Ints, *, forc
     check_folder(folder, force=force)
     pieces = pieces_of(mesh, owner)
     with _made(folder), replacing(folder / FILE) as (beside,), created(beside) as file:
-        _write(file, mesh, owner, pieces)
+        _write(file, mesh, owner, *pieces)
 
 
 def check_folder(folder: Path, *, force: bool) -> None:
@@ -84,15 +84,17 @@ def _made(folder: Path) -> Iterator[None]:
         raise
 
 
-def _write(file: h5py.Group, mesh: Mesh, owner: Ints, pieces: MeshPieces) -> None:
+def _write(
+    file: h5py.Group, mesh: Mesh, owner: Ints, skins: Sequence[str], node: PieceIndices, cell: PieceIndices
+) -> None:
     """Write the pieces of a mesh into an open file."""
-    body = bodies_of(mesh)
+    body, n_ranks = bodies_of(mesh), int(owner.max(initial=0)) + 1
     data = {"node": _numeric(mesh.node_data), "cell": _numeric(mesh.cell_data)}
     whole = vars(whole_of(mesh, body))
     header = {
         "version": VERSION,
-        "ranks": pieces.n_ranks,
-        "skins": pieces.skins,
+        "ranks": n_ranks,
+        "skins": skins,
         "whole": {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in whole.items()},
         "plane": mesh.plane,
         "groups": {"node": list(mesh.node_groups), "cell": list(mesh.cell_groups)},
@@ -101,14 +103,14 @@ def _write(file: h5py.Group, mesh: Mesh, owner: Ints, pieces: MeshPieces) -> Non
     }
     for name, text in (("header", json.dumps(header)), ("notes", to_json(mesh, {}))):
         file[name] = np.frombuffer(text.encode(), np.uint8)
-    file["owned"] = np.bincount(owner, minlength=pieces.n_ranks)
+    file["owned"] = np.bincount(owner, minlength=n_ranks)
     on_nodes = {"number": mesh.node_number, "points": mesh.points, "owner": owner, "body": body}
-    _write_rows(file.create_group("node"), pieces.node, on_nodes, data["node"], (), mesh.node_groups)
+    _write_rows(file.create_group("node"), node, on_nodes, data["node"], (), mesh.node_groups)
     on_cells = {"number": mesh.cell_number}
     if mesh.file_order is not None:
         on_cells["place"] = np.argsort(mesh.file_order)
     types = [(block.nodes, int(start)) for block, start in zip(mesh.blocks, mesh.offsets, strict=False)]
-    _write_rows(file.create_group("cell"), pieces.cell, on_cells, data["cell"], types, mesh.cell_groups)
+    _write_rows(file.create_group("cell"), cell, on_cells, data["cell"], types, mesh.cell_groups)
 
 
 def _numeric(data: Any) -> dict[str, NDArray]:

@@ -21,16 +21,16 @@ from lacsolver.case.value import Value
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
-    from lacsolver.case.mesh_digest import MeshPart
+    from lacsolver.distributed.share import Share
 
 #: sections that a solution does not depend on
 FREE = ("steps", "solver", "output", "probe")
 
 
-def fingerprint(case: Case, mesh: Mesh, part: MeshPart | None = None) -> dict[str, str]:
+def fingerprint(case: Case, mesh: Mesh, share: Share | None = None) -> dict[str, str]:
     """Return a digest of each part of a case, by the part's name (`model`, `pressure` ...), and one of its `mesh`.
 
-    `part`: where the mesh is a part, which part of the whole it is; all processes call this, and get the same.
+    `share`: where the mesh is a part, which part of the whole it is; all processes call this, and get the same.
     """
     parts: dict[str, Any] = {name: value for name, value in case.told().items() if name != "mesh"}
     for path, record in case.records():
@@ -39,7 +39,8 @@ def fingerprint(case: Case, mesh: Mesh, part: MeshPart | None = None) -> dict[st
     digests = {name: _digest(json.dumps(_plain(part), sort_keys=True).encode()) for name, part in parts.items()}
     from lacsolver.case.mesh_digest import mesh_digest  # with numpy, which reading a case does not need
 
-    return {"mesh": mesh_digest(_groups(case), mesh, part), **digests}
+    mesh_print = mesh_digest(_groups(case), mesh) if share is None else mesh_digest(_groups(case), mesh, share)
+    return {"mesh": mesh_print, **digests}
 
 
 def fingerprint_as(before: Mapping[str, str], prints: Mapping[str, str], case: Case, mesh: Mesh) -> Mapping[str, str]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,44 +15,21 @@ from numpy.typing import NDArray
 from lacmesh.errors import GroupNotFoundError
 from lacmesh.mesh import Ints, Mesh
 from lacsolver.case.row_sums import ROWS, row_sums
+from lacsolver.distributed.share import ALONE, Share
 
 #: how the digest begins; that of an older version, which processes with parts could not make, does not
 BY_ROWS = "rows:"
 
 
-class MeshPart(Protocol):
-    """Interface of the part of a mesh that one of several processes has.
-
-    Each node is one process's own, and this process has all cells whose first node it is.
-    """
-
-    @property
-    def own(self) -> NDArray[np.bool_]:
-        """Mask (n_nodes,) of own nodes."""
-
-    @property
-    def node(self) -> Ints:
-        """Index (n_nodes,) in the whole mesh of each node."""
-
-    @property
-    def cell(self) -> Ints:
-        """Index (n_cells,) in the whole mesh of each cell."""
-
-    def total(self, x: NDArray) -> NDArray:
-        """Return the sum of an array over all processes."""
-
-
-def mesh_digest(groups: Sequence[str], mesh: Mesh, part: MeshPart | None = None) -> str:
-    """Return the digest of a mesh with some of its groups, or that of the whole mesh of which it is a part."""
+def mesh_digest(groups: Sequence[str], mesh: Mesh, share: Share = ALONE) -> str:
+    """Return the digest of a mesh with some of its groups, or that of the whole mesh of which it is the `share`."""
     sums = np.zeros(2, np.uint64)
-    for name, index, values in _rows(groups, mesh, part):
+    for name, index, values in _rows(groups, mesh, share):
         sums += row_sums(name, index, values)
-    if part is not None:
-        sums = part.total(sums)
-    return BY_ROWS + hashlib.sha256(f"{list(mesh.zones)} {sums.tolist()}".encode()).hexdigest()[:32]
+    return BY_ROWS + hashlib.sha256(f"{list(mesh.zones)} {share.total(sums).tolist()}".encode()).hexdigest()[:32]
 
 
-def _rows(groups: Sequence[str], mesh: Mesh, part: MeshPart | None) -> Iterator[tuple[str, Ints, NDArray]]:
+def _rows(groups: Sequence[str], mesh: Mesh, share: Share) -> Iterator[tuple[str, Ints, NDArray]]:
     """Yield rows of the arrays that a solution depends on: the array's name, their indices in the whole mesh, values.
 
     They come in pieces, so that no array is copied as a whole. A process has the rows of its own nodes, and of the
@@ -63,7 +39,7 @@ def _rows(groups: Sequence[str], mesh: Mesh, part: MeshPart | None) -> Iterator[
     def indices(rows: Ints, of_part: Ints | None) -> Ints:
         return rows if of_part is None else of_part[rows]
 
-    node, cell, own = (None, None, None) if part is None else (part.node, part.cell, part.own)
+    node, cell, own = share.node, share.cell, share.own
     for rows in _pieces(own, mesh.n_nodes):
         yield "points", indices(rows, node), mesh.points[rows]
     ours = []

@@ -18,7 +18,7 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
 from lacmesh.partition.slices import SLICE_OF, read_in_slices
 from lacsolver.distributed.mpi import MpiCommunicator
-from lacsolver.distributed.share import Distribution, Share
+from lacsolver.distributed.share import ALONE, Distribution, Share
 
 #: bytes of a MED or msh file from which on it is read by slices; every process reads a smaller one as a whole
 LARGE = 1 << 26
@@ -72,10 +72,10 @@ class Processes(Distribution):
         large = self.comm.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
         return read_in_slices(path, self.comm, skins) if large else None
 
-    def as_read(self, mesh: Mesh) -> tuple[Mesh, PartShare | None]:
-        """Return a mesh of `read` before its cut, and which part it is of the mesh in the file; None for the whole."""
+    def as_read(self, mesh: Mesh) -> tuple[Mesh, Share]:
+        """Return a mesh of `read` before its cut, and its share in the mesh of the file."""
         if self._read is None or self._part is None or self._part.mesh is not mesh:
-            return mesh, None
+            return mesh, ALONE
         return self._read.mesh, PartShare(self.comm.mpi, self._read)
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:

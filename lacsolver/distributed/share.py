@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.communicator import Communicator
@@ -21,7 +20,7 @@ from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 
 if TYPE_CHECKING:
-    from lacsolver.case.mesh_digest import MeshPart
+    from scipy.sparse import csr_array
 
 
 class Share(Communicator):
@@ -71,9 +70,9 @@ class Distribution:
             raise RequestError(f"{path} is a folder; if it has parts of a mesh, start as many processes: mpiexec -n N")
         return lacmesh.read(path)
 
-    def as_read(self, mesh: Mesh) -> tuple[Mesh, MeshPart | None]:
-        """Return a mesh of `read` before its cut, and which part it is of the mesh in the file; None for the whole."""
-        return mesh, None
+    def as_read(self, mesh: Mesh) -> tuple[Mesh, Share]:
+        """Return a mesh of `read` before its cut, and its share in the mesh of the file."""
+        return mesh, ALONE
 
     def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
         """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""

@@ -10,8 +10,6 @@ K_nr before. Rows of contact add B^T W B to each block; V has theirs already.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,45 +22,34 @@ from lacsolver.linear.vectors import Vectors
 _NOTHING = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class Bordered:
-    """The cycle on n unknowns `V`, completed by r more. `Z` (n, r), `S_inverse` (r, r); `row(x)`: K_rn x (r,)."""
+def bordered(
+    V: Callable[[Floats], Floats], K: csr_array, n: int, vectors: Vectors,
+    B: csr_array | None = None, weights: Floats | None = None,
+) -> Callable[[Floats], NDArray[np.floating]]:  # fmt: skip
+    """Complete the cycle V of the first n unknowns of K, whose last r rows are parts of sums over all processes.
 
-    V: Callable[[Floats], Floats]
-    Z: NDArray[np.floating]
-    S_inverse: NDArray[np.floating]
-    row: Callable[[Floats], Floats]
-    vectors: Vectors
+    `B` (a, n + r), `weights` (a,): rows of contact, the same on all processes. The result takes forces (n + r,).
+    """
+    K_nr, K_rn, K_rr = K[:n, n:].toarray(), csr_array(K[n:, :n]), K[n:, n:].toarray()
+    B = csr_array((0, K.shape[1])) if B is None else B
+    W_B_r = (np.zeros(0) if weights is None else weights)[:, None] * B[:, n:].toarray()
+    B_n, zeros = csr_array(B[:, :n]), np.zeros(n)
+    K_nr = K_nr + B_n.T @ W_B_r
 
-    @classmethod
-    def of(
-        cls, V: Callable[[Floats], Floats], K: csr_array, n: int, vectors: Vectors,
-        B: csr_array | None = None, weights: Floats | None = None,
-    ) -> Self:  # fmt: skip
-        """Complete a cycle of the first n unknowns of K, whose last rows are parts of sums over all processes.
+    def summed(f: Floats) -> NDArray[np.floating]:
+        return vectors.summed(np.append(zeros, f))[n:]
 
-        `B` (a, n + r), `weights` (a,): rows of contact, the same on all processes.
-        """
-        K_nr, K_rn, K_rr = K[:n, n:].toarray(), csr_array(K[n:, :n]), K[n:, n:].toarray()
-        B = csr_array((0, K.shape[1])) if B is None else B
-        W_B_r = (np.zeros(0) if weights is None else weights)[:, None] * B[:, n:].toarray()
-        B_n, zeros = csr_array(B[:, :n]), np.zeros(n)
-        K_nr = K_nr + B_n.T @ W_B_r
+    def row(x: Floats) -> NDArray[np.floating]:
+        return summed(K_rn @ x) + W_B_r.T @ (B_n @ x)
 
-        def summed(f: Floats) -> NDArray[np.floating]:
-            return vectors.summed(np.append(zeros, f))[n:]
+    Z = np.stack([V(column) for column in K_nr.T], axis=1)
+    whole = np.stack([summed(column) for column in K_rr.T], axis=1) + B[:, n:].toarray().T @ W_B_r
+    S = vectors.same(whole - np.stack([row(column) for column in Z.T], axis=1))
+    S_inverse = np.linalg.pinv((S + S.T) / 2, rcond=_NOTHING, hermitian=True)
 
-        def row(x: Floats) -> NDArray[np.floating]:
-            return summed(K_rn @ x) + W_B_r.T @ (B_n @ x)
+    def cycle(f: Floats) -> NDArray[np.floating]:
+        x = V(f[:n])
+        motion = vectors.same(S_inverse @ (f[n:] - row(x)))
+        return np.concatenate([x - Z @ motion, motion])
 
-        Z = np.stack([V(column) for column in K_nr.T], axis=1)
-        whole = np.stack([summed(column) for column in K_rr.T], axis=1) + B[:, n:].toarray().T @ W_B_r
-        S = vectors.same(whole - np.stack([row(column) for column in Z.T], axis=1))
-        return cls(V, Z, np.linalg.pinv((S + S.T) / 2, rcond=_NOTHING, hermitian=True), row, vectors)
-
-    def __call__(self, f: Floats) -> NDArray[np.floating]:
-        """Return an approximation (n + r,) of the solution for forces f (n + r,)."""
-        n = len(self.Z)
-        x = self.V(f[:n])
-        motion = self.vectors.same(self.S_inverse @ (f[n:] - self.row(x)))
-        return np.concatenate([x - self.Z @ motion, motion])
+    return cycle

@@ -25,7 +25,7 @@ from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
 from lacsolver.problem.rigid_modes import bodies, centres
-from lacsolver.saddle.bordered import Bordered
+from lacsolver.saddle.bordered import bordered
 from lacsolver.saddle.node_blocks import add_to_diagonal, only_rows, submatrix
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.stiffness import embed, leading_unknowns
@@ -109,7 +109,7 @@ class SharedStiffness(Operator):
         if c.n_nodal == c.n_q:
             return on_nodal
         K = self.K if self.spring is None else csr_array(self.K + diags_array(self.spring))
-        return Bordered.of(on_nodal, K, c.n_nodal, self.vectors, B, weights)
+        return bordered(on_nodal, K, c.n_nodal, self.vectors, B, weights)
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
         """Apply an operator on the unknowns of own nodes to forces f (n_nodal,); return displacements of all nodes."""
