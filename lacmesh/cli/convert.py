@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.formats import read
 
     source, target = Path(args.input), Path(args.output)
-    args.left = pending_mesh(target, args).left
+    args.left = pending_mesh(target, args)
     mesh = read(source, mesh=args.mesh)
     if args.order:
         from lacmesh.cutting.order import raise_order

@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> None:
     target = Path(args.output) if args.output else _beside(source)
     asked = {"check": args.master or args.pair, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
-    args.left = pending_mesh(target, args).left
+    args.left = pending_mesh(target, args)
     if args.report:
         _check_report(target, args)
     with stage("read"):

@@ -144,7 +144,7 @@ def _mesh(args: argparse.Namespace) -> None:
         groups.setdefault(name, []).append(part)
     check_source(args.cad)
     target = Path(args.output)
-    args.left = pending_mesh(target, args).left
+    args.left = pending_mesh(target, args)
     stage = Stages(args, ("mesh", "write"))
     with stage("mesh"):
         mesh = mesh_cad(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
@@ -214,36 +214,22 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
 
 
-@dataclass(frozen=True)
-class PendingOutput:
-    """An output that a command will write: its path, and what identifies the file that stands there before."""
-
-    path: Path
-    before: tuple[int, int] | None
-
-    @classmethod
-    def at(cls, path: Path) -> PendingOutput:
-        """Return the output to come at a path, before it is written."""
-        return cls(path, _identity(path))
-
-    def left(self) -> str:
-        """Clause for an interrupted command that says if its output was written, judged by the file on the disk."""
-        if _identity(self.path) == self.before:
-            return "nothing was written"
-        return f"{self.path} was written before that"
+def left_at(path: Path) -> Callable[[], str]:
+    """Return a function for an interrupted command: a clause that says, by what is there, if its output was written."""
+    before = _identity(path)
+    return lambda: "nothing was written" if _identity(path) == before else f"{path} was written before that"
 
 
-def pending_output(target: Path, *, force: bool) -> PendingOutput:
-    """Check early that a file can be written; return it as an output to come. Raises RequestError, WriteError."""
+def pending_output(target: Path, *, force: bool) -> Callable[[], str]:
+    """Check early that a file can be written; return `left_at` of it. Raises RequestError, WriteError."""
     from lacmesh.formats.output import check_place
 
-    pending = PendingOutput.at(target)
     check_place(target, force=force)
-    return pending
+    return left_at(target)
 
 
-def pending_mesh(target: Path, args: argparse.Namespace) -> PendingOutput:
-    """Check early that a mesh can be written with these options; return it as an output to come.
+def pending_mesh(target: Path, args: argparse.Namespace) -> Callable[[], str]:
+    """Check early that a mesh can be written with these options; return `left_at` of it.
 
     Raises RequestError, WriteError.
     """

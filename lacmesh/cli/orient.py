@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> None:
     source = Path(args.input)
     suffix = source.suffix or f".{detect_format(source).format}"
     target = Path(args.output) if args.output else source.with_name(f"{source.stem}.out{suffix}")
-    args.left = pending_mesh(target, args).left
+    args.left = pending_mesh(target, args)
     mesh = read(source, mesh=args.mesh)
     said = []
     for group in args.group:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import PendingOutput, add_command, add_mesh_option
+from lacmesh.cli.options import add_command, add_mesh_option, left_at
 from lacmesh.cli.terminal import Stages
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> None:
     source = Path(args.input)
     folder = Path(args.output) if args.output else _beside(source)
     stage = Stages(args, ("read", "divide", "write"))
-    args.left = PendingOutput.at(folder / FILE).left
+    args.left = left_at(folder / FILE)
     check_folder(folder, force=args.force)
     with stage("read"):
         mesh = read(source, mesh=args.mesh)

@@ -2,7 +2,7 @@
 
 A program has a module for each of its commands, with `add(commands)`, which declares its arguments, and `run(args)`; it
 imports what it needs when it runs, so that `--help` loads no numpy. A command that is interrupted says what it leaves:
-it puts a function that tells into `args.left` (`options.PendingOutput.left`).
+it puts a function that tells into `args.left` (`options.left_at`).
 """
 
 from __future__ import annotations

@@ -111,8 +111,6 @@ def _print_type(of_type: TypeQuality) -> None:
     accepted = ACCEPTED.get(of_type.type, {})
     print(f"\n{_title(of_type, rank)}")
     rows = table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
-    for column in rows.columns:
-        column.header = str(column.header).removeprefix("+")
     for name, s in of_type.measures.items():
         limits = accepted.get(name)
         range_text = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
@@ -184,8 +182,6 @@ def _print_groups(quality: Quality) -> None:
     from lacmesh.report.outline import number
 
     rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
-    for column in rows.columns:
-        column.header = str(column.header).removeprefix("+")
     for name, types in quality.groups.items():
         for t in types:
             rank = primary_metric(t.type) or ""
@@ -203,8 +199,6 @@ def _print_children(c: ChildrenQuality) -> None:
     known += f", {c.unknown:,} not (cut by several of their faces)" if c.unknown else ""
     print(f"cut: {c.children:,} children, {c.invalid:,} invalid; {known}")
     rows = table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))
-    for column in rows.columns:
-        column.header = str(column.header).removeprefix("+")
     for name, s in (("of the children", c.child), ("of their parents", c.parent), ("child / parent", c.ratio)):
         rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
     console().print(rows)

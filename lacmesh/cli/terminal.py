@@ -81,7 +81,7 @@ def console() -> Any:
 
 
 def table(*columns: str) -> Any:
-    """Empty table; columns that hold numbers, by their names, are aligned to the right."""
+    """Empty table; columns of numbers are aligned to the right: those with a + before their name, and some others."""
     from rich import box
     from rich.table import Table
 
@@ -92,7 +92,7 @@ def table(*columns: str) -> Any:
     table = Shown(box=box.SIMPLE_HEAD, pad_edge=False)
     for name in columns:
         number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes", "own nodes")
-        table.add_column(on_one_line(name), justify="right" if number else "left", no_wrap=number)
+        table.add_column(on_one_line(name.removeprefix("+")), justify="right" if number else "left", no_wrap=number)
     return table
 
 

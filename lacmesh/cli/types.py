@@ -22,7 +22,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.cells import CELLS
     from lacmesh.report import pattern_table
 
-    rows = table("cell", "slave face", "variant", "faces", "children", "+nodes", "+cells")
+    rows = table("cell", "slave face", "variant", "faces", "children", "++nodes", "++cells")
     previous = None
     for row in pattern_table():
         name = "" if row.cell == previous else row.cell

@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> None:
     target = Path(args.output)
     check_skins(args, needed=False)
     _check_request(target, args)
-    args.left = pending_output(target, force=args.force).left
+    args.left = pending_output(target, force=args.force)
     from lacmesh.formats import read
 
     stage = Stages(args, ("read", "look", "draw"))

@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> None:
     check_alone()
     folder, target = folder_of(args), Path(args.output)
     check_film(target, folder)
-    args.left = pending_output(target, force=args.force).left
+    args.left = pending_output(target, force=args.force)
     film(
         folder,
         target,

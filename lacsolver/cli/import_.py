@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> None:
     if target.suffix != ".toml":
         raise RequestError(f"{target}: a case file is called .toml; name it so")
     for path in (target.with_suffix(".med"), target):
-        args.left = pending_output(path, force=args.force).left
+        args.left = pending_output(path, force=args.force)
     stage = Stages(args, ("read", "write"))
     with stage("read"):
         made = import_deck(args.deck, target, lenient=args.lenient)

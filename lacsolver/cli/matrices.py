@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> None:
         targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
         for target in targets.values():
             for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
-                args.left = pending_output(path, force=args.force).left
+                args.left = pending_output(path, force=args.force)
         made = _made(case, mesh)
     with stage("write"):
         for name, matrices in made.items():

@@ -34,6 +34,6 @@ def run(args: argparse.Namespace) -> None:
     check_alone()
     folder, target = folder_of(args), Path(args.output)
     check_plot_history(target)
-    args.left = pending_output(target, force=args.force).left
+    args.left = pending_output(target, force=args.force)
     plot_history(folder, target, args.history, title=args.title)
     print_size(target, args)
