@@ -231,3 +231,14 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "not-checked": Rule("error", "a part of the check failed", "report it, with the mesh"),
     }
 )
+
+
+def named(message: str, rule: str) -> str:
+    """Return the message of another program about what a rule of the check finds, with the name of the rule.
+
+    >>> named("master 'top' is in front of 30 % of slave 'low'", "partial-coverage")
+    "master 'top' is in front of 30 % of slave 'low' (lacmesh check: partial-coverage)"
+    """
+    if rule not in RULES:
+        raise KeyError(rule)
+    return f"{message} (lacmesh check: {rule})"

@@ -8,7 +8,7 @@ from typing import Any
 from lacmesh.checks.findings import Finding
 from lacmesh.checks.subject import CheckedSkin, Subject
 from lacmesh.errors import DataError
-from lacmesh.smooth.coarse import DOUBTFUL, Faceted, faceted
+from lacmesh.smooth.coarse import DOUBTFUL, Faceted, doubt_in_words, faceted
 from lacmesh.smooth.fitted import few_in_words, fitted_shapes
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface.record import Surface
@@ -49,8 +49,5 @@ def _coarse(side: CheckedSkin, coarse: Faceted) -> str:
     if coarse.no_height:
         what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
     if coarse.doubt > DOUBTFUL:
-        what.append(
-            f"their curvature changes so much from one to the next that heights may be {coarse.doubt:.2g} of a "
-            "face's size off"
-        )
+        what.append(f"their {doubt_in_words(coarse.doubt)}")
     return f"{message}{', and '.join(what)}; refine the mesh (16 faces to a full turn or more), or use quadratic cells"

@@ -6,7 +6,7 @@ It is cheap compared with a solution: no search in space, only the lengths of ed
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,35 +18,37 @@ from lacmesh.checks.subject import PLACE, Subject, make_subject
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
 
-
-class Spoilt(NamedTuple):
-    """A finding; `surely`: no solution can be right; `pair`: the slave and master concerned, None for cells."""
-
-    finding: Finding
-    surely: bool
-    pair: tuple[str, str] | None = None
+#: rules of cells after which a solution may yet be right
+_DOUBTED = ("mid-nodes-differ", "coincident-nodes")
 
 
-def find_spoiling(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Spoilt, ...]:
-    """Findings of `check` that make a solution wrong, or may do so. `pairs`: slave and master of each contact.
+def find_spoiling(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Finding, ...]:
+    """Findings of `check` that make a solution wrong (errors), or may do so (warnings).
 
-    Certainly wrong: duplicate or overlapping cells and non-manifold facets, where material counts twice; slave faces
-    with all their nodes on the master, which can neither open nor transmit pressure. Possibly wrong: mid-nodes that two
-    neighbouring cells do not share, where the body is torn; some nodes shared by slave and master, as at the tip of a
-    crack; cells with two coincident nodes.
+    `pairs`: slave and master of each contact; a finding about one of them names it in `where`. Certainly wrong:
+    duplicate or overlapping cells and non-manifold facets, where material counts twice; slave faces with all their
+    nodes on the master, which can neither open nor transmit pressure. Possibly wrong: mid-nodes that two neighbouring
+    cells do not share, where the body is torn; some nodes shared by slave and master, as at the tip of a crack; cells
+    with two coincident nodes.
     """
     origin = origin_of_mesh(mesh)
     mesh = from_origin(mesh, origin)
     subject = make_subject(mesh, (), (), (), {}, origin)
     with np.errstate(all="ignore"):  # places that are no numbers are others' to tell
         cells = [*check_facets(subject)[0], *_edges_without_length(subject)]
-    spoilt = [Spoilt(finding, finding.rule not in ("mid-nodes-differ", "coincident-nodes")) for finding in cells]
+    findings = [_judged(finding, finding.rule not in _DOUBTED) for finding in cells]
     for pair in dict.fromkeys(pairs):
         skins = make_subject(mesh, pair[:1], pair[1:], (), {}, origin)
         if len(np.intersect1d(mesh.cells_of(pair[0]), mesh.cells_of(pair[1]))):
             continue  # one skin on both sides makes no contact at all, which who pairs them says
-        spoilt += [Spoilt(finding, _glued(skins), pair) for finding in check_sharing(skins)[0]]
-    return tuple(spoilt)
+        findings += [_judged(finding, _glued(skins), pair) for finding in check_sharing(skins)[0]]
+    return tuple(findings)
+
+
+def _judged(finding: Finding, surely_wrong: bool, pair: tuple[str, str] | None = None) -> Finding:
+    """Return a finding with the severity that it has for a solution, and the pair it is about."""
+    severity = "error" if surely_wrong else "warning"
+    return replace(finding, severity=severity, where=finding.where._replace(pair=pair))
 
 
 def _glued(skins: Subject) -> bool:

@@ -12,9 +12,18 @@
 Nothing here depends on units, or on the position, orientation or numbering of the model.
 """
 
-from lacmesh.smooth.coarse import DOUBTFUL, unresolved
+from lacmesh.smooth.coarse import DOUBTFUL, doubt_in_words, unresolved
 from lacmesh.smooth.fitted import FittedShape, fit_surface, told_of_few
 from lacmesh.smooth.heights import height_of
 from lacmesh.smooth.surfaces import surface_of
 
-__all__ = ["DOUBTFUL", "FittedShape", "fit_surface", "height_of", "surface_of", "told_of_few", "unresolved"]
+__all__ = [
+    "DOUBTFUL",
+    "FittedShape",
+    "doubt_in_words",
+    "fit_surface",
+    "height_of",
+    "surface_of",
+    "told_of_few",
+    "unresolved",
+]

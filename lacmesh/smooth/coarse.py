@@ -41,6 +41,11 @@ def faceted(smooth: Smooth, surface: Surface) -> Faceted:
     return Faceted(cells, float(np.degrees(turn[free].max(initial=0.0))), int(lacking.sum()), doubt)
 
 
+def doubt_in_words(doubt: float) -> str:
+    """Say how far gaps to a curved skin may be off, over the size of a face; after `its` or `their`."""
+    return f"curvature changes within few faces, so that gaps may be off by {doubt:.2g} of a face's size"
+
+
 def unresolved(mesh: Mesh, surface: Surface, *, how: str = "smooth", crease_angle: float | None = None) -> Floats:
     """(k,): largest angles (radians) to a neighbour of the linear faces whose curvature contact does not represent.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.checks.rules import named
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacmesh.topology.facets import boundary_faces
@@ -64,7 +65,8 @@ def scarcely_covered(joint: ContactPair, covered: float) -> Iterator[str]:
         slave, master = joint.record.slave, joint.record.master
         message = f"master {master!r} is in front of {100 * covered:.3g} % of slave {slave!r}, less than half of it"
         advice = "name as slave the faces that may come into contact, or exchange slave and master"
-        yield f"{message}; {advice}, or raise search_distance if they are farther apart"
+        advice += ", or raise search_distance if they are farther apart"
+        yield named(f"{message}; {advice}", "partial-coverage")
 
 
 def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Iterator[str]:

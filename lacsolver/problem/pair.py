@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.checks.rules import named
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.smooth import DOUBTFUL, told_of_few
+from lacmesh.smooth import DOUBTFUL, doubt_in_words, told_of_few
 from lacmesh.surface import Surface
 from lacsolver.case import Contact, Tie
 from lacsolver.contact import Interface, Pairing, Zone, integrate
@@ -111,7 +112,7 @@ class ContactPair(Described):
         if not self.moving and not self.covered(face).any():
             message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
             advice = "check which groups these are and that their faces turn outward, or raise search_distance"
-            raise wrong(self.record, f"{message}; {advice}")
+            raise wrong(self.record, named(f"{message}; {advice}", "no-coverage"))
 
 
 def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
@@ -124,11 +125,12 @@ def zone_of(mesh: Mesh, record: Contact | Tie) -> Zone:
 def _warn_of_skins(space: Space, record: Contact, zone: Zone) -> None:
     """Warn of skins of a contact that are taken as round over creases, and of those whose height is doubtful."""
     for side, group, skin in (("slave", record.slave, zone.slave), ("master", record.master, zone.master)):
+        where = f"contact {record.name!r}: {side} {group!r}: "
         if message := told_of_few(space.local, skin, record.crease_angle):
-            mend = "give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
-            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {message}; {mend}"), stacklevel=4)
+            message += "; give crease_angle = 40 if the edges are sharp, or finer faces if they are not"
+            warnings.warn(LacmeshWarning(where + named(message, "few-faces")), stacklevel=4)
         if message := _doubtful(space, skin):
-            warnings.warn(LacmeshWarning(f"contact {record.name!r}: {side} {group!r}: {message}"), stacklevel=4)
+            warnings.warn(LacmeshWarning(where + named(message, "faceted")), stacklevel=4)
 
 
 def _doubtful(space: Space, skin: Surface) -> str:
@@ -140,7 +142,6 @@ def _doubtful(space: Space, skin: Surface) -> str:
     middle = skin.x[skin.faces.nodes[worst, : skin.n_corners[worst]]].mean(axis=0)[: space.dim]
     place = ", ".join(space.told(middle + space.origin[: space.dim]))
     return (
-        f"its curvature changes within few faces, so that gaps may be off by {doubt[worst]:.2g} of a face's size near "
-        f"({place}), which is worth as great a part of Young's modulus in the pressure; refine it there, put nodes on "
-        "the line where two shapes touch, or take quadratic cells"
+        f"its {doubt_in_words(float(doubt[worst]))} near ({place}), which is worth as great a part of Young's modulus "
+        "in the pressure; refine it there, put nodes on the line where two shapes touch, or take quadratic cells"
     )

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
-from collections.abc import Mapping
 
 import lacmesh
-from lacmesh.checks.spoiling import Spoilt, find_spoiling
+from lacmesh.checks.rules import named
+from lacmesh.checks.spoiling import find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
-from lacsolver.case import Case, CaseError, Contact, Issue
+from lacsolver.case import Case, CaseError, Issue
 
 
 def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
@@ -53,19 +53,16 @@ def check_mesh(case: Case, mesh: Mesh) -> None:
     Raises CaseError if the solution is certainly wrong, and warns if it may be.
     """
     records = {(record.slave, record.master): record for record in reversed(case.contact)}
-    spoilt = find_spoiling(mesh, [(record.slave, record.master) for record in case.contact])
-    wrong = [Issue(_said(one, records)) for one in spoilt if one.surely]
-    for one in spoilt:
-        if not one.surely:
-            warnings.warn(LacmeshWarning(_said(one, records)), stacklevel=3)
+    wrong = []
+    for finding in find_spoiling(mesh, [(record.slave, record.master) for record in case.contact]):
+        place = _place(records[finding.where.pair]) if finding.where.pair else ""
+        message = place + named(finding.message, finding.rule)
+        if finding.severity == "error":
+            wrong.append(Issue(message))
+        else:
+            warnings.warn(LacmeshWarning(message), stacklevel=3)
     if wrong:
         raise CaseError(wrong)
-
-
-def _said(spoilt: Spoilt, records: Mapping[tuple[str, str], Contact]) -> str:
-    """Return the message of a finding, with the line of its contact, and the name of the rule."""
-    place = "" if spoilt.pair is None else _place(records[spoilt.pair])
-    return f"{place}{spoilt.finding.message} (lacmesh check: {spoilt.finding.rule})"
 
 
 def _carried(mesh: Mesh, name: str) -> bool:
