@@ -13,7 +13,7 @@ import lacsolver
 from lacsolver.output import create_output
 from lacsolver.results.faceted import faceted
 from lacsolver.running import run
-from verification.families.press_fit import PressFit, case_text, mesh_of
+from verification.families.press_fit import PressFit, case_of, mesh_of
 from verification.meshes.rings import pair, ring
 from verification.solving import solve
 
@@ -55,13 +55,13 @@ def test_a_skin_of_free_form_that_is_too_coarse(count, said):
     mesh = replace(mesh, points=mesh.points * [1.3, 1.0, 1.0])
     with warnings.catch_warnings(record=True) as before:
         warnings.simplefilter("always")
-        assert bool(told(case_text(given), mesh)) == said
+        assert bool(told(case_of(given), mesh)) == said
     assert any("its curvature changes within few faces" in str(one.message) for one in before) == said
 
 
 def test_quadratic_cells_have_their_curve():
     given = PressFit("TRIA6", "plane_strain", "facet")
-    assert told(case_text(given), mesh_of(given, 0)) == []
+    assert told(case_of(given), mesh_of(given, 0)) == []
 
 
 def test_a_contact_without_pressure_says_nothing():
