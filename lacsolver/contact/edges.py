@@ -14,24 +14,25 @@ the rays meet extensions of the two faces beyond their edge. At the boundary of 
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
+from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.reference.shapes import gradient, shape
-from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.maps import NEARLY_FLAT
+from lacmesh.surface import Surface
+from lacmesh.surface.clip import project
+from lacmesh.surface.lines import meet
+from lacmesh.surface.maps import NEARLY_FLAT, at
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
-from lacmesh.surface.points import smooth_gap
-from lacsolver.contact.interface import by_type, places, tangents
+from lacmesh.surface.place import normal_at
+from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle, ray, wedge
+from lacsolver.contact.chain import MovingEdges, Points
+from lacsolver.contact.interface import places, tangents
 
-#: Newton's method for reference points in faces: most steps, and the step after which none follows, since convergence
-#: is quadratic
+#: Newton's method for the point of a curved line above its chord: most steps, and the step after which none follows
 _STEPS, _DONE = 12, 1e-7
 #: Gauss points of an edge, and their weights, on [0, 1]
 _AT, _WEIGHT = (np.polynomial.legendre.leggauss(3) + np.array([[1.0], [0.0]])) / 2
@@ -41,40 +42,74 @@ _LEAST = 1e-10
 _BEYOND = 0.5
 
 
-class Edges(NamedTuple):
-    """Quadrature points on edges (n,), with weights for line integrals; `moving` (n, n_dof): V as a matrix of u."""
+class EdgePoints(NamedTuple):
+    """Quadrature points on edges (n,), with weights for line integrals, on faces `slave` and `master`.
 
-    points: ContactPoints
-    moving: csr_array
-
-
-class _Ends(NamedTuple):
-    """Quadrature points on edges, one row each.
-
-    `slave`, `master`: rows of their patches; `size`: length of the edge times the Gauss weight, 1 in the plane; `s`
-    (n, 2): reference points in the slave patch; `share` (n, 4): weights of the master patch's corners; `nu` (n, 3).
+    `gap`: between the smooth surfaces.
     """
 
     slave: Ints
     master: Ints
-    size: Floats
-    s: Floats
+    points: Points
+    weight: Floats
+    gap: Floats
+
+
+class _Placed(NamedTuple):
+    """Points on edges, one row each: the patches `a`, `b` of slave and master, and what is computed of each point.
+
+    `met`: True where the ray meets the master's face or its extension; the others as in `EdgePoints` and `MovingEdges`.
+    """
+
+    a: Ints
+    b: Ints
+    xi_s: Floats
+    xi_m: Floats
+    normal: Floats
+    ray: Floats
+    weight: Floats
+    met: NDArray[np.bool_]
+    turned: Floats
     share: Floats
     nu: Floats
 
+    @staticmethod
+    def empty(a: Ints, b: Ints) -> _Placed:
+        """Return arrays to be filled for points on edges of the patches a and b."""
+        n = len(a)
+        two, three = (np.zeros((n, k)) for k in (2, 3))
+        return _Placed(
+            a, b, two, two.copy(), three, np.zeros(n), np.zeros(n), np.zeros(n, bool), np.zeros((n, 4, 3)),
+            np.zeros((n, 4)), three.copy(),
+        )  # fmt: skip
+
 
 def edges_of(
-    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, nodal: Floats | None, axisymmetric: bool
-) -> Edges:
+    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, H: Floats | None, axisymmetric: bool
+) -> EdgePoints:
     """Return quadrature points on the segment edges whose contributions do not cancel between neighbours.
 
-    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `nodal` (f, 9, dim): smoothed
-    normals, None for the faces' own. The field `macro` of the points holds slave faces.
+    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `H` (f, 9, 3): maps of
+    smoothed normals, None for the faces' own.
     """
     s, m = patches(slave), patches(master)
     a, b = _pairs(np.unique(face * np.int64(len(master)) + other), s, m, len(master))
-    ends = (_in_plane if dim == 2 else _in_space)(s, m, a, b, _counting(s, m, a, b, master, nodal is not None))
-    return _placed(ends, s, m, slave, master, dim, nodal, axisymmetric)
+    counts = _counting(s, m, a, b, master, H is not None)
+    if dim == 2:
+        placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric)
+    else:
+        placed = _in_space(s, m, a, b, counts, np.empty((0, 9, 3)) if H is None else H)
+    return _kept(placed, s, m, slave, master)
+
+
+def _kept(placed: _Placed, s: Patches, m: Patches, slave: Surface, master: Surface) -> EdgePoints:
+    """Return the points whose rays meet the master."""
+    keep = np.flatnonzero(placed.met)
+    p = _Placed(*(of_all[keep] for of_all in placed))
+    edges = MovingEdges(p.a, p.b, s.xi, m.xi, p.turned, p.share, p.nu)
+    points = Points(p.xi_s, p.xi_m, p.normal, p.ray, np.empty((0, 2)), 1, 0, edges)
+    gap = p.ray - slave.heights(s.face[p.a], p.xi_s) - master.heights(m.face[p.b], p.xi_m)
+    return EdgePoints(s.face[p.a], m.face[p.b], points, p.weight, gap)
 
 
 def _pairs(key: Ints, s: Patches, m: Patches, n: int) -> tuple[Ints, Ints]:
@@ -104,213 +139,206 @@ def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth:
     return there & (bent[:, None] | (master.neighbours[m.face[b]] < 0))
 
 
-def _in_plane(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_]) -> _Ends:
+def _in_plane(
+    s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], slave: Surface, H: Floats | None,
+    axisymmetric: bool,
+) -> _Placed:  # fmt: skip
     """Return the corners of the master that project into the inside of the slave's chord."""
     t = np.einsum("kcs,ks->kc", m.x[b, :2] - s.x[a, :1], s.e[a, 0]) / s.area[a][:, None]
     row, corner = np.nonzero((t > _LEAST) & (t < 1 - _LEAST) & counts[:, :2])
-    out = np.sign(t[row, corner] - t[row, 1 - corner])
-    place = np.stack([2 * t[row, corner] - 1, np.zeros(len(row))], axis=1)
-    return _Ends(a[row], b[row], np.ones(len(row)), place, np.eye(4)[corner], out[:, None] * s.e[a[row], 0])
-
-
-def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_]) -> _Ends:
-    """Return Gauss points of the parts of the master's edges that project into the slave's patch."""
-    row, corner = np.nonzero(counts)
-    a, b = a[row], b[row]
-    after = (corner + 1) % m.n[b]
-    plane = np.einsum("kcs,kas->kca", m.x[b] - s.centre[a][:, None], s.e[a, :2])
-    k = np.arange(len(row))
-    start, along = plane[k, corner], plane[k, after] - plane[k, corner]
-    low, high = _within(start, along, s.y[a, :, :2], s.n[a])
-    middle = (plane * (np.arange(4) < m.n[b][:, None])[..., None]).sum(axis=1) / m.n[b][:, None]
-    length = np.linalg.norm(along, axis=1)
-    k = np.flatnonzero((high - low) * length > _LEAST * np.sqrt(s.area[a]))
-    across = np.stack([along[k, 1], -along[k, 0]], axis=1) / length[k, None]
-    across *= np.sign((across * (start[k] - middle[k])).sum(axis=1))[:, None]
-    nu = np.einsum("ka,kas->ks", across, s.e[a[k], :2])
-    size = ((high - low) * length)[k, None] * _WEIGHT
-    k, part = np.repeat(k, len(_AT)), (low[k, None] + (high - low)[k, None] * _AT).ravel()
-    share = np.zeros((len(k), 4))
-    share[np.arange(len(k)), corner[k]], share[np.arange(len(k)), after[k]] = 1 - part, part
-    place = _in_patch(start[k] + part[:, None] * along[k], s.y[a[k], :, :2], s.n[a[k]])
-    return _Ends(a[k], b[k], size.ravel(), place, share, np.repeat(nu, len(_AT), axis=0))
-
-
-def _within(start: Floats, along: Floats, y: Floats, n: Ints) -> tuple[Floats, Floats]:
-    """Return the ends of the interval of t in [0, 1] in which start + t along lies in a convex polygon.
-
-    The polygons y (k, 4, 2) have n (k,) corners.
-    """
-    low, high = np.zeros(len(start)), np.ones(len(start))
-    k = np.arange(len(start))
-    for c in range(4):
-        p, q = y[:, c], y[k, (c + 1) % n]
-        side = np.stack([p[:, 1] - q[:, 1], q[:, 0] - p[:, 0]], axis=1)  # inward: polygons turn left
-        f, df = (side * (start - p)).sum(axis=1), (side * along).sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t = -f / df
-        there = c < n
-        low = np.where(there & (df > 0), np.maximum(low, t), low)
-        high = np.where(there & (df < 0), np.minimum(high, t), high)
-        high = np.where(there & (df == 0) & (f < 0), low, high)
-    return low, high
-
-
-def _in_patch(p: Floats, y: Floats, n: Ints) -> NDArray[np.floating]:
-    """Return the reference coordinates (k, 2) of points p (k, 2) in patches with corners y (k, 4, 2)."""
-    out = np.zeros((len(p), 2))
-    for name, count in (("TRIA3", 3), ("QUAD4", 4)):
-        rows = np.flatnonzero(n == count)
-        s = np.full((len(rows), 2), 1 / 3 if count == 3 else 0.0)
-        for _ in range(_STEPS if len(rows) else 0):
-            J = np.einsum("kna,knd->kda", gradient(name, s), y[rows, :count])
-            off = p[rows] - np.einsum("kn,knd->kd", shape(name, s), y[rows, :count])
-            step = np.linalg.solve(J, off[..., None])[..., 0]
-            s += step
-            if np.abs(step).max(initial=0.0) < _DONE:
-                break
-        out[rows] = s
-    return out
-
-
-def _placed(
-    ends: _Ends, s: Patches, m: Patches, slave: Surface, master: Surface, dim: int, nodal: Floats | None,
-    axisymmetric: bool,
-) -> Edges:  # fmt: skip
-    """Return the points on the edges where rays from the slave meet the master, and the edges' V."""
-    corners = _corner_shares(s, ends)
-    xi = np.einsum("kc,kcx->kx", corners, s.xi[ends.slave])
-    face, other = s.face[ends.slave], m.face[ends.master]
-    if dim == 2:
-        _over(s, ends, slave, xi)
-    xi_m = np.einsum("kc,kcx->kx", ends.share, m.xi[ends.master])
-    tau = tangents(slave, face, xi)
-    true = normals_of(tau)
-    normal = _normal(slave, face, xi, true, dim, nodal)
-    x = places(slave, face, xi)
-    xi_m, gap, met = _meet(master, other, x, normal, xi_m, dim)
-    ratio = 1 / np.abs((tau[:, :, 0] * s.e[ends.slave, 0]).sum(axis=1)) if dim == 2 else _ratio(s, ends)
-    weight = ends.size * np.linalg.norm(true, axis=1) * ratio
-    if axisymmetric:
-        weight = weight * 2 * np.pi * x[:, 0]
-    keep = np.flatnonzero(met)
-    made = ContactPoints(
-        face[keep], face[keep], other[keep], xi[keep], xi_m[keep], weight[keep], normal[keep], gap[keep], gap[keep],
-        np.zeros((0, 5), np.int64), axisymmetric,
+    a, b, there, e = a[row], b[row], t[row, corner], s.e[a[row]]
+    face, other = s.face[a], m.face[b]
+    xi = _above(s.x[a, 0] + (there * s.area[a])[:, None] * e[:, 0], s, a, there, slave)
+    tau, x = tangents(slave, face, xi)[:, :, 0], places(slave, face, xi)
+    true = normals_of(tau[:, :, None])
+    n = true if H is None else np.stack([H[face, 0], H[face, 1], H[face, 3]], axis=1).transpose(0, 2, 1) @ _line(xi)
+    n = (n if H is None else n[..., 0]) / np.linalg.norm(n, axis=1).reshape(-1, 1)
+    start = m.xi[b, corner, 0]
+    u, distance, met = meet(m.G[other], x, n, start)
+    share = np.eye(4)[corner]
+    nu = np.sign(there - t[row, 1 - corner])[:, None] * e[:, 0]
+    weight = np.linalg.norm(true, axis=1) / np.abs((tau * e[:, 0]).sum(axis=1))
+    weight = weight * 2 * np.pi * x[:, 0] if axisymmetric else weight
+    # V of the end of a segment: the height of the master's corner over it, times how the chord's normal turns
+    h, along = ((m.x[b, corner] - x) * e[:, 2]).sum(axis=1), (s.x[a, 1] - s.x[a, 0])
+    turn = h * (along * nu).sum(axis=1) / (along * along).sum(axis=1)
+    turned = np.zeros((len(a), 4, 3))
+    turned[:, 0], turned[:, 1] = -turn[:, None] * e[:, 2], turn[:, None] * e[:, 2]
+    xi_m = np.stack([u, np.zeros(len(u))], axis=1)
+    return _Placed(
+        a, b, xi, xi_m, n, distance, weight, met & (np.abs(u - start) < _BEYOND) & np.isfinite(distance), turned, share,
+        nu,
     )  # fmt: skip
-    made = replace(made, gap=smooth_gap(made, slave, master))
-    few = _Ends(ends.slave[keep], ends.master[keep], ends.size[keep], ends.s[keep], ends.share[keep], ends.nu[keep])
-    own = (xi[keep, None], np.ones((len(keep), 1))) if dim == 2 else (s.xi[few.slave], corners[keep])
-    return Edges(made, _moving(few, own, s, m, slave, master, dim))
 
 
-def _over(s: Patches, ends: _Ends, slave: Surface, xi: Floats) -> None:
-    """Move xi to the points of slave faces above given points of the patches' chords, by Newton's method, in place."""
-    a, face = ends.slave, s.face[ends.slave]
-    want = s.x[a, 0] + ((1 + ends.s[:, 0]) / 2 * s.area[a])[:, None] * s.e[a, 0]
+def _line(xi: Floats) -> NDArray[np.floating]:
+    """Return the monomials 1, u, u^2 of points on lines, (n, 3, 1)."""
+    return np.stack([np.ones(len(xi)), xi[:, 0], xi[:, 0] ** 2], axis=1)[..., None]
+
+
+def _above(want: Floats, s: Patches, a: Ints, t: Floats, slave: Surface) -> NDArray[np.floating]:
+    """Return reference points (n, 2) of the slave's faces above points `want` (n, 3), at t on the chords of patches."""
+    xi = s.xi[a, 0] + t[:, None] * (s.xi[a, 1] - s.xi[a, 0])
+    face, along = s.face[a], s.e[a, 0]
     for _ in range(_STEPS if len(a) else 0):
-        off = ((want - places(slave, face, xi)) * s.e[a, 0]).sum(axis=1)
-        step = off / (tangents(slave, face, xi)[:, :, 0] * s.e[a, 0]).sum(axis=1)
+        off = ((want - places(slave, face, xi)) * along).sum(axis=1)
+        step = off / (tangents(slave, face, xi)[:, :, 0] * along).sum(axis=1)
         xi[:, 0] += np.clip(step, -_BEYOND, _BEYOND)
         if np.abs(step).max() < _DONE:
             break
+    return xi
 
 
-def _corner_shares(s: Patches, ends: _Ends) -> NDArray[np.floating]:
-    """Return the shape functions (n, 4) of the slave patches' corners."""
-    out = np.zeros((len(ends.slave), 4))
-    for name, count in (("SEG2", 2), ("TRIA3", 3), ("QUAD4", 4)):
-        rows = np.flatnonzero(s.n[ends.slave] == count)
-        if len(rows):
-            out[rows, :count] = shape(name, ends.s[rows, : 1 if count == 2 else 2])
+def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], H: Floats) -> _Placed:
+    """Return Gauss points of the parts of the master's edges that project into the slave's patch."""
+    low_high = np.zeros((len(a), 4, 2))
+    _clip_edges(s, m, a, b, counts, low_high)
+    row, corner = np.nonzero(low_high[:, :, 1] > low_high[:, :, 0])
+    out = _Placed.empty(np.repeat(a[row], len(_AT)), np.repeat(b[row], len(_AT)))
+    _place_on_edges(s, m, H, corner, low_high[row, corner], _AT, _WEIGHT, out)
     return out
 
 
-def _ratio(s: Patches, ends: _Ends) -> NDArray[np.floating]:
-    """Return the ratio (n,) of area in the face's reference coordinates to area in the patch's plane."""
-    out = np.empty(len(ends.slave))
-    for name, count in (("TRIA3", 3), ("QUAD4", 4)):
-        rows = np.flatnonzero(s.n[ends.slave] == count)
-        dN = gradient(name, ends.s[rows])
-        over, under = (
-            np.linalg.det(np.einsum("kna,knd->kda", dN, v[ends.slave[rows], :count, :2])) for v in (s.xi, s.y)
-        )
-        out[rows] = np.abs(over / under)
-    return out
+@kernel
+def _clip_edges(s: Any, m: Any, a: Any, b: Any, counts: Any, low_high: Any) -> None:
+    """Write the interval of [0, 1] in which each edge of the master's patches b, by first corner, lies in a's patch."""
+    y = np.empty((4, 3))
+    for k in range(len(a)):
+        own, n = a[k], m.n[b[k]]
+        project(m.x[b[k]], n, s.centre[own], s.e[own], False, y)
+        for c in range(n):
+            if counts[k, c]:
+                after = c + 1 if c + 1 < n else 0
+                along = (y[after, 0] - y[c, 0], y[after, 1] - y[c, 1])
+                low, high = _inside((y[c, 0], y[c, 1]), along, s.y[own], s.n[own])
+                length = np.sqrt(along[0] * along[0] + along[1] * along[1])
+                if (high - low) * length > _LEAST * np.sqrt(s.area[own]):
+                    low_high[k, c, 0], low_high[k, c, 1] = low, high
 
 
-def _normal(
-    slave: Surface, face: Ints, xi: Floats, true: Floats, dim: int, nodal: Floats | None
-) -> NDArray[np.floating]:
-    """Return unit normals (n, 3) at points of the slave; `true` (n, 3): the faces' own normals, of any length."""
-    n = true
-    if nodal is not None:
-        n = np.zeros((len(face), 3))
-        for rows, name, nodes in by_type(slave, face):
-            n[rows, :dim] = np.einsum(
-                "pa,pas->ps", shape(name, xi[rows, : slave.dim]), nodal[face[rows], : nodes.shape[1]]
-            )
-    return n / np.linalg.norm(n, axis=1, keepdims=True)
+@kernel
+def _inside(start: Any, along: Any, y: Any, n: int) -> Any:
+    """Return the ends of the interval of t in [0, 1] in which start + t along lies in a convex polygon y (n, .)."""
+    low, high = 0.0, 1.0
+    for c in range(n):
+        after = c + 1 if c + 1 < n else 0
+        side = (y[c, 1] - y[after, 1], y[after, 0] - y[c, 0])  # inward: polygons turn left
+        f = side[0] * (start[0] - y[c, 0]) + side[1] * (start[1] - y[c, 1])
+        df = side[0] * along[0] + side[1] * along[1]
+        if df > 0:
+            low = max(low, -f / df)
+        elif df < 0:
+            high = min(high, -f / df)
+        elif f < 0:
+            high = low
+    return low, high
 
 
-def _meet(
-    master: Surface, face: Ints, x: Floats, n: Floats, xi: Floats, dim: int
-) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.bool_]]:
-    """Intersect rays from x (k, 3) along n with faces or their extensions, by Newton's method from guesses xi.
+@kernel
+def _place_on_edges(s: Any, m: Any, H: Any, corner: Any, low_high: Any, abscissa: Any, weight: Any, out: Any) -> None:
+    """Fill `out` with the Gauss points of parts of edges, from low to high (k, 2) on the edge from `corner` (k,)."""
+    y, own = np.empty((4, 3)), np.empty(4)
+    for k in range(len(corner)):
+        for g in range(len(abscissa)):
+            i = len(abscissa) * k + g
+            a, b, c = out.a[i], out.b[i], corner[k]
+            n, n_m, e = s.n[a], m.n[b], s.e[a]
+            after = c + 1 if c + 1 < n_m else 0
+            project(m.x[b], n_m, s.centre[a], e, False, y)
+            low, high = low_high[k, 0], low_high[k, 1]
+            part = low + (high - low) * abscissa[g]
+            out.share[i, c], out.share[i, after] = 1 - part, part
+            across = _outward(y, n_m, c, after)
+            for j in range(3):
+                out.nu[i, j] = across[0] * e[0, j] + across[1] * e[1, j]
+            p = (y[c, 0] + part * (y[after, 0] - y[c, 0]), y[c, 1] + part * (y[after, 1] - y[c, 1]))
+            height = (1 - part) * y[c, 2] + part * y[after, 2] - _corner_shares(s.y[a], n, p, own)
+            _turn_patch(s.x[a], n, e, out.nu[i], height, own, out.turned[i])
+            size = (high - low) * across[2] * weight[g]
+            _place_point(s, m, H, i, p, size, out)
 
-    Returns the reference points, the distances, and a mask that is True where an intersection was found.
+
+@kernel
+def _outward(y: Any, n: int, c: int, after: int) -> Any:
+    """Return the unit normal of an edge of a polygon y (n, .), in its plane, outward, and the edge's length."""
+    along = (y[after, 0] - y[c, 0], y[after, 1] - y[c, 1])
+    length = np.sqrt(along[0] * along[0] + along[1] * along[1])
+    mid = (0.0, 0.0)
+    for k in range(n):
+        mid = (mid[0] + y[k, 0] / n, mid[1] + y[k, 1] / n)
+    nu = (along[1] / length, -along[0] / length)
+    outward = nu[0] * (y[c, 0] - mid[0]) + nu[1] * (y[c, 1] - mid[1]) >= 0
+    return (nu[0], nu[1], length) if outward else (-nu[0], -nu[1], length)
+
+
+@kernel
+def _corner_shares(y: Any, n: int, p: Any, out: Any) -> Any:
+    """Write the shape functions of the corners of a patch y (n, 3) at the point p of its plane; return its height."""
+    out[:] = 0.0
+    if n == 3:
+        u, v = (y[1, 0] - y[0, 0], y[1, 1] - y[0, 1]), (y[2, 0] - y[0, 0], y[2, 1] - y[0, 1])
+        r, area = (p[0] - y[0, 0], p[1] - y[0, 1]), wedge(u, v)
+        out[1], out[2] = wedge(r, v) / area, wedge(u, r) / area
+        out[0] = 1 - out[1] - out[2]
+    else:
+        c, u, v, d = quadrangle(y)
+        s, t, _ = in_quadrangle(c, u, v, d, p[0], p[1])
+        out[0], out[1] = (1 - s) * (1 - t) / 4, (1 + s) * (1 - t) / 4
+        out[2], out[3] = (1 + s) * (1 + t) / 4, (1 - s) * (1 + t) / 4
+    height = 0.0
+    for k in range(n):
+        height += out[k] * y[k, 2]
+    return height
+
+
+@kernel
+def _turn_patch(x: Any, n: int, e: Any, nu: Any, height: float, own: Any, turned: Any) -> None:
+    """Write what the corners of a slave's patch x (n, 3) add to V: -h nu.de, and -nu.dx.
+
+    The normal e of the patch is that of two chords: of its diagonals, or of the first and the last edge of a triangle.
     """
-    xi, gap, start = xi.copy(), np.zeros(len(x)), xi
-    step = np.zeros((len(x), dim))
-    for _ in range(_STEPS if len(x) else 0):
-        tau = tangents(master, face, xi)
-        off = x + gap[:, None] * n - places(master, face, xi)
-        A = np.concatenate([tau, -n[:, :, None]], axis=2)[:, :dim]
-        good = np.abs(np.linalg.det(A)) > 1e-300
-        step = np.zeros((len(x), dim))
-        step[good] = np.linalg.solve(A[good], off[good, :dim, None])[..., 0]
-        xi[:, : dim - 1] += np.clip(step[:, :-1], -1.0, 1.0)
-        gap = gap + step[:, -1]
-        if np.abs(step).max(initial=0.0) < _DONE:
-            break
-    met = (np.abs(step[:, :-1]).max(axis=1, initial=0.0) < _DONE) & (np.abs(xi - start).max(axis=1) < _BEYOND)
-    return xi, gap, met & np.isfinite(gap)
+    i, j = (0, 1) if n == 3 else (1, 3)
+    t0 = (x[2, 0] - x[0, 0], x[2, 1] - x[0, 1], x[2, 2] - x[0, 2])
+    if n == 3:
+        t1 = (x[0, 0] - x[1, 0], x[0, 1] - x[1, 1], x[0, 2] - x[1, 2])
+    else:
+        t1 = (x[3, 0] - x[1, 0], x[3, 1] - x[1, 1], x[3, 2] - x[1, 2])
+    g00, g01, g11 = t0[0] * t0[0] + t0[1] * t0[1] + t0[2] * t0[2], 0.0, 0.0
+    f0 = f1 = 0.0
+    for k in range(3):
+        g01 += t0[k] * t1[k]
+        g11 += t1[k] * t1[k]
+        f0 += t0[k] * nu[k]
+        f1 += t1[k] * nu[k]
+    det = g00 * g11 - g01 * g01
+    d0, d1 = height * (g11 * f0 - g01 * f1) / det, height * (g00 * f1 - g01 * f0) / det
+    for k in range(3):
+        for c in range(n):
+            turned[c, k] = -own[c] * nu[k]
+        turned[0, k] -= d0 * e[2, k]
+        turned[2, k] += d0 * e[2, k]
+        turned[i, k] += (d1 if n == 3 else -d1) * e[2, k]
+        turned[j, k] -= (d1 if n == 3 else -d1) * e[2, k]
 
 
-def _moving(
-    ends: _Ends, own: tuple[Floats, Floats], s: Patches, m: Patches, slave: Surface, master: Surface, dim: int
-) -> csr_array:
-    """Return V as a matrix (n, n_dof). `own`: points in slave faces (n, k, 2) and weights (n, k), whose sum is x."""
-    a, b, nu, e = ends.slave, ends.master, ends.nu, s.e[ends.slave, 2]
-    y = np.einsum("kc,kcs->ks", ends.share, m.x[b])
-    k = own[1].shape[1]
-    x = places(slave, np.repeat(s.face[a], k), own[0].reshape(-1, 2)).reshape(len(a), k, 3)
-    h = ((y - np.einsum("kc,kcs->ks", own[1], x)) * e).sum(axis=1)
-    chords = _chords(s.n[a], dim)
-    t = np.einsum("kac,kcs->kas", chords, s.x[a])
-    dual = np.linalg.solve(np.einsum("kas,kbs->kab", t, t), np.einsum("kas,ks->ka", t, nu)[..., None])[..., 0]
-    turned = np.einsum("k,ka,kac->kc", h, dual, chords)
-    made = _of_nodes(slave, s.face[a], s.xi[a], turned[..., None] * e[:, None], dim)
-    made = made + _of_nodes(slave, s.face[a], own[0], -own[1][..., None] * nu[:, None], dim)
-    return csr_array(made + _of_nodes(master, m.face[b], m.xi[b], ends.share[..., None] * nu[:, None], dim))
+@kernel
+def _place_point(s: Any, m: Any, H: Any, i: int, p: Any, size: float, out: Any) -> None:
+    """Fill row i of `out` with the point of the slave's face over p, in the plane of its patch, and where its ray ends.
 
-
-def _chords(n: Ints, dim: int) -> NDArray[np.floating]:
-    """Return the chords that define the patches' mean normals, as weights of their corners, (k, 1 or 2, 4)."""
-    if dim == 2:
-        return np.tile([[[-1.0, 1.0, 0.0, 0.0]]], (len(n), 1, 1))
-    three, four = [[-1, 0, 1, 0], [1, -1, 0, 0]], [[-1, 0, 1, 0], [0, -1, 0, 1]]
-    return np.where((n == 3)[:, None, None], np.array(three, float), np.array(four, float))
-
-
-def _of_nodes(surface: Surface, face: Ints, xi: Floats, value: Floats, dim: int) -> csr_array:
-    """Return as a matrix (n, n_dof) the sum over k of `value` (n, k, 3) . u at points xi (n, k, 2) of faces (n,)."""
-    row, column, data = [np.empty(0, np.int64)], [np.empty(0, np.int64)], [np.empty(0)]
-    for rows, name, nodes in by_type(surface, face):
-        own = xi[rows]
-        N = shape(name, own.reshape(-1, 2)[:, : surface.dim]).reshape(*own.shape[:2], -1)
-        column.append((dim * nodes[:, :, None] + np.arange(dim)).ravel())
-        row.append(np.repeat(np.arange(len(face))[rows], nodes.shape[1] * dim))
-        data.append(np.einsum("kcn,kcs->kns", N, value[rows, :, :dim]).ravel())
-    at = np.concatenate(row), np.concatenate(column)
-    return csr_array((np.concatenate(data), at), shape=(len(face), dim * len(surface.x)))
+    `size`: length of the edge times the Gauss weight.
+    """
+    a, b = out.a[i], out.b[i]
+    face, other = s.face[a], m.face[b]
+    u, v, ratio = in_face(inverse(s.y[a], s.n[a], s.xi[a]), p[0], p[1])
+    x, du, dv = at(s.G[face], s.kind[face], u, v)
+    unit, jacobian = normal_at(H, face, du, dv, u, v)
+    um = vm = 0.0
+    for c in range(m.n[b]):
+        um += out.share[i, c] * m.xi[b, c, 0]
+        vm += out.share[i, c] * m.xi[b, c, 1]
+    met, u_end, v_end, distance = ray(m.G[other], m.kind[other], x, unit, um, vm)
+    out.xi_s[i, 0], out.xi_s[i, 1], out.xi_m[i, 0], out.xi_m[i, 1] = u, v, u_end, v_end
+    out.normal[i, 0], out.normal[i, 1], out.normal[i, 2] = unit
+    out.ray[i], out.weight[i] = distance, size * abs(ratio) * jacobian
+    near = abs(u_end - um) < _BEYOND and abs(v_end - vm) < _BEYOND
+    out.met[i] = met and near and abs(distance) < np.inf

@@ -107,7 +107,7 @@ def integrate(
     points = _points(zone, slave, master, pairing, x is not None, share)
     weight = points.weight * pairing.thickness
     if x is not None and pairing.measure == "reference":
-        weight = weight * stretch(zone, slave, points, pairing.axisymmetric)
+        weight = weight * stretch(zone, slave, points.slave, points.xi_slave, pairing.axisymmetric)
     n = np.ascontiguousarray(points.normal[:, :dim])
     m = zone.n_macros
     gap = points.gap + _clearance(zone, points, pairing, t)
@@ -186,13 +186,11 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     return out
 
 
-def stretch(zone: Zone, slave: Surface, points: ContactPoints, axisymmetric: bool) -> NDArray[np.floating]:
-    """Return the ratio of undeformed to deformed area (length in a plane) of the slave at each point, (points,)."""
-    before, after = (
-        np.linalg.norm(normals_of(tangents(s, points.slave, points.xi_slave)), axis=1) for s in (zone.slave, slave)
-    )
+def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bool) -> NDArray[np.floating]:
+    """Return the ratio of undeformed to deformed area (length in a plane) of the slave at points xi (n, 2) of faces."""
+    before, after = (np.linalg.norm(normals_of(tangents(s, face, xi)), axis=1) for s in (zone.slave, slave))
     if axisymmetric:
-        before, after = (size * positions(s, points)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
+        before, after = (size * places(s, face, xi)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
 
 

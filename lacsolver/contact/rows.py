@@ -1,17 +1,22 @@
-"""Rows of contact matrices: for each macro-element, int q . (v(x) - v(x_bar)) over its contact points.
+"""Rows of contact matrices: sums over the contact points of each macro-element, as entries of the nodes they know.
+
+    int q . (v(x) - v(x_bar))
 
 Both sides use the same points, the same vector q and the same weights, so that action equals reaction: forces balance
 because shape functions add up to 1, and moments because x_bar - x is parallel to the q of `B`, the normal.
+
+Points with the same slave face and the same master face follow one another: a run. Sums of a run are small and dense,
+and are added to a matrix whose entries are known before (`pattern`).
 """
 
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
@@ -19,51 +24,45 @@ from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacsolver.contact.chain import Skins
 
 
-def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:
-    """Return a matrix (n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over macro-element m's points p.
+class Runs(NamedTuple):
+    """Runs of points (r,) with one slave and one master face, by macro-element: `first` point, point after the `last`.
 
-    `q` (points, d): a vector at each point, with its weight. Columns are those of the unknowns d i + k of node i.
+    `start` (macro-elements + 1,): first run of each macro-element.
     """
-    q, d = np.ascontiguousarray(q), q.shape[1]
-    start, order, macro_start = _runs(points, n_macros)
-    face_s, face_m = slave.faces, master.faces
-    nodes, local_s, local_m = _numbered(face_s.nodes, face_m.nodes)
-    run_s, run_m = points.slave[start[:-1]][order], points.master[start[:-1]][order]
-    room = N_NODES[face_s.type[run_s]] + N_NODES[face_m.type[run_m]]
-    first = np.concatenate([[0], np.cumsum(room)])[macro_start]
-    count = np.zeros(n_macros, np.int64)
-    column = np.empty(first[-1], np.int32)
-    value = np.empty((first[-1], d))
 
-    def run(rows: slice) -> None:
-        _sum_rows(
-            rows.start, rows.stop, macro_start, start, order, points.xi_slave, points.xi_master, q,
-            run_s, run_m, face_s.type, face_m.type, local_s, local_m, _bases(), N_NODES,
-            len(nodes), first, count, column, value,
-        )  # fmt: skip
-
-    in_parts(run, n_macros)
-    return _matrix(nodes, first, count, column, value, d, slave.x.shape[0])
+    first: Ints
+    last: Ints
+    slave: Ints
+    master: Ints
+    start: Ints
 
 
-def _runs(points: ContactPoints, n_macros: int) -> tuple[Ints, Ints, Ints]:
-    """Return runs of points with one slave and one master face: starts (r + 1,), order by macro-element, its starts."""
-    n = len(points)
-    change = (np.diff(points.slave) != 0) | (np.diff(points.master) != 0)
-    start = np.concatenate([np.zeros(min(n, 1), np.int64), np.flatnonzero(change) + 1, [n]])
-    macro = points.macro[start[:-1]]
-    order = np.argsort(macro, kind="stable")
-    return start, order, np.searchsorted(macro[order], np.arange(n_macros + 1))
+def runs_of(slave: Ints, master: Ints, macro: Ints, n_macros: int) -> Runs:
+    """Return the runs of points with the faces `slave` and `master` and the macro-element `macro`, (n,) each."""
+    n = len(slave)
+    change = (np.diff(slave) != 0) | (np.diff(master) != 0)
+    ends = np.concatenate([np.zeros(min(n, 1), np.int64), np.flatnonzero(change) + 1, [n]])
+    first, last = ends[:-1], ends[1:]
+    order = np.argsort(macro[first], kind="stable")
+    first, last = first[order], last[order]
+    start = np.searchsorted(macro[first], np.arange(n_macros + 1))
+    return Runs(first, last, slave[first], master[first], start)
 
 
-def _numbered(slave: Ints, master: Ints) -> tuple[Ints, Ints, Ints]:
-    """Return the nodes of both surfaces, each once, and the nodes of the faces as indices into them (-1 stays)."""
-    nodes = np.unique(np.concatenate([slave[slave >= 0], master[master >= 0]]))
-    place = np.full(int(nodes[-1]) + 2, -1, np.int32)
+def skins_of(slave: Surface, master: Surface) -> tuple[Skins, Ints]:
+    """Return both skins with their nodes numbered from 0, and the nodes' numbers in the mesh."""
+    of_s, of_m = slave.faces.nodes, master.faces.nodes
+    nodes = np.unique(np.concatenate([of_s[of_s >= 0], of_m[of_m >= 0]]))
+    place = np.full(int(nodes[-1]) + 2, -1, np.int64)
     place[nodes] = np.arange(len(nodes))
-    return nodes, place[slave], place[master]
+    none = np.empty((0, 9), np.int64), np.empty((0, 3))
+    skins = Skins(
+        slave.x[nodes], slave.faces.type, master.faces.type, place[of_s], place[of_m], *none, _bases(), N_NODES
+    )
+    return skins, nodes
 
 
 @cache
@@ -75,50 +74,81 @@ def _bases() -> NDArray[np.floating]:
     return out
 
 
-def _matrix(nodes: Ints, first: Ints, count: Ints, column: Ints, value: Floats, d: int, n_nodes: int) -> csr_array:
-    """Return the summed rows as a matrix: gaps of unused entries removed, columns ascending."""
-    at = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first[:-1], count)
-    node = nodes[column[at]]
-    indptr = np.concatenate([[0], np.cumsum(count)]) * d
-    indices = (d * node[:, None] + np.arange(d)).ravel()
-    made = csr_array((value[at].ravel(), indices, indptr), shape=(len(count), d * n_nodes))
-    made.sort_indices()
+def pattern(nodes: Ints, start: Ints, n: int) -> csr_array:
+    """Return the incidence of rows and nodes: row m has the `nodes` (r, k) from start[m] to start[m + 1], of n.
+
+    Columns ascend, and negative nodes are left out.
+    """
+    there = nodes >= 0
+    count = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
+    made = csr_array((np.ones(count[-1], np.int32), nodes[there], count[start]), shape=(len(start) - 1, n))
+    made.sum_duplicates()
     return made
+
+
+def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:
+    """Return a matrix (n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over macro-element m's points p.
+
+    `q` (points, d): a vector at each point, with its weight. Columns are those of the unknowns d i + k of node i.
+    """
+    q, d = np.ascontiguousarray(q), q.shape[1]
+    skins, nodes = skins_of(slave, master)
+    runs = runs_of(points.slave, points.master, points.macro, n_macros)
+    known = np.concatenate([skins.nodes_s[runs.slave], skins.nodes_m[runs.master]], axis=1)
+    entries = pattern(known, runs.start, len(nodes))
+    value = np.zeros((entries.nnz, d))
+
+    def run(rows: slice) -> None:
+        at = rows.start, rows.stop
+        _sum_rows(*at, runs, skins, points.xi_slave, points.xi_master, q, entries.indptr, entries.indices, value)
+
+    in_parts(run, n_macros)
+    return on_unknowns(entries, value[:, None, :], nodes, slave.x.shape[0])
+
+
+def on_unknowns(entries: csr_array, value: Floats, nodes: Ints, n_nodes: int) -> csr_array:
+    """Return a matrix with blocks `value` (entries, k, d), on the unknowns d i + k of all `n_nodes` nodes i.
+
+    `nodes`: numbers of the columns' nodes, ascending.
+    """
+    shape = (value.shape[1] * entries.shape[0], value.shape[2] * n_nodes)
+    return bsr_array((value, nodes[entries.indices], entries.indptr), shape=shape, blocksize=value.shape[1:]).tocsr()
+
+
+@kernel
+def position(indices: Any, low: int, high: int, node: int) -> int:
+    """Return the place of a node among ascending indices[low:high], of which it is one."""
+    while high - low > 1:
+        middle = (low + high) // 2
+        if indices[middle] > node:
+            high = middle
+        else:
+            low = middle
+    return low
 
 
 @kernel
 def _sum_rows(
-    begin: int, end: int, macro_start: Any, start: Any, order: Any, xi_s: Any, xi_m: Any, q: Any,
-    run_s: Any, run_m: Any, type_s: Any, type_m: Any, local_s: Any, local_m: Any, bases: Any, n_nodes: Any,
-    n_local: int, first: Any, count: Any, column: Any, value: Any,
-) -> None:  # fmt: skip
-    """Fill the rows of macro-elements `begin` to `end`: nodes in order of first appearance, and their sums."""
-    d = q.shape[1]
-    at = np.full(n_local, -1, np.int64)
+    begin: int, end: int, runs: Any, skins: Any, xi_s: Any, xi_m: Any, q: Any, indptr: Any, indices: Any, value: Any
+) -> None:
+    """Add the sums of the runs of macro-elements `begin` to `end` to their rows."""
     sums_s, sums_m = np.empty((9, 3)), np.empty((9, 3))
     for m in range(begin, end):
-        n = 0
-        for r in range(macro_start[m], macro_start[m + 1]):
-            s, t = run_s[r], run_m[r]
+        for r in range(runs.start[m], runs.start[m + 1]):
+            s, t = runs.slave[r], runs.master[r]
             sums_s[:], sums_m[:] = 0.0, 0.0
-            for p in range(start[order[r]], start[order[r] + 1]):
-                _add_moments(xi_s[p, 0], xi_s[p, 1], q, p, d, sums_s)
-                _add_moments(xi_m[p, 0], xi_m[p, 1], q, p, d, sums_m)
-            n = _scatter(
-                bases, type_s[s], n_nodes[type_s[s]], local_s, s, sums_s, 1.0, d, at, first[m], n, column, value
-            )
-            n = _scatter(
-                bases, type_m[t], n_nodes[type_m[t]], local_m, t, sums_m, -1.0, d, at, first[m], n, column, value
-            )
-        for k in range(n):
-            at[column[first[m] + k]] = -1
-        count[m] = n
+            for p in range(runs.first[r], runs.last[r]):
+                _add_moments(xi_s[p, 0], xi_s[p, 1], q, p, sums_s)
+                _add_moments(xi_m[p, 0], xi_m[p, 1], q, p, sums_m)
+            row = (indptr[m], indptr[m + 1])
+            _add_shapes(skins, skins.type_s[s], skins.nodes_s[s], sums_s, 1.0, row, indices, value)
+            _add_shapes(skins, skins.type_m[t], skins.nodes_m[t], sums_m, -1.0, row, indices, value)
 
 
 @kernel
-def _add_moments(u: float, v: float, q: Any, p: int, d: int, sums: Any) -> None:
+def _add_moments(u: float, v: float, q: Any, p: int, sums: Any) -> None:
     """Add q times the nine monomials at (u, v) to `sums`."""
-    for s in range(d):
+    for s in range(q.shape[1]):
         f = q[p, s]
         g, h = u * f, u * u * f
         sums[0, s] += f
@@ -133,22 +163,12 @@ def _add_moments(u: float, v: float, q: Any, p: int, d: int, sums: Any) -> None:
 
 
 @kernel
-def _scatter(
-    bases: Any, code: int, n_nodes: int, local: Any, face: int, sums: Any, sign: float, d: int, at: Any,
-    first: int, n: int, column: Any, value: Any,
-) -> int:  # fmt: skip
-    """Add a face's share to the row, new nodes at its end, and return the number of nodes in the row."""
-    for a in range(n_nodes):
-        node = local[face, a]
-        if at[node] < 0:
-            at[node] = first + n
-            column[first + n] = node
-            for s in range(d):
-                value[first + n, s] = 0.0
-            n += 1
-        for s in range(d):
+def _add_shapes(skins: Any, code: int, nodes: Any, sums: Any, sign: float, row: Any, indices: Any, value: Any) -> None:
+    """Add `sign` times the integrals of a face's shape functions, from those of the monomials, to a row."""
+    for a in range(skins.n_nodes[code]):
+        at = position(indices, row[0], row[1], nodes[a])
+        for s in range(value.shape[1]):
             v = 0.0
             for k in range(9):
-                v += bases[code, a, k] * sums[k, s]
-            value[at[node], s] += sign * v
-    return n
+                v += skins.bases[code, a, k] * sums[k, s]
+            value[at, s] += sign * v

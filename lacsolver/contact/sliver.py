@@ -12,12 +12,10 @@ in place of G_m >= 0: pressures of rows that come and go begin and end with 0. W
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacmesh.surface.coverage import face_measure
 from lacsolver.contact.interface import Interface, Pairing
-from lacsolver.contact.tangent import Motion
 
 #: largest part of a macro-element that is covered in a sliver
 _COVERED = 0.05
@@ -37,14 +35,3 @@ def allowed_overlap(face: Interface, pairing: Pairing) -> tuple[Floats, Floats]:
     w_0, h = _COVERED * whole * size / own, size ** (1 / zone.slave.dim)
     missing = np.where(face.w > 0, np.maximum(1 - face.w / w_0, 0.0), 0.0)
     return _OVERLAP * h * w_0 * missing**2, -2 * _OVERLAP * h * missing
-
-
-def covered_derivative(face: Interface, motion: Motion) -> csr_array:
-    """Return dw/du (m, n_dof): of the weights, if they change, and of the edges of mortar segments that move."""
-    m, points, gained = len(face.w), face.points, motion.boundary
-    at = np.arange(len(gained.macro))
-    out = csr_array((gained.weight, (gained.macro, at)), shape=(m, len(at))) @ gained.moving
-    if motion.d_weight is not None:
-        at = np.arange(len(points))
-        out = out + csr_array((face.weight, (points.macro, at)), shape=(m, len(at))) @ motion.d_weight
-    return csr_array(out)

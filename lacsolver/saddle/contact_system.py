@@ -19,8 +19,8 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
-from lacsolver.contact.sliver import allowed_overlap, covered_derivative
-from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
+from lacsolver.contact.sliver import allowed_overlap
+from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative, motion_of, tangent
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
@@ -100,10 +100,10 @@ class RowGroup:
         assert self.pair is not None and self.face is not None
         if self.motion is None:
             return self.face.B
-        out = gap_derivative(self.face, self.motion)
+        out = gap_derivative(self.motion)
         if self.pair.one_sided:
             fading = diags_array(allowed_overlap(self.face, self.pair.pairing)[1])
-            out = csr_array(out - fading @ covered_derivative(self.face, self.motion))
+            out = csr_array(out - fading @ covered_derivative(self.motion))
         return self.share.add_matrices(out, (False, True))
 
 
@@ -208,8 +208,8 @@ class ContactSystem:
         n = (self.nodal or self.rows).B.shape[1]
         total = csr_array((n, n))
         for group in self.groups:
-            if group.motion is not None and group.face is not None:
-                own = tangent(group.face, group.motion, p[group.rows])
+            if group.motion is not None:
+                own = tangent(group.motion, p[group.rows])
                 total = csr_array(total + group.share.add_matrices(own, (True, True)))
         return total
 

@@ -1,0 +1,133 @@
+"""Smoothed normals at the nodes of a slave skin, each once, and their derivative by the displacement.
+
+As in `lacmesh.surface.normals.smoothed`, the normal at a node of a face is the area-weighted mean of the normals of the
+faces that meet there, without those across a crease:
+
+    h = H / |H|,  H = sum_f A_f n_f,        dh = P sum_f (A_f dn_f + n_f dA_f),  P = (1 - h h^T) / |H|
+
+All faces at a node have the same normal there, unless a crease runs through it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from lacmesh.cells import CELLS
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import gradient
+from lacmesh.surface import Surface
+from lacmesh.surface.normals import crease_pairs, normals_of
+
+
+class NodalNormals(NamedTuple):
+    """Unit normals `n` (k, 3); `of_faces` (f, 9): those of each face's nodes, -1 beyond.
+
+    `derivative` (d k, d n): of their components, by the displacements of the n nodes of both skins.
+    """
+
+    of_faces: Ints
+    n: Floats
+    derivative: csr_array
+
+
+class _FaceNormals(NamedTuple):
+    """Unit normals n (k, a, d) at the nodes of faces of one type, areas A (k,), and their derivatives.
+
+    `dn` (k, a, d, b, d), `dA` (k, b, d): by the displacements of the nodes b. `nodes` (k, b).
+    """
+
+    nodes: Ints
+    n: Floats
+    A: Floats
+    dn: Floats
+    dA: Floats
+
+
+def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> NodalNormals:
+    """Return the smoothed normals of a slave skin; `nodes` (n,): numbers of the nodes of both skins, ascending."""
+    own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
+    faces = []
+    for name, rows, of_face in slave.by_type():
+        faces.append(_face_normals(name, slave.x[of_face], of_face, d))
+        own[rows, : of_face.shape[1], :d], position[rows] = faces[-1].n, np.arange(len(rows))
+    at, other = crease_pairs(slave, own, crease_angle)
+    of_faces, first = _distinct(slave.faces.nodes, np.bincount(at, minlength=9 * len(slave)))
+    taken = first[of_faces.ravel()[at]] == at  # of positions with the same normal, one is enough
+    row, face, corner = of_faces.ravel()[at[taken]], *np.divmod(other[taken], 9)
+    parts = []
+    for kind, (_, rows, _) in zip(faces, slave.by_type(), strict=True):
+        some = np.flatnonzero(np.isin(face, rows))
+        f, a = position[face[some]], corner[some]
+        change = kind.A[f, None, None, None] * kind.dn[f, a] + kind.n[f, a, :, None, None] * kind.dA[f, None]
+        parts.append((row[some], np.searchsorted(nodes, kind.nodes[f]), kind.A[f, None] * kind.n[f, a], change))
+    return _normalised(of_faces, parts, len(first), len(nodes), d)
+
+
+def _distinct(nodes: Ints, n_faces: Ints) -> tuple[Ints, Ints]:
+    """Return the normal of each face's nodes (f, 9), numbered without repetition, and the first place of each.
+
+    `n_faces` (9 f,): number of faces whose normals are averaged there: where it is that of all faces at the node, all
+    have the same normal.
+    """
+    flat = nodes.ravel()
+    there = np.flatnonzero(flat >= 0)
+    every = np.bincount(flat[there])[flat[there]]
+    key = np.where(n_faces[there] == every, flat[there], flat.max() + 1 + there)
+    _, first, normal = np.unique(key, return_index=True, return_inverse=True)
+    out = np.full(len(flat), -1, np.int64)
+    out[there] = normal
+    return out.reshape(nodes.shape), there[first]
+
+
+def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> NodalNormals:
+    """Return the normals from sums over faces: rows (e,), nodes (e, b), terms (e, d), changes (e, d, b, d)."""
+    H = np.zeros((k, d))
+    for row, _, term, _ in parts:
+        np.add.at(H, row, term)
+    size = np.linalg.norm(H, axis=1)
+    h = np.divide(H, size[:, None], out=np.zeros_like(H), where=size[:, None] > 0)
+    P = (np.eye(d) - h[:, :, None] * h[:, None, :]) / np.where(size > 0, size, 1.0)[:, None, None]
+    i, j, value = [], [], []
+    for row, nodes, _, change in parts:
+        turned = np.einsum("est,etbj->esbj", P[row], change)
+        i.append(np.broadcast_to((d * row[:, None] + np.arange(d))[:, :, None, None], turned.shape).ravel())
+        j.append(np.broadcast_to((d * nodes[:, :, None] + np.arange(d))[:, None], turned.shape).ravel())
+        value.append(turned.ravel())
+    entries = np.concatenate(value), (np.concatenate(i), np.concatenate(j))
+    n = np.zeros((k, 3))
+    n[:, :d] = h
+    return NodalNormals(of_faces, n, coo_array(entries, shape=(d * k, d * n_nodes)).tocsr())
+
+
+def _face_normals(name: str, x: Floats, nodes: Ints, d: int) -> _FaceNormals:
+    """Return the normals of faces of one type with nodes at x (k, b, 3)."""
+    dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
+    J = np.einsum("abc,kbs->kasc", dN, x)
+    n = normals_of(J)
+    size = np.linalg.norm(n, axis=-1, keepdims=True)
+    n = np.divide(n, size, out=np.zeros_like(n), where=size > 0)[..., :d]
+    dual = np.einsum("kasc,kace->kase", J, np.linalg.inv(np.einsum("kasc,kase->kace", J, J)))[:, :, :d]
+    dn = -np.einsum("kase,abe,kat->kasbt", dual, dN, n)
+    A, dA = _areas(name, x, d)
+    return _FaceNormals(nodes, n, A, dn, dA)
+
+
+def _areas(name: str, x: Floats, d: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the size (k,) of the vector area of faces with nodes at x (k, b, 3), and its derivative (k, b, d)."""
+    X, w = rule(CELLS[name].family, 4)
+    dN = gradient(name, X[:, : CELLS[name].dim])
+    J = np.einsum("qbc,kbs->kqsc", dN, x)
+    vector = np.einsum("q,kqs->ks", w, normals_of(J))
+    size = np.linalg.norm(vector, axis=1)
+    unit = vector / size[:, None]
+    if CELLS[name].dim == 1:
+        along = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return size, np.einsum("q,qb,ks->kbs", w, dN[..., 0], along)[..., :d]
+    change = np.einsum("q,qb,kqs->kbs", w, dN[..., 0], np.cross(J[..., 1], unit[:, None]))
+    change += np.einsum("q,qb,kqs->kbs", w, dN[..., 1], np.cross(unit[:, None], J[..., 0]))
+    return size, change
