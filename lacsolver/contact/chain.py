@@ -94,40 +94,46 @@ class Points(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Arrays for one point: shape functions `N` and gradients `dN` of both sides, (2, 9) and (2, 9, 2); its rows."""
+    """Arrays for one point: shape functions (9,) and their gradients (9, 2) of both sides, and its rows."""
 
-    N: Floats
-    dN: Floats
+    N_s: Floats
+    N_m: Floats
+    dN_s: Floats
+    dN_m: Floats
     rows: Floats
 
 
 def room() -> Room:
     """Return the arrays for one point."""
-    return Room(np.empty((2, 9)), np.empty((2, 9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
+    return Room(np.empty(9), np.empty(9), np.empty((9, 2)), np.empty((9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
 
 
 @kernel
-def shapes(basis: Any, n_nodes: int, u: float, v: float, N: Any, dN: Any) -> None:
-    """Write the shape functions (9,) of a face at (u, v), and their derivatives (9, 2)."""
-    for a in range(n_nodes):
-        c0, c1, c2 = basis[a, 0], basis[a, 1], basis[a, 2]
-        c3, c4, c5 = basis[a, 3], basis[a, 4], basis[a, 5]
-        c6, c7, c8 = basis[a, 6], basis[a, 7], basis[a, 8]
-        N[a] = c0 + u * (c1 + u * c3) + v * (c2 + u * (c4 + u * c6) + v * (c5 + u * (c7 + u * c8)))
+def shapes(skins: Any, code: int, u: float, v: float, N: Any, dN: Any) -> None:
+    """Write the shape functions (9,) of a face of type `code` at (u, v), and their derivatives (9, 2)."""
+    C = skins.bases
+    for a in range(skins.n_nodes[code]):
+        c1, c2, c3, c4 = C[code, a, 1], C[code, a, 2], C[code, a, 3], C[code, a, 4]
+        c5, c6, c7, c8 = C[code, a, 5], C[code, a, 6], C[code, a, 7], C[code, a, 8]
+        b0, b1, b2 = C[code, a, 0] + u * (c1 + u * c3), c2 + u * (c4 + u * c6), c5 + u * (c7 + u * c8)
+        N[a] = b0 + v * (b1 + v * b2)
         dN[a, 0] = c1 + 2 * u * c3 + v * (c4 + 2 * u * c6 + v * (c7 + 2 * u * c8))
-        dN[a, 1] = c2 + u * (c4 + u * c6) + 2 * v * (c5 + u * (c7 + u * c8))
+        dN[a, 1] = b1 + 2 * v * b2
 
 
 @kernel
-def tangent_vector(x: Any, nodes: Any, n_nodes: int, dN: Any, k: int) -> Any:
-    """Return the tangent of a face along its reference coordinate k, a triple."""
-    t0 = t1 = t2 = 0.0
-    for a in range(n_nodes):
-        i = nodes[a]
-        t0 += dN[a, k] * x[i, 0]
-        t1 += dN[a, k] * x[i, 1]
-        t2 += dN[a, k] * x[i, 2]
-    return t0, t1, t2
+def _tangents(x: Any, nodes: Any, face: int, k: int, dN: Any) -> Any:
+    """Return the tangents of a face with k nodes along its reference coordinates, two triples."""
+    t0 = t1 = t2 = s0 = s1 = s2 = 0.0
+    for a in range(k):
+        i = nodes[face, a]
+        t0 += dN[a, 0] * x[i, 0]
+        t1 += dN[a, 0] * x[i, 1]
+        t2 += dN[a, 0] * x[i, 2]
+        s0 += dN[a, 1] * x[i, 0]
+        s1 += dN[a, 1] * x[i, 1]
+        s2 += dN[a, 1] * x[i, 2]
+    return (t0, t1, t2), (s0, s1, s2)
 
 
 @kernel
@@ -141,8 +147,9 @@ def _dot(a: Any, b: Any) -> Any:
 
 
 @kernel
-def _dual(t: Any, s: Any, d: int) -> Any:
-    """Return the dual vectors of tangents t and s (of t alone if d is 2)."""
+def _dual(tau: Any, d: int) -> Any:
+    """Return the dual vectors of two tangents (of the first alone if d is 2)."""
+    t, s = tau
     if d == 2:
         size = _dot(t, t)
         return (t[0] / size, t[1] / size, t[2] / size), (0.0, 0.0, 0.0)
@@ -155,8 +162,9 @@ def _dual(t: Any, s: Any, d: int) -> Any:
 
 
 @kernel
-def _inverse(t: Any, s: Any, n: Any, d: int) -> Any:
-    """Return the rows of the inverse of the matrix with columns t, s, -n (t and -n if d is 2), that of -n last."""
+def _inverse(tau: Any, n: Any, d: int) -> Any:
+    """Return the rows of the inverse of the matrix with columns tau, -n: those of the tangents, and that of -n."""
+    t, s = tau
     if d == 2:
         det = t[1] * n[0] - t[0] * n[1]
         return (-n[1] / det, n[0] / det, 0.0), (0.0, 0.0, 0.0), (-t[1] / det, t[0] / det, 0.0)
@@ -172,114 +180,111 @@ def _inverse(t: Any, s: Any, n: Any, d: int) -> Any:
 @kernel
 def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, made: Any) -> None:
     """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives."""
-    k_s, k_m = skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]]
-    N, dN = made.N, made.dN
-    shapes(skins.bases[skins.type_s[s]], k_s, points.xi_s[p, 0], points.xi_s[p, 1], N[0], dN[0])
-    shapes(skins.bases[skins.type_m[m]], k_m, points.xi_m[p, 0], points.xi_m[p, 1], N[1], dN[1])
-    made.rows[:] = 0.0
+    sizes = (skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]])
+    shapes(skins, skins.type_s[s], points.xi_s[p, 0], points.xi_s[p, 1], made.N_s, made.dN_s)
+    shapes(skins, skins.type_m[m], points.xi_m[p, 0], points.xi_m[p, 1], made.N_m, made.dN_m)
+    smooth = len(skins.normals) > 0
+    made.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
     if len(points.edges.nu) > 0:
         _move(skins, points.edges, p, s, m, d, made)
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
-    smooth = len(skins.normals) > 0
     if points.current == 1 or not smooth:
-        first = tangent_vector(skins.x, skins.nodes_s[s], k_s, dN[0], 0)
-        other = tangent_vector(skins.x, skins.nodes_s[s], k_s, dN[0], 1)
-        duals = _dual(first, other, d)
+        dual = _dual(_tangents(skins.x, skins.nodes_s, s, sizes[0], made.dN_s), d)
         if points.current == 1:
-            _stretch(skins, points.radial, s, k_s, d, duals, made)
+            _stretch(skins, points.radial, s, sizes[0], d, dual, made)
         if not smooth:
-            _turn(k_s, d, duals, n, made)
+            _turn(sizes[0], d, dual, n, made)
     if smooth:
-        _turn_smoothly(skins, s, k_s, k_m, d, n, made)
-    _slide(skins, points, p, m, (k_s, k_m, d), n, made)
+        _turn_smoothly(skins, s, sizes, d, n, made)
+    _slide(skins, points, p, m, sizes, d, n, made)
 
 
 @kernel
 def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, made: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
     k_s, k_m = skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]]
-    row, N, dN = made.rows[STRETCH], np.empty(9), np.empty((9, 2))
-    for c in range(4):
-        if edges.turned[p, c, 0] != 0.0 or edges.turned[p, c, 1] != 0.0 or edges.turned[p, c, 2] != 0.0:
-            xi = edges.corners_s[edges.patch_s[p], c]
-            shapes(skins.bases[skins.type_s[s]], k_s, xi[0], xi[1], N, dN)
-            for a in range(k_s):
-                for j in range(d):
-                    row[d * a + j] += N[a] * edges.turned[p, c, j]
-        if edges.share[p, c] != 0.0:
-            xi = edges.corners_m[edges.patch_m[p], c]
-            shapes(skins.bases[skins.type_m[m]], k_m, xi[0], xi[1], N, dN)
-            for b in range(k_m):
-                for j in range(d):
-                    row[d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]
+    rows, N, dN = made.rows, np.empty(9), np.empty((9, 2))
     if d == 2:
         for a in range(k_s):
             for j in range(d):
-                row[d * a + j] -= made.N[0, a] * edges.nu[p, j]
+                rows[STRETCH, d * a + j] -= made.N_s[a] * edges.nu[p, j]
+    for c in range(4):
+        if edges.turned[p, c, 0] != 0.0 or edges.turned[p, c, 1] != 0.0 or edges.turned[p, c, 2] != 0.0:
+            i = edges.patch_s[p]
+            shapes(skins, skins.type_s[s], edges.corners_s[i, c, 0], edges.corners_s[i, c, 1], N, dN)
+            for a in range(k_s):
+                for j in range(d):
+                    rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
+        if edges.share[p, c] != 0.0:
+            i = edges.patch_m[p]
+            shapes(skins, skins.type_m[m], edges.corners_m[i, c, 0], edges.corners_m[i, c, 1], N, dN)
+            for b in range(k_m):
+                for j in range(d):
+                    rows[STRETCH, d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]
 
 
 @kernel
-def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, duals: Any, made: Any) -> None:
+def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, dual: Any, made: Any) -> None:
     """Write the row of dw / w."""
-    N, dN, row = made.N[0], made.dN[0], made.rows[STRETCH]
+    N, dN, rows = made.N_s, made.dN_s, made.rows
     r = 0.0
     for a in range(k_s):
         for j in range(d):
-            row[d * a + j] = duals[0][j] * dN[a, 0] + duals[1][j] * dN[a, 1]
+            rows[STRETCH, d * a + j] = dual[0][j] * dN[a, 0] + dual[1][j] * dN[a, 1]
         r += N[a] * skins.x[skins.nodes_s[s, a], 0]
     if radial == 1:
         for a in range(k_s):
-            row[d * a] += N[a] / r
+            rows[STRETCH, d * a] += N[a] / r
 
 
 @kernel
-def _turn(k_s: int, d: int, duals: Any, n: Any, made: Any) -> None:
+def _turn(k_s: int, d: int, dual: Any, n: Any, made: Any) -> None:
     """Write the rows of dn, the change of the face's own normal."""
-    dN, rows = made.dN[0], made.rows
     for a in range(k_s):
         for i in range(d):
-            c = -(duals[0][i] * dN[a, 0] + duals[1][i] * dN[a, 1])
+            c = -(dual[0][i] * made.dN_s[a, 0] + dual[1][i] * made.dN_s[a, 1])
             for j in range(d):
-                rows[NORMAL + i, d * a + j] = c * n[j]
+                made.rows[NORMAL + i, d * a + j] = c * n[j]
 
 
 @kernel
-def _turn_smoothly(skins: Any, s: int, k_s: int, k_m: int, d: int, n: Any, made: Any) -> None:
+def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, made: Any) -> None:
     """Write the rows of dn, the change of the interpolated nodal normals."""
-    N, rows, first = made.N[0], made.rows, d * (k_s + k_m)
+    N, first = made.N_s, d * (sizes[0] + sizes[1])
     h0 = h1 = h2 = 0.0
-    for a in range(k_s):
+    for a in range(sizes[0]):
         i = skins.normal_of[s, a]
         h0 += N[a] * skins.normals[i, 0]
         h1 += N[a] * skins.normals[i, 1]
         h2 += N[a] * skins.normals[i, 2]
     size = np.sqrt(h0 * h0 + h1 * h1 + h2 * h2)
-    for a in range(k_s):
-        for i in range(d):
-            for j in range(d):
-                rows[NORMAL + i, first + d * a + j] = ((1.0 if i == j else 0.0) - n[i] * n[j]) * N[a] / size
+    for i in range(d):
+        for j in range(d):
+            P = ((1.0 if i == j else 0.0) - n[i] * n[j]) / size
+            for a in range(sizes[0]):
+                made.rows[NORMAL + i, first + d * a + j] = P * N[a]
 
 
 @kernel
-def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, n: Any, made: Any) -> None:
+def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, made: Any) -> None:
     """Write the rows of dxi_bar and dg, from those of dn."""
-    k_s, k_m, d = sizes
-    N, M, rows = made.N[0], made.N[1], made.rows
-    tau = tangent_vector(skins.x, skins.nodes_m[m], k_m, made.dN[1], 0)
-    tau_2 = tangent_vector(skins.x, skins.nodes_m[m], k_m, made.dN[1], 1)
-    inverse = _inverse(tau, tau_2, n, d)
+    k_s, k_m = sizes
+    rows = made.rows
+    # dn acts on the slave's nodes, or on the normals
+    low, high = (0, d * k_s) if len(skins.normals) == 0 else (d * (k_s + k_m), d * (2 * k_s + k_m))
+    inverse = _inverse(_tangents(skins.x, skins.nodes_m, m, k_m, made.dN_m), n, d)
     for k in range(d):
-        a_k = inverse[2] if k == d - 1 else (inverse[0] if k == 0 else inverse[1])
-        row = rows[GAP] if k == d - 1 else rows[SLIDE + k]
+        of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)
         for i in range(d):
-            row += points.ray[p] * a_k[i] * rows[NORMAL + i]
-        for a in range(k_s):
-            for j in range(d):
-                row[d * a + j] += N[a] * a_k[j]
-        for b in range(k_m):
-            for j in range(d):
-                row[d * (k_s + b) + j] -= M[b] * a_k[j]
-    if len(points.slope):
+            c = points.ray[p] * of[i]
+            for j in range(low, high):
+                rows[at, j] += c * rows[NORMAL + i, j]
+            for a in range(k_s):
+                rows[at, d * a + i] += made.N_s[a] * of[i]
+            for b in range(k_m):
+                rows[at, d * (k_s + b) + i] -= made.N_m[b] * of[i]
+    if len(points.slope) > 0:
         for k in range(d - 1):
-            rows[GAP] -= points.slope[p, k] * rows[SLIDE + k]
+            for j in range(max(d * (k_s + k_m), high)):
+                rows[GAP, j] -= points.slope[p, k] * rows[SLIDE + k, j]

@@ -31,7 +31,18 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.maps import coefficients
-from lacsolver.contact.chain import GAP, NORMAL, SLIDE, STRETCH, MovingEdges, Points, Skins, differentiate, room
+from lacsolver.contact.chain import (
+    GAP,
+    MOST_UNKNOWNS,
+    NORMAL,
+    SLIDE,
+    STRETCH,
+    MovingEdges,
+    Points,
+    Skins,
+    differentiate,
+    room,
+)
 from lacsolver.contact.edges import edges_of
 from lacsolver.contact.interface import Interface, Pairing, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
@@ -192,68 +203,73 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
 @kernel
 def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
     """Add the derivatives of the gaps and of the covered measure, from all points, to `value` (2, .., d)."""
-    runs, points, local = loop.runs, loop.points, np.empty(27, np.int64)
+    runs, points, rows = loop.runs, loop.points, made.rows
+    local, sums = np.empty(27, np.int64), np.empty((2, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
         for r in range(runs.start[macro], runs.start[macro + 1]):
             s, m = runs.slave[r], runs.master[r]
             _, _, k = _local(skins, s, m, local)
-            dG, dw = np.zeros(d * k), np.zeros(d * k)
+            sums[:] = 0.0
             for p in range(runs.first[r], runs.last[r]):
                 differentiate(skins, points, p, s, m, d, made)
                 w, g = loop.weight[p], loop.distance[p]
-                dG += w * made.rows[GAP, : d * k] + w * g * made.rows[STRETCH, : d * k]
-                dw += w * made.rows[STRETCH, : d * k]
+                for j in range(d * k):
+                    sums[0, j] += w * (rows[GAP, j] + g * rows[STRETCH, j])
+                    sums[1, j] += w * rows[STRETCH, j]
             for a in range(k):
                 at = position(indices, indptr[macro], indptr[macro + 1], local[a])
-                value[0, at] += dG[d * a : d * a + d]
-                value[1, at] += dw[d * a : d * a + d]
+                for j in range(d):
+                    value[0, at, j] += sums[0, d * a + j]
+                    value[1, at, j] += sums[1, d * a + j]
 
 
 @kernel
 def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
-    """Add the derivatives of the forces at pressures p (m,), from the points of all runs, to `value` (.., d, d)."""
-    runs, points, local = loop.runs, loop.points, np.empty(27, np.int64)
+    """Add the derivatives of the forces at pressures p (m,), from all points, to `value` (.., d, d)."""
+    runs, local, K = loop.runs, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
         if p[macro] == 0.0:
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
             s, m = runs.slave[r], runs.master[r]
             sizes = _local(skins, s, m, local)
-            k, n_points = sizes[0] + sizes[1], runs.last[r] - runs.first[r]
-            # d(B^T p).v = sum of T^T X: rows of the virtual motion, and of the derivatives that they are multiplied by
-            T, X = np.zeros((n_points, 2 * d - 1, d * k)), np.zeros((n_points, 2 * d - 1, d * sizes[2]))
-            for i in range(n_points):
-                q = runs.first[r] + i
-                differentiate(skins, points, q, s, m, d, made)
-                _factors(points, q, p[macro] * loop.weight[q], sizes, d, made, T[i], X[i])
-            n_rows = n_points * (2 * d - 1)
-            K = T.reshape(n_rows, d * k).T @ X.reshape(n_rows, d * sizes[2])
-            _add_blocks(K, local, k, sizes[2], d, indptr, indices, value)
+            K[: d * (sizes[0] + sizes[1]), : d * sizes[2]] = 0.0
+            for q in range(runs.first[r], runs.last[r]):
+                differentiate(skins, loop.points, q, s, m, d, made)
+                _add_point(loop.points, q, p[macro] * loop.weight[q], sizes, d, made, K)
+            _add_blocks(K, local, sizes, d, indptr, indices, value)
 
 
 @kernel
-def _factors(points: Any, q: int, load: float, sizes: Any, d: int, made: Any, T: Any, X: Any) -> None:
-    """Write the rows T of v - v_bar and of n.dv_bar/dxi^b at point q, and the rows X that they are multiplied by."""
+def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, made: Any, K: Any) -> None:
+    """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
-    N, M, dM, rows = made.N[0], made.N[1], made.dN[1], made.rows
-    for j in range(d):
+    rows, dM = made.rows, made.dN_m
+    # dn is of the slave's nodes, or of the normals; dw of the slave's nodes, V of those of both
+    low, high = (0, d * k) if points.current == 1 else ((0, d * k_s) if k == k_s + k_m else (d * (k_s + k_m), d * k))
+    for i in range(d):
+        n_i = points.normal[q, i]
+        for j in range(low, high):  # dn + n dw/w, in the place of dn, which is not needed again
+            rows[NORMAL + i, j] = load * (rows[NORMAL + i, j] + n_i * rows[STRETCH, j])
         for a in range(k_s):
-            T[j, d * a + j] = N[a]
+            for j in range(low, high):
+                K[d * a + i, j] += made.N_s[a] * rows[NORMAL + i, j]
         for b in range(k_m):
-            T[j, d * (k_s + b) + j] = -M[b]
-        X[j] = load * (rows[NORMAL + j, : d * k] + points.normal[q, j] * rows[STRETCH, : d * k])
-    for c in range(d - 1):
-        for b in range(k_m):
-            for j in range(d):
-                T[d + c, d * (k_s + b) + j] = dM[b, c] * points.normal[q, j]
-        X[d + c] = -load * rows[SLIDE + c, : d * k]
+            for j in range(low, high):
+                K[d * (k_s + b) + i, j] -= made.N_m[b] * rows[NORMAL + i, j]
+            for c in range(d - 1):
+                slope = load * n_i * dM[b, c]
+                for j in range(d * k):
+                    K[d * (k_s + b) + i, j] -= slope * rows[SLIDE + c, j]
 
 
 @kernel
-def _add_blocks(K: Any, local: Any, n_rows: int, n_columns: int, d: int, indptr: Any, indices: Any, value: Any) -> None:
+def _add_blocks(K: Any, local: Any, sizes: Any, d: int, indptr: Any, indices: Any, value: Any) -> None:
     """Add a dense matrix of local nodes (rows), and of nodes and normals (columns), to blocks `value` (.., d, d)."""
-    for a in range(n_rows):
+    for a in range(sizes[0] + sizes[1]):
         low, high = indptr[local[a]], indptr[local[a] + 1]
-        for b in range(n_columns):
+        for b in range(sizes[2]):
             at = position(indices, low, high, local[b])
-            value[at] += K[d * a : d * a + d, d * b : d * b + d]
+            for i in range(d):
+                for j in range(d):
+                    value[at, i, j] += K[d * a + i, d * b + j]
