@@ -195,7 +195,7 @@ def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_
     _clip_edges(s, m, a, b, counts, low_high)
     row, corner = np.nonzero(low_high[:, :, 1] > low_high[:, :, 0])
     out = _Placed.empty(np.repeat(a[row], len(_AT)), np.repeat(b[row], len(_AT)))
-    _place_on_edges(s, m, H, corner, low_high[row, corner], _AT, _WEIGHT, out)
+    _place_on_edges(s, m, H, np.ascontiguousarray(corner), low_high[row, corner], _AT, _WEIGHT, out)
     return out
 
 

@@ -67,18 +67,18 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
         return search(newton_iterates(step.linearize, start, limits, **how), limits, report)
 
-    state, exact, outcome = step.state, model.problem.kinematics.linear, None
+    state, once, outcome = step.state, model.problem.kinematics.linear, None
     first, both = (max(int(share * solver.max_iterations), least) for share, least in (_FIRST, _BOTH))
-    first = solver.max_iterations if exact else first  # there is no second search
+    first = solver.max_iterations if once else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
         return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
-            outcome = newton(extrapolated, first, exact=exact)
+            outcome = newton(extrapolated, first)
     if outcome is None:
-        outcome = newton(now, first, predictor=_predictor(step, now), exact=exact)
-    if outcome.converged or exact:
+        outcome = newton(now, first, predictor=_predictor(step, now))
+    if outcome.converged or once:
         return outcome
     left = both - len(outcome.residuals)
     again = newton(now, left, predictor=_predictor(step, now), damping=_DAMPING)

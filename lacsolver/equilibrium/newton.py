@@ -70,15 +70,13 @@ def newton_iterates(
     tolerance: ConvergenceTolerance,
     *,
     predictor: Linearization | None = None,
-    exact: bool = False,
     damping: float = 0.0,
 ) -> Iterator[Trial]:
     """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
-    `predictor`: linearisation to use at the start, whose residual is not comparable with others. `exact`: solve each
-    linear system to round-off, which pays if one factor of K serves them all. `damping`: artificial viscous damping for
-    a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no line search is made
-    then, and residuals may grow on the way.
+    `predictor`: linearisation to use at the start, whose residual is not comparable with others. `damping`: artificial
+    viscous damping for a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no
+    line search is made then, and residuals may grow on the way.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
@@ -89,7 +87,7 @@ def newton_iterates(
     while True:
         again = sets.record(active, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
-        reduction = 0.0 if exact or there.contact.exact else _reduction(now.residual)
+        reduction = 0.0 if there.contact.exact else _reduction(now.residual)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         step = _newton_step(there, now.iterate.p, active, goal, _damping_of(damping, merits), limit)
         worst = np.inf if damping else _acceptable(merits)
