@@ -71,7 +71,7 @@ def test_linear_problems_have_the_answer_of_solve_active_set(seed):
     s = system(seed, n=12, m=6)
     gaps = contact(s)
     start = at_rest(gaps(np.zeros(12)))
-    one = solve_newton(linear(s), start, LIMITS, exact=True)
+    one = solve_newton(linear(s), start, LIMITS)
     other = solve_active_set(s.held, s.f, gaps, start, LIMITS)
     assert one.converged and other.converged and one.iterate.active.any()
     np.testing.assert_allclose(one.iterate.q, other.iterate.q, atol=1e-11)
@@ -84,7 +84,7 @@ def test_it_converges_quadratically(seed):
     """Each residual below 1e-2 is about the square of the previous one."""
     s = system(seed, n=20, m=8)
     at = nonlinear(s, 0.5)
-    outcome = solve_newton(at, at_rest(at(np.zeros(20)).contact), LIMITS, exact=True)
+    outcome = solve_newton(at, at_rest(at(np.zeros(20)).contact), LIMITS)
     assert outcome.converged and outcome.iterate.active.any()
     q, p, _ = outcome.iterate
     place = at(q)
@@ -120,9 +120,7 @@ def test_a_cycle_of_sets_is_broken():
         p[a] = np.linalg.solve(M[np.ix_(a, a)], -r[a])
         seen.append(tuple(active))
         active = np.where(active, p > 0, M @ p + r < 0)
-    outcome = solve_newton(
-        at, at_rest(at(np.zeros(3)).contact)._replace(active=np.array([True, False, False])), LIMITS, exact=True
-    )
+    outcome = solve_newton(at, at_rest(at(np.zeros(3)).contact)._replace(active=np.array([True, False, False])), LIMITS)
     assert len(set(seen)) < len(seen) and tuple(active) != (True, True, True)
     assert outcome.converged and outcome.iterate.active.all()
     np.testing.assert_allclose(outcome.iterate.p, 1 / 3, rtol=1e-12)
