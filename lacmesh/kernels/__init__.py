@@ -45,21 +45,22 @@ _plain = _Plain()
 class Kernel:
     """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy.
 
-    `least`: numbers in the arrays of a call below which it runs as it stands in any case.
+    `least`: numbers in the arrays of a call below which it runs as it stands in any case. `work`: what it does with a
+    number, in units of what most kernels do; a call of numbers that are worth more is compiled for fewer of them.
     """
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
     _one_at_a_time: ClassVar[Any] = threading.Lock()
 
-    def __init__(self, function: Callable[..., Any], least: int = 0) -> None:
+    def __init__(self, function: Callable[..., Any], least: int = 0, work: int = 1) -> None:
         functools.update_wrapper(self, function)
         self.__qualname__: str = function.__qualname__
         self.function: Any = function
         #: what runs as it stands; another function that gives the same may take its place
         self.plain: Any = function
         self.compiled: Any = None
-        self._least = least
+        self._least, self._work = least, work
         self._done = 0
         Kernel.known.append(self)
 
@@ -69,7 +70,7 @@ class Kernel:
 
     def dispatch(self, *arguments: Any) -> Any:
         """Call the function, compiled or plain, by the size of the arguments."""
-        if self._is_worth_compiling(_numbers(arguments)):
+        if self._is_worth_compiling(self._work * _numbers(arguments)):
             return (self.compiled or self.compile())(*arguments)
         return self.py_func(*arguments)
 
@@ -145,13 +146,13 @@ class Kernel:
         return False
 
 
-def kernel(function: Callable[..., Any] | None = None, *, least: int = 0) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, least: int = 0, work: int = 1) -> Any:
     """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles.
 
     `least`: numbers in the arrays of a call below which it runs as it stands in any case; for kernels of commands that
-    otherwise do without numba.
+    otherwise do without numba. `work`: how much more a kernel does with a number than most.
     """
-    return functools.partial(Kernel, least=least) if function is None else Kernel(function)
+    return functools.partial(Kernel, least=least, work=work) if function is None else Kernel(function)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

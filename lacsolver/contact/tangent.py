@@ -48,6 +48,9 @@ from lacsolver.contact.interface import Interface, Pairing, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 
+#: what a number of a point costs, in units of what it costs in most kernels: some hundred operations
+_WORK = 10
+
 
 class Loop(NamedTuple):
     """Points of a loop (n,), with their `weight` and their `distance`, the gap with the clearance, run by run."""
@@ -200,7 +203,7 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
     return k_s, k_m, 2 * k_s + k_m
 
 
-@kernel
+@kernel(work=_WORK)
 def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
     """Add the derivatives of the gaps and of the covered measure, from all points, to `value` (2, .., d)."""
     runs, points, rows = loop.runs, loop.points, made.rows
@@ -223,7 +226,7 @@ def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: A
                     value[1, at, j] += sums[1, d * a + j]
 
 
-@kernel
+@kernel(work=_WORK)
 def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
     """Add the derivatives of the forces at pressures p (m,), from all points, to `value` (.., d, d)."""
     runs, local, K = loop.runs, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
