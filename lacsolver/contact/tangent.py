@@ -48,7 +48,7 @@ from lacsolver.contact.interface import Interface, Pairing, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 
-#: what a number of a point costs, in units of what it costs in most kernels: some hundred operations
+#: what a number of a point costs, in units of what it costs in most kernels
 _WORK = 10
 
 

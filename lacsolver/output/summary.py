@@ -1,14 +1,14 @@
 """results.json: the figures of a run, valid after every step.
 
-Values that are not finite are null. A step adds its line, and replaces what follows the steps; the file is written as a
-whole at first, and at the end, when the status changes.
+Values that are not finite are null. The lines of the steps are kept, so that only that of a new step is made; the file
+is replaced as a whole, so that it is valid at any time.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,6 @@ import numpy as np
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
-from lacsolver.output.files import append
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
@@ -42,36 +41,19 @@ class Summary:
             worst = [before.get("balance", {}).get(name, -np.inf) for name in _BALANCE]
             self._balance = np.array([np.nan if value is None else value for value in worst])
         self._count = 0
-        #: what precedes the steps in the file, and the length of that and the steps
-        self._head, self._length = b"", 0
 
     def write(self, results: Results) -> None:
-        """Write the results so far: new steps and what follows them, or all if what precedes them is another.
-
-        Raises WriteError.
-        """
+        """Write the results so far. Raises WriteError."""
         new, self._count = results.steps[self._count :], len(results.steps)
-        lines = [_line(_step(step)) for step in new]
+        self._steps += [_line(_step(step)) for step in new]
         for step in new:
             self._balance = np.maximum(self._balance, step.balance)  # NaN counts as the largest
         head, tail = _parts(results, self._balance)
-        begun, self._steps = bool(self._steps), self._steps + lines
-        if head == self._head:
-            content = _joined(lines, begun)
-            append(self._path, content + tail, self._length)
-            self._length += len(content)
-        else:
-            content = head + _joined(self._steps)
-            replace_file(self._path, content + tail)
-            self._head, self._length = head, len(content)
+        steps = ",".join(f"\n  {line}" for line in self._steps)
+        replace_file(self._path, f"{head}{steps}{tail}".encode())
 
 
-def _joined(lines: Sequence[str], begun: bool = False) -> bytes:
-    """Return steps as items of a list, which has `begun` before them or not."""
-    return "".join(f"{',' * (begun or k > 0)}\n  {line}" for k, line in enumerate(lines)).encode()
-
-
-def _parts(results: Results, balance: Floats) -> tuple[bytes, bytes]:
+def _parts(results: Results, balance: Floats) -> tuple[str, str]:
     """Return what precedes the steps in the file, and what follows them; `message` only if there is one."""
     last = results.steps[-1] if results.steps else None
     message = {"message": results.message} if results.message else {}
@@ -89,7 +71,7 @@ def _parts(results: Results, balance: Floats) -> tuple[bytes, bytes]:
     first, rest = (
         ",".join(f"\n {_line(name)}: {_line(value)}" for name, value in part.items()) for part in (head, tail)
     )
-    return f'{{{first},\n "steps": ['.encode(), f"\n ],{rest}\n}}\n".encode()
+    return f'{{{first},\n "steps": [', f"\n ],{rest}\n}}\n"
 
 
 def _step(step: StepFigures) -> dict[str, Any]:
