@@ -41,7 +41,8 @@ from meshes import blocks
 
 import lacsolver.bodies.kinematics
 import lacsolver.equilibrium.active_set
-import lacsolver.problem.problem
+import lacsolver.equilibrium.newton
+import lacsolver.problem.pair
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
 from lacmesh import Mesh
@@ -113,8 +114,9 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
 
     places = [
         (lacsolver.bodies.kinematics, "assemble_stiffness", "assembly", None),
-        (lacsolver.problem.problem, "integrate", "pairing", None),
+        (lacsolver.problem.pair, "integrate", "pairing", None),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
+        (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):

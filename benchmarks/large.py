@@ -37,7 +37,8 @@ from meshes import blocks
 import lacsolver.contact.interface
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.attempt
-import lacsolver.problem.problem
+import lacsolver.equilibrium.newton
+import lacsolver.problem.pair
 import lacsolver.saddle.stiffness
 from lacmesh import Mesh
 from lacsolver.bodies.small import assemble_stiffness
@@ -89,9 +90,10 @@ def watched(clock: Clock, solved: list[SaddleSolution]) -> ExitStack:
     """The phases of a contact solve under the clock."""
     places = [
         (lacsolver.contact.interface, "contact_points", "search", None),
-        (lacsolver.problem.problem, "integrate", "search and integration", None),
+        (lacsolver.problem.pair, "integrate", "search and integration", None),
         (lacsolver.saddle.stiffness.FactorCache, "factorise", "set-up", None),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
+        (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.attempt, "coarse_start", "coarse start", None),
     ]
     stack = ExitStack()

@@ -20,7 +20,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import CodeType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, overload
 
 import numpy as np
 
@@ -144,6 +144,14 @@ class Kernel:
         if before < WORTH_KEEPING <= self._done:
             save(self.key, f"{self.key}.wanted", b"")
         return False
+
+
+@overload
+def kernel(function: Callable[..., Any]) -> Any: ...
+
+
+@overload
+def kernel(*, least: int = 0, work: int = 1) -> Callable[[Callable[..., Any]], Any]: ...
 
 
 def kernel(function: Callable[..., Any] | None = None, *, least: int = 0, work: int = 1) -> Any:

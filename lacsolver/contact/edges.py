@@ -105,7 +105,7 @@ def edges_of(
 def _kept(placed: _Placed, s: Patches, m: Patches, slave: Surface, master: Surface) -> EdgePoints:
     """Return the points whose rays meet the master."""
     keep = np.flatnonzero(placed.met)
-    p = _Placed(*(of_all[keep] for of_all in placed))
+    p = _Placed._make(of_all[keep] for of_all in placed)
     edges = MovingEdges(p.a, p.b, s.xi, m.xi, p.turned, p.share, p.nu)
     points = Points(p.xi_s, p.xi_m, p.normal, p.ray, np.empty((0, 2)), 1, 0, edges)
     gap = p.ray - slave.heights(s.face[p.a], p.xi_s) - master.heights(m.face[p.b], p.xi_m)
