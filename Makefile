@@ -88,7 +88,7 @@ fuzz: $(INSTALLED) ## all cases of bad input and of random tests, and 10,000 dam
 	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
-	for name in start run check partition quality surface assembly linear contact peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
+	for name in start run check partition quality surface assembly linear contact moving peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
 verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (half an hour on two free cores; goes on if stopped)
 	LACMESH_ALL=1 $(PYTEST) -q -m "slow and not petsc"
