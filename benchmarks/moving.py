@@ -134,7 +134,7 @@ def growth(sizes: list[int], normals: str) -> list[str]:
     return [
         f"growth of the derivative with the points, {normals}",
         listed,
-        f"exponent {slope:.2f}; peak memory {ratios[-1][0]:.1f} times that of the points, the result {ratios[-1][1]:.1f}",
+        f"exponent {slope:.2f}; peak memory {ratios[-1][0]:.1f} of the points', the result {ratios[-1][1]:.1f}",
     ]
 
 
@@ -164,7 +164,7 @@ def main() -> None:
                 [
                     what,
                     f"{seconds:.2f} s, {iterations} iterations",
-                    f"derivative {100 * share:.0f} %; {spent.calls['solutions'] / iterations:.1f} solutions with K each",
+                    f"derivative {100 * share:.0f} %; {spent.calls['solutions'] / iterations:.1f} solutions with K",
                 ]
             )
         ratio = whole[kind, "smoothed"] / whole[kind, "facet"]

@@ -118,7 +118,7 @@ def _near(x: Floats, expected: Floats, side: Floats, tolerance: float) -> Bools:
 
 
 @dataclass(frozen=True)
-class Cells:
+class CellsAround:
     """The TRIA3 and QUAD4 near a skin: `nodes` (k, 4), -1 last in a triangle; `n_nodes` of the mesh.
 
     `first`, `last` (k,): the range of positions in the file that each occupies; a merged cell takes that of its parts.
@@ -170,7 +170,7 @@ class Cells:
         return np.where(good & (before == other), after, np.where(good & (after == other), before, -1))
 
 
-def cells_around(mesh: Mesh, seeds: Ints) -> Cells:
+def cells_around(mesh: Mesh, seeds: Ints) -> CellsAround:
     """Return the cells that touch some nodes, and the cells that share two nodes with them."""
     touched = np.zeros(mesh.n_nodes, bool)
     touched[seeds] = True
@@ -187,10 +187,10 @@ def cells_around(mesh: Mesh, seeds: Ints) -> Cells:
         rank = np.empty(mesh.n_cells, np.int64)
         rank[mesh.file_order] = np.arange(mesh.n_cells)
         place = rank[place]
-    return Cells(nodes[near].astype(np.int64), place, place, mesh.n_nodes)
+    return CellsAround(nodes[near].astype(np.int64), place, place, mesh.n_nodes)
 
 
-def find_cones(cells: Cells, chains: Ints, sides: Ints) -> list[_Merge]:
+def find_cones(cells: CellsAround, chains: Ints, sides: Ints) -> list[_Merge]:
     """Find pairs whose cells on one side are a triangle cut in two, or a quadrangle cut in three triangles.
 
     The triangles are a fan around the middle n of a chain a n b: it is walked from the segment a n, over spokes from n,
@@ -220,7 +220,7 @@ def find_cones(cells: Cells, chains: Ints, sides: Ints) -> list[_Merge]:
     return merges
 
 
-def _may_merge(cells: Cells, fan: list[Ints], interface: Bools) -> Bools:
+def _may_merge(cells: CellsAround, fan: list[Ints], interface: Bools) -> Bools:
     """(k,): True for fans of two or three triangles that a cut has made; meshers make such fans too.
 
     Two must follow each other in the file. A cut makes three only at an `interface`, or in a cell with another slave
@@ -233,7 +233,7 @@ def _may_merge(cells: Cells, fan: list[Ints], interface: Bools) -> Bools:
     return interface | of_parts
 
 
-def find_rings(cells: Cells, chains: Ints) -> _Merge:
+def find_rings(cells: CellsAround, chains: Ints) -> _Merge:
     """Find triples whose cells on one side are a quadrangle cut in four."""
     behind = cells.behind(chains)
     chain, side = np.nonzero(behind >= 0)
@@ -264,7 +264,7 @@ def _apart(merges: list[_Merge], n_cells: int) -> list[_Merge]:
     return [merge.take((np.arange(len(merge.chain)) == 0) & (k == best)) for k, merge in enumerate(merges)]
 
 
-def merged(cells: Cells, merges: list[_Merge]) -> Cells:
+def merged(cells: CellsAround, merges: list[_Merge]) -> CellsAround:
     """Replace cells by the parents they came from; no two merges have a cell in common."""
     kept = np.ones(len(cells.nodes), bool)
     for merge in merges:
@@ -272,4 +272,4 @@ def merged(cells: Cells, merges: list[_Merge]) -> Cells:
     nodes = np.concatenate([cells.nodes[kept], *(m.parent for m in merges)])
     first = np.concatenate([cells.first[kept], *(cells.first[m.gone].min(axis=1, initial=2**62) for m in merges)])
     last = np.concatenate([cells.last[kept], *(cells.last[m.gone].max(axis=1, initial=-1) for m in merges)])
-    return Cells(nodes, first, last, cells.n_nodes)
+    return CellsAround(nodes, first, last, cells.n_nodes)

@@ -87,7 +87,7 @@ DEFAULT = WriteOptions()
 
 
 class Fidelity(NamedTuple):
-    """What a format keeps, written with some `options`: the cell types that it `takes`, features `lost` or `refused`.
+    """Fidelity of a format with some `options`: the cell types that it `takes`, the features `lost` or `refused`.
 
     `by_type`: the order of cells is kept BY_TYPE. `ours`: features and cell types that are OURS; `beside`: features
     that are BESIDE. Nothing else changes what is kept: neither binary files nor compressed ones.

@@ -1,4 +1,4 @@
-"""What several writers ask of a mesh: its cells in the order of a file, and what a format has no place for."""
+"""Parts of several writers: the cells of a mesh in the order of a file, and what a format has no place for."""
 
 from __future__ import annotations
 

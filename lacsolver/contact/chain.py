@@ -54,7 +54,7 @@ class Skins(NamedTuple):
 
 
 class MovingEdges(NamedTuple):
-    """How fast the edges of mortar segments move at points on them (n,); of length 0 for points that are on none.
+    """Velocities of the edges of mortar segments at points on them (n,); of length 0 for points that are on none.
 
     V = sum_c turned_c . u(corner c of the slave's patch) + nu . sum_c share_c u(corner c of the master's patch), minus
     nu . u(x) in a plane. `patch_s`, `patch_m`: rows of the patches, whose corners are at `corners_s`, `corners_m`
@@ -76,7 +76,7 @@ class MovingEdges(NamedTuple):
         return MovingEdges(row, row, corners, corners, np.empty((0, 4, 3)), np.empty((0, 4)), np.empty((0, 3)))
 
 
-class Points(NamedTuple):
+class LoopPoints(NamedTuple):
     """Contact points of a loop (n,): reference coordinates in both faces, and what is linearised about.
 
     `normal` (n, 3); `ray`: length of the ray from face to face; `slope` (n, 2): derivatives of the master's height,

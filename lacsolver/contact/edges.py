@@ -29,7 +29,7 @@ from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import normal_at
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle, ray, wedge
-from lacsolver.contact.chain import MovingEdges, Points
+from lacsolver.contact.chain import LoopPoints, MovingEdges
 from lacsolver.contact.interface import places, tangents
 
 #: Newton's method for the point of a curved line above its chord: most steps, and the step after which none follows
@@ -50,13 +50,13 @@ class EdgePoints(NamedTuple):
 
     slave: Ints
     master: Ints
-    points: Points
+    points: LoopPoints
     weight: Floats
     gap: Floats
 
 
 class _Placed(NamedTuple):
-    """Points on edges, one row each: the patches `a`, `b` of slave and master, and what is computed of each point.
+    """LoopPoints on edges, one row each: the patches `a`, `b` of slave and master, and what is computed of each point.
 
     `met`: True where the ray meets the master's face or its extension; the others as in `EdgePoints` and `MovingEdges`.
     """
@@ -107,7 +107,7 @@ def _kept(placed: _Placed, s: Patches, m: Patches, slave: Surface, master: Surfa
     keep = np.flatnonzero(placed.met)
     p = _Placed._make(of_all[keep] for of_all in placed)
     edges = MovingEdges(p.a, p.b, s.xi, m.xi, p.turned, p.share, p.nu)
-    points = Points(p.xi_s, p.xi_m, p.normal, p.ray, np.empty((0, 2)), 1, 0, edges)
+    points = LoopPoints(p.xi_s, p.xi_m, p.normal, p.ray, np.empty((0, 2)), 1, 0, edges)
     gap = p.ray - slave.heights(s.face[p.a], p.xi_s) - master.heights(m.face[p.b], p.xi_m)
     return EdgePoints(s.face[p.a], m.face[p.b], points, p.weight, gap)
 

@@ -37,8 +37,8 @@ from lacsolver.contact.chain import (
     NORMAL,
     SLIDE,
     STRETCH,
+    LoopPoints,
     MovingEdges,
-    Points,
     Skins,
     differentiate,
     room,
@@ -53,9 +53,9 @@ _WORK = 10
 
 
 class Loop(NamedTuple):
-    """Points of a loop (n,), with their `weight` and their `distance`, the gap with the clearance, run by run."""
+    """LoopPoints of a loop (n,), with their `weight` and their `distance`, the gap with the clearance, run by run."""
 
-    points: Points
+    points: LoopPoints
     weight: Floats
     distance: Floats
     runs: Runs
@@ -63,7 +63,7 @@ class Loop(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the derivatives of an interface are summed from: the points, and those on moving edges.
+    """LoopPoints that the derivatives of an interface are summed over, those on moving edges included.
 
     `skins`: the nodes and normals that the points know; `nodes`: numbers of these nodes in the mesh, of `n_nodes`; `d`:
     the dimension. `normals`: None if the slave's faces have their own.
@@ -151,7 +151,7 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         H = coefficients(slave, np.where((normals.of_faces >= 0)[:, :, None], normals.n[normals.of_faces], 0.0))
     current = int(pairing.measure == "current")
     slope = np.empty((0, 2)) if master.height is None else master.height.slope(points.master, points.xi_master)
-    inside = Points(
+    inside = LoopPoints(
         points.xi_slave, points.xi_master, points.normal, points.ray, slope, current, current * pairing.axisymmetric,
         MovingEdges.none(),
     )  # fmt: skip

@@ -58,7 +58,7 @@ ALONE = Share()
 
 
 class Distribution:
-    """How a model is divided among processes: not at all; `processes.Processes` divides it."""
+    """Division of a model among processes: here none; `processes.Processes` divides it."""
 
     def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
         """Return the mesh of a file, or a part of one that has been divided, with its slaves cut.

@@ -164,7 +164,7 @@ def test_options_reach_the_format_they_are_for(tmp_path):
 @pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")
 @pytest.mark.parametrize("form", [form for form in FORMATS if form.begins or form.hdf5], ids=lambda form: form.name)
 def test_content_tells_the_format_where_the_suffix_does_not(form, tmp_path):
-    """Of all kinds of a file; the suffix tells a format that is not `sure`, whose text may be that of others."""
+    """Files of all kinds; the suffix tells a format that is not `sure`, whose text may be that of others."""
     if form.meshio:
         pytest.importorskip("meshio")
     mesh = cases.skin() if form.name in SURFACES else cases.bare()

@@ -48,7 +48,7 @@ class System(NamedTuple):
 
 
 class Linearized(NamedTuple):
-    """What Newton's method asks of a linearisation, as `load_step.Linearization` answers it."""
+    """A linearisation as Newton's method needs it, in place of `load_step.Linearization`."""
 
     r: np.ndarray
     size: float

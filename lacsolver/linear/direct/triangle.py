@@ -1,4 +1,4 @@
-"""What the modules of direct backends share: the triangle of a symmetric matrix, and a limit of threads.
+"""Parts of the modules of direct backends: the triangle of a symmetric matrix, and a limit of threads.
 
 Each has a function `analyse(triangle, threads)`, which orders the elimination and returns a function of a triangle's
 values, `Factorise`. Its result is a function of right-hand sides, `Solve`.
