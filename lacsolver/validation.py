@@ -175,7 +175,7 @@ def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[Con
 
 def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
     start = start_of(joint, face, space)
-    record, on = joint.record, joint.covered(face)
+    record, on = joint.record, joint.above_threshold(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
@@ -209,5 +209,5 @@ def _look_at_motions(
 
 
 def _paired_rows(joint: ContactPair, face: Interface) -> csr_array:
-    on = joint.covered(face)
+    on = joint.above_threshold(face)
     return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

@@ -60,7 +60,7 @@ class Kernel:
         #: what runs as it stands; another function that gives the same may take its place
         self.plain: Any = function
         self.compiled: Any = None
-        self._least, self._work = least, work
+        self.least, self._work = least, work
         self._done = 0
         Kernel.known.append(self)
 
@@ -136,7 +136,7 @@ class Kernel:
 
     def _is_worth_compiling(self, numbers: int) -> bool:
         """True if a call with so many numbers runs compiled; if not, count the work for later processes."""
-        if numbers < max(KEPT_FROM, self._least) or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        if numbers < max(KEPT_FROM, self.least) or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return False
         if self._is_kept or numbers >= COMPILED_FROM:
             return True

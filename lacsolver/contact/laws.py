@@ -18,7 +18,7 @@ reads. It should be continuous, and pressure should grow with the overlap: at a 
 
 A law that is not linear is linearised again in each iteration, at gaps and pressures that fulfil the equation of the
 last one and not the law itself. Newton's method takes few iterations, however stiff the law, with the tangent at the
-gap where the law is softer than the `skin` and at the pressure where it is stiffer.
+gap where the law is softer than the `skin_stiffness` and at the pressure where it is stiffer.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ class RowState(NamedTuple):
     """Rows of one contact pair (m,): mean `gap`, `pressure`, `active` set of the last solve, and the law's `history`.
 
     For `linearise`, `active` is the set of the next solve. Gaps and pressures are 0 where a row cannot be solved.
-    `skin` (m,): stiffness of each macro-element's own skin, stress per length, which makes a pressure a length.
+    `skin_stiffness` (m,): of each macro-element's own skin, stress per length, which makes a pressure a length.
     `history` (m, n_history): what the law committed at the end of the last step.
     """
 
     gap: Floats
     pressure: Floats
     active: Bools
-    skin: Floats
+    skin_stiffness: Floats
     history: Floats
 
 
@@ -92,7 +92,7 @@ class ContactLaw(Protocol):
         """Return the residual (m,) of the law, a length; 0 where it is fulfilled, also in rows that are rightly open.
 
         It is compared with the tolerance times the largest displacement. For a law p(gap) take the difference of the
-        pressures over the sum of the law's slope and the `skin`.
+        pressures over the sum of the law's slope and the `skin_stiffness`.
         """
 
     def status(self, rows: RowState) -> Ints:
@@ -161,7 +161,7 @@ class Unilateral(Bilateral):
 
     def residual(self, rows: RowState) -> Floats:
         """Return the smaller of pressure, as a length, and gap + compliance * pressure (32)."""
-        return np.minimum(rows.pressure / rows.skin, super().residual(rows))
+        return np.minimum(rows.pressure / rows.skin_stiffness, super().residual(rows))
 
     def status(self, rows: RowState) -> Ints:
         """Return CONTACT where there is pressure."""

@@ -106,7 +106,7 @@ def close_rows_against_rigid_modes(
         free, loaded = _null_space(moves[active]), _null_space(carried[active])
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
-        nearing = contact.solvable & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        nearing = contact.enforceable & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break
         way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)

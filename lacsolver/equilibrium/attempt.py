@@ -114,9 +114,9 @@ def first_iterate(step: LoadStep) -> Iterate:
     for pair, face in zip(problem.joints, interfaces, strict=True):
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
-    step.model.check_held(interfaces, contact.solvable)
+    step.model.check_held(interfaces, contact.enforceable)
     closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
-    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.solvable)
+    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.enforceable)
 
 
 def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:

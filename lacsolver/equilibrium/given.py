@@ -117,7 +117,7 @@ def solve_contact(
     contact = _system(pairs, stiffness, u, free)
     tolerances = ConvergenceTolerance(tolerance, max_iterations, 0.0, float(np.abs(u).max(initial=0.0)))
     q = np.zeros(len(free))
-    start = Iterate(q, np.zeros(len(contact.G)), contact.solvable & (contact.G < 0))
+    start = Iterate(q, np.zeros(len(contact.G)), contact.enforceable & (contact.G < 0))
     load = (f - K @ u)[free]
 
     def contact_at(q: Floats) -> ContactSystem:

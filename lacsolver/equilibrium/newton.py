@@ -227,7 +227,7 @@ def _residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolera
     forces = contact.rows.B_T @ at.p
     largest = max(there.size, vectors.largest(forces))
     off, gaps = there.r - forces, contact.residuals(at.p, at.active)
-    closing = contact.rows.B_T @ (contact.skin * gaps)
+    closing = contact.rows.B_T @ (contact.skin_stiffness * gaps)
     merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
     gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(at.q)
     return Residual(equilibrium_residual(off, largest, there.terms, tolerance), gap, merit)

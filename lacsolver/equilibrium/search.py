@@ -70,7 +70,7 @@ def search(
         residuals += [*[residuals[-1] if residuals else now] * (trial.solves - 1), now]
         applications += trial.applications
         same = trial.solves == 1 and before is not None and np.array_equal(before, closed)
-        recent.append((np.where(trial.contact.covered, trial.contact.rows.w, 0.0), closed))
+        recent.append((np.where(trial.contact.above_threshold, trial.contact.rows.w, 0.0), closed))
         before, unchanged = closed, unchanged + 1 if same else 1
         if report is not None:
             report(len(residuals), int(closed.sum()), *residuals[-1])

@@ -198,7 +198,7 @@ def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
 def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) -> None:
     """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact law."""
     space, pairs = step.model.problem.space, step.model.problem.joints
-    gap = np.where(contact.covered & ~contact.solvable, contact.G / contact.rows.w, 0.0)
+    gap = np.where(contact.above_threshold & ~contact.enforceable, contact.G / contact.rows.w, 0.0)
     for pair, group, face in zip(pairs, contact.groups, step.interfaces(q), strict=True):
         own = gap[group.rows]
         wrong_way = (-own if pair.law.compressive else np.abs(own)).reshape(len(face.area), -1).max(axis=1)
@@ -223,7 +223,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     q, p, active = outcome.iterate
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
     zones = [
-        _zone(group, rows._replace(gap=gap[group.rows]), contact.covered[group.rows], problem.space)
+        _zone(group, rows._replace(gap=gap[group.rows]), contact.above_threshold[group.rows], problem.space)
         for group, rows in contact.states(p, active)
     ]
     return State(
@@ -269,5 +269,5 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
         touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
         for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
     ]
-    closed = active | (np.concatenate(reached) & outcome.contact.solvable)
+    closed = active | (np.concatenate(reached) & outcome.contact.enforceable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)

@@ -98,7 +98,7 @@ class ContactPair(Described):
         x = self.places(space, u) if self.moving else None
         return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
 
-    def covered(self, face: Interface) -> NDArray[np.bool_]:
+    def above_threshold(self, face: Interface) -> NDArray[np.bool_]:
         """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.
 
         Macro-elements without any coverage are never paired. The threshold is lowered by round-off, since a complete
@@ -109,7 +109,7 @@ class ContactPair(Described):
 
     def check_facing(self, face: Interface) -> None:
         """Raise CaseError if no macro-element has a master, and the zone is not paired again on deformed skins."""
-        if not self.moving and not self.covered(face).any():
+        if not self.moving and not self.above_threshold(face).any():
             message = f"no face of slave {self.record.slave!r} has master {self.record.master!r} in front of it"
             advice = "check which groups these are and that their faces turn outward, or raise search_distance"
             raise wrong(self.record, named(f"{message}; {advice}", "no-coverage"))

@@ -86,7 +86,7 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
         points = _passed(slave, master, _clearances(joint, t))
     if not space.share.largest(float(len(points.face))):
         return None
-    seen = np.where(joint.covered(face), _seen(face, space.share), 0.0)
+    seen = np.where(joint.above_threshold(face), _seen(face, space.share), 0.0)
     points = points.take(np.flatnonzero(_SEEN * points.depth > seen[face.zone.macro[points.face]]))
     if not space.share.largest(float(len(points.face))):
         return None
@@ -101,7 +101,7 @@ def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, s
     it does not meet.
     """
     before = integrate(joint.zone, space.dim, joint.pairing, x=x, t=t, share=space.share)
-    return np.asarray(joint.covered(face) & joint.covered(before))
+    return np.asarray(joint.above_threshold(face) & joint.above_threshold(before))
 
 
 def words(joint: ContactPair, points: Passing, t: float, space: Space) -> str:

@@ -106,7 +106,7 @@ def _solved(
         before, active = active, now.next_active(active, p)
         if np.array_equal(before, active):
             break
-    rows = contact.solvable & active[group]
+    rows = contact.enforceable & active[group]
     return Iterate(start.q + coarse.prolonged(v), np.where(rows, p[group], 0.0), rows)
 
 
@@ -120,7 +120,7 @@ def _joined(contact: ContactSystem, coarse: _CoarseLevel) -> tuple[ContactSystem
             component[own.rows] = np.arange(own.rows.stop - own.rows.start) % coarse.whole.block
     keys, group = np.unique(np.stack([pair, component, _leading_nodes(B)]), axis=1, return_inverse=True)
     group, m = group.ravel(), keys.shape[1]
-    join = csr_array((contact.solvable.astype(float), (group, np.arange(len(group)))), shape=(m, len(group)))
+    join = csr_array((contact.enforceable.astype(float), (group, np.arange(len(group)))), shape=(m, len(group)))
     w = join @ contact.rows.w
     rows = Rows(csr_array(join @ B), np.where(w > 0, w, 1.0))
     ends = np.searchsorted(keys[0], np.arange(len(contact.groups) + 1))

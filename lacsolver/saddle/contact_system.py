@@ -112,17 +112,18 @@ class ContactSystem:
     """Contact rows of all pairs, one after the other (m,), in one configuration.
 
     `rows`: B, D and w, 1 for rows that are not covered; `G` (m,): gap integrals, with what slivers may overlap;
-    `groups`: the rows of each pair, with their law. `covered` (m,): True if the coverage reaches the pair's threshold;
-    `solvable` (m,): those of them whose law can be fulfilled, since some unknown moves them or they are springs. `skin`
-    (m,): stiffness of each row's own skin, stress per length. `nodal`: the rows on the unknowns of all nodes.
+    `groups`: the rows of each pair, with their law. `above_threshold` (m,): True if the coverage reaches that of the
+    pair; `enforceable` (m,): those of them whose law can be fulfilled, since some unknown moves them or they are
+    springs. `skin_stiffness` (m,): of each row's own skin, stress per length. `nodal`: the rows on the unknowns of all
+    nodes.
     """
 
     rows: Rows
     G: NDArray[np.floating]
     groups: tuple[RowGroup, ...]
-    covered: Bools
-    solvable: Bools
-    skin: NDArray[np.floating]
+    above_threshold: Bools
+    enforceable: Bools
+    skin_stiffness: NDArray[np.floating]
     nodal: Rows | None = None
 
     @classmethod
@@ -136,30 +137,30 @@ class ContactSystem:
     def reduced(self, T: csr_array, K: Operator) -> ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
-        made = replace(self, rows=rows, skin=skin_stiffness(K, rows), nodal=self.rows)
+        made = replace(self, rows=rows, skin_stiffness=skin_stiffness(K, rows), nodal=self.rows)
         moved, yields = np.diff(rows.B.indptr) > 0, np.zeros(len(self.G), bool)
         for group in self.groups:
             yields[group.rows] = group.law.yields
-        return replace(made, solvable=self.covered & (moved | yields))
+        return replace(made, enforceable=self.above_threshold & (moved | yields))
 
     def with_gaps(self, G: Floats) -> ContactSystem:
         """Return these rows with other gap integrals G."""
         return replace(self, G=G)
 
     def states(self, p: Floats, active: Bools) -> Iterator[tuple[RowGroup, RowState]]:
-        """Yield the groups and the states of their rows at pressures p (m,); rows that are not solvable have zeros."""
-        gap = np.where(self.solvable, self.G / self.rows.w, 0.0)
-        p = np.where(self.solvable, p, 0.0)
+        """Yield the groups and the states of their rows at pressures p (m,), zeros where a row is not enforceable."""
+        gap = np.where(self.enforceable, self.G / self.rows.w, 0.0)
+        p = np.where(self.enforceable, p, 0.0)
         for group in self.groups:
             own = group.rows
-            yield group, RowState(gap[own], p[own], active[own], self.skin[own], group.history)
+            yield group, RowState(gap[own], p[own], active[own], self.skin_stiffness[own], group.history)
 
     def next_active(self, active: Bools, p: Floats) -> Bools:
         """Return the active set (m,) that the laws ask for after a solve with `active`."""
         out = np.zeros(len(self.G), bool)
         for group, state in self.states(p, active):
             out[group.rows] = group.law.next_active(state)
-        return self.solvable & out
+        return self.enforceable & out
 
     def start_active(self, closed: Bools) -> Bools:
         """Return the active set (m,) to start from: the rows `closed`, and those that the laws always close."""
@@ -167,7 +168,7 @@ class ContactSystem:
         for group, state in self.states(np.zeros(len(self.G)), np.zeros(len(self.G), bool)):
             if not group.law.compressive:
                 out[group.rows] |= group.law.next_active(state)
-        return self.solvable & out
+        return self.enforceable & out
 
     def residuals(self, p: Floats, active: Bools) -> NDArray[np.floating]:
         """Return the residual (m,) of the laws at pressures p, lengths."""
@@ -176,7 +177,7 @@ class ContactSystem:
             out[group.rows] = group.law.residual(state)
             if not np.isfinite(out[group.rows]).all():
                 raise DataError(f"the contact law {type(group.law).__name__} gives a residual that is not finite")
-        return np.where(self.solvable, out, 0.0)
+        return np.where(self.enforceable, out, 0.0)
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return (G, S), (m,) each: the laws' equations at these gaps and pressures, D dq - S p = G for active rows."""
@@ -231,7 +232,7 @@ def contact_system(
         repeat, first = (own.stop - first) // max(len(face.w), 1), own.stop
         G.append(group.gaps(u))
         w.append(np.repeat(face.w, repeat))
-        covered.append(np.repeat(pair.covered(face), repeat))
+        covered.append(np.repeat(pair.above_threshold(face), repeat))
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *(face.B for face in interfaces)]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)

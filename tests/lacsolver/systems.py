@@ -87,9 +87,9 @@ def saddle(s, active, q0):
     return found[:n], p
 
 
-def enumerated(s, solvable, equality):
+def enumerated(s, enforceable, equality):
     """(q, p) of K q = f - B^T p, 0 <= p, G - B q >= 0, p (G - B q) = 0, looked for among all sets of rows."""
-    must, may = np.flatnonzero(solvable & equality), np.flatnonzero(solvable & ~equality)
+    must, may = np.flatnonzero(enforceable & equality), np.flatnonzero(enforceable & ~equality)
     for k in range(len(may) + 1):
         for chosen in itertools.combinations(may, k):
             active = np.sort(np.concatenate([must, chosen]).astype(int))
@@ -128,19 +128,19 @@ class _PerRow:
         return np.where(self.equality, Bilateral().residual(rows), Unilateral().residual(rows))
 
 
-def contact_system(rows, G, solvable, equality, skin):
+def contact_system(rows, G, enforceable, equality, skin):
     """Return a contact system whose rows are unilateral, or equalities where `equality` tells."""
-    law = Unilateral() if not equality.any() else _PerRow(equality & solvable)
-    return ContactSystem(rows, G, (RowGroup(law, slice(0, len(G))),), solvable, solvable, skin)
+    law = Unilateral() if not equality.any() else _PerRow(equality & enforceable)
+    return ContactSystem(rows, G, (RowGroup(law, slice(0, len(G))),), enforceable, enforceable, skin)
 
 
-def contact(s, solvable=None, equality=None):
+def contact(s, enforceable=None, equality=None):
     """Contact of a system as a function of q: the rows, and their gaps at q."""
     m = len(s.B)
-    solvable = np.ones(m, bool) if solvable is None else solvable
+    enforceable = np.ones(m, bool) if enforceable is None else enforceable
     equality = np.zeros(m, bool) if equality is None else equality
     made = s.rows
-    return lambda q: contact_system(made, s.G - s.D @ q, solvable, equality, np.ones(m))
+    return lambda q: contact_system(made, s.G - s.D @ q, enforceable, equality, np.ones(m))
 
 
 def solve_active_set(K, f, contact_at, start, tolerance, report=None):

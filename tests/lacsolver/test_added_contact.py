@@ -28,7 +28,7 @@ class Bond(Bilateral):
         return holds | Unilateral().next_active(rows)
 
     def residual(self, rows):
-        beyond = np.minimum(rows.pressure + self.strength, 0.0) / rows.skin
+        beyond = np.minimum(rows.pressure + self.strength, 0.0) / rows.skin_stiffness
         bonded = rows.active & (rows.history[:, 0] == 0)
         return np.where(bonded, rows.gap + beyond, Unilateral().residual(rows))
 

@@ -26,15 +26,15 @@ class Curve(Unilateral):
         return rows.gap < self.reach
 
     def linearise(self, rows):
-        knee = self.knee(rows.skin)
+        knee = self.knee(rows.skin_stiffness)
         stiff = (rows.gap < self.gap(knee)) | (rows.pressure > knee)
         g = np.where(stiff, self.gap(np.maximum(rows.pressure, knee)), rows.gap)
-        slope = np.maximum(self.slope(g), 1e-3 * rows.skin)  # at first touch there may be none
+        slope = np.maximum(self.slope(g), 1e-3 * rows.skin_stiffness)  # at first touch there may be none
         return g + self.p(g) / slope, 1 / slope
 
     def residual(self, rows):
         p, g = np.where(self.next_active(rows), self.p(rows.gap), 0.0), rows.gap
-        return (p - rows.pressure) / (self.slope(g) + rows.skin)
+        return (p - rows.pressure) / (self.slope(g) + rows.skin_stiffness)
 
 
 def quadratic(k):

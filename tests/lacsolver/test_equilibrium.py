@@ -29,12 +29,12 @@ def found(s, begin, limits=LIMITS, **rest):
     return solve_active_set(s.held, s.f, at, begin, limits)
 
 
-def check(s, outcome, solvable=None, equality=None):
+def check(s, outcome, enforceable=None, equality=None):
     """Assert that the search converged to the only solution."""
     m = len(s.B)
-    solvable = np.ones(m, bool) if solvable is None else solvable
+    enforceable = np.ones(m, bool) if enforceable is None else enforceable
     equality = np.zeros(m, bool) if equality is None else equality
-    q, p = enumerated(s, solvable, equality)
+    q, p = enumerated(s, enforceable, equality)
     assert outcome.converged
     np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
     np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-9 * max(np.abs(p).max(), 1e-3))
@@ -54,10 +54,10 @@ def test_random_problems_from_any_start(kind):
 def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
     for seed in range(20):
         s, rng = system(seed, n=12, m=7), np.random.default_rng(seed)
-        solvable, equality = rng.uniform(size=7) < 0.7, rng.uniform(size=7) < 0.3
-        outcome = found(s, start(s, kind, seed), solvable=solvable, equality=equality)
-        check(s, outcome, solvable, equality)
-        assert (outcome.iterate.p[~solvable] == 0).all()
+        enforceable, equality = rng.uniform(size=7) < 0.7, rng.uniform(size=7) < 0.3
+        outcome = found(s, start(s, kind, seed), enforceable=enforceable, equality=equality)
+        check(s, outcome, enforceable, equality)
+        assert (outcome.iterate.p[~enforceable] == 0).all()
 
 
 @pytest.mark.parametrize("kind", STARTS)

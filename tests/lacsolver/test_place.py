@@ -33,7 +33,7 @@ class Moved:
         self.there = self.now.linearize(self.q)
         contact = self.there.contact
         assert all(face.coverage.min() > 1 - 1e-9 for face in self.now.interfaces(self.q)), "nothing at the rim"
-        self.p = np.where(contact.solvable, 0.02 * YOUNG * self.rng.uniform(0.5, 1.5, len(contact.G)), 0.0)
+        self.p = np.where(contact.enforceable, 0.02 * YOUNG * self.rng.uniform(0.5, 1.5, len(contact.G)), 0.0)
 
     def direction(self):
         return self.rng.uniform(-1, 1, self.model.problem.constraints.n_q)

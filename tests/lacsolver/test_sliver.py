@@ -65,7 +65,7 @@ def test_the_derivative_of_what_is_allowed(dim, measure):
         return contact_system(problem, [pair.integrate(problem.space, u, 1.0) for pair in problem.joints], u)
 
     here, before, after = system(u), system(u - h * v), system(u + h * v)
-    few = here.covered & (here.groups[0].face.coverage < 0.04)
+    few = here.above_threshold & (here.groups[0].face.coverage < 0.04)
     assert few.any() and allowed_overlap(here.groups[0].face, problem.joints[0].pairing)[0][few].min() > 0
     off = here.rows.D @ v + (after.G - before.G) / (2 * h)
     assert np.abs(off[few]).max() < 1e-6 * np.abs(here.rows.D[few] @ v).max()

@@ -45,14 +45,14 @@ def few_points(patch):
 
 def dropped_macro(patch):
     """The first macro-element of each zone never meets its master."""
-    right = lacsolver.problem.pair.ContactPair.covered
+    right = lacsolver.problem.pair.ContactPair.above_threshold
 
-    def covered(joint, face):
+    def above_threshold(joint, face):
         found = right(joint, face)
         found[0] = False
         return found
 
-    patch.setattr(lacsolver.problem.pair.ContactPair, "covered", covered)
+    patch.setattr(lacsolver.problem.pair.ContactPair, "above_threshold", above_threshold)
 
 
 def frozen_set(patch, blind=True):
