@@ -24,6 +24,7 @@ class Communicator:
 
     `rank`: number of this process, from 0; `size`: number of processes; `mpi`: their communicator of MPI, None for one.
 
+    >>> import numpy as np
     >>> SERIAL.total(np.ones(2)), SERIAL.largest(3.0)
     (array([1., 1.]), 3.0)
     """

@@ -55,7 +55,7 @@ _PROGRESS, _PATIENCE = 0.1, 10
 #: without a new least one goes in circles
 _RISES = 3
 #: relative tolerance of a linear solve: largest value, and factor on the nonlinear residual
-_LOOSE, _FACTOR = 1e-4, 0.1
+_LOOSE, _FACTOR = 1e-4, 1e-3
 #: largest number of active sets of one linear problem
 _MAX_SETS = 20
 

@@ -70,14 +70,18 @@ def not_cut(patch):
 
 
 def stiff_normal(patch):
-    """The tangent takes normals for fixed: their derivative is left out."""
-    for name in ("_facet_normal_change", "_smooth_normal_change"):
-        right = getattr(tangent, name)
-        patch.setattr(tangent, name, _nothing(right))
+    """The tangent takes normals for fixed: they are taken at the nodes, where their derivative is left out."""
+    nodal, motion = tangent.nodal_normals, tangent.motion_of
 
+    def fixed(*given):
+        right = nodal(*given)
+        return right._replace(derivative=csr_array(right.derivative.shape))
 
-def _nothing(right):
-    return lambda *given: csr_array(right(*given).shape)
+    def at_nodes(face, slave, master, pairing, dim):
+        return motion(face, slave, master, replace(pairing, normals="smoothed"), dim)
+
+    patch.setattr(tangent, "nodal_normals", fixed)
+    patch.setattr("lacsolver.saddle.contact_system.motion_of", at_nodes)
 
 
 def _across(normal):
