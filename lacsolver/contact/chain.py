@@ -103,7 +103,7 @@ class Room(NamedTuple):
     rows: Floats
 
 
-def room() -> Room:
+def new_room() -> Room:
     """Return the arrays for one point."""
     return Room(np.empty(9), np.empty(9), np.empty((9, 2)), np.empty((9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
 
@@ -178,37 +178,37 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
 
 
 @kernel
-def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, made: Any) -> None:
+def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room: Any) -> None:
     """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives."""
     sizes = (skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]])
-    shapes(skins, skins.type_s[s], points.xi_s[p, 0], points.xi_s[p, 1], made.N_s, made.dN_s)
-    shapes(skins, skins.type_m[m], points.xi_m[p, 0], points.xi_m[p, 1], made.N_m, made.dN_m)
+    shapes(skins, skins.type_s[s], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
+    shapes(skins, skins.type_m[m], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
     smooth = len(skins.normals) > 0
-    made.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
+    room.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
     if len(points.edges.nu) > 0:
-        _move(skins, points.edges, p, s, m, d, made)
+        _move(skins, points.edges, p, s, m, d, room)
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
     if points.current == 1 or not smooth:
-        dual = _dual(_tangents(skins.x, skins.nodes_s, s, sizes[0], made.dN_s), d)
+        dual = _dual(_tangents(skins.x, skins.nodes_s, s, sizes[0], room.dN_s), d)
         if points.current == 1:
-            _stretch(skins, points.radial, s, sizes[0], d, dual, made)
+            _stretch(skins, points.radial, s, sizes[0], d, dual, room)
         if not smooth:
-            _turn(sizes[0], d, dual, n, made)
+            _turn(sizes[0], d, dual, n, room)
     if smooth:
-        _turn_smoothly(skins, s, sizes, d, n, made)
-    _slide(skins, points, p, m, sizes, d, n, made)
+        _turn_smoothly(skins, s, sizes, d, n, room)
+    _slide(skins, points, p, m, sizes, d, n, room)
 
 
 @kernel
-def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, made: Any) -> None:
+def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, room: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
     k_s, k_m = skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]]
-    rows, N, dN = made.rows, np.empty(9), np.empty((9, 2))
+    rows, N, dN = room.rows, np.empty(9), np.empty((9, 2))
     if d == 2:
         for a in range(k_s):
             for j in range(d):
-                rows[STRETCH, d * a + j] -= made.N_s[a] * edges.nu[p, j]
+                rows[STRETCH, d * a + j] -= room.N_s[a] * edges.nu[p, j]
     for c in range(4):
         if edges.turned[p, c, 0] != 0.0 or edges.turned[p, c, 1] != 0.0 or edges.turned[p, c, 2] != 0.0:
             i = edges.patch_s[p]
@@ -225,9 +225,9 @@ def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, made: Any) -> 
 
 
 @kernel
-def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, dual: Any, made: Any) -> None:
+def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, dual: Any, room: Any) -> None:
     """Write the row of dw / w."""
-    N, dN, rows = made.N_s, made.dN_s, made.rows
+    N, dN, rows = room.N_s, room.dN_s, room.rows
     r = 0.0
     for a in range(k_s):
         for j in range(d):
@@ -239,19 +239,19 @@ def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, dual: Any, made:
 
 
 @kernel
-def _turn(k_s: int, d: int, dual: Any, n: Any, made: Any) -> None:
+def _turn(k_s: int, d: int, dual: Any, n: Any, room: Any) -> None:
     """Write the rows of dn, the change of the face's own normal."""
     for a in range(k_s):
         for i in range(d):
-            c = -(dual[0][i] * made.dN_s[a, 0] + dual[1][i] * made.dN_s[a, 1])
+            c = -(dual[0][i] * room.dN_s[a, 0] + dual[1][i] * room.dN_s[a, 1])
             for j in range(d):
-                made.rows[NORMAL + i, d * a + j] = c * n[j]
+                room.rows[NORMAL + i, d * a + j] = c * n[j]
 
 
 @kernel
-def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, made: Any) -> None:
+def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dn, the change of the interpolated nodal normals."""
-    N, first = made.N_s, d * (sizes[0] + sizes[1])
+    N, first = room.N_s, d * (sizes[0] + sizes[1])
     h0 = h1 = h2 = 0.0
     for a in range(sizes[0]):
         i = skins.normal_of[s, a]
@@ -263,17 +263,17 @@ def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, made: Any) ->
         for j in range(d):
             P = ((1.0 if i == j else 0.0) - n[i] * n[j]) / size
             for a in range(sizes[0]):
-                made.rows[NORMAL + i, first + d * a + j] = P * N[a]
+                room.rows[NORMAL + i, first + d * a + j] = P * N[a]
 
 
 @kernel
-def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, made: Any) -> None:
+def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dxi_bar and dg, from those of dn."""
     k_s, k_m = sizes
-    rows = made.rows
+    rows = room.rows
     # dn acts on the slave's nodes, or on the normals
     low, high = (0, d * k_s) if len(skins.normals) == 0 else (d * (k_s + k_m), d * (2 * k_s + k_m))
-    inverse = _inverse(_tangents(skins.x, skins.nodes_m, m, k_m, made.dN_m), n, d)
+    inverse = _inverse(_tangents(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
     for k in range(d):
         of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)
         for i in range(d):
@@ -281,9 +281,9 @@ def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, 
             for j in range(low, high):
                 rows[at, j] += c * rows[NORMAL + i, j]
             for a in range(k_s):
-                rows[at, d * a + i] += made.N_s[a] * of[i]
+                rows[at, d * a + i] += room.N_s[a] * of[i]
             for b in range(k_m):
-                rows[at, d * (k_s + b) + i] -= made.N_m[b] * of[i]
+                rows[at, d * (k_s + b) + i] -= room.N_m[b] * of[i]
     if len(points.slope) > 0:
         for k in range(d - 1):
             for j in range(max(d * (k_s + k_m), high)):

@@ -56,7 +56,7 @@ class EdgePoints(NamedTuple):
 
 
 class _Placed(NamedTuple):
-    """LoopPoints on edges, one row each: the patches `a`, `b` of slave and master, and what is computed of each point.
+    """Points on edges, one row each: the patches `a`, `b` of slave and master, and what is computed of each point.
 
     `met`: True where the ray meets the master's face or its extension; the others as in `EdgePoints` and `MovingEdges`.
     """

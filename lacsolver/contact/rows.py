@@ -81,9 +81,9 @@ def pattern(nodes: Ints, start: Ints, n: int) -> csr_array:
     """
     there = nodes >= 0
     count = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
-    made = csr_array((np.ones(count[-1], np.int32), nodes[there], count[start]), shape=(len(start) - 1, n))
-    made.sum_duplicates()
-    return made
+    incidence = csr_array((np.ones(count[-1], np.int32), nodes[there], count[start]), shape=(len(start) - 1, n))
+    incidence.sum_duplicates()
+    return incidence
 
 
 def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:

@@ -41,7 +41,7 @@ from lacsolver.contact.chain import (
     MovingEdges,
     Skins,
     differentiate,
-    room,
+    new_room,
 )
 from lacsolver.contact.edges import edges_of
 from lacsolver.contact.interface import Interface, Pairing, stretch
@@ -53,7 +53,7 @@ _WORK = 10
 
 
 class Loop(NamedTuple):
-    """LoopPoints of a loop (n,), with their `weight` and their `distance`, the gap with the clearance, run by run."""
+    """Points of a loop (n,), with their `weight` and their `distance`, the gap with the clearance, run by run."""
 
     points: LoopPoints
     weight: Floats
@@ -63,7 +63,7 @@ class Loop(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """LoopPoints that the derivatives of an interface are summed over, those on moving edges included.
+    """Points that the derivatives of an interface are summed over, those on moving edges included.
 
     `skins`: the nodes and normals that the points know; `nodes`: numbers of these nodes in the mesh, of `n_nodes`; `d`:
     the dimension. `normals`: None if the slave's faces have their own.
@@ -86,7 +86,7 @@ class Motion:
         entries = pattern(self._columns[order], start, self._n_columns)
         value = np.zeros((2, entries.nnz, self.d))
         for loop in self.loops:
-            _add_gaps(loop, self.skins, self.d, entries.indptr, entries.indices, value, room())
+            _add_gaps(loop, self.skins, self.d, entries.indptr, entries.indices, value, new_room())
         dG, dw = (self._on_unknowns(entries, v[:, None, :]) for v in value)
         return dG, dw
 
@@ -95,7 +95,7 @@ class Motion:
         entries = self._node_pairs
         value = np.zeros((entries.nnz, self.d, self.d))
         for loop in self.loops:
-            _add_forces(loop, self.skins, p, self.d, entries.indptr, entries.indices, value, room())
+            _add_forces(loop, self.skins, p, self.d, entries.indptr, entries.indices, value, new_room())
         return self._on_rows(self._on_unknowns(entries, value))
 
     @property
@@ -118,9 +118,9 @@ class Motion:
         """Which nodes and normals (columns) the force on each node (row) depends on."""
         columns, every = self._columns, np.arange(len(self._columns) + 1)
         rows = pattern(columns[:, :18], every, len(self.nodes))
-        made = csr_array(rows.T @ pattern(columns, every, self._n_columns))
-        made.sort_indices()
-        return made
+        pairs = csr_array(rows.T @ pattern(columns, every, self._n_columns))
+        pairs.sort_indices()
+        return pairs
 
     def _on_unknowns(self, entries: csr_array, value: Floats) -> csr_array:
         """Return a matrix on all unknowns (columns), with the normals eliminated; `value` (entries, k, d)."""
@@ -162,15 +162,15 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 
 def _edges(face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None) -> Loop:
     """Return the points on the moving edges of mortar segments; their gaps have the mean clearance of the rows."""
-    found = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
-    weight = found.weight * pairing.thickness
+    edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
+    weight = edges.weight * pairing.thickness
     if pairing.measure == "reference":
-        weight = weight * stretch(face.zone, slave, found.slave, found.points.xi_s, pairing.axisymmetric)
+        weight = weight * stretch(face.zone, slave, edges.slave, edges.points.xi_s, pairing.axisymmetric)
     extra = np.bincount(face.points.macro, face.weight * (face.distance - face.points.gap), len(face.w))
     clearance = np.divide(extra, face.w, out=np.zeros_like(face.w), where=face.w > 0)
-    macro = face.zone.macro[found.slave]
-    runs = runs_of(found.slave, found.master, macro, len(face.w))
-    return Loop(found.points, weight, found.gap + clearance[macro], runs)
+    macro = face.zone.macro[edges.slave]
+    runs = runs_of(edges.slave, edges.master, macro, len(face.w))
+    return Loop(edges.points, weight, edges.gap + clearance[macro], runs)
 
 
 def tangent(motion: Motion, p: Floats) -> csr_array:
@@ -204,9 +204,9 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
 
 
 @kernel(work=_WORK)
-def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
+def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
     """Add the derivatives of the gaps and of the covered measure, from all points, to `value` (2, .., d)."""
-    runs, points, rows = loop.runs, loop.points, made.rows
+    runs, points, rows = loop.runs, loop.points, room.rows
     local, sums = np.empty(27, np.int64), np.empty((2, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
         for r in range(runs.start[macro], runs.start[macro + 1]):
@@ -214,7 +214,7 @@ def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: A
             _, _, k = _local(skins, s, m, local)
             sums[:] = 0.0
             for p in range(runs.first[r], runs.last[r]):
-                differentiate(skins, points, p, s, m, d, made)
+                differentiate(skins, points, p, s, m, d, room)
                 w, g = loop.weight[p], loop.distance[p]
                 for j in range(d * k):
                     sums[0, j] += w * (rows[GAP, j] + g * rows[STRETCH, j])
@@ -227,7 +227,7 @@ def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: A
 
 
 @kernel(work=_WORK)
-def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, made: Any) -> None:
+def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
     """Add the derivatives of the forces at pressures p (m,), from all points, to `value` (.., d, d)."""
     runs, local, K = loop.runs, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
@@ -238,16 +238,16 @@ def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any
             sizes = _local(skins, s, m, local)
             K[: d * (sizes[0] + sizes[1]), : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
-                differentiate(skins, loop.points, q, s, m, d, made)
-                _add_point(loop.points, q, p[macro] * loop.weight[q], sizes, d, made, K)
+                differentiate(skins, loop.points, q, s, m, d, room)
+                _add_point(loop.points, q, p[macro] * loop.weight[q], sizes, d, room, K)
             _add_blocks(K, local, sizes, d, indptr, indices, value)
 
 
 @kernel
-def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, made: Any, K: Any) -> None:
+def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
-    rows, dM = made.rows, made.dN_m
+    rows, dM = room.rows, room.dN_m
     # dn is of the slave's nodes, or of the normals; dw of the slave's nodes, V of those of both
     low, high = (0, d * k) if points.current == 1 else ((0, d * k_s) if k == k_s + k_m else (d * (k_s + k_m), d * k))
     for i in range(d):
@@ -256,10 +256,10 @@ def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, made: Any, 
             rows[NORMAL + i, j] = load * (rows[NORMAL + i, j] + n_i * rows[STRETCH, j])
         for a in range(k_s):
             for j in range(low, high):
-                K[d * a + i, j] += made.N_s[a] * rows[NORMAL + i, j]
+                K[d * a + i, j] += room.N_s[a] * rows[NORMAL + i, j]
         for b in range(k_m):
             for j in range(low, high):
-                K[d * (k_s + b) + i, j] -= made.N_m[b] * rows[NORMAL + i, j]
+                K[d * (k_s + b) + i, j] -= room.N_m[b] * rows[NORMAL + i, j]
             for c in range(d - 1):
                 slope = load * n_i * dM[b, c]
                 for j in range(d * k):
