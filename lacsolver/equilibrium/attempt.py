@@ -17,7 +17,7 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
-from lacsolver.equilibrium.newton import newton_iterates
+from lacsolver.equilibrium.newton import FORCING, FORCING_OF_CONSTANT, newton_iterates
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
@@ -65,11 +65,12 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
 
     def newton(start: Iterate, most: int, **how: Any) -> Outcome:
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
-        return search(newton_iterates(step.linearize, start, limits, **how), limits, report)
+        forcing = FORCING_OF_CONSTANT if constant else FORCING
+        return search(newton_iterates(step.linearize, start, limits, forcing=forcing, **how), limits, report)
 
-    state, once, outcome = step.state, model.problem.kinematics.linear, None
+    state, constant, outcome = step.state, model.problem.kinematics.linear, None
     first, both = (max(int(share * solver.max_iterations), least) for share, least in (_FIRST, _BOTH))
-    first = solver.max_iterations if once else first  # there is no second search
+    first = solver.max_iterations if constant else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
         return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
@@ -78,7 +79,7 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
             outcome = newton(extrapolated, first)
     if outcome is None:
         outcome = newton(now, first, predictor=_predictor(step, now))
-    if outcome.converged or once:
+    if outcome.converged or constant:
         return outcome
     left = both - len(outcome.residuals)
     again = newton(now, left, predictor=_predictor(step, now), damping=_DAMPING)

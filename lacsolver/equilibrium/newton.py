@@ -54,8 +54,11 @@ _PROGRESS, _PATIENCE = 0.1, 10
 #: with damping the merit may rise, as a body snaps through; but a search in which it falls and rises again so often
 #: without a new least one goes in circles
 _RISES = 3
-#: relative tolerance of a linear solve: largest value, and factor on the nonlinear residual
-_LOOSE, _FACTOR = 1e-4, 1e-3
+#: largest relative tolerance of a linear solve
+_LOOSE = 1e-4
+#: relative tolerance of a linear solve over the nonlinear residual (Eisenstat, Walker 1996): where each stiffness has
+#: its own factor, and where one factor serves them all, so that a solve costs little beside what it is worth
+FORCING, FORCING_OF_CONSTANT = 0.1, 1e-3
 #: largest number of active sets of one linear problem
 _MAX_SETS = 20
 
@@ -71,12 +74,14 @@ def newton_iterates(
     *,
     predictor: Linearization | None = None,
     damping: float = 0.0,
+    forcing: float = FORCING,
 ) -> Iterator[Trial]:
     """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
     `predictor`: linearisation to use at the start, whose residual is not comparable with others. `damping`: artificial
     viscous damping for a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no
-    line search is made then, and residuals may grow on the way.
+    line search is made then, and residuals may grow on the way. `forcing`: relative tolerance of linear solves over the
+    relative residual.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
@@ -87,7 +92,7 @@ def newton_iterates(
     while True:
         again = sets.record(active, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
-        reduction = 0.0 if there.contact.exact else _reduction(now.residual)
+        reduction = 0.0 if there.contact.exact else _reduction(now.residual, forcing)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         step = _newton_step(there, now.iterate.p, active, goal, _damping_of(damping, merits), limit)
         worst = np.inf if damping else _acceptable(merits)
@@ -111,9 +116,9 @@ def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance
     return Trial(start, there.contact, _residual_of(there, start, tolerance))
 
 
-def _reduction(residual: Residual) -> float:
+def _reduction(residual: Residual, forcing: float) -> float:
     """Return the reduction that a linear solve is worth at a state."""
-    return min(_LOOSE, _FACTOR * max(residual.balance, residual.gap))
+    return min(_LOOSE, forcing * max(residual.balance, residual.gap))
 
 
 def _damping_of(start: float, merits: list[float]) -> float:
