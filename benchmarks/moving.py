@@ -159,12 +159,13 @@ def main() -> None:
             seconds, iterations, spent = solved(problem)
             whole[kind, normals] = seconds
             share = spent.seconds["derivative"] / seconds
+            solutions = spent.calls["solutions"] / iterations
             what = f"{kind}, {normals}, {problem.constraints.n_q:,} unknowns"
             rows.append(
                 [
                     what,
                     f"{seconds:.2f} s, {iterations} iterations",
-                    f"derivative {100 * share:.0f} %; {spent.calls['solutions'] / iterations:.1f} solutions with K",
+                    f"derivative {100 * share:.0f} %; {solutions:.1f} solutions with K an iteration",
                 ]
             )
         ratio = whole[kind, "smoothed"] / whole[kind, "facet"]
