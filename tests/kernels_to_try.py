@@ -24,6 +24,7 @@ from lacsolver.bodies.mass import KINDS, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import parse_case
 from lacsolver.cli import main
+from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import analyse
 from lacsolver.linear.multigrid.cycle import Team
@@ -57,6 +58,7 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     for model, cells in _SMALL:
         yield f"{model}, {cells}", partial(_small, model, cells)
     yield "mass", _mass
+    yield "friction", _friction
 
 
 _FINITE = (
@@ -112,6 +114,11 @@ def _mass() -> None:
     space = Space.of(cube("HEXA8", 2), "3d")
     for kind in KINDS:
         assemble_mass(space, Materials.of(space, Elastic(young=1.0, poisson=0.0, density=1.0)), kind)
+
+
+def _friction() -> None:
+    mesh = lacmesh.cut_skin(stack("HEXA8", "TETRA4", 3, counts=(2, 1)), "slave").mesh
+    integrate(Zone.of(mesh, "slave", "master"), 3, Pairing(friction=True))
 
 
 def _multigrid() -> None:

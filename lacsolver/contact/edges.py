@@ -30,7 +30,7 @@ from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import normal_at
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle, ray, wedge
 from lacsolver.contact.chain import LoopPoints, MovingEdges
-from lacsolver.contact.interface import places, tangents
+from lacsolver.contact.faces import places, tangents
 
 #: Newton's method for the point of a curved line above its chord: most steps, and the step after which none follows
 _STEPS, _DONE = 12, 1e-7

@@ -6,27 +6,26 @@ G   = int_{T_m} g dGamma, g = (x_bar - x).n - b_s - b_m + clearance             
 b_s, b_m are the heights of the smooth surfaces above the faces, 0 where the faces are the surfaces themselves.
 A tie has d rows for each macro-element, for the jump int_{T_m} (v(x) + r dn(v) - v(x_bar)) e_k dGamma, where dn is the
 change of the slave's normal under v: this corrects for the moment arm r = (x_bar - x).n, so that the jump of a rigid
-rotation is zero.
+rotation is zero. Friction adds d - 1 rows to the normal one, for the jump along tangents of the slave (`shear`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, kron
+from scipy.sparse import csr_array, kron
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.record import mean_normals
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.rows import macro_rows
+from lacsolver.contact.shear import frames, integrals, jump_rows
 from lacsolver.contact.zone import Zone
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.space import Space
@@ -43,7 +42,7 @@ class Pairing:
     """Options of the pairing of a zone: those of `lacmesh.contact_points`, the measure, thickness and clearance.
 
     `measure`: area that pressures refer to, `reference` or `current`; `thickness` of a plane model; `clearance`: added
-    to the gap, a value at points of the undeformed slave.
+    to the gap, a value at points of the undeformed slave; `friction`: True for tangential rows beside the normal ones.
     """
 
     normals: str = "facet"
@@ -54,6 +53,7 @@ class Pairing:
     thickness: float = 1.0
     measure: str = "reference"
     clearance: ScalarField = 0.0
+    friction: bool = False
 
     def within(self, space: Space, search_distance: float | None) -> Pairing:
         """Return the pairing with the axisymmetry and thickness of a space, and with a search distance."""
@@ -70,7 +70,8 @@ class Interface:
     gap, clearance included ((d m,) zeros for a tie); `w`: covered measure; `area`; `gap`: mean gap, integral of the gap
     over w, NaN where nothing is covered; `centre`, `normal` (m, d); `length` (m,): size of each macro-element.
     `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
-    `slave`, `master`: the skins in this configuration.
+    `slave`, `master`: the skins in this configuration. With friction, else None: `B_T` (m (d - 1), n_dof), the slip
+    along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of the tangents.
     """
 
     zone: Zone
@@ -87,6 +88,8 @@ class Interface:
     centre: Floats
     normal: Floats
     length: Floats
+    B_T: csr_array | None = None
+    frame: Floats | None = None
 
     @property
     def coverage(self) -> NDArray[np.floating]:
@@ -122,7 +125,8 @@ def integrate(
     G = np.zeros(dim * m) if tie else integral
     centre, normal, length = _places(zone, slave, dim)
     total = zone.sums(area)
-    return Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
+    face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
+    return _with_shear(face, share) if pairing.friction else face
 
 
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
@@ -162,30 +166,6 @@ def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
     return places(slave, points.slave, points.xi_slave)
 
 
-def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """Return the coordinates (points, 3) of reference points xi (points, 2) of faces."""
-    out = np.empty((len(face), 3))
-    for rows, name, nodes in by_type(surface, face):
-        out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
-    return out
-
-
-def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
-    """Yield the points on faces by the type of their face: (rows, type, nodes (k, n))."""
-    kind = surface.faces.type[face]
-    for code in np.unique(kind):
-        rows = np.flatnonzero(kind == code)
-        yield rows, FACE_TYPES[code], surface.faces.nodes[face[rows], : N_NODES[code]]
-
-
-def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
-    """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
-    out = np.empty((len(face), 3, surface.dim))
-    for rows, name, nodes in by_type(surface, face):
-        out[rows] = np.einsum("pnd,pns->psd", gradient(name, xi[rows, : surface.dim]), surface.x[nodes])
-    return out
-
-
 def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bool) -> NDArray[np.floating]:
     """Return the ratio of undeformed to deformed area (length in a plane) of the slave at points xi (n, 2) of faces."""
     before, after = (np.linalg.norm(normals_of(tangents(s, face, xi)), axis=1) for s in (zone.slave, slave))
@@ -201,31 +181,22 @@ def _pressing(slave: Surface, master: Surface, points: ContactPoints, weight: Fl
 
 def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:
     """Return the rows d m + k of the jump along each axis k, (d m, n_dof)."""
-    scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
-    rows = csr_array(kron(scalar, np.eye(dim), format="csr"))
-    moment_arm = weight * points.ray
     if np.abs(points.ray).max(initial=0.0) > _ROUNDING * slave.size.max():
-        rows = csr_array(rows + _turning(slave, points, moment_arm, dim, m))
-    return rows
+        axes = np.broadcast_to(np.eye(dim), (len(points), dim, dim))
+        rows = jump_rows(slave, master, points, weight, axes, m)
+        rows.eliminate_zeros()
+        return rows
+    scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
+    return csr_array(kron(scalar, np.eye(dim), format="csr"))
 
 
-def _turning(slave: Surface, points: ContactPoints, moment_arm: Floats, dim: int, m: int) -> csr_array:
-    """Return the rows int r dn(v) e_k (d m, n_dof), with the change dn(v) of the slave's normal.
-
-    dn(v) = -sum_a a^a (n . dv/dxi_a). `moment_arm` (points,): weight times r.
-    """
-    parts = []
-    for rows, name, nodes in by_type(slave, points.slave):
-        dN = gradient(name, points.xi_slave[rows, : slave.dim])
-        J = np.einsum("pnd,pns->psd", dN, slave.x[nodes])
-        metric = np.einsum("psd,pse->pde", J, J)
-        dual = np.einsum("psd,pde->pse", J, np.linalg.inv(metric))[:, :dim]
-        entry = -np.einsum("p,pke,pne,pj->pknj", moment_arm[rows], dual, dN, points.normal[rows, :dim])
-        row = (dim * points.macro[rows])[:, None, None, None] + np.arange(dim)[:, None, None]
-        column = dim * nodes[:, None, :, None] + np.arange(dim)
-        at = np.broadcast_to(row, entry.shape).ravel(), np.broadcast_to(column, entry.shape).ravel()
-        parts.append(coo_array((entry.ravel(), at), shape=(dim * m, dim * len(slave.x))).tocsr())
-    return csr_array(sum(parts[1:], parts[0]))
+def _with_shear(face: Interface, share: Share) -> Interface:
+    """Return an interface with its tangential rows, and the means of its tangents."""
+    points, m = face.points, len(face.w)
+    e = frames(face.zone, face.slave, points.slave, points.xi_slave, points.normal)
+    B_T = share.add_matrices(jump_rows(face.slave, face.master, points, face.weight, e, m), (False, True))
+    sums, w = share.total(integrals(e, points.macro, face.weight, m)), face.w[:, None, None]
+    return replace(face, B_T=B_T, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))
 
 
 def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:

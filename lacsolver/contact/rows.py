@@ -3,7 +3,8 @@
     int q . (v(x) - v(x_bar))
 
 Both sides use the same points, the same vector q and the same weights, so that action equals reaction: forces balance
-because shape functions add up to 1, and moments because x_bar - x is parallel to the q of `B`, the normal.
+because shape functions add up to 1, and moments because x_bar - x is parallel to the q of `B`, the normal. Of other
+vectors q the moments balance with what is added for the slave's derivatives, int arm_a . dv/dxi^a (`shear`).
 
 Points with the same slave face and the same master face follow one another: a run. Sums of a run are small and dense,
 and are added to a matrix whose entries are known before (`pattern`).
@@ -86,24 +87,32 @@ def pattern(nodes: Ints, start: Ints, n: int) -> csr_array:
     return incidence
 
 
-def macro_rows(points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int) -> csr_array:
+def macro_rows(
+    points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int, arms: Floats | None = None
+) -> csr_array:
     """Return a matrix (n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over macro-element m's points p.
 
-    `q` (points, d): a vector at each point, with its weight. Columns are those of the unknowns d i + k of node i.
+    `q` (points, d): a vector at each point, with its weight; or (points, k, d), for k rows a macro-element. `arms`
+    (points, dim of the skins, k, d): vectors whose products with dv/dxi of the slave are added, None for none. Columns
+    are those of the unknowns d i + k of node i.
     """
-    q, d = np.ascontiguousarray(q), q.shape[1]
+    k, d = q.shape[1:] if q.ndim == 3 else (1, q.shape[1])
+    flat = np.ascontiguousarray(q.reshape(len(q), k * d))
     skins, nodes = skins_of(slave, master)
     runs = runs_of(points.slave, points.master, points.macro, n_macros)
     known = np.concatenate([skins.nodes_s[runs.slave], skins.nodes_m[runs.master]], axis=1)
     entries = pattern(known, runs.start, len(nodes))
-    value = np.zeros((entries.nnz, d))
+    value = np.zeros((entries.nnz, k * d))
+    xi_s, xi_m, at = points.xi_slave, points.xi_master, (entries.indptr, entries.indices)
+    slopes = None if arms is None else np.ascontiguousarray(arms.reshape(len(q), slave.dim, k * d))
 
     def run(rows: slice) -> None:
-        at = rows.start, rows.stop
-        _sum_rows(*at, runs, skins, points.xi_slave, points.xi_master, q, entries.indptr, entries.indices, value)
+        _sum_rows(rows.start, rows.stop, runs, skins, xi_s, xi_m, flat, *at, value)
+        if slopes is not None:
+            _sum_slopes(rows.start, rows.stop, runs, skins, xi_s, slopes, *at, value)
 
     in_parts(run, n_macros)
-    return on_unknowns(entries, value[:, None, :], nodes, slave.x.shape[0])
+    return on_unknowns(entries, value.reshape(entries.nnz, k, d), nodes, slave.x.shape[0])
 
 
 def on_unknowns(entries: csr_array, value: Floats, nodes: Ints, n_nodes: int) -> csr_array:
@@ -132,7 +141,7 @@ def _sum_rows(
     begin: int, end: int, runs: Any, skins: Any, xi_s: Any, xi_m: Any, q: Any, indptr: Any, indices: Any, value: Any
 ) -> None:
     """Add the sums of the runs of macro-elements `begin` to `end` to their rows."""
-    sums_s, sums_m = np.empty((9, 3)), np.empty((9, 3))
+    sums_s, sums_m = np.empty((9, q.shape[1])), np.empty((9, q.shape[1]))
     for m in range(begin, end):
         for r in range(runs.start[m], runs.start[m + 1]):
             s, t = runs.slave[r], runs.master[r]
@@ -143,6 +152,39 @@ def _sum_rows(
             row = (indptr[m], indptr[m + 1])
             _add_shapes(skins, skins.type_s[s], skins.nodes_s[s], sums_s, 1.0, row, indices, value)
             _add_shapes(skins, skins.type_m[t], skins.nodes_m[t], sums_m, -1.0, row, indices, value)
+
+
+@kernel
+def _sum_slopes(
+    begin: int, end: int, runs: Any, skins: Any, xi_s: Any, arms: Any, indptr: Any, indices: Any, value: Any
+) -> None:
+    """Add the sums of arms_a . dv/dxi^a on the slave, of macro-elements `begin` to `end`, to their rows."""
+    sums = np.empty((9, arms.shape[2]))
+    for m in range(begin, end):
+        for r in range(runs.start[m], runs.start[m + 1]):
+            s = runs.slave[r]
+            sums[:] = 0.0
+            for p in range(runs.first[r], runs.last[r]):
+                _add_slopes(xi_s[p, 0], xi_s[p, 1], arms, p, sums)
+            row = (indptr[m], indptr[m + 1])
+            _add_shapes(skins, skins.type_s[s], skins.nodes_s[s], sums, 1.0, row, indices, value)
+
+
+@kernel
+def _add_slopes(u: float, v: float, arms: Any, p: int, sums: Any) -> None:
+    """Add the derivatives of the nine monomials at (u, v), times the arms of point p, to `sums`."""
+    for s in range(arms.shape[2]):
+        f = arms[p, 0, s]
+        sums[1, s] += f
+        sums[3, s] += 2 * u * f
+        if arms.shape[1] == 2:
+            g = arms[p, 1, s]
+            sums[2, s] += g
+            sums[4, s] += v * f + u * g
+            sums[5, s] += 2 * v * g
+            sums[6, s] += 2 * u * v * f + u * u * g
+            sums[7, s] += v * v * f + 2 * u * v * g
+            sums[8, s] += 2 * u * v * v * f + 2 * u * u * v * g
 
 
 @kernel

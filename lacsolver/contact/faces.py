@@ -1,0 +1,47 @@
+"""Positions, tangents and dual vectors at reference points of the faces of a surface."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.shapes import gradient, shape
+from lacmesh.surface import Surface
+from lacmesh.surface.normals import normals_of
+from lacmesh.topology.skin import FACE_TYPES, N_NODES
+
+
+def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
+    """Yield the points on faces by the type of their face: (rows, type, nodes (k, n))."""
+    kind = surface.faces.type[face]
+    for code in np.unique(kind):
+        rows = np.flatnonzero(kind == code)
+        yield rows, FACE_TYPES[code], surface.faces.nodes[face[rows], : N_NODES[code]]
+
+
+def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """Return the coordinates (points, 3) of reference points xi (points, 2) of faces."""
+    out = np.empty((len(face), 3))
+    for rows, name, nodes in by_type(surface, face):
+        out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
+    return out
+
+
+def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
+    out = np.empty((len(face), 3, surface.dim))
+    for rows, name, nodes in by_type(surface, face):
+        out[rows] = np.einsum("pnd,pns->psd", gradient(name, xi[rows, : surface.dim]), surface.x[nodes])
+    return out
+
+
+def dual_vectors(J: Floats) -> NDArray[np.floating]:
+    """Return the dual vectors (points, 3, dim) of tangents J of that shape; 0 where a face is degenerate."""
+    N = normals_of(J)
+    crossed = J if J.shape[2] == 1 else np.stack([np.cross(J[:, :, 1], N), np.cross(N, J[:, :, 0])], axis=2)
+    area = (N * N).sum(axis=1)[:, None, None]
+    return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)

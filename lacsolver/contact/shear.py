@@ -1,0 +1,102 @@
+"""Tangential rows of an interface: tangents of the slave's skin at its contact points, and the slip along them.
+
+    B_T v = int_{T_m} e_alpha.(v(x) + r dn(v) - v(x_bar)) dGamma
+
+is the slip of the slave over its master along the tangents e_alpha: the virtual work of a traction on the master along
+e_alpha of size 1. r = (x_bar - x).n is the ray from face to face, and dn(v) the change of a vector that is n now and
+stays fixed to the slave's face,
+
+    dn(v) = sum_a (a^a.n) dv/dxi^a - (N.n) (N.dv/dxi^a) a^a
+
+with the dual vectors a^a of the face's tangents and its own normal N. If v is a rotation, dn(v) is that of n, and the
+slip is 0: the moments of tractions balance across a gap, as their forces do.
+
+The tangents move with the skin: the vector A_1, one for each macro-element (`first_directions`), has the components
+c^a = A^a.A_1 in the undeformed face, and
+
+    a_1 = c^a dx/dxi^a,   e_1 = (a_1 - n n.a_1) / |..|,   e_2 = n x e_1
+
+at every point. In a plane e_1 is n turned by a right angle, which is the direction of the skin's segments; about an
+axis it lies in the meridian's plane, and there is no twist. Being orthonormal, they give a traction its size at every
+point: t_alpha e_alpha is as large as t.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.surface import ContactPoints, Surface
+from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.normals import normals_of
+from lacmesh.surface.record import mean_normals
+from lacsolver.contact.faces import dual_vectors, tangents
+from lacsolver.contact.rows import macro_rows
+from lacsolver.contact.zone import Zone
+
+#: axes whose parts along the normals differ by less than this, of all of them, are equally tangential
+_ALIKE = 1e-3
+#: a macro-element whose unit normal has more than this along the axis of its zone takes the next axis
+_STEEP = 0.9
+
+
+def first_directions(zone: Zone) -> NDArray[np.floating]:
+    """Return A_1 of each macro-element in space, a unit vector of its undeformed mean plane, (m, 3).
+
+    It is the projection of one axis for the whole zone: of that which is most tangential to it, the first of several.
+    """
+    n = zone.sums(mean_normals(zone.slave)[0] * face_measure(zone.slave)[:, None])
+    size = np.linalg.norm(n, axis=1, keepdims=True)
+    n = np.divide(n, size, out=np.zeros_like(n), where=size > 0)
+    along = (size * n**2).sum(axis=0)
+    axis = int(np.flatnonzero(along <= along.min() + _ALIKE * along.sum())[0])
+    of_macro = np.where(np.abs(n[:, axis]) > _STEEP, (axis + 1) % 3, axis)
+    e = np.eye(3)[of_macro]
+    e = e - (e * n).sum(axis=1, keepdims=True) * n
+    return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
+
+
+def components(zone: Zone, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """Return the components c (points, 2) of A_1 in the undeformed faces at points xi (points, 2) of them."""
+    dual = dual_vectors(tangents(zone.slave, face, xi))
+    return np.einsum("psa,ps->pa", dual, first_directions(zone)[zone.macro[face]])
+
+
+def frames(zone: Zone, slave: Surface, face: Ints, xi: Floats, n: Floats) -> NDArray[np.floating]:
+    """Return the tangents e_alpha (points, d - 1, d) at points xi (points, 2) of faces with unit normals n (points, 3).
+
+    `slave`: the zone's slave as it is deformed.
+    """
+    if slave.dim == 1:
+        return np.stack([-n[:, 1], n[:, 0]], axis=1)[:, None]
+    a = np.einsum("psa,pa->ps", tangents(slave, face, xi), components(zone, face, xi))
+    a = a - (a * n).sum(axis=1, keepdims=True) * n
+    size = np.linalg.norm(a, axis=1, keepdims=True)
+    e = np.divide(a, size, out=np.zeros_like(a), where=size > 0)
+    return np.stack([e, np.cross(n, e)], axis=1)
+
+
+def jump_rows(
+    slave: Surface, master: Surface, points: ContactPoints, weight: Floats, e: Floats, m: int
+) -> csr_array:  # fmt: skip
+    """Return the rows int e_alpha.(v(x) + r dn(v) - v(x_bar)), (m k, n_dof), of directions e (points, k, d)."""
+    d = e.shape[2]
+    J = tangents(slave, points.slave, points.xi_slave)
+    dual, N = dual_vectors(J), normals_of(J)
+    size = np.linalg.norm(N, axis=1, keepdims=True)
+    N = np.divide(N, size, out=np.zeros_like(N), where=size > 0)
+    n = points.normal
+    lean, share = np.einsum("psa,ps->pa", dual, n), (N * n).sum(axis=1)
+    along = np.einsum("pks,psa->pak", e, dual[:, :d])
+    arms = lean[:, :, None, None] * e[:, None] - (share[:, None, None] * along)[..., None] * N[:, None, None, :d]
+    moment_arm = weight * points.ray
+    return macro_rows(points, slave, master, weight[:, None, None] * e, m, moment_arm[:, None, None, None] * arms)
+
+
+def integrals(e: Floats, macro: Ints, weight: Floats, m: int) -> NDArray[np.floating]:
+    """Return the integrals over macro-elements, (m, ...), of values e (points, ...) at points with their weights."""
+    flat = weight[:, None] * e.reshape(len(e), int(np.prod(e.shape[1:])))
+    sums = np.stack([np.bincount(macro, column, m).astype(float) for column in flat.T], axis=1)
+    return sums.reshape(m, *e.shape[1:])
