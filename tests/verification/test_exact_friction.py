@@ -1,0 +1,284 @@
+"""Exact solutions with friction, each against a second derivation: equilibrium, integrals, known limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from verification.exact import half_space
+from verification.exact.cattaneo import Cylinders, pressure, shear
+from verification.exact.crack import Crack
+from verification.exact.fits import SlidingFit, capstan
+from verification.exact.lame import Fit, Shell
+from verification.exact.spence import stick_edge, tractions, uncoupled_edge
+from verification.exact.spheres import Spheres
+
+CYLINDERS, SPHERES, CRACK = Cylinders(), Spheres(), Crack()
+STEP = 1e-5
+#: Q / (mu P) after the turns of a load that goes to 0.6, back and forth
+TURNS = ((0.6,), (0.6, -0.6), (0.6, -0.6, 0.6), (0.6, 0.0), (0.6, -0.2), (-1.0,))
+
+
+@pytest.fixture
+def inside():
+    rng = np.random.default_rng(0)
+    return np.column_stack([rng.uniform(-2, 2, 30), rng.uniform(0.1, 2, 30)])
+
+
+def gradient(displacement, x):
+    """(n, dim, dim): du_i / dx_j by differences."""
+    steps = STEP * np.eye(x.shape[1])
+    return np.stack([(displacement(x + h) - displacement(x - h)) / (2 * STEP) for h in steps], axis=-1)
+
+
+def hooke(slope, young, poisson):
+    """Stress (n, dim, dim) of a displacement gradient, plane strain or space."""
+    strain = (slope + slope.swapaxes(1, 2)) / 2
+    two_mu, dim = young / (1 + poisson), slope.shape[-1]
+    lam = two_mu * poisson / (1 - 2 * poisson)
+    return two_mu * strain + lam * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(dim)
+
+
+# ---- half-planes
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_stress_of_half_planes_is_that_of_their_displacement(side, inside):
+    body, loads, x = CYLINDERS.body(side), CYLINDERS.rolling(0.5), inside * [1, side]
+    sigma = hooke(gradient(lambda x: body.displacement(x, loads), x), body.young, body.poisson)
+    found = body.stress(x, loads)
+    np.testing.assert_allclose(np.stack([sigma[:, 0, 0], sigma[:, 1, 1], sigma[:, 0, 1]], axis=1), found, atol=1e-9)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_stress_on_the_surface_is_the_tractions(side):
+    x, loads = np.linspace(-1.6, 1.6, 33), CYLINDERS.rolling(0.5)
+    stress = CYLINDERS.body(side).stress(np.stack([x, 0 * x], axis=1), loads)
+    np.testing.assert_allclose(stress[:, 1], -pressure(x, loads), atol=1e-14)
+    np.testing.assert_allclose(stress[:, 2], shear(x, loads), atol=1e-14)
+
+
+def test_half_planes_under_pressure_are_those_of_hertz(inside):
+    x, z = inside.T
+    hertz = half_space.strains(half_space.plane(x, z, 1.0, CYLINDERS.peak), z, CYLINDERS.young, CYLINDERS.poisson)
+    apart = CYLINDERS.body(1).displacement(inside, CYLINDERS.sheared()) - np.stack([hertz.u_r, hertz.u_z], axis=1)
+    assert np.ptp(apart, axis=0).max() < 1e-14
+
+
+# ---- cylinders
+
+
+@pytest.mark.parametrize("turns", TURNS)
+def test_shear_of_cylinders_carries_the_load_within_friction(turns):
+    loads, bound = CYLINDERS.sheared(*turns), CYLINDERS.friction
+    places = [0.0, *(load.half_width for load in loads)]
+    total = 2 * quad(lambda x: float(shear(np.array(x), loads)), 0, 1, points=sorted(set(places)), limit=200)[0]
+    assert total == pytest.approx(turns[-1] * bound * CYLINDERS.force, abs=1e-8)
+    x = np.linspace(-1, 1, 2001)
+    assert (np.abs(shear(x, loads)) <= bound * pressure(x, loads) + 1e-15).all()
+
+
+def test_cylinders_close_their_gap_and_stick_in_the_middle():
+    x, loads = np.linspace(-1, 1, 41)[1:-1], CYLINDERS.sheared(0.6)
+    gap = x**2 / (2 * CYLINDERS.radius) + CYLINDERS.apart(x, loads)[:, 1]
+    assert np.ptp(gap) < 1e-15
+    slip, sticks = CYLINDERS.slip(x, loads), np.abs(x) < CYLINDERS.stick(0.6)
+    assert np.abs(slip[sticks]).max() < 1e-15 and slip[~sticks].min() > 0  # as the shear stress is
+    assert CYLINDERS.stick(0.6) == pytest.approx(np.sqrt(0.4))
+
+
+def test_a_full_loop_is_the_load_that_grew_from_zero():
+    x = np.linspace(-1, 1, 41)
+    once, loop = (shear(x, CYLINDERS.sheared(*turns)) for turns in ((0.6,), (0.6, -0.6, 0.6)))
+    np.testing.assert_allclose(loop, once, atol=1e-15)
+    np.testing.assert_allclose(shear(x, CYLINDERS.sheared(0.6, -0.6)), -once, atol=1e-15)
+
+
+def test_dissipation_of_cylinders_is_the_work_on_the_way():
+    """Sum over small steps of the load: mean shear stress times what slips more in the step."""
+    s, w = np.polynomial.legendre.leggauss(200)
+    x, w = np.sin(np.pi / 2 * s), w * np.pi / 2 * np.cos(np.pi / 2 * s)
+    states = [(shear(x, at), CYLINDERS.slip(x, at)) for at in map(CYLINDERS.sheared, np.linspace(0.0, 0.6, 400)[1:])]
+    work = sum(w @ ((t + t2) / 2 * (s2 - s)) for (t, s), (t2, s2) in pairwise(states))
+    assert CYLINDERS.dissipation(0.6) == pytest.approx(work, rel=2e-3)
+
+
+def test_reversed_cylinders_dissipate_twice_as_much():
+    """All that slipped slips back, twice as far: Masing's rule."""
+    x = np.linspace(0.7, 1, 9)
+    back = CYLINDERS.slip(x, CYLINDERS.sheared(0.6)) - CYLINDERS.slip(x, CYLINDERS.sheared(0.6, -0.6))
+    np.testing.assert_allclose(back, 2 * CYLINDERS.slip(x, CYLINDERS.sheared(0.6)), atol=1e-15)
+
+
+def test_rolling_cylinders_stick_at_the_leading_edge():
+    loads, creep = CYLINDERS.rolling(0.5), CYLINDERS.creep(0.5)
+    x = np.linspace(-0.999, 0.999, 4001)
+    rate = creep - np.gradient(CYLINDERS.apart(x, loads)[:, 0], x)  # of slip, over the rate of rolling
+    sticks = x > 1 - 2 * CYLINDERS.stick(0.5)
+    near = np.abs(x - (1 - 2 * CYLINDERS.stick(0.5))) < 0.01
+    assert np.abs(rate[sticks & ~near]).max() < 1e-6
+    assert rate[~sticks & ~near].min() > 0
+    assert quad(lambda x: float(shear(np.array(x), loads)), -1, 1, points=[1 - 2 * CYLINDERS.stick(0.5)])[0] == (
+        pytest.approx(0.5 * CYLINDERS.friction * CYLINDERS.force, abs=1e-8)
+    )
+
+
+# ---- spheres
+
+
+def test_half_spaces_under_tractions_are_in_equilibrium():
+    rng = np.random.default_rng(1)
+    x = np.column_stack([rng.uniform(-2, 2, (8, 2)), rng.uniform(1, 2, 8)])
+    h = 1e-3
+
+    def stress(x):
+        slope = np.stack([(u(x + h * e) - u(x - h * e)) / (2 * h) for e in np.eye(3)], axis=-1)
+        return hooke(slope, SPHERES.young, 0.0)
+
+    def u(x):
+        return SPHERES.far(x, 1, 0.6)
+
+    force = sum((stress(x + h * e) - stress(x - h * e))[:, :, k] / (2 * h) for k, e in enumerate(np.eye(3)))
+    assert np.abs(force).max() < 1e-5 * np.abs(stress(x)).max()
+    outside = np.array([[1.6, 0, h], [0.9, 1.3, h], [0, -2.0, h]])
+    assert np.abs(stress(outside)[:, 2]).max() < 2e-2 * np.abs(stress(outside)).max()  # free, to the step
+
+
+def test_half_spaces_carry_the_forces_of_their_tractions():
+    """Stress on a half-sphere around the disc, on either side."""
+    s, w = np.polynomial.legendre.leggauss(8)
+    height, around = (1 + s) / 2, 2 * np.pi * np.arange(16) / 16
+    level = np.sqrt(1 - height**2)
+    n = np.stack([np.outer(level, np.cos(around)), np.outer(level, np.sin(around)), np.outer(height, around**0)], -1)
+    n, w = n.reshape(-1, 3), np.repeat(w / 2, 16) * 2 * np.pi / 16
+    for side in (1, -1):
+        x = 2.5 * n * [1, 1, side]
+        sigma = hooke(gradient(lambda x, side=side: SPHERES.far(x, side, 0.6), x), SPHERES.young, 0.0)
+        force = 2.5**2 * np.einsum("p,pij,pj->i", w, sigma, n * [1, 1, side])
+        pulled = side * 0.6 * SPHERES.friction * SPHERES.force  # the lower body along +x: its far side pulls back
+        np.testing.assert_allclose(force, [pulled, 0, -side * SPHERES.force], atol=2e-4 * SPHERES.force)
+
+
+def test_half_spaces_under_pressure_are_those_of_hertz():
+    r = np.array([1.3, 1.7, 2.5])
+    place = np.column_stack([r, 0 * r, 0.5 + 0 * r])
+    hertz = half_space.strains(half_space.about_axis(r, place[:, 2], 1.0, SPHERES.peak), place[:, 2], 1.0, 0.0)
+    np.testing.assert_allclose(SPHERES.far(place, 1, 0.0)[:, [0, 2]], np.stack([hertz.u_r, hertz.u_z], 1), atol=1e-10)
+
+
+def test_spheres_stick_slip_and_dissipate_as_johnson_says():
+    """Johnson, 7.42 and 7.57 with sum of (2 - nu) / G = 8 / E: the displacement, and a quarter of a loop's work."""
+    P, mu, q = SPHERES.force, SPHERES.friction, 0.6
+    assert SPHERES.stick(q) == pytest.approx((1 - q) ** (1 / 3))
+    assert -SPHERES.shift(q) == pytest.approx(3 * mu * P / 16 * 8 * (1 - (1 - q) ** (2 / 3)))
+    loop = 9 * (mu * P) ** 2 / 10 * 8 * (1 - (1 - q) ** (5 / 3) - 5 * q / 6 * (1 + (1 - q) ** (2 / 3)))
+    assert SPHERES.dissipation(q) == pytest.approx(loop / 4, rel=1e-6)
+    assert SPHERES.slip(np.array([SPHERES.stick(q)]), q)[0] == pytest.approx(0, abs=1e-15)
+    assert SPHERES.slip(np.array([1.0]), q)[0] > 0
+    total = quad(lambda r: 2 * np.pi * r * float(SPHERES.shear(np.array(r), q)), 0, 1, points=[SPHERES.stick(q)])[0]
+    assert total == pytest.approx(q * mu * P, rel=1e-7)
+
+
+def test_slip_of_spheres_is_that_of_their_surfaces():
+    """Cerruti's displacement of the surfaces, by a rule about the place itself: 1 / (pi E rho) of a force, nu = 0."""
+    s, w = np.polynomial.legendre.leggauss(400)
+    place, q = 0.9, 0.6
+    angle = np.pi * (np.arange(400) + 0.5) / 400
+    reach = place * np.cos(angle) + np.sqrt(1 - (place * np.sin(angle)) ** 2)
+    rho = np.outer((1 + s) / 2, reach)
+    r = np.sqrt(place**2 + rho**2 - 2 * place * rho * np.cos(angle))
+    u = 2 * np.einsum("r,a,ra->", w / 2, reach * np.pi / 400, SPHERES.shear(r, q)) / (np.pi * SPHERES.young)
+    assert SPHERES.slip(np.array([place]), q)[0] == pytest.approx(-2 * u - SPHERES.shift(q), abs=1e-5 * abs(u))
+
+
+# ---- crack
+
+
+def test_stress_at_a_crack_is_in_equilibrium_and_carried_by_its_faces():
+    x = np.random.default_rng(2).uniform(0.2, 2, (20, 2)) * [1, -1]
+    h = 1e-3
+
+    def stress(x):
+        slope = np.stack(
+            [(CRACK.displacement(x + h * e) - CRACK.displacement(x - h * e)) / (2 * h) for e in np.eye(2)], axis=-1
+        )
+        return hooke(slope, CRACK.young, CRACK.poisson)
+
+    force = sum((stress(x + h * e) - stress(x - h * e))[:, :, k] / (2 * h) for k, e in enumerate(np.eye(2)))
+    assert np.abs(force).max() < 2e-3 * CRACK.load
+    faces = stress(np.array([[0.0, 2 * h], [0.5, 2 * h], [0.5, -2 * h]]))
+    np.testing.assert_allclose(faces[:, 1, 1], -CRACK.pressure, rtol=1e-2)
+    np.testing.assert_allclose(faces[:, 0, 1], CRACK.shear, rtol=3e-2)
+    far = stress(np.array([[40.0, 30.0]]))[0]
+    np.testing.assert_allclose([far[1, 1], far[0, 1]], [-CRACK.pressure, CRACK.shear + CRACK.left], rtol=1e-2)
+
+
+def test_slip_of_a_crack_is_the_jump_of_its_displacement():
+    x = np.linspace(-0.9, 0.9, 7)
+    apart = CRACK.displacement(np.stack([x, 0 * x], 1)) - CRACK.displacement(np.stack([x, 0 * x - 1e-13], 1))
+    np.testing.assert_allclose(apart[:, 0], CRACK.slip(x), atol=1e-12)
+    np.testing.assert_allclose(apart[:, 1], 0, atol=1e-12)
+    assert CRACK.slip(np.zeros(1))[0] == pytest.approx(3.8078e-3, abs=1e-7)
+    assert (CRACK.pressure, CRACK.shear, CRACK.left) == pytest.approx((11.698, 6.754, 25.386), abs=1e-3)
+
+
+# ---- punch
+
+
+@pytest.mark.parametrize(("poisson", "friction"), [(0.3, 0.2), (0.3, 0.4), (0.0, 0.4), (0.45, 0.1)])
+def test_punch_without_the_coupling_sticks_as_in_closed_form(poisson, friction):
+    edge = stick_edge(poisson, friction, coupled=False)
+    assert edge == pytest.approx(uncoupled_edge(poisson, friction), abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("poisson", "friction", "edge"), [(0.3, 0.2, 0.361), (0.3, 0.4, 0.865), (0.0, 0.4, 0.358), (0.45, 0.1, 0.772)]
+)
+def test_punch_sticks_as_another_discretisation_has_it(poisson, friction, edge):
+    assert stick_edge(poisson, friction) == pytest.approx(edge, abs=0.003)
+
+
+def test_pressure_of_a_punch_without_friction_is_that_of_sadowsky():
+    x, p, q = tractions(0.0, 0.3, 100, True, 100)
+    inner = x < 0.95
+    np.testing.assert_allclose(p[inner], 1 / (np.pi * np.sqrt(1 - x[inner] ** 2)), rtol=5e-3)
+    assert np.abs(q).max() < 1e-12  # nothing moves aside: all sticks
+
+
+# ---- fits and belts
+
+
+FIT = SlidingFit(
+    Fit(Shell("plane_strain", 0.5, 1.0, 3.0, 0.2), Shell("plane_strain", 1.0, 2.0, 1.0, 0.3), interference=0.01), 0.3
+)
+
+
+@pytest.mark.parametrize("way", ["pulled", "turned"])
+def test_shear_of_a_fit_carries_its_load_at_every_radius(way):
+    move = getattr(FIT, way)
+    power = {"pulled": 1, "turned": 2}[way]
+    for r in (0.6, 0.9, 1.1, 1.9):
+        at = np.array([r - 1e-4, r, r + 1e-4])
+        u = move(at, 0.7 * FIT.bound, slip=0.02)
+        strain = (u[2] - u[0]) / 2e-4 - (u[1] / r if way == "turned" else 0.0)
+        shell = FIT.fit.within if r < 1 else FIT.fit.around
+        stress = strain * shell.young / (2 * (1 + shell.poisson))
+        assert -stress == pytest.approx(0.7 * FIT.bound / r**power, rel=1e-6)
+    apart = move(np.array([1.0 - 1e-12]), 0.0, slip=0.02) - move(np.array([1.0]), 0.0, slip=0.02)
+    assert apart[0] == pytest.approx(0.02)
+    assert move(np.array([2.0]), FIT.bound)[0] == pytest.approx(0)
+
+
+def test_force_and_moment_of_a_fit_are_friction_times_its_pressure():
+    assert FIT.pull_out == pytest.approx(2 * np.pi * 0.3 * FIT.fit.between)
+    assert replace(FIT, friction=0.0).torque == 0.0
+    assert FIT.torque == pytest.approx(FIT.pull_out)  # radius 1
+
+
+def test_capstan_is_the_end_of_many_small_turns():
+    steps = np.prod(np.full(100000, 1 + 0.3 * np.pi / 100000))
+    assert capstan(0.3, np.pi) == pytest.approx(steps, rel=1e-5)
