@@ -94,30 +94,33 @@ class LoopPoints(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Arrays for one point: shape functions (9,) and their gradients (9, 2) of both sides, and its rows."""
+    """Arrays for one point: shape functions (9,) and their gradients (9, 2) of both sides, and its rows.
+
+    `N`, `dN`: those at another point of one side.
+    """
 
     N_s: Floats
     N_m: Floats
+    N: Floats
     dN_s: Floats
     dN_m: Floats
+    dN: Floats
     rows: Floats
 
 
 def new_room() -> Room:
     """Return the arrays for one point."""
-    return Room(np.empty(9), np.empty(9), np.empty((9, 2)), np.empty((9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
+    return Room(*np.empty((3, 9)), *np.empty((3, 9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
 
 
 @kernel
-def shapes(skins: Any, code: int, u: float, v: float, N: Any, dN: Any) -> None:
-    """Write the shape functions (9,) of a face of type `code` at (u, v), and their derivatives (9, 2)."""
-    C = skins.bases
-    for a in range(skins.n_nodes[code]):
-        c1, c2, c3, c4 = C[code, a, 1], C[code, a, 2], C[code, a, 3], C[code, a, 4]
-        c5, c6, c7, c8 = C[code, a, 5], C[code, a, 6], C[code, a, 7], C[code, a, 8]
-        b0, b1, b2 = C[code, a, 0] + u * (c1 + u * c3), c2 + u * (c4 + u * c6), c5 + u * (c7 + u * c8)
+def shapes(bases: Any, code: int, k: int, u: float, v: float, N: Any, dN: Any) -> None:
+    """Write the shape functions (9,) of a face of type `code` with k nodes at (u, v), and their derivatives (9, 2)."""
+    for a in range(k):
+        C = bases[code, a]
+        b0, b1, b2 = C[0] + u * (C[1] + u * C[3]), C[2] + u * (C[4] + u * C[6]), C[5] + u * (C[7] + u * C[8])
         N[a] = b0 + v * (b1 + v * b2)
-        dN[a, 0] = c1 + 2 * u * c3 + v * (c4 + 2 * u * c6 + v * (c7 + 2 * u * c8))
+        dN[a, 0] = C[1] + 2 * u * C[3] + v * (C[4] + 2 * u * C[6] + v * (C[7] + 2 * u * C[8]))
         dN[a, 1] = b1 + 2 * v * b2
 
 
@@ -180,13 +183,16 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
 @kernel
 def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room: Any) -> None:
     """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives."""
-    sizes = (skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]])
-    shapes(skins, skins.type_s[s], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
-    shapes(skins, skins.type_m[m], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
+    type_s, type_m = skins.type_s[s], skins.type_m[m]
+    sizes = (skins.n_nodes[type_s], skins.n_nodes[type_m])
+    shapes(skins.bases, type_s, sizes[0], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
+    shapes(skins.bases, type_m, sizes[1], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
     smooth = len(skins.normals) > 0
-    room.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
+    for i in range(N_ROWS):
+        for j in range(d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))):
+            room.rows[i, j] = 0.0
     if len(points.edges.nu) > 0:
-        _move(skins, points.edges, p, s, m, d, room)
+        _move(skins.bases, points.edges, p, (type_s, type_m), sizes, d, room)
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
     if points.current == 1 or not smooth:
@@ -201,10 +207,9 @@ def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room:
 
 
 @kernel
-def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, room: Any) -> None:
+def _move(bases: Any, edges: Any, p: int, types: Any, sizes: Any, d: int, room: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
-    k_s, k_m = skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]]
-    rows, N, dN = room.rows, np.empty(9), np.empty((9, 2))
+    (k_s, k_m), rows, N = sizes, room.rows, room.N
     if d == 2:
         for a in range(k_s):
             for j in range(d):
@@ -212,13 +217,13 @@ def _move(skins: Any, edges: Any, p: int, s: int, m: int, d: int, room: Any) -> 
     for c in range(4):
         if edges.turned[p, c, 0] != 0.0 or edges.turned[p, c, 1] != 0.0 or edges.turned[p, c, 2] != 0.0:
             i = edges.patch_s[p]
-            shapes(skins, skins.type_s[s], edges.corners_s[i, c, 0], edges.corners_s[i, c, 1], N, dN)
+            shapes(bases, types[0], k_s, edges.corners_s[i, c, 0], edges.corners_s[i, c, 1], N, room.dN)
             for a in range(k_s):
                 for j in range(d):
                     rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
         if edges.share[p, c] != 0.0:
             i = edges.patch_m[p]
-            shapes(skins, skins.type_m[m], edges.corners_m[i, c, 0], edges.corners_m[i, c, 1], N, dN)
+            shapes(bases, types[1], k_m, edges.corners_m[i, c, 0], edges.corners_m[i, c, 1], N, room.dN)
             for b in range(k_m):
                 for j in range(d):
                     rows[STRETCH, d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]

@@ -84,19 +84,21 @@ class Motion:
         order = np.argsort(macro, kind="stable")
         start = np.searchsorted(macro[order], np.arange(len(starts[0])))
         entries = pattern(self._columns[order], start, self._n_columns)
-        value = np.zeros((2, entries.nnz, self.d))
-        for loop in self.loops:
-            _add_gaps(loop, self.skins, self.d, entries.indptr, entries.indices, value, new_room())
-        dG, dw = (self._on_unknowns(entries, v[:, None, :]) for v in value)
+        value = self._summed(np.empty(0), entries, 2)
+        dG, dw = (self._on_unknowns(entries, value[:, [row]]) for row in (0, 1))
         return dG, dw
 
     def forces(self, p: Floats) -> csr_array:
         """Return the derivative (n_dof, n_dof) of the forces B^T p at pressures p (m,)."""
         entries = self._node_pairs
-        value = np.zeros((entries.nnz, self.d, self.d))
+        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d)))
+
+    def _summed(self, p: Floats, entries: csr_array, k: int) -> NDArray[np.floating]:
+        """Return the blocks (entries, k, d) of the derivatives, those of the forces or without p (0,) of the gaps."""
+        value, room = np.zeros((entries.nnz, k, self.d)), new_room()
         for loop in self.loops:
-            _add_forces(loop, self.skins, p, self.d, entries.indptr, entries.indices, value, new_room())
-        return self._on_rows(self._on_unknowns(entries, value))
+            _add(loop, self.skins, p, self.d, entries.indptr, entries.indices, value, room)
+        return value
 
     @property
     def _n_columns(self) -> int:
@@ -204,47 +206,43 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
 
 
 @kernel(work=_WORK)
-def _add_gaps(loop: Any, skins: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
-    """Add the derivatives of the gaps and of the covered measure, from all points, to `value` (2, .., d)."""
-    runs, points, rows = loop.runs, loop.points, room.rows
-    local, sums = np.empty(27, np.int64), np.empty((2, MOST_UNKNOWNS))
-    for macro in range(len(runs.start) - 1):
-        for r in range(runs.start[macro], runs.start[macro + 1]):
-            s, m = runs.slave[r], runs.master[r]
-            _, _, k = _local(skins, s, m, local)
-            sums[:] = 0.0
-            for p in range(runs.first[r], runs.last[r]):
-                differentiate(skins, points, p, s, m, d, room)
-                w, g = loop.weight[p], loop.distance[p]
-                for j in range(d * k):
-                    sums[0, j] += w * (rows[GAP, j] + g * rows[STRETCH, j])
-                    sums[1, j] += w * rows[STRETCH, j]
-            for a in range(k):
-                at = position(indices, indptr[macro], indptr[macro + 1], local[a])
-                for j in range(d):
-                    value[0, at, j] += sums[0, d * a + j]
-                    value[1, at, j] += sums[1, d * a + j]
+def _add(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
+    """Add the derivatives of the forces at pressures p (m,), from all points, to blocks `value` (.., d, d).
 
-
-@kernel(work=_WORK)
-def _add_forces(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
-    """Add the derivatives of the forces at pressures p (m,), from all points, to `value` (.., d, d)."""
-    runs, local, K = loop.runs, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
+    Without pressures, those of the gaps and of the covered measure to `value` (.., 2, d). One loop does both, as what
+    takes long to compile is the chain of derivatives in it.
+    """
+    runs, of_forces, local, K = loop.runs, len(p) > 0, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
-        if p[macro] == 0.0:
+        if of_forces and p[macro] == 0.0:
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
-            s, m = runs.slave[r], runs.master[r]
-            sizes = _local(skins, s, m, local)
-            K[: d * (sizes[0] + sizes[1]), : d * sizes[2]] = 0.0
+            sizes = _local(skins, runs.slave[r], runs.master[r], local)
+            n_rows = sizes[0] + sizes[1] if of_forces else 1
+            for i in range(n_rows * value.shape[1]):
+                for j in range(d * sizes[2]):
+                    K[i, j] = 0.0
             for q in range(runs.first[r], runs.last[r]):
-                differentiate(skins, loop.points, q, s, m, d, room)
-                _add_point(loop.points, q, p[macro] * loop.weight[q], sizes, d, room, K)
-            _add_blocks(K, local, sizes, d, indptr, indices, value)
+                differentiate(skins, loop.points, q, runs.slave[r], runs.master[r], d, room)
+                if of_forces:
+                    _add_force(loop.points, q, p[macro] * loop.weight[q], sizes, d, room, K)
+                else:
+                    _add_gap(loop.weight[q], loop.distance[q], d * sizes[2], room.rows, K)
+            for a in range(n_rows):
+                row = local[a] if of_forces else macro
+                _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)
 
 
 @kernel
-def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, room: Any, K: Any) -> None:
+def _add_gap(w: float, g: float, n: int, rows: Any, K: Any) -> None:
+    """Add what a point of weight w and gap g gives to the derivatives of the gaps and of the measure, K (2, n)."""
+    for j in range(n):
+        K[0, j] += w * (rows[GAP, j] + g * rows[STRETCH, j])
+        K[1, j] += w * rows[STRETCH, j]
+
+
+@kernel
+def _add_force(points: Any, q: int, load: float, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
     rows, dM = room.rows, room.dN_m
@@ -267,12 +265,11 @@ def _add_point(points: Any, q: int, load: float, sizes: Any, d: int, room: Any, 
 
 
 @kernel
-def _add_blocks(K: Any, local: Any, sizes: Any, d: int, indptr: Any, indices: Any, value: Any) -> None:
-    """Add a dense matrix of local nodes (rows), and of nodes and normals (columns), to blocks `value` (.., d, d)."""
-    for a in range(sizes[0] + sizes[1]):
-        low, high = indptr[local[a]], indptr[local[a] + 1]
-        for b in range(sizes[2]):
-            at = position(indices, low, high, local[b])
-            for i in range(d):
-                for j in range(d):
-                    value[at, i, j] += K[d * a + i, d * b + j]
+def _add_row(K: Any, a: int, local: Any, n: int, low: int, high: int, indices: Any, value: Any) -> None:
+    """Add row a of the blocks of K, in the columns of n nodes and normals, to a row of `value` (.., k, d)."""
+    k, d = value.shape[1], value.shape[2]
+    for b in range(n):
+        at = position(indices, low, high, local[b])
+        for i in range(k):
+            for j in range(d):
+                value[at, i, j] += K[k * a + i, d * b + j]
