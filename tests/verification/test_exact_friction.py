@@ -15,9 +15,9 @@ from verification.exact.crack import Crack
 from verification.exact.fits import SlidingFit, capstan
 from verification.exact.lame import Fit, Shell
 from verification.exact.spence import stick_edge, tractions, uncoupled_edge
-from verification.exact.spheres import Spheres
+from verification.exact.spheres import LikeSpheres
 
-CYLINDERS, SPHERES, CRACK = Cylinders(), Spheres(), Crack()
+CYLINDERS, SPHERES, CRACK = Cylinders(), LikeSpheres(), Crack()
 STEP = 1e-5
 #: Q / (mu P) after the turns of a load that goes to 0.6, back and forth
 TURNS = ((0.6,), (0.6, -0.6), (0.6, -0.6, 0.6), (0.6, 0.0), (0.6, -0.2), (-1.0,))

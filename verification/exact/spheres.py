@@ -24,7 +24,7 @@ _PIECE = 1 << 10
 
 
 @dataclass(frozen=True)
-class Spheres:
+class LikeSpheres:
     """Two half-spaces of one material, nu = 0, with a clearance r^2 / 2 R, in contact on r < a. `young`: stress."""
 
     young: float = 1.0
