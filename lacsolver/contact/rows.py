@@ -13,7 +13,7 @@ and are added to a matrix whose entries are known before (`pattern`).
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,10 @@ from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
+from lacsolver.contact.normals import NodalNormals
+
+if TYPE_CHECKING:
+    from lacsolver.contact.anchors import Anchors
 
 
 class Runs(NamedTuple):
@@ -88,7 +92,12 @@ def pattern(nodes: Ints, start: Ints, n: int) -> csr_array:
 
 
 def macro_rows(
-    points: ContactPoints, slave: Surface, master: Surface, q: Floats, n_macros: int, arms: Floats | None = None
+    points: ContactPoints | Anchors,
+    slave: Surface,
+    master: Surface,
+    q: Floats,
+    n_macros: int,
+    arms: Floats | None = None,
 ) -> csr_array:
     """Return a matrix (n_macros, d n_nodes): row m sums q_p . (v(x_p) - v(x_bar_p)) over macro-element m's points p.
 
@@ -96,23 +105,49 @@ def macro_rows(
     (points, dim of the skins, k, d): vectors whose products with dv/dxi of the slave are added, None for none. Columns
     are those of the unknowns d i + k of node i.
     """
-    k, d = q.shape[1:] if q.ndim == 3 else (1, q.shape[1])
-    flat = np.ascontiguousarray(q.reshape(len(q), k * d))
     skins, nodes = skins_of(slave, master)
     runs = runs_of(points.slave, points.master, points.macro, n_macros)
     known = np.concatenate([skins.nodes_s[runs.slave], skins.nodes_m[runs.master]], axis=1)
-    entries = pattern(known, runs.start, len(nodes))
+    entries, value = _summed(points, runs, skins, pattern(known, runs.start, len(nodes)), q, arms)
+    return on_unknowns(entries, value, nodes, slave.x.shape[0])
+
+
+def normal_rows(
+    points: ContactPoints | Anchors, slave: Surface, master: Surface, normals: NodalNormals, q: Floats, n_macros: int
+) -> csr_array:
+    """Return a matrix (k n_macros, d n_nodes): rows sum q_p . dh(v) at points p of macro-elements, q (points, k, d).
+
+    dh = N_a dh_a is the change of the smoothed normals' interpolation.
+    """
+    skins, nodes = skins_of(slave, master)
+    runs, d = runs_of(points.slave, points.master, points.macro, n_macros), q.shape[2]
+    # normals in the place of the slave's nodes, and no nodes of the master
+    skins = skins._replace(nodes_s=normals.of_faces, n_nodes=np.where(np.arange(len(N_NODES)) > 0, N_NODES, 0))
+    skins = skins._replace(type_m=np.zeros_like(skins.type_m))
+    entries = pattern(normals.of_faces[runs.slave], runs.start, len(normals.n))
+    entries, value = _summed(points, runs, skins, entries, q, None)
+    A = on_unknowns(entries, value, np.arange(len(normals.n)), len(normals.n)) @ normals.derivative
+    place = (d * nodes[:, None] + np.arange(d)).ravel()
+    return csr_array((A.data, place[A.indices], A.indptr), shape=(A.shape[0], d * slave.x.shape[0]))
+
+
+def _summed(
+    points: ContactPoints | Anchors, runs: Runs, skins: Skins, entries: csr_array, q: Floats, arms: Floats | None
+) -> tuple[csr_array, NDArray[np.floating]]:
+    """Return the `entries` of rows, and their blocks (entries, k, d); see `macro_rows`."""
+    k, d = q.shape[1:] if q.ndim == 3 else (1, q.shape[1])
+    flat = np.ascontiguousarray(q.reshape(len(q), k * d))
+    slopes = None if arms is None else np.ascontiguousarray(arms.reshape(len(q), arms.shape[1], k * d))
     value = np.zeros((entries.nnz, k * d))
     xi_s, xi_m, at = points.xi_slave, points.xi_master, (entries.indptr, entries.indices)
-    slopes = None if arms is None else np.ascontiguousarray(arms.reshape(len(q), slave.dim, k * d))
 
     def run(rows: slice) -> None:
         _sum_rows(rows.start, rows.stop, runs, skins, xi_s, xi_m, flat, *at, value)
         if slopes is not None:
             _sum_slopes(rows.start, rows.stop, runs, skins, xi_s, slopes, *at, value)
 
-    in_parts(run, n_macros)
-    return on_unknowns(entries, value.reshape(entries.nnz, k, d), nodes, slave.x.shape[0])
+    in_parts(run, entries.shape[0])
+    return entries, value.reshape(entries.nnz, k, d)
 
 
 def on_unknowns(entries: csr_array, value: Floats, nodes: Ints, n_nodes: int) -> csr_array:

@@ -32,7 +32,7 @@ from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.record import mean_normals
-from lacsolver.contact.faces import dual_vectors, tangents
+from lacsolver.contact.faces import dual_vectors, tangents, unit
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.zone import Zone
 
@@ -47,15 +47,13 @@ def first_directions(zone: Zone) -> NDArray[np.floating]:
 
     It is the projection of one axis for the whole zone: of that which is most tangential to it, the first of several.
     """
-    n = zone.sums(mean_normals(zone.slave)[0] * face_measure(zone.slave)[:, None])
-    size = np.linalg.norm(n, axis=1, keepdims=True)
-    n = np.divide(n, size, out=np.zeros_like(n), where=size > 0)
-    along = (size * n**2).sum(axis=0)
+    sums = zone.sums(mean_normals(zone.slave)[0] * face_measure(zone.slave)[:, None])
+    n = unit(sums)
+    along = (np.abs(sums) * np.abs(n)).sum(axis=0)
     axis = int(np.flatnonzero(along <= along.min() + _ALIKE * along.sum())[0])
     of_macro = np.where(np.abs(n[:, axis]) > _STEEP, (axis + 1) % 3, axis)
     e = np.eye(3)[of_macro]
-    e = e - (e * n).sum(axis=1, keepdims=True) * n
-    return np.asarray(e / np.linalg.norm(e, axis=1, keepdims=True))
+    return unit(e - (e * n).sum(axis=1, keepdims=True) * n)
 
 
 def components(zone: Zone, face: Ints, xi: Floats) -> NDArray[np.floating]:
@@ -72,9 +70,7 @@ def frames(zone: Zone, slave: Surface, face: Ints, xi: Floats, n: Floats) -> NDA
     if slave.dim == 1:
         return np.stack([-n[:, 1], n[:, 0]], axis=1)[:, None]
     a = np.einsum("psa,pa->ps", tangents(slave, face, xi), components(zone, face, xi))
-    a = a - (a * n).sum(axis=1, keepdims=True) * n
-    size = np.linalg.norm(a, axis=1, keepdims=True)
-    e = np.divide(a, size, out=np.zeros_like(a), where=size > 0)
+    e = unit(a - (a * n).sum(axis=1, keepdims=True) * n)
     return np.stack([e, np.cross(n, e)], axis=1)
 
 
@@ -84,10 +80,7 @@ def jump_rows(
     """Return the rows int e_alpha.(v(x) + r dn(v) - v(x_bar)), (m k, n_dof), of directions e (points, k, d)."""
     d = e.shape[2]
     J = tangents(slave, points.slave, points.xi_slave)
-    dual, N = dual_vectors(J), normals_of(J)
-    size = np.linalg.norm(N, axis=1, keepdims=True)
-    N = np.divide(N, size, out=np.zeros_like(N), where=size > 0)
-    n = points.normal
+    dual, N, n = dual_vectors(J), unit(normals_of(J)), points.normal
     lean, share = np.einsum("psa,ps->pa", dual, n), (N * n).sum(axis=1)
     along = np.einsum("pks,psa->pak", e, dual[:, :d])
     arms = lean[:, :, None, None] * e[:, None] - (share[:, None, None] * along)[..., None] * N[:, None, None, :d]

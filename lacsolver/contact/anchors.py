@@ -1,0 +1,176 @@
+"""Anchors: pairs of points of slave and master that were in front of each other when their macro-element last slid.
+
+The slip of a macro-element is measured between them, along the tangents of the slave as they are now (`shear`):
+
+    S_alpha = sum w e_alpha(u).(x(u) - x_bar(u))
+    D_T v = dS = sum w [ e_alpha.(v - v_bar) + de_alpha(v).(x - x_bar) ]
+
+Rotations of both skins change no S. A macro-element that sticks keeps its anchors, so that no drift adds up, however
+many steps it sticks for. Where it slides or is open they are renewed at the end of each step (`renewed`), and S is 0 at
+that time: x_bar - x is along n.
+
+A macro-element that covers ten times as much as its anchors do, or has none, was just entered by the master. Its slip
+is that of the points that are in front of each other now, since the last state u_0,
+
+    S_alpha = -sum w e_alpha(u_0).(x(u_0) - x_bar(u_0)),      D_T = B_T
+
+With the tangents' change
+
+    de_1 = -n (e_1.dn) + e_2 spin,   de_2 = -n (e_2.dn) - e_1 spin,
+    spin = e_2.(c^a dv/dxi^a - (n.a_1) dn) / |a_1 - n n.a_1|
+
+D_T is a sum of products with v - v_bar, with dv/dxi^a, and with dn (`shear`, `chain`).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.shapes import shape
+from lacmesh.surface import Surface
+from lacmesh.surface.normals import normals_of
+from lacsolver.contact.faces import by_type, dual_vectors, places, tangents, unit
+from lacsolver.contact.interface import Interface, Pairing
+from lacsolver.contact.normals import NodalNormals, nodal_normals
+from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
+from lacsolver.contact.shear import components, frames, integrals
+from lacsolver.contact.zone import Zone
+from lacsolver.distributed.share import ALONE, Share
+
+#: part of what a macro-element covers that its anchors must have covered
+_LEAST = 0.1
+
+
+class Anchors(NamedTuple):
+    """Anchored pairs of points (n,), by macro-element: reference points of the slave's faces and of the master's.
+
+    `macro`: ascending; `slave`, `master`: faces; `xi_slave`, `xi_master` (n, 2); `weight`: what each stands for.
+    """
+
+    macro: Ints
+    slave: Ints
+    master: Ints
+    xi_slave: Floats
+    xi_master: Floats
+    weight: Floats
+
+    @staticmethod
+    def none() -> Anchors:
+        """Return those of skins that have not met."""
+        no, none, points = np.empty(0, np.int64), np.empty(0), np.empty((0, 2))
+        return Anchors(no, no, no, points, points, none)
+
+
+class Slip(NamedTuple):
+    """Slip of each macro-element: its integral `S` (m, d - 1), the derivative `D_T` (m (d - 1), n_dof) of that.
+
+    `w` (m,): measure that S is integrated over; S / w is the mean slip.
+    """
+
+    S: Floats
+    D_T: csr_array
+    w: Floats
+
+
+class _Directions(NamedTuple):
+    """Normals n (points, 3) and tangents e (points, d - 1, d) at points of a slave.
+
+    With smoothed normals `nodal`, and `size` (points,), that of their interpolation; else None and 1.
+    """
+
+    n: Floats
+    e: Floats
+    nodal: NodalNormals | None
+    size: Floats
+
+
+def renewed(anchors: Anchors, face: Interface, which: NDArray[np.bool_]) -> Anchors:
+    """Return anchors with those of some macro-elements, a mask (m,), replaced by the pairs of an interface."""
+    points, kept, new = face.points, ~which[anchors.macro], which[face.points.macro]
+    of_face = points.macro, points.slave, points.master, points.xi_slave, points.xi_master, face.weight
+    joined = [np.concatenate([a[kept], b[new]]) for a, b in zip(anchors, of_face, strict=True)]
+    order = np.argsort(joined[0], kind="stable")
+    return Anchors._make(values[order] for values in joined)
+
+
+def slip(anchors: Anchors, face: Interface, pairing: Pairing, before: Floats, share: Share = ALONE) -> Slip:
+    """Return the slip of a zone in the configuration of an interface.
+
+    `before` (n_nodes, 3): coordinates in the last state, where the anchors were renewed.
+    """
+    assert face.B_T is not None
+    m, k = len(face.w), face.normal.shape[1] - 1
+    S, D_T = _of_anchors(anchors, face, pairing)
+    S, D_T = share.total(S), share.add_matrices(D_T, (False, True))
+    w = share.total(np.bincount(anchors.macro, anchors.weight, m).astype(float))
+    entered = w < _LEAST * face.w
+    if not entered.any():
+        return Slip(S, D_T, w)
+    since = share.total(_since(face, pairing, before))
+    keep, take = (diags_array(np.repeat(rows, k).astype(float)) for rows in (~entered, entered))
+    D_T = csr_array(keep @ D_T + take @ face.B_T)
+    return Slip(np.where(entered[:, None], since, S), D_T, np.where(entered, face.w, w))
+
+
+def _since(face: Interface, pairing: Pairing, before: Floats) -> NDArray[np.floating]:
+    """Return the integrals of the slip since the last state, of the points that are in front of each other now."""
+    points, k = face.points, face.normal.shape[1]
+    slave, master = face.zone.slave.at(before), face.zone.master.at(before)
+    e = _directions(face.zone, slave, points.slave, points.xi_slave, pairing, k).e
+    y = places(slave, points.slave, points.xi_slave) - places(master, points.master, points.xi_master)
+    return integrals(-np.einsum("pas,ps->pa", e, y[:, :k]), points.macro, face.weight, len(face.w))
+
+
+def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Floats, csr_array]:
+    """Return S (m, d - 1) of anchors, and its derivative (m (d - 1), n_dof)."""
+    slave, master, d, m = face.slave, face.master, face.normal.shape[1], len(face.w)
+    at = _directions(face.zone, slave, anchors.slave, anchors.xi_slave, pairing, d)
+    y = places(slave, anchors.slave, anchors.xi_slave) - places(master, anchors.master, anchors.xi_master)
+    S = integrals(np.einsum("pas,ps->pa", at.e, y[:, :d]), anchors.macro, anchors.weight, m)
+    J = tangents(slave, anchors.slave, anchors.xi_slave)
+    of_dn = -(at.n * y).sum(axis=1)[:, None, None] * at.e
+    arms = np.zeros((len(y), J.shape[2], d - 1, d))
+    if d == 3:
+        _add_spin(face.zone, anchors, at, J, y, of_dn, arms)
+    if at.nodal is None:
+        dual = dual_vectors(J)[:, :d]
+        arms -= np.einsum("pks,psa->pak", of_dn, dual)[..., None] * at.n[:, None, None, :d]
+    weight = anchors.weight[:, None, None]
+    D_T = macro_rows(anchors, slave, master, weight * at.e, m, weight[..., None] * arms)
+    if at.nodal is not None:
+        across = of_dn - np.einsum("pks,ps->pk", of_dn, at.n[:, :d])[..., None] * at.n[:, None, :d]
+        q = weight * across / at.size[:, None, None]
+        D_T = csr_array(D_T + normal_rows(anchors, slave, master, at.nodal, q, m))
+    return S, D_T
+
+
+def _add_spin(zone: Zone, anchors: Anchors, at: _Directions, J: Floats, y: Floats, of_dn: Floats, arms: Floats) -> None:
+    """Add the terms of the tangents' spin about n to the vectors that dn and dv/dxi^a are multiplied by."""
+    c = components(zone, anchors.slave, anchors.xi_slave)
+    a_1 = np.einsum("psa,pa->ps", J, c)
+    out = (a_1 * at.n).sum(axis=1)
+    size = (a_1 * at.e[:, 0]).sum(axis=1)  # of the part of a_1 that is normal to n
+    turned = np.stack([(at.e[:, 1] * y).sum(axis=1), -(at.e[:, 0] * y).sum(axis=1)], axis=1)
+    turned = np.divide(turned, size[:, None], out=np.zeros_like(turned), where=size[:, None] > 0)
+    spin = turned[:, :, None] * at.e[:, None, 1]
+    of_dn -= out[:, None, None] * spin
+    arms += c[:, :, None, None] * spin[:, None]
+
+
+def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pairing, d: int) -> _Directions:
+    """Return the normals of a pairing, and the tangents, at points of a slave as it is deformed."""
+    if pairing.normals == "facet":
+        n, nodal, size = unit(normals_of(tangents(slave, face, xi))), None, np.ones(len(face))
+    else:
+        nodal = nodal_normals(slave, pairing.crease_angle, d, skins_of(slave, zone.master)[1])
+        H = np.empty((len(face), 3))
+        for rows, name, nodes in by_type(slave, face):
+            h = nodal.n[nodal.of_faces[face[rows], : nodes.shape[1]]]
+            H[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : slave.dim]), h)
+        n, size = unit(H), np.linalg.norm(H, axis=1)
+    return _Directions(n, frames(zone, slave, face, xi, n), nodal, size)

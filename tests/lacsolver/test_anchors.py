@@ -1,0 +1,125 @@
+"""Slip over anchors: its derivative against differences, its objectivity, and which anchors are kept."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lacsolver.contact import Pairing, integrate
+from lacsolver.contact.anchors import Anchors, renewed, slip
+from tests.lacsolver.test_interface import PAIRS, wavy
+from tests.lacsolver.test_tangent import MEASURES, NORMALS
+from tests.samples import one_in
+
+#: of a difference
+STEP, EXACT = 1e-5, 1e-9
+OPTIONS = list(itertools.product([*PAIRS, ("QUAD4", "QUAD8", 2)], MEASURES, NORMALS))
+
+
+class Anchored:
+    """A zone with anchors from one deformed state; `slip` in others."""
+
+    def __init__(self, pair, measure="reference", normals="facet", gap=0.1, **options):
+        mesh, self.zone = wavy(*pair, gap=gap, counts=(2, 3), margin=0.15)
+        self.dim, self.rng = pair[2], np.random.default_rng(4)
+        self.pairing = Pairing(search_distance=0.6, normals=normals, measure=measure, friction=True, **options)
+        self.before = self.shaken(mesh.points, 4e-3)
+        self.face = self.at(self.before)
+        self.anchors = renewed(Anchors.none(), self.face, np.ones(self.zone.n_macros, bool))
+
+    def shaken(self, x, size):
+        out = x.copy()
+        out[:, : self.dim] += size * self.rng.uniform(-1, 1, (len(x), self.dim))
+        return out
+
+    def at(self, x):
+        return integrate(self.zone, self.dim, self.pairing, x=x)
+
+    def slip(self, x, anchors=None):
+        return slip(self.anchors if anchors is None else anchors, self.at(x), self.pairing, self.before)
+
+    def slip_of_anchors(self, x):
+        """That of `slip`, for which it does not matter what is in front of each other at x."""
+        face = replace(self.face, slave=self.zone.slave.at(x), master=self.zone.master.at(x))
+        return slip(self.anchors, face, self.pairing, self.before)
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("pair, measure, normals", one_in(3, OPTIONS), ids=str)
+def test_the_derivative(pair, measure, normals):
+    """Of anchors in a state that is far from that of the anchors; where they are, S is 0."""
+    case = Anchored(pair, measure, normals)
+    np.testing.assert_allclose(case.slip_of_anchors(case.before).S, 0, atol=1e-15)
+    x = case.shaken(case.before, 4e-3)
+    there = case.slip_of_anchors(x)
+    assert (np.abs(there.S).max(axis=0) > 1e-5).all()
+    v = np.zeros_like(x)
+    v[:, : case.dim] = case.rng.uniform(-1, 1, (len(x), case.dim))
+    far, near = (
+        (case.slip_of_anchors(x + h * v).S - case.slip_of_anchors(x - h * v).S).ravel() / (2 * h)
+        for h in (2 * STEP, STEP)
+    )
+    want = (4 * near - far) / 3  # of fourth order
+    np.testing.assert_allclose(there.D_T @ v[:, : case.dim].ravel(), want, atol=EXACT * np.abs(want).max())
+
+
+@pytest.mark.parametrize("pair", [*PAIRS, ("QUAD4", "QUAD8", 2)], ids=str)
+@pytest.mark.parametrize("normals", NORMALS)
+def test_a_rotation_is_no_slip(pair, normals):
+    """A rotation of both skins by 1.4, and then by half a turn, changes no slip, whatever it is before."""
+    case = Anchored(pair, normals=normals)
+    x = case.shaken(case.before, 4e-3)
+    for start, angle in itertools.product((case.before, x), (1.4, np.pi)):
+        R = rotation(case.dim, angle)
+        turned = case.slip_of_anchors(start @ R.T + 0.3)
+        np.testing.assert_allclose(turned.S, case.slip_of_anchors(start).S, atol=1e-14)
+
+
+def rotation(dim, angle):
+    """(3, 3): about z in a plane."""
+    axis = np.array([0, 0, 1.0]) if dim == 2 else np.array([1.0, 2.0, -2.0]) / 3
+    W = np.cross(np.eye(3), axis)
+    return np.eye(3) - np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=str)
+def test_where_the_anchors_are_slip_is_that_of_the_rows(pair):
+    case = Anchored(pair)
+    there, face = case.slip(case.before), case.at(case.before)
+    np.testing.assert_allclose((there.D_T - face.B_T).toarray(), 0, atol=1e-13 * np.abs(face.B_T).max())
+    np.testing.assert_allclose(there.w, face.w, rtol=1e-13)
+
+
+@pytest.mark.parametrize("pair", [PAIRS[0], PAIRS[2]], ids=str)
+def test_ten_cycles_end_where_they_began(pair):
+    """What sticks keeps its anchors; what slides has new ones, and its slip begins at 0."""
+    case = Anchored(pair)
+    anchors, states = case.anchors, [case.shaken(case.before, 4e-3) for _ in range(3)]
+    sticks = np.arange(case.zone.n_macros) % 2 == 0
+    for x in [*states * 3, case.before]:
+        anchors = renewed(anchors, case.at(x), ~sticks)
+        np.testing.assert_allclose(case.slip(x, anchors).S[~sticks], 0, atol=1e-15)
+    assert (np.diff(anchors.macro) >= 0).all()
+    np.testing.assert_allclose(case.slip(states[0], anchors).S[sticks], case.slip(states[0]).S[sticks], atol=1e-16)
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=str)
+@pytest.mark.parametrize("normals", NORMALS)
+def test_without_anchors_slip_is_that_since_the_last_state(pair, normals):
+    """It is objective too, and to first order what the anchors would have said."""
+    case = Anchored(pair, normals=normals)
+    x = case.shaken(case.before, 1e-6)
+    none, there = case.slip(x, Anchors.none()), case.slip(x)
+    size = np.abs(there.S).max()
+    np.testing.assert_allclose(none.S, there.S, atol=1e-3 * size if normals == "facet" else 0.1 * size)
+    assert abs(none.D_T - case.at(x).B_T).max() == 0
+    turned = x @ rotation(case.dim, 1.4).T
+    np.testing.assert_allclose(case.slip(turned, Anchors.none()).S, none.S, atol=1e-14)
+    some = renewed(case.anchors, case.at(x), np.zeros(case.zone.n_macros, bool))
+    some = Anchors._make(values[some.macro > 0] for values in some)
+    mixed = case.slip(x, some)
+    np.testing.assert_allclose(mixed.S[1:], there.S[1:], atol=1e-16)
+    np.testing.assert_allclose(mixed.S[0], none.S[0], atol=1e-16)
