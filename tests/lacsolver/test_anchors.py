@@ -42,7 +42,7 @@ class Anchored:
         return slip(self.anchors if anchors is None else anchors, self.at(x), self.pairing, self.before)
 
     def slip_of_anchors(self, x):
-        """That of `slip`, for which it does not matter what is in front of each other at x."""
+        """Return the slip of anchors, for which it does not matter what is in front of each other at x."""
         face = replace(self.face, slave=self.zone.slave.at(x), master=self.zone.master.at(x))
         return slip(self.anchors, face, self.pairing, self.before)
 
@@ -50,7 +50,7 @@ class Anchored:
 @pytest.mark.fuzz
 @pytest.mark.parametrize("pair, measure, normals", one_in(3, OPTIONS), ids=str)
 def test_the_derivative(pair, measure, normals):
-    """Of anchors in a state that is far from that of the anchors; where they are, S is 0."""
+    """Anchors in a state that is far from theirs; there S is 0."""
     case = Anchored(pair, measure, normals)
     np.testing.assert_allclose(case.slip_of_anchors(case.before).S, 0, atol=1e-15)
     x = case.shaken(case.before, 4e-3)
@@ -95,7 +95,7 @@ def test_where_the_anchors_are_slip_is_that_of_the_rows(pair):
 
 @pytest.mark.parametrize("pair", [PAIRS[0], PAIRS[2]], ids=str)
 def test_ten_cycles_end_where_they_began(pair):
-    """What sticks keeps its anchors; what slides has new ones, and its slip begins at 0."""
+    """Macro-elements that stick keep their anchors; those that slide have new ones, and their slip begins at 0."""
     case = Anchored(pair)
     anchors, states = case.anchors, [case.shaken(case.before, 4e-3) for _ in range(3)]
     sticks = np.arange(case.zone.n_macros) % 2 == 0
@@ -109,7 +109,7 @@ def test_ten_cycles_end_where_they_began(pair):
 @pytest.mark.parametrize("pair", PAIRS, ids=str)
 @pytest.mark.parametrize("normals", NORMALS)
 def test_without_anchors_slip_is_that_since_the_last_state(pair, normals):
-    """It is objective too, and to first order what the anchors would have said."""
+    """Points without anchors are objective too, and their slip is to first order what the anchors would have said."""
     case = Anchored(pair, normals=normals)
     x = case.shaken(case.before, 1e-6)
     none, there = case.slip(x, Anchors.none()), case.slip(x)
