@@ -188,9 +188,7 @@ def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room:
     shapes(skins.bases, type_s, sizes[0], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
     shapes(skins.bases, type_m, sizes[1], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
     smooth = len(skins.normals) > 0
-    for i in range(N_ROWS):
-        for j in range(d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))):
-            room.rows[i, j] = 0.0
+    room.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
     if len(points.edges.nu) > 0:
         _move(skins.bases, points.edges, p, (type_s, type_m), sizes, d, room)
         return

@@ -219,9 +219,7 @@ def _add(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value
         for r in range(runs.start[macro], runs.start[macro + 1]):
             sizes = _local(skins, runs.slave[r], runs.master[r], local)
             n_rows = sizes[0] + sizes[1] if of_forces else 1
-            for i in range(n_rows * value.shape[1]):
-                for j in range(d * sizes[2]):
-                    K[i, j] = 0.0
+            K[: n_rows * value.shape[1], : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
                 differentiate(skins, loop.points, q, runs.slave[r], runs.master[r], d, room)
                 if of_forces:
