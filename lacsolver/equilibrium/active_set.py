@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.contact.laws import Bools
 from lacsolver.equilibrium.search import Trial
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.row_set import OUT, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, equilibrium_residual, sizes
@@ -65,56 +65,60 @@ def active_set_iterates(
     resistance = products(vectors, free, product(K, free, geometric))
     q, p, _ = start
     contact = contact_at(q)
-    active = contact.start_active(start.active)
-    p = np.where(active, p, 0.0)
+    rows = contact.first_rows(start.active, p)
+    p = np.where(rows.state, p, 0.0)
     pivots = Pivots()
     while True:
         if free.shape[1]:
             load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
-            active = close_rows_against_rigid_modes(free, contact, active, load, resistance)
-        active = vectors.same(active)
-        G, S = contact.equations(p, active)
-        problem = SaddleProblem(K, contact.rows, np.flatnonzero(active), f, G + contact.rows.D @ q, S, geometric)
-        applications = 0
-        for reduction in (0.0 if contact.exact else pivots.begin(active), 0.0):
-            q, p, more, _ = solve_saddle(problem, q, p, tolerance.linear(reduction, tolerance.moved))
-            contact, applications = contact_at(q), applications + more
-            wanted = contact.next_active(active, p)
-            if reduction == 0 or not np.array_equal(wanted, active):
+            rows = close_rows_against_rigid_modes(free, contact, rows, p, load, resistance)
+        rows = rows.same(vectors.same)
+        linear, B_T, applications = contact.linear(rows, p), contact.rows.B_T, 0
+        h = linear.load(f, B_T)
+        problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G + linear.rows.D @ q, linear.S, geometric)
+        for reduction in (0.0 if contact.exact else pivots.begin(rows), 0.0):
+            q, reduced, more, _ = solve_saddle(
+                problem, q, linear.reduced(p), tolerance.linear(reduction, tolerance.moved)
+            )
+            p, contact, applications = linear.full(reduced), contact_at(q), applications + more
+            wanted = contact.next_rows(rows, p)
+            if reduction == 0 or not wanted.equals(rows):
                 break
         off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
-        gap = float(np.abs(contact.residuals(p, active)).max(initial=0.0)) / tolerance.scale(q)
+        gap = float(np.abs(contact.residuals(p, rows.active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
-        yield Trial(Iterate(q, p, active), contact, residual, applications, exact=reduction == 0)
+        yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0)
         done = tolerance.fulfilled(residual, q)
-        active = wanted if done else pivots.next(active, wanted, reduction == 0)
+        rows = wanted if done else pivots.next(rows, wanted, reduction == 0)
 
 
 def close_rows_against_rigid_modes(
-    R: Floats, contact: ContactSystem, active: Bools, load: Floats, resistance: Floats | None = None
-) -> Bools:
-    """Return the active set (m,) with rows added until no rigid-body mode R (n, r) moves along its load (r,).
+    R: Floats, contact: ContactSystem, rows: RowSet, p: Floats, load: Floats, resistance: Floats | None = None
+) -> RowSet:
+    """Return the row set with rows added until no rigid-body mode R (n, r) moves along its load (r,).
 
     Each added row is the first that the moving body reaches, provided that it reaches it before it comes to rest by
     itself: `resistance` (r, r), none by default, is the stiffness along the modes from follower forces and the like. A
-    load along a mode that no row constrains remains.
+    load along a mode that no row constrains remains. p (m,): pressures and tractions, for what slides.
     """
     if not R.shape[1]:
-        return active
-    active, moves, carried = active.copy(), contact.rows.D @ R, contact.rows.B @ R
+        return rows
+    moves = contact.rows.D @ R
     for _ in range(R.shape[1]):
-        free, loaded = _null_space(moves[active]), _null_space(carried[active])
+        linear = contact.linear(rows, p)
+        free, loaded = _null_space((linear.rows.D @ R)[linear.active]), _null_space((linear.rows.B @ R)[linear.active])
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
-        nearing = contact.enforceable & ~active & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+        open_rows = contact.enforceable & (rows.state == OUT) & ~contact.along_tangents
+        nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break
         way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)
         resisted = 0.0 if resistance is None else along @ resistance @ along
         if resisted > 0 and along @ load < resisted * way.min():
             break
-        active[way.argmin()] = True
-    return active
+        rows = contact.with_closed(rows, int(way.argmin()))
+    return rows
 
 
 def _null_space(A: Floats) -> NDArray[np.floating]:
@@ -137,17 +141,17 @@ class Pivots:
         self._seen: set[bytes] = set()
         self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
 
-    def begin(self, active: Bools) -> float:
+    def begin(self, rows: RowSet) -> float:
         """Take up a set; return the tolerance it is first solved to: 0 (exactly), or a loose one."""
-        key = active.tobytes()
+        key = rows.state.tobytes()
         loose = key not in self._seen and self._loose > 0
         self._seen.add(key)
         self._loose -= loose
         return _LOOSE if loose else 0.0
 
-    def next(self, active: Bools, wanted: Bools, exact: bool) -> Bools:
-        """Return the next active set after a solve that asks for the set `wanted`."""
-        changes = np.flatnonzero(active != wanted)
+    def next(self, rows: RowSet, wanted: RowSet, exact: bool) -> RowSet:
+        """Return the next row set after a solve that asks for the set `wanted`."""
+        changes = rows.changes(wanted)
         if not exact or not len(changes):
             return wanted
         self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
@@ -157,9 +161,7 @@ class Pivots:
         if self._patience > 0:
             self._patience -= 1
             return wanted
-        out = active.copy()
-        out[changes[0]] = wanted[changes[0]]
-        return out
+        return rows.exchanged(wanted, int(changes[0]))
 
 
 def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDArray[np.floating]:

@@ -31,6 +31,7 @@ from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_mo
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.saddle import REGULAR
 from lacsolver.saddle.schur import in_balance
 from lacsolver.saddle.stiffness import Stiffness
@@ -124,12 +125,12 @@ def start_from_columns(
     """Return the solution of K q = f - B^T p with contact, from columns of the Schur complement.
 
     `contact`: the system at `start`. The start itself is returned where it is the solution, and where columns do not
-    serve: with too many closed rows, or for bodies that the rows that are found do not hold.
+    serve: with friction, with too many closed rows, or for bodies that the rows that are found do not hold.
     """
     K, rows = kept.K, kept.rows
     active = contact.start_active(start.active)
     p = np.where(active, start.p, 0.0)
-    if active.sum() > kept.most:
+    if contact.sheared or active.sum() > kept.most:
         return start
     base, count = in_balance(K, f - rows.B_T @ p, np.abs(f) + abs(rows.B_T) @ np.abs(p), start.q, most=1)
     contact = contact.with_gaps(contact.G - rows.B @ (base - start.q))
@@ -160,24 +161,25 @@ def _closed_rows(
 
     `contact`: the system at the displacements that are in balance with the pressures of `start`.
     """
-    p, active = start
+    p, rows = start[0], RowSet.of(start[1])
     R, pivots = kept.K.R, Pivots()
     before = np.flatnonzero(p)
     gap = contact.G - kept.columns(before) @ p[before]  # without pressures
     a: Floats = np.zeros(R.shape[1])
     load = R.T @ f
     for _ in range(_SETS):
-        active = close_rows_against_rigid_modes(R, contact, active, load)
+        rows = close_rows_against_rigid_modes(R, contact, rows, p, load)
+        active = rows.active
         if active.sum() > kept.most:
             return None
         G, S = contact.equations(p, active)
         solved = kept.solved(active, S[active])
         p, a = solved.pressures(contact.G - G - gap, load)
         contact = contact.with_gaps(gap - solved.closing(p, a))
-        wanted = contact.next_active(active, p)
-        if np.array_equal(wanted, active) and np.abs(contact.residuals(p, active)).max(initial=0.0) <= threshold:
+        wanted = contact.next_rows(rows, p)
+        if wanted.equals(rows) and np.abs(contact.residuals(p, active)).max(initial=0.0) <= threshold:
             break
-        active = pivots.next(active, wanted, exact=True)
+        rows = pivots.next(rows, wanted, exact=True)
     return p, a, active
 
 

@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.contact.laws import Bools
 from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.operator import product
+from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, LinearTolerance, Residual, equilibrium_residual
@@ -86,19 +86,18 @@ def newton_iterates(
     Raises InadmissibleError if the start itself inverts cells.
     """
     there = linearize(start.q) if predictor is None else predictor
-    now = _start(there, start, tolerance)
+    now, rows = _start(there, start, tolerance)
     sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
-    active = now.iterate.active
     while True:
-        again = sets.record(active, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
+        again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, forcing)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
-        step = _newton_step(there, now.iterate.p, active, goal, _damping_of(damping, merits), limit)
+        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit)
         worst = np.inf if damping else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
-        if then is None:
-            yield now._replace(iterate=now.iterate._replace(active=active), exact=False, applications=0, solves=1)
+        if step is None or then is None:
+            yield now._replace(iterate=now.iterate._replace(active=rows.active), exact=False, applications=0, solves=1)
             return
         now, there = then
         spent += now.solves
@@ -106,14 +105,14 @@ def newton_iterates(
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
             return
-        active = there.contact.next_active(now.iterate.active, now.iterate.p)
+        rows = there.contact.next_rows(step.rows, now.iterate.p)
 
 
-def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> Trial:
-    """Return the trial to start from, without pressures on rows that are open."""
-    active = there.contact.start_active(start.active)
-    start = Iterate(start.q, np.where(active, start.p, 0.0), active)
-    return Trial(start, there.contact, _residual_of(there, start, tolerance))
+def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> tuple[Trial, RowSet]:
+    """Return the trial to start from, without pressures on rows that are open, and its row set."""
+    rows = there.contact.first_rows(start.active, start.p)
+    start = Iterate(start.q, np.where(rows.state, start.p, 0.0), rows.active)
+    return Trial(start, there.contact, _residual_of(there, start, tolerance)), rows
 
 
 def _reduction(residual: Residual, forcing: float) -> float:
@@ -131,19 +130,19 @@ def _damping_of(start: float, merits: list[float]) -> float:
 
 
 class _Step(NamedTuple):
-    """Step dq of a linear problem, with its pressures and active set; numbers of sets and applications of K^-1."""
+    """Step dq of a linear problem, with its pressures and row set; numbers of sets and applications of K^-1."""
 
     dq: NDArray[np.floating]
     p: NDArray[np.floating]
-    active: Bools
+    rows: RowSet
     solves: int
     applications: int
 
 
 def _newton_step(
-    there: Linearization, p: Floats, active: Bools, goal: LinearTolerance, damping: float, limit: int
+    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int
 ) -> _Step | None:
-    """Return the step of a linear problem, whose active set is updated until it is consistent, in `limit` solves.
+    """Return the step of a linear problem, whose row set is updated until it is consistent, in `limit` solves.
 
     p (m,): pressures of the geometric stiffness. None if the tangent is singular, or the system cannot be solved.
     """
@@ -152,17 +151,18 @@ def _newton_step(
         with suppress(LinearError):
             K, C = there.stiffness(damping, definite), there.geometric_stiffness(p)
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
-            closed = K.vectors.same(close_rows_against_rigid_modes(R, contact, active, load, resistance))
+            now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
             pressures, pivots, applications = p, Pivots(), 0
             for solves in count(1):
-                G, S = contact.equations(pressures, closed)
-                problem = SaddleProblem(K, contact.rows, np.flatnonzero(closed), there.r, G, S, C)
-                dq, pressures, more, _ = solve_saddle(problem, np.zeros_like(there.r), pressures, goal)
-                applications += more
-                wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_active(closed, pressures)
-                if solves == limit or np.array_equal(wanted, closed):
-                    return _Step(dq, pressures, closed, solves, applications)
-                closed = pivots.next(closed, wanted, exact=True)
+                linear = contact.linear(now, pressures)
+                h = linear.load(there.r, contact.rows.B_T)
+                problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
+                dq, reduced, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(pressures), goal)
+                pressures, applications = linear.full(reduced), applications + more
+                wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_rows(now, pressures)
+                if solves == limit or wanted.equals(now):
+                    return _Step(dq, pressures, now, solves, applications)
+                now = pivots.next(now, wanted, exact=True)
     return None
 
 
@@ -197,7 +197,7 @@ def _line_search(
     """
     best = None
     for length in _STEP_LENGTHS:
-        iterate = Iterate(now.q + length * step.dq, now.p + length * (step.p - now.p), step.active)
+        iterate = Iterate(now.q + length * step.dq, now.p + length * (step.p - now.p), step.rows.active)
         try:
             there = linearize(iterate.q)
         except InadmissibleError:
@@ -212,15 +212,15 @@ def _line_search(
 
 
 class _Sets:
-    """The active sets that were solved, with the merit at each."""
+    """The row sets that were solved, with the merit at each."""
 
     def __init__(self) -> None:
         self._merit: dict[bytes, float] = {}
         self._last = b""
 
-    def record(self, active: Bools, merit: float) -> float:
+    def record(self, rows: RowSet, merit: float) -> float:
         """Record a set and its merit; return what the merit was when it was left for another one, inf if never."""
-        key = active.tobytes()
+        key = rows.state.tobytes()
         before = self._merit.get(key, np.inf) if key != self._last else np.inf
         self._merit[key], self._last = merit, key
         return before

@@ -73,7 +73,7 @@ def search(
         recent.append((np.where(trial.contact.above_threshold, trial.contact.rows.w, 0.0), closed))
         before, unchanged = closed, unchanged + 1 if same else 1
         if report is not None:
-            report(len(residuals), int(closed.sum()), *residuals[-1])
+            report(len(residuals), int((closed & ~trial.contact.along_tangents).sum()), *residuals[-1])
         converged = trial.exact and tolerance.fulfilled(trial.residual, trial.iterate.q)
         if converged or len(residuals) >= tolerance.max_iterations:
             break

@@ -3,6 +3,11 @@
 B v = int (v(x) - v(x_bar)).n, D = -dG/du; both are the same if a pair is paired only once, or if a symmetric tangent is
 required. A system is made on the unknowns of all nodes and reduced once to the unknowns q, by B T and D T. What the
 rows obey is left to the contact law of their pair (`lacsolver.contact.laws`).
+
+A pair with friction has rows along its tangents after those along its normals: B_T v = int e . (v(x) - v(x_bar) + g
+dn(v)), D_T = dS/du, and -S in the place of G, with the slip S. Vectors p of pressures have the tractions t there, so
+that B^T p is the whole force. What these rows obey is in `lacsolver.contact.friction`, and their part in a linear
+system in `row_set`.
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
+from lacsolver.contact.friction import Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative, motion_of, tangent
@@ -25,6 +31,7 @@ from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_set import IN, OUT, LinearRows, RowSet, ShearRows, Slides, combined
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +65,20 @@ class Rows:
         derivative = None if self.derivative is None else lambda: csr_array(self.D @ T)
         return Rows(csr_array(self.B @ T), self.w, derivative)
 
+    def combined(self, combine: csr_array, turn: csr_array) -> Rows:
+        """Return the rows with C^T B and R D in the places of B and D, for C `combine` and R `turn`, (m, m)."""
+        rows = Rows(csr_array(combine.T @ self.B), self.w, lambda: csr_array(turn @ self.D))
+        rows.__dict__["touched"] = self.touched
+        return rows
+
 
 @dataclass(frozen=True, eq=False)
 class RowGroup:
-    """Rows of one contact pair: its `law`, the `rows` that are its own, and their `history` (rows, n_history).
+    """Rows of one contact pair: its `law`, the `rows` that obey it, and their `history` (rows, n_history).
 
     `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
     `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
-    of the model.
+    of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`.
     """
 
     law: ContactLaw
@@ -75,6 +88,7 @@ class RowGroup:
     face: Interface | None = None
     symmetric: bool = True
     share: Share = ALONE
+    shear: ShearRows | None = None
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -137,11 +151,18 @@ class ContactSystem:
     def reduced(self, T: csr_array, K: Operator) -> ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
-        made = replace(self, rows=rows, skin_stiffness=skin_stiffness(K, rows), nodal=self.rows)
+        made = replace(self, rows=rows, skin_stiffness=self._skin_stiffness(K, rows), nodal=self.rows)
         moved, yields = np.diff(rows.B.indptr) > 0, np.zeros(len(self.G), bool)
         for group in self.groups:
             yields[group.rows] = group.law.yields
         return replace(made, enforceable=self.above_threshold & (moved | yields))
+
+    def _skin_stiffness(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
+        """Return the stiffness (m,) of each row's skin, for rows along tangents the mean of their macro-element's."""
+        out = skin_stiffness(K, rows)
+        for shear in self.sheared:
+            shear.vectors(out)[:] = shear.vectors(out).mean(axis=1, keepdims=True)
+        return out
 
     def with_gaps(self, G: Floats) -> ContactSystem:
         """Return these rows with other gap integrals G."""
@@ -156,11 +177,81 @@ class ContactSystem:
             yield group, RowState(gap[own], p[own], active[own], self.skin_stiffness[own], group.history)
 
     def next_active(self, active: Bools, p: Floats) -> Bools:
-        """Return the active set (m,) that the laws ask for after a solve with `active`."""
+        """Return the active set (m,) that the laws ask for after a solve with `active`, without rows along tangents."""
         out = np.zeros(len(self.G), bool)
         for group, state in self.states(p, active):
             out[group.rows] = group.law.next_active(state)
         return self.enforceable & out
+
+    def next_rows(self, now: RowSet, p: Floats) -> RowSet:
+        """Return the row set that the laws and friction ask for after a solve with a set."""
+        active = self.next_active(now.active, p)
+        if not self.sheared:
+            return RowSet.of(active)
+
+        def states(shear: ShearRows) -> States:
+            return next_states(shear.states(now), self._solved(shear, p, active), shear.bounds)
+
+        return self._row_set(active, states)
+
+    def first_rows(self, active: Bools, p: Floats) -> RowSet:
+        """Return the row set to start from: the `active` rows (m,), and those that the laws always close.
+
+        Macro-elements with friction stick where their rows along tangents are active, and slide along p elsewhere.
+        """
+        closed = self.start_active(active)
+        if not self.sheared:
+            return RowSet.of(closed)
+
+        def states(shear: ShearRows) -> States:
+            sticks = shear.vectors(active).any(axis=1)
+            return States.of(closed[shear.normal], sticks, shear.vectors(p), shear.bounds)
+
+        return self._row_set(closed, states)
+
+    def _row_set(self, active: Bools, states: Callable[[ShearRows], States]) -> RowSet:
+        """Return the set of `active` rows (m,), with these states of macro-elements with friction."""
+        m, macro = len(active), np.arange(len(active))
+        rows = RowSet(active.astype(np.int8), np.zeros(m), np.zeros(m, bool), macro)
+        for shear in self.sheared:
+            shear.put(rows, states(shear), self.enforceable)
+            macro[shear.at] = np.arange(shear.normal.start, shear.normal.stop)[:, None]
+        return rows
+
+    def with_closed(self, rows: RowSet, row: int) -> RowSet:
+        """Return a set with one more row, along the normal; a macro-element with friction sticks."""
+        state = rows.state.copy()
+        state[row] = IN
+        for shear in self.sheared:
+            if shear.normal.start <= row < shear.normal.stop:
+                at = shear.at[row - shear.normal.start]
+                state[at] = np.where(self.enforceable[at] & shear.bounds.any[row - shear.normal.start], IN, OUT)
+        return rows._replace(state=state)
+
+    @cached_property
+    def sheared(self) -> tuple[ShearRows, ...]:
+        """Rows of the pairs with friction."""
+        return tuple(group.shear for group in self.groups if group.shear is not None)
+
+    @cached_property
+    def along_tangents(self) -> Bools:
+        """True for rows along tangents, (m,)."""
+        out = np.zeros(len(self.G), bool)
+        for shear in self.sheared:
+            out[shear.tangential] = True
+        return out
+
+    def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
+        """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
+        t, slip = shear.vectors(p), -shear.vectors(self._mean(self.G))
+        overlap = np.maximum(-self._mean(self.G)[shear.normal], 0.0)
+        pressing, stiffness = self.skin_stiffness[shear.normal] * overlap, self.skin_stiffness[shear.tangential]
+        step = max(shear.n_tangents, 1)
+        return Solved(p[shear.normal], t, slip, pressing, presses[shear.normal], stiffness[::step])
+
+    def _mean(self, G: Floats) -> NDArray[np.floating]:
+        """Return the means (m,) of integrals G, 0 in rows that are not enforceable."""
+        return np.where(self.enforceable, G / self.rows.w, 0.0)
 
     def start_active(self, closed: Bools) -> Bools:
         """Return the active set (m,) to start from: the rows `closed`, and those that the laws always close."""
@@ -177,6 +268,10 @@ class ContactSystem:
             out[group.rows] = group.law.residual(state)
             if not np.isfinite(out[group.rows]).all():
                 raise DataError(f"the contact law {type(group.law).__name__} gives a residual that is not finite")
+        for shear in self.sheared:
+            solved = self._solved(shear, p, active)
+            own = defect(solved.t, solved.s, shear.bounds.at(solved.p)[0], solved.stiffness)
+            out[shear.tangential] = own.ravel()
         return np.where(self.enforceable, out, 0.0)
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
@@ -189,6 +284,12 @@ class ContactSystem:
                 message = f"the contact law {type(group.law).__name__} gives an offset or compliance that is not finite"
                 raise DataError(f"{message}, or a compliance below 0; check its `linearise`")
         return self.G - self.rows.w * offset, self.rows.w * compliance
+
+    def linear(self, rows: RowSet, p: Floats) -> LinearRows:
+        """Return the linear system of a row set at these gaps, pressures and tractions p (m,)."""
+        G, S = self.equations(p, rows.active)
+        slides = [Slides.of(shear, rows, p, self.G) for shear in self.sheared]
+        return combined(LinearRows(self.rows, np.flatnonzero(rows.active), G, S), slides, Rows.combined)
 
     def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:
         """Return the history of each pair's law at the end of a step."""

@@ -1,0 +1,173 @@
+"""Friction of macro-elements: the bound of the traction, and the rules by which states change from solve to solve.
+
+    |t| <= b(p) = min(friction p + cohesion, shear_limit) where p > 0, else 0
+    s = 0 where |t| < b,    s = |s| t / |t| where |t| = b          s: mean slip, t: traction on the master
+
+A macro-element is open, sticks (p and t follow from G = 0 and s = 0), or slides (t = b d along its direction d, and p
+follows from G = 0). After each solve, with c_T the stiffness of the skin along its tangents, stress per length:
+
+1. It sticks, and |t| > b: it slides, d = t / |t|. A macro-element that sticks never opens; it slides first: a tension
+   there comes mostly of too much that sticks. Only without a traction, or rough, it opens at once.
+2. It slides, and p <= 0: it opens. It slides against d: it turns round, once a search, if |b d + c_T s| > b, and sticks
+   otherwise. Else d is the direction of t + c_T s.
+3. It is open and overlaps: it closes, and slides along s if c_T |s| is more than the bound at the pressure that the
+   overlap asks for; otherwise it sticks.
+
+A fourth rule, for states that come back, is that of all contact (`equilibrium.active_set.Pivots`). All is of plain
+arrays, of m macro-elements with k tangents each, so that another solver can use it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacsolver.contact.laws import Bools
+
+
+class Bounds(NamedTuple):
+    """Friction of each macro-element, (m,) each: coefficient (inf where rough), cohesion, limit (inf for none)."""
+
+    friction: Floats
+    cohesion: Floats
+    limit: Floats
+
+    @property
+    def rough(self) -> Bools:
+        """True where a closed macro-element never slides."""
+        return np.isinf(self.friction) & np.isinf(self.limit)
+
+    @property
+    def any(self) -> Bools:
+        """True where there is friction at all."""
+        return (self.friction > 0) | (self.cohesion > 0)
+
+    def at(self, p: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return the bound b (m,) at pressures p (m,), and its slope b' (m,).
+
+        The slope is that of closed macro-elements, also at p <= 0, where the bound is 0.
+
+        >>> Bounds(np.array([0.5, 0.5]), np.array([1.0, 0.0]), np.array([np.inf, 3.0])).at(np.array([4.0, 8.0]))
+        (array([3., 3.]), array([0.5, 0. ]))
+        """
+        pressed = p > 0
+        asked = self.cohesion + np.multiply(self.friction, p, out=np.zeros(len(p)), where=pressed & (self.friction > 0))
+        steep = (asked < self.limit) & np.isfinite(self.friction)
+        return np.where(pressed, np.minimum(asked, self.limit), 0.0), np.where(steep, self.friction, 0.0)
+
+
+class States(NamedTuple):
+    """States of m macro-elements: `closed` (m,), `sticks` (m,), and `direction` (m, k) of those that slide, else 0.
+
+    A closed one that neither sticks nor has a direction presses without friction. `turned` (m,): True for those that
+    have turned round in this search.
+    """
+
+    closed: Bools
+    sticks: Bools
+    direction: Floats
+    turned: Bools
+
+    @property
+    def slides(self) -> Bools:
+        """True for macro-elements that slide, (m,)."""
+        return np.asarray(self.direction.any(axis=1))
+
+    @classmethod
+    def of(cls, closed: Bools, sticks: Bools, t: Floats, bounds: Bounds) -> States:
+        """Return the states to start from: those that are closed and do not stick slide along their tractions t (m, k).
+
+        Those without a traction stick.
+        """
+        slides = closed & ~sticks & bounds.any & ~bounds.rough & t.any(axis=1)
+        sticks = closed & bounds.any & ~slides
+        return cls(closed, sticks, np.where(slides[:, None], unit(t), 0.0), np.zeros(len(closed), bool))
+
+
+class Solved(NamedTuple):
+    """What a solve gave: pressures `p` (m,), tractions `t` (m, k), mean slips `s` (m, k), lengths.
+
+    `pressing` (m,): pressures that would close the overlaps, 0 for open gaps. `presses` (m,): True where the law of
+    the pressure asks for contact. `stiffness` (m,): c_T.
+    """
+
+    p: Floats
+    t: Floats
+    s: Floats
+    pressing: Floats
+    presses: Bools
+    stiffness: Floats
+
+
+def next_states(now: States, solved: Solved, bounds: Bounds) -> States:
+    """Return the states for the next solve, by the three rules."""
+    kept = _sticking(now, solved, bounds)
+    sliding = _sliding(now, solved, bounds)
+    closing = _closing(now, solved, bounds)
+    slides = now.slides
+    return States(
+        *(
+            np.where(_column(slides, a), a, np.where(_column(now.closed, b), b, c))
+            for a, b, c in zip(sliding, kept, closing, strict=True)
+        )
+    )
+
+
+def _sticking(now: States, solved: Solved, bounds: Bounds) -> States:
+    """Rule 1, for macro-elements that stick, or press without friction."""
+    size = np.linalg.norm(solved.t, axis=1)
+    opens = np.where(now.sticks & ~bounds.rough & (size > 0), False, ~solved.presses)
+    slides = now.sticks & ~opens & (size > bounds.at(solved.p)[0])
+    direction = np.where(slides[:, None], unit(solved.t), 0.0)
+    return States(~opens, now.sticks & ~opens & ~slides, direction, now.turned)
+
+
+def _sliding(now: States, solved: Solved, bounds: Bounds) -> States:
+    """Rule 2, for macro-elements that slide."""
+    b, pull = bounds.at(solved.p)[0], solved.stiffness[:, None] * solved.s
+    trial = b[:, None] * now.direction + pull
+    back = (solved.s * now.direction).sum(axis=1) < 0
+    turns = back & (np.linalg.norm(trial, axis=1) > b) & ~now.turned
+    sticks = solved.presses & back & ~turns
+    goes_on = np.where(turns[:, None], trial, solved.t + pull)
+    direction = np.where(goes_on.any(axis=1)[:, None], unit(goes_on), now.direction)
+    slides = solved.presses & ~sticks
+    return States(solved.presses, sticks, np.where(slides[:, None], direction, 0.0), now.turned | (slides & turns))
+
+
+def _closing(now: States, solved: Solved, bounds: Bounds) -> States:
+    """Rule 3, for macro-elements that are open."""
+    asked = solved.stiffness * np.linalg.norm(solved.s, axis=1)
+    slides = solved.presses & bounds.any & ~bounds.rough & (asked > bounds.at(solved.pressing)[0])
+    direction = np.where(slides[:, None], unit(solved.s), 0.0)
+    return States(solved.presses, solved.presses & bounds.any & ~slides, direction, now.turned)
+
+
+def _column(mask: Bools, like: NDArray) -> Bools:
+    return mask.reshape(-1, *(1,) * (like.ndim - 1))
+
+
+def unit(v: Floats) -> NDArray[np.floating]:
+    """Return vectors (m, k) of length 1, zeros where they are zero."""
+    size = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.divide(v, size, out=np.zeros_like(v), where=size > 0)
+
+
+def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.floating]:
+    """Return how far tractions t (m, k) and slips s (m, k) are from the law at bounds b (m,), as lengths (m, k).
+
+    It is (t - P(t + c s)) / c, with P the projection on the disc of radius b and c the `stiffness` (m,).
+
+    >>> defect(np.array([[0.2]]), np.array([[0.0]]), np.array([0.3]), np.array([10.0])).tolist()  # sticks
+    [[0.0]]
+    >>> defect(np.array([[0.3]]), np.array([[5.0]]), np.array([0.3]), np.array([10.0])).tolist()  # slides
+    [[0.0]]
+    """
+    c = stiffness[:, None]
+    trial = t + c * s
+    size = np.linalg.norm(trial, axis=1)
+    part = np.divide(b, size, out=np.ones(len(b)), where=size > b)
+    return np.asarray((t - part[:, None] * trial) / c)
