@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -295,6 +296,27 @@ VALUE = varying()
 VALUE_OF_TIME = varying(place=False)
 
 
+def not_negative(*, positive: bool = False, infinite: bool = False) -> Kind:
+    """A value that is never negative; `positive`: nor 0; `infinite`: it may be `inf`."""
+    least = "> 0" if positive else ">= 0"
+
+    def read(given: Any) -> Value:
+        if infinite and isinstance(given, float) and given == inf:
+            return Value(inf)
+        value = VALUE.read(given)
+        source = value.source
+        numbers = [v for _, v in source] if isinstance(source, tuple) else [source]
+        low = [v for v in numbers if isinstance(v, (int, float)) and (v < 0 or (positive and v == 0))]
+        if low and not (infinite and source == inf):
+            raise Mistake(f"is {low[0]:g}; it must be {least}")
+        return value
+
+    bound = {"exclusiveMinimum": 0} if positive else {"minimum": 0}
+    first, *others = VALUE.schema["anyOf"]
+    words = f"a value {least}" + (", or inf" if infinite else "")
+    return Kind(words, {"anyOf": [{**first, **bound}, *others]}, read)
+
+
 def _vector_of_time(given: Any) -> tuple[Value, ...]:
     given = _plain(given)
     if isinstance(given, (list, tuple)) and len(given) == 3 and not all(_is_row(g) for g in given):
@@ -324,17 +346,6 @@ VECTOR_OF_TIME = Kind(
     _vector_of_time,
     _other_rotation,
 )
-
-
-def reserved(why: str) -> Kind:
-    """A key whose only value is 0 until the feature exists."""
-
-    def read(given: Any) -> float:
-        if number_from(given) != 0:
-            raise Mistake(f"is {described(given)}; {why}")
-        return 0.0
-
-    return Kind("0", {"const": 0}, read)
 
 
 def _plain(given: Any) -> Any:

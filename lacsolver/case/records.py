@@ -33,9 +33,9 @@ from lacsolver.case.kinds import (
     Choice,
     Kind,
     number,
+    not_negative,
     numbers,
     one_or_three,
-    reserved,
     text,
     varying,
 )
@@ -154,7 +154,7 @@ class Contact(PairEntry):
     'pin'
     """
 
-    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch, without friction", one_of=ROLES)
+    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch", one_of=ROLES)
     type: str = key(
         Choice({
             "unilateral": "contact that can open",
@@ -190,10 +190,21 @@ class Contact(PairEntry):
     clearance: As[Value, ValueLike] = key(
         VALUE, "length", "added to the gap; negative: interference", Value(0.0), "0.0"
     )
-    friction: float = key(
-        reserved("friction is reserved: contact is without friction, so leave it out"), "",
-        "not available yet; leave it out or give 0", 0.0,
-    )  # fmt: skip
+    friction: As[Value, ValueLike] = key(
+        not_negative(infinite=True), "", "coefficient of friction, not ramped; inf: rough, nothing slides", Value(0.0), "0.0"
+    )
+    cohesion: As[Value, ValueLike] = key(
+        not_negative(), "stress", "friction without pressure, while in contact; alone: Tresca's law", Value(0.0), "0.0"
+    )
+    shear_limit: As[Value | None, ValueLike | None] = key(
+        not_negative(positive=True), "stress", "most that friction carries (Orowan's law)", None, "none"
+    )
+
+
+    @property
+    def has_friction(self) -> bool:
+        """True if there is friction at any place or time."""
+        return any(value is not None and value.source != 0 for value in (self.friction, self.cohesion))
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import sqrt
+from math import inf, sqrt
 from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
@@ -11,7 +11,7 @@ from lacsolver.case.errors import Issue
 
 if TYPE_CHECKING:
     from lacsolver.case.case import Case
-    from lacsolver.case.records import Material
+    from lacsolver.case.records import Contact, Material
 
 #: the linear solvers of each engine, beside `auto`
 BACKENDS_OF = {
@@ -125,6 +125,34 @@ def _contacts(case: Case) -> Iterator[Issue]:
     for record in case.contact:
         if record.measure == "current" and (record.geometry or usual) == "reference":
             yield record.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
+
+
+def _friction(case: Case) -> Iterator[Issue]:
+    """Check that friction is of contact that can open, and that its keys go together."""
+    for record in case.contact:
+        if not record.has_friction:
+            if record.has("shear_limit"):
+                message = "means something only with friction or cohesion; give one of them, or leave it out"
+                yield record.wrong(message, "shear_limit")
+            continue
+        source = "friction" if record.has("friction") else "cohesion"
+        if record.type not in (None, "unilateral"):
+            message = f'is of contact that can open, and type is "{record.type}"; leave it out, or the type'
+            yield record.wrong(message, source)
+        if record.friction is not None and record.friction.source == inf and record.has("cohesion"):
+            yield record.wrong("has no meaning with friction = inf, with which nothing slides; leave it out", "cohesion")
+        for what in _unavailable(case, record):
+            yield record.wrong(f"is not available yet with {what}", source)
+
+
+def _unavailable(case: Case, record: Contact) -> Iterator[str]:
+    """Yield what friction cannot be computed with."""
+    if case.kinematics == "finite":
+        yield 'kinematics = "finite"'
+    elif record.geometry == "current":
+        yield 'geometry = "current"'
+    if case.dynamics is not None:
+        yield "[dynamics]"
 
 
 def _names(case: Case) -> Iterator[Issue]:
@@ -252,6 +280,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _creases,
     _constants,
     _contacts,
+    _friction,
     _names,
     _prescribed_once,
     _rigid_once,

@@ -52,7 +52,7 @@ class ContactPair(Described):
             fixed = not (value.depends_on_place or value.depends_on_time)
             pairing = Pairing(
                 record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
-                clearance=value.at(0.0) if fixed else at_local_points(space, value),
+                clearance=value.at(0.0) if fixed else at_local_points(space, value), friction=record.has_friction,
             )  # fmt: skip
         return cls(record, zone, pairing.within(space, record.search_distance), contact_law_of(record))
 
@@ -60,6 +60,39 @@ class ContactPair(Described):
     def name(self) -> str:
         """Name of the pair in results."""
         return self.record.name
+
+    def bounds(self, space: Space, t: float) -> Bounds | None:
+        """Return the bounds of friction at time t, means over each macro-element; None without friction."""
+        record = self.record
+        if not (isinstance(record, Contact) and record.has_friction):
+            return None
+        limit = Value(np.inf) if record.shear_limit is None else record.shear_limit
+        return Bounds(*(self._means(space, value, t) for value in (record.friction, record.cohesion, limit)))
+
+    def _means(self, space: Space, value: Value, t: float) -> NDArray[np.floating]:
+        """Return the means (n_macros,) of a value of friction over the undeformed macro-elements, by Gauss's rules."""
+        zone = self.zone
+        if not value.depends_on_place:
+            at_all = np.inf if value.source == np.inf else value.at(t)
+            return np.full(zone.n_macros, self._never_negative(at_all, value))
+        total, size = np.zeros((2, zone.n_macros))
+        for code in np.unique(zone.slave.faces.type):
+            face, (xi, weights) = np.flatnonzero(zone.slave.faces.type == code), rule(FACE_TYPES[code], _DEGREE)
+            for at, weight in zip(xi, weights, strict=True):
+                place = np.broadcast_to(np.pad(at, (0, 2 - len(at))), (len(face), 2))
+                area = weight * np.linalg.norm(normals_of(tangents(zone.slave, face, place)), axis=1)
+                x = places(zone.slave, face, place)
+                area = area * x[:, 0] if self.pairing.axisymmetric else area
+                own = self._never_negative(at_local_points(space, value)(x, t), value)
+                total += np.bincount(zone.macro[face], area * own, zone.n_macros)
+                size += np.bincount(zone.macro[face], area, zone.n_macros)
+        return np.asarray(total / size)
+
+    def _never_negative(self, values: Any, value: Value) -> Any:
+        """Return values of friction. Raises CaseError for negative ones, which formulas may give."""
+        if np.min(values) < 0:
+            raise wrong(self.record, f"{value.name} is {np.min(values):g} at some place or time; it must be >= 0")
+        return values
 
     @property
     def tie(self) -> bool:
