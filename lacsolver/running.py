@@ -152,7 +152,7 @@ class RunOutput:
         writer = self._writer = self._writer or self._open()
         self._number, self._last = self._number + 1, state
         for zone in state.zones:  # a ball that touches a plane has most of its skin away from it, as it should
-            touches = (zone.status == CONTACT).any()
+            touches = (zone.status >= CONTACT).any()
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
         stress = point_stress(problem, state)

@@ -193,7 +193,7 @@ class Solution(Described):
             "u": f"({len(self.u)}, {d}), at most {largest:.6g}",
         }
         for name, zone in list(self.contact.items())[:6]:
-            on, top = int((zone.status == 1).sum()), float(zone.pressure.max(initial=0.0))
+            on, top = int((zone.status >= 1).sum()), float(zone.pressure.max(initial=0.0))
             facts[f"contact[{name!r}]"] = (
                 f"{on} of {len(zone.status)} macro-elements closed, pressure at most {top:.6g}"
             )

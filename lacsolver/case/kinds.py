@@ -312,9 +312,11 @@ def not_negative(*, positive: bool = False, infinite: bool = False) -> Kind:
         return value
 
     bound = {"exclusiveMinimum": 0} if positive else {"minimum": 0}
-    first, *others = VALUE.schema["anyOf"]
+    number = {"type": "number", **bound}
+    row = {"type": "array", "items": [{"type": "number"}, number], "minItems": 2, "maxItems": 2}
+    schema = {"anyOf": [number, _TEXT, {"type": "array", "items": row, "minItems": 1}]}
     words = f"a value {least}" + (", or inf" if infinite else "")
-    return Kind(words, {"anyOf": [{**first, **bound}, *others]}, read)
+    return Kind(words, schema, read)
 
 
 def _vector_of_time(given: Any) -> tuple[Value, ...]:

@@ -32,8 +32,8 @@ from lacsolver.case.kinds import (
     VECTOR_OF_TIME,
     Choice,
     Kind,
-    number,
     not_negative,
+    number,
     numbers,
     one_or_three,
     text,
@@ -191,7 +191,11 @@ class Contact(PairEntry):
         VALUE, "length", "added to the gap; negative: interference", Value(0.0), "0.0"
     )
     friction: As[Value, ValueLike] = key(
-        not_negative(infinite=True), "", "coefficient of friction, not ramped; inf: rough, nothing slides", Value(0.0), "0.0"
+        not_negative(infinite=True),
+        "",
+        "coefficient of friction, not ramped; inf: rough, nothing slides",
+        Value(0.0),
+        "0.0",
     )
     cohesion: As[Value, ValueLike] = key(
         not_negative(), "stress", "friction without pressure, while in contact; alone: Tresca's law", Value(0.0), "0.0"
@@ -199,7 +203,6 @@ class Contact(PairEntry):
     shear_limit: As[Value | None, ValueLike | None] = key(
         not_negative(positive=True), "stress", "most that friction carries (Orowan's law)", None, "none"
     )
-
 
     @property
     def has_friction(self) -> bool:

@@ -140,7 +140,9 @@ def _friction(case: Case) -> Iterator[Issue]:
             message = f'is of contact that can open, and type is "{record.type}"; leave it out, or the type'
             yield record.wrong(message, source)
         if record.friction is not None and record.friction.source == inf and record.has("cohesion"):
-            yield record.wrong("has no meaning with friction = inf, with which nothing slides; leave it out", "cohesion")
+            yield record.wrong(
+                "has no meaning with friction = inf, with which nothing slides; leave it out", "cohesion"
+            )
         for what in _unavailable(case, record):
             yield record.wrong(f"is not available yet with {what}", source)
 

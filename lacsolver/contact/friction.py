@@ -171,3 +171,44 @@ def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.flo
     size = np.linalg.norm(trial, axis=1)
     part = np.divide(b, size, out=np.ones(len(b)), where=size > b)
     return np.asarray((t - part[:, None] * trial) / c)
+
+
+class Kept(NamedTuple):
+    """What friction keeps from step to step of m macro-elements with k tangents each.
+
+    `anchor` (m, k): B_T u where the slip is counted from: that of the last state in which the macro-element slid or was
+    open. `path` (m,): length of its slips so far; `dissipation` (m,): energy that they have taken.
+    """
+
+    anchor: Floats
+    path: Floats
+    dissipation: Floats
+
+    @staticmethod
+    def n_columns(k: int) -> int:
+        """Return the number of columns with k tangents."""
+        return k + 2
+
+    @classmethod
+    def of(cls, columns: Floats, k: int) -> Kept:
+        """Return what is kept in `columns` (m, k + 2)."""
+        return cls(columns[:, :k], columns[:, k], columns[:, k + 1])
+
+    @property
+    def columns(self) -> NDArray[np.floating]:
+        """All of it as an array (m, k + 2)."""
+        return np.column_stack([self.anchor, self.path, self.dissipation])
+
+
+class Slid(NamedTuple):
+    """What friction has done in a step: tractions `t` (m, k), slips (m, k), `energy` taken (m,), `slides` (m,).
+
+    `bound` (m,): b at the end; `kept`: what the next step starts from.
+    """
+
+    t: Floats
+    slip: Floats
+    energy: Floats
+    slides: Bools
+    bound: Floats
+    kept: Kept

@@ -12,11 +12,12 @@ rotation is zero. Friction adds d - 1 rows to the normal one, for the jump along
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, kron
+from scipy.sparse import csr_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
@@ -90,6 +91,11 @@ class Interface:
     length: Floats
     B_T: csr_array | None = None
     frame: Floats | None = None
+
+    @cached_property
+    def all_rows(self) -> csr_array:
+        """B, and below it B_T with friction."""
+        return self.B if self.B_T is None else csr_array(vstack([self.B, self.B_T]))
 
     @property
     def coverage(self) -> NDArray[np.floating]:

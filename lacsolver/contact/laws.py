@@ -31,8 +31,8 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 
-#: status of a macro-element
-UNPAIRED, OPEN, CONTACT = -1, 0, 1
+#: status of a macro-element; one that slides is in contact too
+UNPAIRED, OPEN, CONTACT, SLIDES = -1, 0, 1, 2
 
 Bools = NDArray[np.bool_]
 

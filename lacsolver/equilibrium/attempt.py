@@ -116,8 +116,10 @@ def first_iterate(step: LoadStep) -> Iterate:
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
     step.model.check_held(interfaces, contact.enforceable)
-    closed = [np.empty(0, bool), *map(_initial, problem.joints, interfaces)]
-    return Iterate(q, np.zeros(len(contact.G)), np.concatenate(closed) & contact.enforceable)
+    closed = np.zeros(len(contact.G), bool)
+    for pair, face, group in zip(problem.joints, interfaces, contact.groups, strict=True):
+        closed[group.every] = _initial(pair, face) if group.shear is None else group.on_rows(_initial(pair, face))
+    return Iterate(q, np.zeros(len(contact.G)), closed & contact.enforceable)
 
 
 def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:

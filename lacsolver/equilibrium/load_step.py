@@ -123,7 +123,7 @@ class LoadStep:
         for k, group in enumerate(system.groups):
             assert group.pair is not None and group.face is not None
             nodes = group.pair.zone.slave.faces.nodes
-            force = -(group.face.B.T @ p[group.rows]).reshape(-1, space.dim)
+            force = -(group.face.all_rows.T @ p[group.every]).reshape(-1, space.dim)
             out[k] = force[np.unique(nodes[nodes >= 0])].sum(axis=0)
         return out
 
@@ -145,7 +145,7 @@ class LoadStep:
 
         Forces and gaps are those at u, plus their linear change on the way to u(q, t) at pressures p (m,).
         """
-        nodal = contact_system(self.model.problem, self._paired(u), u, self.state.histories.contact)
+        nodal = contact_system(self.model.problem, self._paired(u), u, self.state.histories.contact, self.t)
         return Linearization(self, q, u, nodal, (self.u(q) - u, p))
 
     def internal_force(self, u: Floats) -> NDArray[np.floating]:
@@ -173,7 +173,8 @@ class LoadStep:
         if self._last is None or not (self.model.linear or np.array_equal(self._last[0], q)):
             u = self.u(q)
             faces = self._paired(u)
-            self._last = q.copy(), faces, contact_system(self.model.problem, faces, u, self.state.histories.contact)
+            nodal = contact_system(self.model.problem, faces, u, self.state.histories.contact, self.t)
+            self._last = q.copy(), faces, nodal
         return self._last[1:]
 
     def _paired(self, u: Floats) -> tuple[Interface, ...]:

@@ -229,7 +229,7 @@ class ReducedProblem:
         """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included."""
         if not self.motions or self.scheme.resists_rigid_motion:
             return
-        B = csr_array(vstack([csr_array((0, self.problem.space.n_dof)), *(face.B for face in interfaces)]))
+        B = csr_array(vstack([csr_array((0, self.problem.space.n_dof)), *(face.all_rows for face in interfaces)]))
         free = still_free(csr_array(B[np.flatnonzero(paired)]), self.motions)
         if free:
             motions = "; ".join(describe(motion) for motion in free)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,17 @@ from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.passing import passing, words
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
-from lacsolver.results.state import UNPAIRED, Held, State, StepState, ZoneState
+from lacsolver.results.state import (
+    CONTACT,
+    SLIDES,
+    UNPAIRED,
+    Held,
+    Iterate,
+    State,
+    StepState,
+    ZoneFriction,
+    ZoneState,
+)
 from lacsolver.saddle.contact_system import ContactSystem, RowGroup
 from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.space.places import wrong
@@ -224,6 +234,8 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
     zones = [
         _zone(group, rows._replace(gap=gap[group.rows]), contact.above_threshold[group.rows], problem.space)
+        if group.shear is None
+        else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space)
         for group, rows in contact.states(p, active)
     ]
     return State(
@@ -255,6 +267,26 @@ def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Sp
     )  # fmt: skip
 
 
+def _zone_with_friction(
+    group: RowGroup, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
+) -> ZoneState:
+    """Return the state of a zone with friction."""
+    face, slid = group.face, contact.slid(group, iterate.p, iterate.active)
+    assert group.shear is not None and face is not None and face.B_T is not None and face.frame is not None
+    zone, w = _zone(group, rows, contact.above_threshold[group.rows], space), contact.rows.w[group.rows]
+    force = -(face.B_T.T @ slid.t.ravel()).reshape(-1, space.dim)
+    nodes = face.zone.slave.faces.nodes
+    friction = ZoneFriction(
+        face.frame, slid.t, slid.slip, slid.kept.path,
+        np.divide(np.linalg.norm(slid.t, axis=1), slid.bound, out=np.zeros(len(w)), where=slid.bound > 0),
+        slid.kept.dissipation / w, (float(slid.energy.sum()), float(slid.kept.dissipation.sum())),
+        force[np.unique(nodes[nodes >= 0])].sum(axis=0),
+    )  # fmt: skip
+    status = np.where(slid.slides & (zone.status == CONTACT), SLIDES, zone.status).astype(np.int8)
+    traction = zone.traction - friction.in_space(slid.t)
+    return replace(zone, status=status, traction=traction, force=zone.force + force, friction=friction)
+
+
 def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     """Evaluate the rigid-body motions that only contact constrains, under finite kinematics on the deformed bodies."""
     model, (q, _, active) = step.model, outcome.iterate
@@ -265,9 +297,9 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     if model.problem.kinematics.finite:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
-    reached = [  # without pressure, round-off alone decides which of them are active
-        touching(face) if pair.law.compressive else np.zeros(face.B.shape[0], bool)
-        for pair, face in zip(model.problem.joints, step.interfaces(q), strict=True)
-    ]
-    closed = active | (np.concatenate(reached) & outcome.contact.enforceable)
+    reached = np.zeros(len(active), bool)
+    for group, face in zip(outcome.contact.groups, step.interfaces(q), strict=True):
+        if group.law.compressive:  # without pressure, round-off alone decides which of them are active
+            reached[group.rows] = touching(face)
+    closed = active | (reached & outcome.contact.enforceable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)

@@ -83,7 +83,8 @@ def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
     """Return the slave and the master of a zone, why the slave was chosen if it was, and the figures."""
     slave, master, why = results.roles.get(name, ("", "", ""))
     roles = {"slave": slave, "master": master} | ({"why": why} if why else {}) if slave else {}
-    figures = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures)}
+    figures = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures) if f.name != "friction"}
+    figures |= {} if zone.friction is None else zone.friction._asdict()
     return {**roles, **figures, "overlap_at_start": results.overlap.get(name, float("nan"))}
 
 

@@ -84,6 +84,10 @@ def history_row(step: StepFigures) -> dict[str, float]:
     for name, zone in step.contact.items():
         row |= _along_axes(f"contact.{name}.f", zone.resultant)
         row |= {f"contact.{name}.area": zone.contact_area, f"contact.{name}.pressure_max": zone.pressure_max}
+        if zone.friction is not None:
+            row |= _along_axes(f"contact.{name}.friction.", zone.friction.friction)
+            row |= {f"contact.{name}.{key}": getattr(zone.friction, key) for key in ("sticking", "sliding", "slip_max")}
+            row |= {f"contact.{name}.dissipation": zone.friction.dissipation[1]}
         row |= {} if moving is None else _along_axes(f"contact.{name}.impulse.", moving.impulse[name])
     if moving is not None:
         row |= {f"energy.{name}": value for name, value in moving.energies.items()}

@@ -4,24 +4,34 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import CELLS
 from lacmesh.checks.rules import named
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.reference.quadrature import rule
 from lacmesh.smooth import DOUBTFUL, doubt_in_words, told_of_few
 from lacmesh.surface import Surface
+from lacmesh.surface.normals import normals_of
+from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.case import Contact, Tie
+from lacsolver.case.value import Value
 from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact.faces import places, tangents
+from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.problem.acting import at_local_points
 from lacsolver.problem.laws import contact_law_of
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
+#: polynomial degree to which friction that is a formula is integrated
+_DEGREE = 4
 #: round-off of a coverage
 _ROUNDING = 1e-9
 
@@ -77,7 +87,10 @@ class ContactPair(Described):
             return np.full(zone.n_macros, self._never_negative(at_all, value))
         total, size = np.zeros((2, zone.n_macros))
         for code in np.unique(zone.slave.faces.type):
-            face, (xi, weights) = np.flatnonzero(zone.slave.faces.type == code), rule(FACE_TYPES[code], _DEGREE)
+            face, (xi, weights) = (
+                np.flatnonzero(zone.slave.faces.type == code),
+                rule(CELLS[FACE_TYPES[code]].family, _DEGREE),
+            )
             for at, weight in zip(xi, weights, strict=True):
                 place = np.broadcast_to(np.pad(at, (0, 2 - len(at))), (len(face), 2))
                 area = weight * np.linalg.norm(normals_of(tangents(zone.slave, face, place)), axis=1)

@@ -27,7 +27,7 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
     """Yield a warning for each contact or tie of a converged state whose pressures alternate."""
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         part = roughness(joint.zone, zone.pressure)
-        inside = _inside(joint.zone, zone.status == CONTACT)
+        inside = _inside(joint.zone, zone.status >= CONTACT)
         within = 0.0 if joint.tie else roughness(joint.zone, zone.pressure, inside)
         if max(part, within) <= _ALTERNATE:
             continue

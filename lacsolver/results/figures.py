@@ -15,8 +15,8 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.small.fields import Field
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
-from lacsolver.results.results import MotionFigures, StepFigures, ZoneFigures
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, State, ZoneState
+from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
+from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
 from lacsolver.space.space import COMPONENTS, Space
 
 
@@ -86,14 +86,26 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
         pressure_max=-_least(-pressure),
         gap_min=_least(gap),
         gap_max=-_least(-gap),
-        contact_area=float((zone.area * zone.coverage)[zone.status == CONTACT].sum()),
+        contact_area=float((zone.area * zone.coverage)[zone.status >= CONTACT].sum()),
         resultant=force.sum(axis=0),
         moment=moment(force, x),
         coverage_min=_least(zone.coverage),
         coverage_max=-_least(-zone.coverage),
-        active=int((zone.status == CONTACT).sum()),
+        active=int((zone.status >= CONTACT).sum()),
         open=int((zone.status == OPEN).sum()),
         unpaired=int((~paired).sum()),
+        friction=None if zone.friction is None else _friction(zone, zone.friction),
+    )
+
+
+def _friction(zone: ZoneState, friction: ZoneFriction) -> FrictionFigures:
+    """Return the figures of the friction of a zone."""
+    return FrictionFigures(
+        sticking=int((zone.status == CONTACT).sum()),
+        sliding=int((zone.status == SLIDES).sum()),
+        slip_max=float(np.linalg.norm(friction.slip, axis=1).max(initial=0.0)),
+        dissipation=friction.energy,
+        friction=friction.resultant,
     )
 
 

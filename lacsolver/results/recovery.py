@@ -96,7 +96,7 @@ def recover_pressure(
         raise ValueError(f"pressure and status must be (n_macros,), not {pressure.shape} and {status.shape}")
     ours = surface if (macro >= 0).all() else surface.take(np.flatnonzero(macro >= 0))
     slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
-    contact = (status == CONTACT) & (slave.area > 0)
+    contact = (status >= CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
     p = _nodal_parabolas(slave, means, contact)
     if unilateral:

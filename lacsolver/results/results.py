@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +19,24 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.problem.resultants import Resultant
-from lacsolver.results.state import CONTACT, OPEN, State, StepState, ZoneState
+from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, ZoneFriction, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
+
+
+class FrictionFigures(NamedTuple):
+    """Figures of the friction of a zone at one time: numbers of macro-elements that stick and that slide.
+
+    `slip_max`: largest slip of the step; `dissipation`: energy taken in the step, and so far; `friction` (d,): its
+    resultant on the slave.
+    """
+
+    sticking: int
+    sliding: int
+    slip_max: float
+    dissipation: tuple[float, float]
+    friction: Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,7 +45,8 @@ class ZoneFigures(Described):
 
     Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `contact_area`:
     covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
-    contact forces on the slave. `active`, `open`, `unpaired`: numbers of macro-elements.
+    contact forces on the slave, friction included. `active`, `open`, `unpaired`: numbers of macro-elements. `friction`:
+    figures of friction, None without it.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -52,6 +68,7 @@ class ZoneFigures(Described):
     active: int
     open: int
     unpaired: int
+    friction: FrictionFigures | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,6 +194,42 @@ class ZoneFields(Described):
     normal: Floats
     contact_force: Floats
     pressure_recovered: Floats
+    friction: ZoneFriction | None = None
+
+    @property
+    def shear(self) -> Floats | None:
+        """Traction of friction on the master (n, d - 1), along `friction.tangents`; None without friction."""
+        return None if self.friction is None else self.friction.shear
+
+    @property
+    def shear_vector(self) -> Floats | None:
+        """Traction of friction on the master as a vector of space (n, d)."""
+        return None if self.friction is None else self.friction.in_space(self.friction.shear)
+
+    @property
+    def slip(self) -> Floats | None:
+        """Mean slip of the step (n, d - 1), along `friction.tangents`."""
+        return None if self.friction is None else self.friction.slip
+
+    @property
+    def slip_vector(self) -> Floats | None:
+        """Mean slip of the step as a vector of space (n, d)."""
+        return None if self.friction is None else self.friction.in_space(self.friction.slip)
+
+    @property
+    def path(self) -> Floats | None:
+        """Length slipped so far (n,)."""
+        return None if self.friction is None else self.friction.path
+
+    @property
+    def use(self) -> Floats | None:
+        """Traction of friction over its bound (n,), 1 where it slides."""
+        return None if self.friction is None else self.friction.use
+
+    @property
+    def dissipation(self) -> Floats | None:
+        """Energy per area that friction has taken so far (n,)."""
+        return None if self.friction is None else self.friction.dissipation
 
     @property
     def force(self) -> Floats:
@@ -194,7 +247,7 @@ class ZoneFields(Described):
         return "Contact"
 
     def _facts(self) -> dict[str, str]:
-        on = self.status == CONTACT
+        on = self.status >= CONTACT
         facts = {"macro-elements": f"{len(on):,}: {int(on.sum()):,} closed, {int((self.status == OPEN).sum()):,} open"}
         facts["pressure"] = f"at most {self.pressure.max(initial=0.0):.6g}; pressure, recovered ({len(on)},)"
         facts["gap"] = (
@@ -202,6 +255,9 @@ class ZoneFields(Described):
         )
         facts["resultant"] = ", ".join(f"{part:.6g}" for part in self.resultant)
         facts["area"] = f"{self.area.sum():.6g}"
+        if self.friction is not None:
+            sticks, slides = ((self.status == status).sum() for status in (CONTACT, SLIDES))
+            facts["friction"] = f"{sticks:,} stick, {slides:,} slide; shear, slip, path, use, dissipation"
         return facts | {"also": "status, coverage, centre, normal, force, surface, macro, number"}
 
     @classmethod
@@ -212,7 +268,14 @@ class ZoneFields(Described):
         names = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
         of_state = {name: getattr(state, name) for name in names}
         return cls(
-            surface, macro, number, recovered=recovered, contact_force=state.force, pressure_recovered=nodal, **of_state
+            surface,
+            macro,
+            number,
+            recovered=recovered,
+            contact_force=state.force,
+            pressure_recovered=nodal,
+            friction=state.friction,
+            **of_state,
         )
 
 

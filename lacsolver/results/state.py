@@ -11,10 +11,22 @@ from numpy.typing import NDArray
 
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
-from lacsolver.contact.laws import CONTACT, OPEN, UNPAIRED
+from lacsolver.contact.laws import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.motion import MotionState
 
-__all__ = ["CONTACT", "OPEN", "UNPAIRED", "Held", "Histories", "Iterate", "State", "StepState", "ZoneState"]
+__all__ = [
+    "CONTACT",
+    "OPEN",
+    "SLIDES",
+    "UNPAIRED",
+    "Held",
+    "Histories",
+    "Iterate",
+    "State",
+    "StepState",
+    "ZoneFriction",
+    "ZoneState",
+]
 
 
 class Iterate(NamedTuple):
@@ -75,15 +87,38 @@ class StepState(Described):
         return Iterate(now.q + part * (now.q - last.q), now.p + part * (now.p - last.p), now.active)
 
 
+class ZoneFriction(NamedTuple):
+    """Friction of a contact zone, one row per macro-element (n,), with k tangents: 1 in the plane, 2 in space.
+
+    `tangents` (n, k, d): mean unit tangents; `shear` (n, k): traction on the master along them, that is, along the
+    slave's slip; `slip` (n, k): mean slip of the step. `path`: length slipped so far; `use`: |shear| over its bound, 0
+    where open; `dissipation`: energy taken so far, per area. Of the zone: `energy`, taken in the step and so far;
+    `resultant` (d,) of friction on the slave.
+    """
+
+    tangents: Floats
+    shear: Floats
+    slip: Floats
+    path: Floats
+    use: Floats
+    dissipation: Floats
+    energy: tuple[float, float]
+    resultant: Floats
+
+    def in_space(self, components: Floats) -> NDArray[np.floating]:
+        """Return components (n, k) along the tangents as vectors (n, d)."""
+        return np.einsum("nk,nkd->nd", components, self.tangents)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ZoneState(Described):
     """State of a contact zone or a tie, one row per macro-element (n,); vectors have the space's dimension d.
 
     `pressure`: p_m >= 0 in compression, 0 where open; for a tie -traction . normal. `traction` (n, d): force per area
-    on the slave, -p n for a contact. `gap`: mean gap G / w, NaN where unpaired; for a tie the magnitude of the mean
-    jump. `status`: CONTACT, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the measure that pressures refer to, with
-    thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element. `force` (n_nodes, d): contact force on every
-    node of slave and master.
+    on the slave, -p n for a contact, less the shear of friction. `gap`: mean gap G / w, NaN where unpaired; for a tie
+    the magnitude of the mean jump. `status`: CONTACT, SLIDES, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the
+    measure that pressures refer to, with thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element.
+    `force` (n_nodes, d): contact force on every node of slave and master. `friction`: None without it.
 
     >>> from lacsolver import read_case
     >>> from lacsolver.problem.problem import Problem
@@ -105,6 +140,7 @@ class ZoneState(Described):
     centre: Floats
     normal: Floats
     force: Floats
+    friction: ZoneFriction | None = None
 
 
 class Held(NamedTuple):

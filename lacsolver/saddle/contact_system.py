@@ -23,7 +23,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
-from lacsolver.contact.friction import Solved, States, defect, next_states
+from lacsolver.contact.friction import Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative, motion_of, tangent
@@ -97,7 +97,31 @@ class RowGroup:
             return None
         return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
 
+    @property
+    def every(self) -> slice:
+        """All rows of the pair."""
+        return self.rows if self.shear is None else slice(self.rows.start, self.shear.tangential.stop)
+
+    def on_rows(self, values: NDArray) -> NDArray:
+        """Return values (m,) of macro-elements on all rows."""
+        if self.shear is None:
+            return np.repeat(values, (self.rows.stop - self.rows.start) // max(len(values), 1))
+        return np.concatenate([values, np.repeat(values, self.shear.n_tangents)])
+
     def gaps(self, u: Floats) -> NDArray[np.floating]:
+        """Return the gap integrals at u (n_dof,), and in rows along tangents -S, the slip from `kept` on."""
+        if self.shear is None:
+            return self._gaps(u)
+        assert self.face is not None and self.face.B_T is not None
+        return np.concatenate([self._gaps(u), self.kept.anchor.ravel() - self.face.B_T @ u])
+
+    @property
+    def kept(self) -> Kept:
+        """What friction keeps of the last step."""
+        assert self.shear is not None
+        return Kept.of(self.history[:, self.law.n_history :], self.shear.n_tangents)
+
+    def _gaps(self, u: Floats) -> NDArray[np.floating]:
         """Return the gap integrals (rows,) at u (n_dof,), with the overlap that slivers of one-sided contact may have.
 
         The gaps of pairs that are paired only once are linear in u.
@@ -113,7 +137,7 @@ class RowGroup:
         """Return -d`gaps`/du (rows, n_dof), summed over all processes."""
         assert self.pair is not None and self.face is not None
         if self.motion is None:
-            return self.face.B
+            return self.face.all_rows
         out = gap_derivative(self.motion)
         if self.pair.one_sided:
             fading = diags_array(allowed_overlap(self.face, self.pair.pairing)[1])
@@ -174,7 +198,8 @@ class ContactSystem:
         p = np.where(self.enforceable, p, 0.0)
         for group in self.groups:
             own = group.rows
-            yield group, RowState(gap[own], p[own], active[own], self.skin_stiffness[own], group.history)
+            kept = group.history[:, : group.law.n_history]
+            yield group, RowState(gap[own], p[own], active[own], self.skin_stiffness[own], kept)
 
     def next_active(self, active: Bools, p: Floats) -> Bools:
         """Return the active set (m,) that the laws ask for after a solve with `active`, without rows along tangents."""
@@ -292,8 +317,26 @@ class ContactSystem:
         return combined(LinearRows(self.rows, np.flatnonzero(rows.active), G, S), slides, Rows.combined)
 
     def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:
-        """Return the history of each pair's law at the end of a step."""
-        return tuple(group.law.commit(state) for group, state in self.states(p, active))
+        """Return the history of each pair's law and friction at the end of a step."""
+        rows = []
+        for group, state in self.states(p, active):
+            own = group.law.commit(state)
+            rows.append(own if group.shear is None else np.hstack([own, self.slid(group, p, active).kept.columns]))
+        return tuple(rows)
+
+    def slid(self, group: RowGroup, p: Floats, active: Bools) -> Slid:
+        """Return what the friction of a pair has done in a step that has converged."""
+        assert group.shear is not None
+        shear, kept = group.shear, group.kept
+        S, w = -shear.vectors(self.G), self.rows.w[shear.normal]
+        closed, sticks = active[shear.normal], shear.vectors(active).any(axis=1)
+        t = np.where(closed[:, None], shear.vectors(p), 0.0)
+        slides = closed & ~sticks & shear.bounds.any
+        slip = np.where(slides[:, None], S / w[:, None], 0.0)
+        energy = w * (t * slip).sum(axis=1)
+        anchor = np.where(sticks[:, None], kept.anchor, kept.anchor + S)
+        now = Kept(anchor, kept.path + np.linalg.norm(slip, axis=1), kept.dissipation + energy)
+        return Slid(t, slip, energy, slides, shear.bounds.at(p[shear.normal])[0], now)
 
     @property
     def exact(self) -> bool:
@@ -317,25 +360,30 @@ class ContactSystem:
 
 
 def contact_system(
-    problem: Problem, interfaces: Sequence[Interface], u: Floats, history: Sequence[Floats] = ()
+    problem: Problem, interfaces: Sequence[Interface], u: Floats, history: Sequence[Floats] = (), t: float = 1.0
 ) -> ContactSystem:
-    """Return the contact rows of all pairs at u (n_dof,), on the unknowns of all nodes, with their laws' histories."""
+    """Return the contact rows of all pairs at u (n_dof,) and time t, on the unknowns of all nodes.
+
+    `history`: that of each pair's law and friction.
+    """
     n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
     groups, first = [], 0
     G: list[Floats] = [np.empty(0)]
     w: list[Floats] = [np.empty(0)]
     covered = [np.empty(0, bool)]
     for k, (pair, face) in enumerate(zip(problem.joints, interfaces, strict=True)):
-        own = slice(first, first + face.B.shape[0])
-        memory = history[k] if history else np.zeros((own.stop - first, pair.law.n_history))
-        group = RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share)
+        bounds, own = pair.bounds(problem.space, t), slice(first, first + face.B.shape[0])
+        shear = None if face.B_T is None or bounds is None else ShearRows.after(own, face.B_T.shape[0], bounds)
+        columns = pair.law.n_history + (0 if shear is None else Kept.n_columns(shear.n_tangents))
+        memory = history[k] if history else np.zeros((own.stop - first, columns))
+        group = RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share, shear)
         groups.append(group)
-        repeat, first = (own.stop - first) // max(len(face.w), 1), own.stop
+        first = group.every.stop
         G.append(group.gaps(u))
-        w.append(np.repeat(face.w, repeat))
-        covered.append(np.repeat(pair.above_threshold(face), repeat))
+        w.append(group.on_rows(face.w))
+        covered.append(group.on_rows(pair.above_threshold(face)))
     on = np.concatenate(covered)
-    B = csr_array(vstack([csr_array((0, n)), *(face.B for face in interfaces)]))
+    B = csr_array(vstack([csr_array((0, n)), *(face.all_rows for face in interfaces)]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
     rows = Rows(B, w_or_1, None if all(g.symmetric for g in groups) else lambda: _derivatives(groups, n))
     return ContactSystem(rows, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))

@@ -87,6 +87,11 @@ class ShearRows(NamedTuple):
     tangential: slice
     bounds: Bounds
 
+    @classmethod
+    def after(cls, normal: slice, n: int, bounds: Bounds) -> ShearRows:
+        """Return those with `n` tangential rows after the normal ones."""
+        return cls(normal, slice(normal.stop, normal.stop + n), bounds)
+
     @property
     def n_tangents(self) -> int:
         """Tangents of a macro-element: 1 in the plane, 2 in space."""

@@ -52,7 +52,9 @@ geometry = "reference"
 measure = "reference"
 initial = "all"
 clearance = "1e-3 * x + t"
-friction = 0
+friction = "0.3 + 0.1 * x"
+cohesion = [[0, 0.0], [1, 2.0]]
+shear_limit = 5
 [[contact]]
 slave = "Group_5"
 master = "Group_6"

@@ -249,7 +249,6 @@ search_distance = 0.7
 coverage_threshold = 0.55
 initial = "all"
 clearance = "0.01 + 0.02 * x"
-friction = 0.0
 geometry = "reference"
 measure = "reference"
 normals = "facet"
@@ -261,6 +260,31 @@ uy = 0.0  # held
 group = "top"
 ux = 0.0  # held
 uy = 0.0  # held
+"""
+
+RUBBED = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+name = "joint"  # held
+slave = "slave"
+master = "master"
+friction = 0.3
+cohesion = 0.2
+shear_limit = 2.2
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[displacement]]
+group = "top"
+ux = 0.1
+uy = -0.06
+[steps]
+count = 2
 """
 
 SUNK = """
@@ -461,7 +485,7 @@ uy = 0.0  # held
 [[displacement]]
 group = "top"
 ux = 0.0  # held
-uy = -0.04  # held
+uy = -0.06  # held
 [solver]
 """
 
@@ -598,6 +622,7 @@ CASES = {
     "springs": KeyCase(cube, SPRINGS),
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
+    "rubbed": KeyCase(plane, RUBBED),
     "sunk": KeyCase(lambda: overhang(-0.8), SUNK),
     "chosen": KeyCase(lambda: overhang(0.6), CHOSEN),
     "tied chosen": KeyCase(lambda: overhang(0.6), CHOSEN.replace("[[contact]]", "[[tie]]")),

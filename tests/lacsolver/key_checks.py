@@ -158,6 +158,17 @@ def check_searched(ran):
     np.testing.assert_allclose(table["area"], 0.25 * 2.5, rtol=1e-12)
 
 
+def check_rubbed(ran):
+    """Everything slides, first at the bound of Coulomb and the cohesion, then at the limit."""
+    zone = ran.results["contact"]["joint"]
+    assert zone["sliding"] > 0 and zone["sticking"] == 0 and zone["slip_max"] > 0.01
+    with (ran.folder / "history.csv").open(newline="") as file:
+        first, last = csv.DictReader(file)
+    push, rub = (abs(float(first[f"contact.joint.{name}"])) for name in ("fy", "friction.x"))
+    assert rub == pytest.approx(0.3 * push + 0.2, rel=1e-9) and push > 3
+    assert abs(float(last["contact.joint.friction.x"])) == pytest.approx(2.2, rel=1e-9)
+
+
 def check_sunk(ran):
     """Bodies that lie deep in one another are parted, where the master stands over the slave."""
     table = ran.table("slave")
@@ -375,6 +386,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "springs": check_springs,
     "rigid": check_rigid,
     "searched": check_searched,
+    "rubbed": check_rubbed,
     "sunk": check_sunk,
     "chosen": check_chosen,
     "tied chosen": check_chosen,

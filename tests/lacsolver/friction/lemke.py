@@ -1,4 +1,4 @@
-"""Lemke's algorithm, and plane friction as a linear complementarity problem (Klarbring): a referee without the solver."""
+"""Lemke's algorithm, and plane friction as a linear complementarity problem (Klarbring): a referee of the solver."""
 
 from __future__ import annotations
 
