@@ -127,7 +127,7 @@ def _sticking(now: States, solved: Solved, bounds: Bounds) -> States:
 
 def _sliding(now: States, solved: Solved, bounds: Bounds) -> States:
     """Rule 2, for macro-elements that slide."""
-    b, pull = bounds.at(solved.p)[0], solved.stiffness[:, None] * solved.s
+    b, pull = np.where(now.slides, bounds.at(solved.p)[0], 0.0), solved.stiffness[:, None] * solved.s
     trial = b[:, None] * now.direction + pull
     back = (solved.s * now.direction).sum(axis=1) < 0
     turns = back & (np.linalg.norm(trial, axis=1) > b) & ~now.turned

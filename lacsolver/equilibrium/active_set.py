@@ -36,6 +36,8 @@ from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residu
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16
+#: reduction with friction, where the size of a traction decides
+_LOOSE_WITH_FRICTION = 0.01
 #: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
 _BLOCKS = 3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
@@ -67,7 +69,7 @@ def active_set_iterates(
     contact = contact_at(q)
     rows = contact.first_rows(start.active, p)
     p = np.where(rows.state, p, 0.0)
-    pivots = Pivots()
+    pivots = Pivots(_LOOSE_WITH_FRICTION if contact.sheared else _LOOSE)
     while True:
         if free.shape[1]:
             load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
@@ -137,7 +139,8 @@ class Pivots:
     only a limited number of times in all.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, reduction: float = _LOOSE) -> None:
+        self._reduction = reduction
         self._seen: set[bytes] = set()
         self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
 
@@ -147,7 +150,7 @@ class Pivots:
         loose = key not in self._seen and self._loose > 0
         self._seen.add(key)
         self._loose -= loose
-        return _LOOSE if loose else 0.0
+        return self._reduction if loose else 0.0
 
     def next(self, rows: RowSet, wanted: RowSet, exact: bool) -> RowSet:
         """Return the next row set after a solve that asks for the set `wanted`."""

@@ -274,7 +274,7 @@ slave = "slave"
 master = "master"
 friction = 0.3
 cohesion = 0.2
-shear_limit = 2.2
+shear_limit = 4.8
 [[displacement]]
 group = "bottom"
 ux = 0.0
@@ -282,7 +282,7 @@ uy = 0.0
 [[displacement]]
 group = "top"
 ux = 0.1
-uy = -0.06
+uy = -0.04
 [steps]
 count = 2
 """
@@ -485,7 +485,7 @@ uy = 0.0  # held
 [[displacement]]
 group = "top"
 ux = 0.0  # held
-uy = -0.06  # held
+uy = -0.04  # held
 [solver]
 """
 

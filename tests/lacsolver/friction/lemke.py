@@ -28,6 +28,9 @@ def lemke(M, q, most=5000):
         row = int(ratio.argmin())
         if ratio[row] == np.inf:
             return None
+        least = np.flatnonzero(ratio <= ratio[row] + 1e-12)
+        last = least[basis[least] == 2 * n]
+        row = int(last[0]) if len(last) else row
     return None
 
 

@@ -1,0 +1,58 @@
+"""Friction on matrices: the loop against Lemke's algorithm in the plane, against the law itself in space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lacsolver.contact.friction import Bounds, defect
+from tests.lacsolver.friction.lemke import plane_friction
+from tests.lacsolver.friction.small import coulomb, half_space, solve
+
+POINTS = 12
+
+
+def problem(seed, tangents):
+    """Matrices, forces, gaps, slips at the start and a coefficient, at random: rows open, close, stick, slide."""
+    rng = np.random.default_rng(seed)
+    K, B = half_space(POINTS, tangents, seed)
+    f = B.T @ np.concatenate([rng.normal(0.5, 1, POINTS), rng.normal(size=tangents * POINTS)])
+    slip = 0.3 * rng.normal(size=tangents * POINTS)
+    return K, B, f, rng.uniform(0, 0.5, POINTS), slip, rng.choice([0.1, 0.3, 0.6, 1.0])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_plane_is_as_lemke_finds_it(seed):
+    K, B, f, G, slip, mu = problem(seed, 1)
+    outcome = solve(K, B, f, G, coulomb(mu, POINTS), 1, slip=slip)
+    expected = plane_friction(B @ np.linalg.solve(K, B.T), B @ np.linalg.solve(K, f), G, slip, mu)
+    assert outcome.converged and len(outcome.residuals) <= 12 and expected is not None
+    np.testing.assert_allclose(outcome.iterate.p, np.concatenate(expected), atol=1e-10)
+
+
+@pytest.mark.parametrize("limit", [np.inf, 0.2])
+@pytest.mark.parametrize("cohesion", [0.0, 0.1])
+@pytest.mark.parametrize("tangents", [1, 2])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_law_is_fulfilled(seed, tangents, cohesion, limit):
+    K, B, f, G, slip, mu = problem(100 + seed, tangents)
+    bounds = Bounds(np.full(POINTS, mu), np.full(POINTS, cohesion), np.full(POINTS, limit))
+    outcome = solve(K, B, f, G, bounds, tangents, slip=slip)
+    assert outcome.converged
+    u, (p, t) = outcome.iterate.q, np.split(outcome.iterate.p, [POINTS])
+    gap, S = G - (B @ u)[:POINTS], ((B @ u)[POINTS:] - slip).reshape(POINTS, -1)
+    assert np.abs(np.minimum(p, gap)).max() <= 1e-9
+    t, b = t.reshape(POINTS, -1), bounds.at(p)[0]
+    assert np.abs(defect(t, S, b, np.ones(POINTS))).max() <= 1e-9
+    assert (t * S).sum(axis=1).min() >= -1e-9
+
+
+@pytest.mark.parametrize("tangents", [1, 2])
+@pytest.mark.parametrize("seed", range(4))
+def test_units_do_not_matter(seed, tangents):
+    """Lengths times 1e3, stresses times 1e-6: the same iterations."""
+    K, B, f, G, slip, mu = problem(seed, tangents)
+    one = solve(K, B, f, G, coulomb(mu, POINTS), tangents, slip=slip)
+    other = solve(K * 1e-9, B, f * 1e-6, G * 1e3, coulomb(mu, POINTS), tangents, slip=slip * 1e3)
+    assert len(one.residuals) == len(other.residuals)
+    np.testing.assert_allclose(other.iterate.p, one.iterate.p * 1e-6, atol=1e-16)
