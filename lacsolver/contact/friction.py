@@ -38,12 +38,12 @@ class Bounds(NamedTuple):
     @property
     def rough(self) -> Bools:
         """True where a closed macro-element never slides."""
-        return np.isinf(self.friction) & np.isinf(self.limit)
+        return np.asarray(np.isinf(self.friction) & np.isinf(self.limit))
 
     @property
     def any(self) -> Bools:
         """True where there is friction at all."""
-        return (self.friction > 0) | (self.cohesion > 0)
+        return np.asarray((self.friction > 0) | (self.cohesion > 0))
 
     def at(self, p: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return the bound b (m,) at pressures p (m,), and its slope b' (m,).
@@ -88,7 +88,7 @@ class States(NamedTuple):
 
 
 class Solved(NamedTuple):
-    """What a solve gave: pressures `p` (m,), tractions `t` (m, k), mean slips `s` (m, k), lengths.
+    """Solution of the last system: pressures `p` (m,), tractions `t` (m, k), mean slips `s` (m, k), lengths.
 
     `pressing` (m,): pressures that would close the overlaps, 0 for open gaps. `presses` (m,): True where the law of
     the pressure asks for contact. `stiffness` (m,): c_T.
@@ -133,7 +133,7 @@ def _sliding(now: States, solved: Solved, bounds: Bounds) -> States:
     turns = back & (np.linalg.norm(trial, axis=1) > b) & ~now.turned
     sticks = solved.presses & back & ~turns
     goes_on = np.where(turns[:, None], trial, solved.t + pull)
-    direction = np.where(goes_on.any(axis=1)[:, None], unit(goes_on), now.direction)
+    direction = np.where(np.any(goes_on, axis=1, keepdims=True), unit(goes_on), now.direction)
     slides = solved.presses & ~sticks
     return States(solved.presses, sticks, np.where(slides[:, None], direction, 0.0), now.turned | (slides & turns))
 
@@ -174,7 +174,7 @@ def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.flo
 
 
 class Kept(NamedTuple):
-    """What friction keeps from step to step of m macro-elements with k tangents each.
+    """History of the friction of m macro-elements with k tangents each.
 
     `anchor` (m, k): B_T u where the slip is counted from: that of the last state in which the macro-element slid or was
     open. `path` (m,): length of its slips so far; `dissipation` (m,): energy that they have taken.
@@ -201,7 +201,7 @@ class Kept(NamedTuple):
 
 
 class Slid(NamedTuple):
-    """What friction has done in a step: tractions `t` (m, k), slips (m, k), `energy` taken (m,), `slides` (m,).
+    """Friction of a step: tractions `t` (m, k), slips (m, k), `energy` taken (m,), `slides` (m,).
 
     `bound` (m,): b at the end; `kept`: what the next step starts from.
     """

@@ -117,7 +117,7 @@ class RowGroup:
 
     @property
     def kept(self) -> Kept:
-        """What friction keeps of the last step."""
+        """History of friction at the end of the last step."""
         assert self.shear is not None
         return Kept.of(self.history[:, self.law.n_history :], self.shear.n_tangents)
 
@@ -229,7 +229,7 @@ class ContactSystem:
             return RowSet.of(closed)
 
         def states(shear: ShearRows) -> States:
-            sticks = shear.vectors(active).any(axis=1)
+            sticks = np.asarray(shear.vectors(active).any(axis=1))
             return States.of(closed[shear.normal], sticks, shear.vectors(p), shear.bounds)
 
         return self._row_set(closed, states)
@@ -329,7 +329,7 @@ class ContactSystem:
         assert group.shear is not None
         shear, kept = group.shear, group.kept
         S, w = -shear.vectors(self.G), self.rows.w[shear.normal]
-        closed, sticks = active[shear.normal], shear.vectors(active).any(axis=1)
+        closed, sticks = active[shear.normal], np.asarray(shear.vectors(active).any(axis=1))
         t = np.where(closed[:, None], shear.vectors(p), 0.0)
         slides = closed & ~sticks & shear.bounds.any
         slip = np.where(slides[:, None], S / w[:, None], 0.0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.contact.friction import Bounds, Solved, States
+from lacsolver.contact.friction import Bounds, States
 from lacsolver.contact.laws import Bools
 
 #: states of rows: not in the system, an equation of it, and rows along the tangents of a macro-element that slides, in
@@ -77,7 +77,9 @@ class RowSet(NamedTuple):
 
     def same(self, same: Callable[[NDArray], NDArray]) -> RowSet:
         """Return the set as the first of several processes has it; `same` does that for an array."""
-        return RowSet(same(self.state), *(same(own) if len(own) else own for own in self[1:3]), self.macro)
+        if not len(self.macro):
+            return RowSet(same(self.state))
+        return RowSet(same(self.state), same(self.direction), same(self.turned), self.macro)
 
 
 class ShearRows(NamedTuple):
@@ -102,7 +104,7 @@ class ShearRows(NamedTuple):
         """Numbers (macro-elements, tangents) of the tangential rows."""
         return np.arange(self.tangential.start, self.tangential.stop).reshape(-1, max(self.n_tangents, 1))
 
-    def vectors(self, rows: Floats) -> NDArray[np.floating]:
+    def vectors(self, rows: NDArray) -> NDArray:
         """Return the values (macro-elements, tangents) of tangential rows, of those (m,) of all rows."""
         return rows[self.tangential].reshape(-1, max(self.n_tangents, 1))
 
@@ -227,6 +229,3 @@ def _turns(one: Slides) -> Iterator[tuple[Ints, Ints, Floats]]:
 def _matrix(entries: Iterable[tuple[Ints, Ints, Floats]], m: int) -> csr_array:
     row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
     return coo_array((value, (row, column)), shape=(m, m)).tocsr()
-
-
-__all__ = ["IN", "OUT", "SLIDES", "LinearRows", "RowSet", "ShearRows", "Slides", "Solved", "combined"]
