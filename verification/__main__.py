@@ -2,6 +2,6 @@
 
 import sys
 
-from verification.cli import main
+from lacmesh.__main__ import start
 
-sys.exit(main())
+sys.exit(start("verification"))

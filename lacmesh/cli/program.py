@@ -58,16 +58,14 @@ class Program:
 
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run the program and return its exit status; every failure ends in a message and a status."""
-        collects, often = gc.isenabled(), gc.get_threshold()
-        gc.set_threshold(SELDOM)  # what is imported is never garbage: to look for it takes a tenth of a start
-        if not self.collects:
-            gc.disable()
+        before, often = gc.isenabled(), gc.get_threshold()
+        gc.set_threshold(SELDOM)
+        (gc.enable if self.collects else gc.disable)()
         try:
             return self._main(argv)
         finally:
             gc.set_threshold(*often)
-            if collects:
-                gc.enable()
+            (gc.enable if before else gc.disable)()
 
     @cached_property
     def parser(self) -> argparse.ArgumentParser:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import re
+import sys
 import weakref
 from contextlib import suppress
 from ctypes.util import find_library
@@ -25,6 +26,8 @@ _POSITIVE_DEFINITE = 2
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _NOT_POSITIVE = -4
 _REASONS = {-2: "the memory does not suffice", -3: "its ordering failed", -8: "its 32-bit numbers do not suffice"}
+#: names by which the system's loader may know the library: `find_library` would start a C compiler to look for it
+_LOADED_AS = ("libmkl_rt.so", "libmkl_rt.so.3", "libmkl_rt.so.2", "libmkl_rt.so.1", "libmkl_rt.dylib")
 _NAME = re.compile(r"libmkl_rt\.so[.\d]*|libmkl_rt[.\d]*\.dylib|mkl_rt[.\d]*\.dll")
 
 
@@ -41,8 +44,8 @@ def _candidates() -> list[str]:
     paths = []
     with suppress(metadata.PackageNotFoundError):
         paths = [str(f.locate()) for f in metadata.files("mkl") or [] if _NAME.fullmatch(f.name)]
-    elsewhere = find_library("mkl_rt")
-    return [*paths, elsewhere] if elsewhere else paths
+    elsewhere = (find_library("mkl_rt"),) if sys.platform == "win32" else _LOADED_AS
+    return [*paths, *filter(None, elsewhere)]
 
 
 class _Pardiso:
