@@ -77,12 +77,12 @@ class DeckCard:
     @cached_property
     def data(self) -> tuple[DataLine, ...]:
         """The data lines, without comments and blank lines."""
-        found = []
+        lines = []
         for part in self.body:
             for k, text in enumerate(part.text.splitlines()):
                 if text.strip() and not text.lstrip().startswith("**"):
-                    found.append(DataLine(text, part.file, part.line + k))
-        return tuple(found)
+                    lines.append(DataLine(text, part.file, part.line + k))
+        return tuple(lines)
 
 
 @dataclass(frozen=True)
@@ -159,9 +159,9 @@ class Deck:
 
     def surface_group(self, name: str) -> tuple[str, str] | None:
         """Type of the surface that a card means by `name`, and its group: ELEMENT, of cells; NODE, of nodes."""
-        found = [(kind, self.surfaces[kind, key_of(name)]) for kind in ("ELEMENT", "NODE")
+        groups = [(kind, self.surfaces[kind, key_of(name)]) for kind in ("ELEMENT", "NODE")
                  if (kind, key_of(name)) in self.surfaces]  # fmt: skip
-        return found[0] if found else None
+        return groups[0] if groups else None
 
     def followed(self, child: Ints, parent: Ints, added: tuple[NewNodes, ...]) -> Deck:
         """The deck of a mesh in which elements were replaced, both by number (c,), and nodes were added."""

@@ -67,7 +67,7 @@ def facts_text(title: str, facts: Mapping[str, str]) -> str:
       cells  1 QUAD4
     """
     wide = max(map(len, facts), default=0)
-    rows = [_cut(f"  {name:<{wide}}  {told}") for name, told in facts.items()]
+    rows = [_cut(f"  {name:<{wide}}  {fact}") for name, fact in facts.items()]
     if len(rows) >= _LINES:
         rows = [*rows[: _LINES - 2], f"  and {len(rows) - _LINES + 2} more"]
     return "\n".join([title, *rows])
@@ -76,8 +76,8 @@ def facts_text(title: str, facts: Mapping[str, str]) -> str:
 def facts_html(title: str, facts: Mapping[str, str], picture: str = "") -> str:
     """Return a small table of the facts; `picture`: HTML that is put below it."""
     rows = "".join(
-        f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(told)}</td></tr>'
-        for name, told in facts.items()
+        f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(fact)}</td></tr>'
+        for name, fact in facts.items()
     )
     return f"<div><b>{escape(title)}</b><table>{rows}</table>{picture}</div>"
 

@@ -136,12 +136,12 @@ class Mesh(Described):
     deck: Deck | None = None
 
     def __post_init__(self) -> None:
-        made: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}
-        made |= {name: fixed(getattr(self, name)) for name in ("points", "node_number", "cell_number")}
-        made |= {name: _fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
+        values: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}
+        values |= {name: fixed(getattr(self, name)) for name in ("points", "node_number", "cell_number")}
+        values |= {name: _fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
         if self.file_order is not None:
-            made["file_order"] = fixed(self.file_order)
-        for name, value in made.items():
+            values["file_order"] = fixed(self.file_order)
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -164,16 +164,16 @@ class Mesh(Described):
         space_dim = rest.pop("space_dim", None)
         if points.shape[1] < 3:
             points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
-        made = tuple(_block(kind, nodes, len(points)) for kind, nodes in blocks)
-        names = [b.type for b in made]
+        typed = tuple(_block(kind, nodes, len(points)) for kind, nodes in blocks)
+        names = [b.type for b in typed]
         if len(set(names)) < len(names):
             raise ValueError(f"one block a cell type, not {names}")
         if rest.get("file_order") is not None:
             rest["file_order"] = np.asarray(rest["file_order"])
         if space_dim is None:
-            solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in made)
+            solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in typed)
             space_dim = 3 if solid or np.any(points[:, 2]) else 2
-        n_cells = sum(len(b.nodes) for b in made)
+        n_cells = sum(len(b.nodes) for b in typed)
         for key, size in (("node_number", len(points)), ("cell_number", n_cells)):
             rest[key] = np.asarray(rest[key] if size and key in rest else np.arange(1, size + 1))
         for key in ("cell_groups", "node_groups"):
@@ -181,7 +181,7 @@ class Mesh(Described):
             rest[key] = {name: _members(name, ids, size) for name, ids in rest.get(key, {}).items()}
         for key in ("cell_data", "node_data"):
             rest[key] = {name: np.asarray(values) for name, values in rest.get(key, {}).items()}
-        mesh = cls(points=points, blocks=made, space_dim=space_dim, **rest)
+        mesh = cls(points=points, blocks=typed, space_dim=space_dim, **rest)
         mesh._check_sizes()
         return mesh
 
@@ -304,11 +304,11 @@ class Mesh(Described):
         parts = spec.split(":")
         if len(parts) <= 2 and all(p.strip().isdigit() for p in parts):
             wanted = tuple(int(p) for p in parts)
-            found = [n for n, tags in self.group_tags.items() if any(t[-len(wanted) :] == wanted for t in tags)]
-            if len(found) == 1:
-                return found[0]
-            if found:
-                raise RequestError(f"tag {spec} means several groups ({', '.join(sorted(found))}); say dimension:tag")
+            names = [n for n, tags in self.group_tags.items() if any(t[-len(wanted) :] == wanted for t in tags)]
+            if len(names) == 1:
+                return names[0]
+            if names:
+                raise RequestError(f"tag {spec} means several groups ({', '.join(sorted(names))}); say dimension:tag")
         raise GroupNotFoundError(spec, self.cell_groups, hint=self._entity_hint())
 
     @property
@@ -340,11 +340,11 @@ class Mesh(Described):
         return self.cell_groups[self.group(spec)]
 
     def _cells_of_entity(self, spec: str) -> Ints:
-        found = np.flatnonzero((self.entity_of_cell == entity_tag(spec)).all(axis=1))
-        if not len(found):
+        cells = np.flatnonzero((self.entity_of_cell == entity_tag(spec)).all(axis=1))
+        if not len(cells):
             known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
             raise GroupNotFoundError(spec, known, "entity")
-        return found
+        return cells
 
     def cell_names(self, cells: Iterable[int]) -> str:
         """Format the ids in the file of some cells for a message."""

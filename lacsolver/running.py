@@ -176,14 +176,14 @@ class RunOutput:
         """Complete the results of a finished run, warn of what is doubtful in them, and write them."""
         problem, last = self._problem, self._last
         messages = problem.space.share.texts([*self._doubts()])
-        held: tuple[str, ...] = ()
+        modes: tuple[str, ...] = ()
         loads: tuple[Resultant, ...] = ()
         if last is not None:
-            held = tuple(motion.words for motion in last.held if np.isnan(motion.part))
+            modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
             weight = None if problem.inertia is None else problem.inertia.weight
             loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
         message = "\n".join(messages)
-        self.results = replace(self.results, status="done", held=held, message=message, loads=loads, **self._spent())
+        self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:
             warnings.warn(LacmeshWarning(message), stacklevel=4)
         writer = self._writer or self._open()

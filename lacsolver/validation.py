@@ -103,30 +103,30 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
     """
     case = as_case(case)
     mesh = mesh_of(case, mesh)
-    found = Validation(mesh)
-    parts = build(case, mesh, found.looking)
+    validation = Validation(mesh)
+    parts = build(case, mesh, validation.looking)
     case = parts.case
-    found.mesh, found.cut_here = parts.mesh, parts.mesh.n_cells > mesh.n_cells
-    found.whole = parts.prepared and _whole(parts.mesh)
+    validation.mesh, validation.cut_here = parts.mesh, parts.mesh.n_cells > mesh.n_cells
+    validation.whole = parts.prepared and _whole(parts.mesh)
     if parts.space is not None:
-        found.dim = parts.space.dim
-        _look_at_loads(case, parts, found)
+        validation.dim = parts.space.dim
+        _look_at_loads(case, parts, validation)
     if parts.constraints is not None:
-        found.unknowns = parts.constraints.n_q
-        with found.looking():
+        validation.unknowns = parts.constraints.n_q
+        with validation.looking():
             _check_solver(case, parts.constraints.n_q)
     if parts.space is not None:
-        before = len(found.problems)
-        faces = _zones(case, parts, found)
-        whole = len(faces) == len(case.contact) + len(case.tie) and len(found.problems) == before
+        before = len(validation.problems)
+        faces = _zones(case, parts, validation)
+        whole = len(faces) == len(case.contact) + len(case.tie) and len(validation.problems) == before
         if parts.constraints is not None and whole and (case.dynamics is None or case.dynamics.start > 0):
-            _look_at_motions(case, parts.constraints, faces, found)
+            _look_at_motions(case, parts.constraints, faces, validation)
         if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:
-            with found.looking():
+            with validation.looking():
                 problem = Problem(case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs))
-                found.motion = motion_found(problem)
-    found.problems = list(dict.fromkeys(found.problems))
-    return found
+                validation.motion = motion_found(problem)
+    validation.problems = list(dict.fromkeys(validation.problems))
+    return validation
 
 
 def _check_solver(case: Case, n: int) -> None:
@@ -142,29 +142,29 @@ def _whole(mesh: Mesh) -> bool:
     return is_cut(mesh) and Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0)
 
 
-def _look_at_loads(case: Case, parts: ProblemParts, found: Validation) -> None:
+def _look_at_loads(case: Case, parts: ProblemParts, validation: Validation) -> None:
     """Evaluate each load by itself at the first and at the last time."""
     space, materials = parts.space, parts.materials
     if space is None or materials is None:
         return
-    before = len(found.problems)
+    before = len(validation.problems)
     for record, alone in each_load(case):
-        with found.looking(record.place):
+        with validation.looking(record.place):
             for t in {case.steps.planned[0], case.steps.last}:
                 acting.load(space, materials, alone, t)
-    if len(found.problems) == before:
-        found.loads = resultants(space, materials, case, case.steps.last)
+    if len(validation.problems) == before:
+        validation.loads = resultants(space, materials, case, case.steps.last)
 
 
-def _zones(case: Case, parts: ProblemParts, found: Validation) -> list[tuple[ContactPair, Interface]]:
-    """Return the contact pairs with their interfaces at the start; add the zones and mistakes to `found`."""
+def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tuple[ContactPair, Interface]]:
+    """Return the contact pairs with their interfaces at the start; add the zones and mistakes to the validation."""
     faces: list[tuple[ContactPair, Interface]] = []
     space = parts.space
     for pair in parts.pairs:
         assert space is not None
-        with found.looking(pair.record.place):
+        with validation.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            found.zones.append(_zone_found(pair, face, space))
+            validation.zones.append(_zone_found(pair, face, space))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
@@ -185,15 +185,15 @@ def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
 
 
 def _look_at_motions(
-    case: Case, constraints: Constraints, faces: list[tuple[ContactPair, Interface]], found: Validation
+    case: Case, constraints: Constraints, faces: list[tuple[ContactPair, Interface]], validation: Validation
 ) -> None:
     """Find rigid-body motions that only contact constrains, and report those that nothing constrains as a mistake."""
     space = constraints.space
     springs = None
     for probe in case.probe:
-        with found.looking():
+        with validation.looking():
             nodes_of(space, probe)
-    with found.looking():
+    with validation.looking():
         springs = acting.springs(space, case)
     motions = free_motions(space, constraints, springs)
     if not motions:
@@ -203,9 +203,9 @@ def _look_at_motions(
     if free:
         said = "; ".join(describe(motion) for motion in free)
         message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
-        found.problems.append(Issue(message))
+        validation.problems.append(Issue(message))
     else:
-        found.held = [describe(motion) for motion in motions]
+        validation.held = [describe(motion) for motion in motions]
 
 
 def _paired_rows(joint: ContactPair, face: Interface) -> csr_array:

@@ -31,6 +31,7 @@ class Module(NamedTuple):
     first_lines: list[tuple[int, str]]
     changed: list[tuple[int, str]]
     texts: list[tuple[int, str]]
+    locals: list[tuple[int, str]]
 
 
 @cache
@@ -43,8 +44,8 @@ def module(path: Path) -> Module:
     """The names, docstrings, questions and strings of a module."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     nodes = list(ast.walk(tree))
-    found = (public_types(tree), documented(nodes), changed_by_questions(nodes), texts(nodes))
-    return Module(path.relative_to(ROOT), *map(list, found))
+    facts = (public_types(tree), documented(nodes), changed_by_questions(nodes), texts(nodes), local_names(nodes))
+    return Module(path.relative_to(ROOT), *map(list, facts))
 
 
 def public_types(tree: ast.Module) -> Iterator[str]:
@@ -115,6 +116,40 @@ def changed_by_questions(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_nothing_that_reads_as_a_question_changes_what_it_is_asked_of(package):
     assert [f"{one.path}:{line}: {name}" for one in modules(package) for line, name in one.changed] == []
+
+
+#: locals and arguments that say that something was computed, and not which quantity it is
+EMPTY_NAMES = {"found", "made", "told", "held"}
+#: packages where a quantity may still have such a name
+NOT_YET_NAMED = (
+    "lacmesh/formats", "lacsolver/bodies", "lacsolver/contact", "lacsolver/equilibrium", "lacsolver/results",
+    "lacsolver/saddle",
+)  # fmt: skip
+
+
+def local_names(nodes: list[ast.AST]) -> Iterator[tuple[int, str]]:
+    """Line and name of everything that a module assigns to, and of every argument; without the fields of records."""
+    bodies = (one for node in nodes if isinstance(node, ast.ClassDef) for one in node.body)
+    fields = {id(one.target) for one in bodies if isinstance(one, ast.AnnAssign)}
+    for node in nodes:
+        if isinstance(node, ast.arg):
+            yield node.lineno, node.arg
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and id(node) not in fields:
+            yield node.lineno, node.id
+
+
+def test_an_empty_name_is_seen_where_it_is_a_local_and_not_where_it_is_a_field():
+    code = "class A:\n    held: int\ndef f(told):\n    made = told\n    found: int = made\n"
+    names = [name for _, name in local_names(list(ast.walk(ast.parse(code)))) if name in EMPTY_NAMES]
+    assert sorted(names) == ["found", "made", "told"]
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_locals_are_named_after_their_quantities(package):
+    bad = [f"{one.path}:{line}: {name}" for one in modules(package)
+           if not one.path.as_posix().startswith(NOT_YET_NAMED)
+           for line, name in one.locals if name in EMPTY_NAMES]  # fmt: skip
+    assert bad == []
 
 
 #: words that pages, messages and docstrings no longer use (docs/conventions.md has what is used instead)

@@ -61,8 +61,8 @@ def _complaint(python: str) -> str:
     """The reason why a Python cannot start PETSc, '' if it can."""
     if not mpiexec(python):
         return "the program mpiexec is not installed (Debian: openmpi-bin)"
-    told = _finished([python, "-c", _TRY])
-    return "" if not told.returncode else told.stderr.strip().splitlines()[-1].partition(": ")[2]
+    process = _finished([python, "-c", _TRY])
+    return "" if not process.returncode else process.stderr.strip().splitlines()[-1].partition(": ")[2]
 
 
 def run(n: int, arguments: Sequence[object], timeout: float) -> subprocess.CompletedProcess[str]:

@@ -134,8 +134,8 @@ def balance_of(problem: Problem, u: Floats, forces: Sequence[Floats]) -> Balance
 
 def worst(balances: Iterable[Balance]) -> Balance:
     """The largest of several balances, of forces and of moments."""
-    found = list(balances)
-    return Balance(max(b.force for b in found), max(b.moment for b in found))
+    listed = list(balances)
+    return Balance(max(b.force for b in listed), max(b.moment for b in listed))
 
 
 def with_true_gap(problem: Problem, gap: Callable[[Floats, Floats], Floats]) -> Problem:

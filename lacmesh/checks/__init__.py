@@ -90,32 +90,32 @@ def check(
     }
     origin = origin_of_mesh(mesh) * [not axisymmetric, 1.0, 1.0]
     local = from_origin(mesh, origin)
-    slaves, masters, held = (_listed(specs) for specs in (slave, master, dirichlet))
+    slaves, masters, fixed = (_listed(specs) for specs in (slave, master, dirichlet))
     if pairs is None:
         check_one_pair(slaves, masters)
-    subject = make_subject(local, slaves, masters, held, options, origin, recognise)
-    found: list[Finding] = []
+    subject = make_subject(local, slaves, masters, fixed, options, origin, recognise)
+    findings: list[Finding] = []
     figures: dict[str, Any] = {"slave": list(subject.slave.names), "slave_faces": len(subject.slave)}
     if subject.master is not None:
         figures |= {"master": list(subject.master.names), "master_faces": len(subject.master)}
     alone = [
-        make_subject(local, (spec_text(one),), (spec_text(other),), held, options, origin, recognise)
+        make_subject(local, (spec_text(one),), (spec_text(other),), fixed, options, origin, recognise)
         for one, other in pairs or ()
     ]
     if len(alone) > 1:
         figures["pairs"] = [{"slave": one.slave.group, "master": one.sides[1].group} for one in alone]
     for part in _parts(mesh):
         if len(alone) > 1 and part.__name__ in _BY_PAIR:
-            found += _done(part, replace(subject, master=None))[0] if part.__name__ == "check_sharing" else []
-            for one, told in zip(alone, figures["pairs"], strict=True):
+            findings += _done(part, replace(subject, master=None))[0] if part.__name__ == "check_sharing" else []
+            for one, figures_of_pair in zip(alone, figures["pairs"], strict=True):
                 more, what = _done(part, one)
-                found += [_of_pair(finding, one) for finding in more]
-                told |= what
+                findings += [_of_pair(finding, one) for finding in more]
+                figures_of_pair |= what
         else:
             more, what = _done(part, subject)
-            found += more
+            findings += more
             figures |= what
-    return collect(list(dict.fromkeys(found)), figures)
+    return collect(list(dict.fromkeys(findings)), figures)
 
 
 def _of_pair(finding: Finding, pair: Subject) -> Finding:

@@ -27,7 +27,7 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     bodies = subject.bodies
     count = int(bodies.max(initial=-1)) + 1
     figures: dict[str, Any] = {"bodies": count}
-    found = []
+    findings = []
     if count:
         message = f"the cells make {counted(count, 'body', 'separate bodies')}"
         message += f" ({_named(subject, np.arange(count))})" if count > 1 else ""
@@ -44,14 +44,14 @@ def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
                 if len(common)
                 else "; slave and master are on different ones"
             )
-        found.append(subject.found("bodies", message))
+        findings.append(subject.found("bodies", message))
     rows, facet = subject.facets.boundary
     corners = subject.facets.corners(rows, facet)
     nodes = np.unique(corners[corners >= 0])
     nodes = nodes[subject.finite[nodes]]
-    found += _coincident(subject, corners, nodes)
-    found += _torn(subject, corners, nodes)
-    return found, figures
+    findings += _coincident(subject, corners, nodes)
+    findings += _torn(subject, corners, nodes)
+    return findings, figures
 
 
 def _named(subject: Subject, bodies: Ints) -> str:
@@ -209,15 +209,15 @@ def hanging_nodes(subject: Subject, side: CheckedSkin) -> Ints:
 
 def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Find hanging nodes of a skin, and faces of a skin that cross or overlap."""
-    found = []
+    findings = []
     for side in subject.sides:
         hanging = hanging_nodes(subject, side)
         if len(hanging):
             message = counted(len(hanging), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
             message += f" inside edges of its other faces ({subject.node_numbers(hanging)}); mesh the skin conformingly"
-            found.append(subject.found("hanging-node", message, nodes=hanging, group=side.group))
-        found += _crossing(subject, side)
-    return found, {}
+            findings.append(subject.found("hanging-node", message, nodes=hanging, group=side.group))
+        findings += _crossing(subject, side)
+    return findings, {}
 
 
 def _crossing(subject: Subject, side: CheckedSkin) -> list[Finding]:

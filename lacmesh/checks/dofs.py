@@ -69,10 +69,10 @@ def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
     """Count the internal nodes of the macro-elements that own them."""
-    boundary, held = np.zeros((2, subject.mesh.n_nodes), bool)
+    boundary, fixed = np.zeros((2, subject.mesh.n_nodes), bool)
     boundary[_boundary_nodes(subject)] = True
-    held[subject.fixed] = True
-    kinds = internal, internal & ~boundary, internal & ~held, internal & ~boundary & ~held
+    fixed[subject.fixed] = True
+    kinds = internal, internal & ~boundary, internal & ~fixed, internal & ~boundary & ~fixed
     return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
 
 

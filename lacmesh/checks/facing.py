@@ -66,13 +66,13 @@ def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         facing = _Facing.of(subject)
     except DataError as error:
         return [_left_out(subject, str(error))], {}
-    found = [*_coverage(subject, facing), *_facing_away(subject, facing), *_behind(subject, facing)]
+    findings = [*_coverage(subject, facing), *_facing_away(subject, facing), *_behind(subject, facing)]
     if not len(facing.points):
-        return found, {"covered": 0.0}
+        return findings, {"covered": 0.0}
     gap, figures = _gap(subject, facing)
     if not np.isfinite([*figures["gap"].values(), figures["covered"]]).all():
-        return [*found, _left_out(subject, "lengths are too large or too small to be multiplied")], {}
-    return [*found, gap, *_sizes(subject, facing)], figures
+        return [*findings, _left_out(subject, "lengths are too large or too small to be multiplied")], {}
+    return [*findings, gap, *_sizes(subject, facing)], figures
 
 
 def _left_out(subject: Subject, why: str) -> Finding:

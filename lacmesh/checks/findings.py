@@ -122,8 +122,8 @@ def counted(n: int, one: str, many: str | None = None) -> str:
     return f"{n:,} {one if n == 1 else many or one + 's'}"
 
 
-def collect(found: list[Finding], figures: Mapping[str, Any]) -> Findings:
+def collect(findings: list[Finding], figures: Mapping[str, Any]) -> Findings:
     """Sort the findings, errors first, and add the summary."""
-    ranked = sorted(found, key=lambda f: SEVERITIES.index(f.severity))
-    counts = {severity: sum(f.severity == severity for f in found) for severity in SEVERITIES}
+    ranked = sorted(findings, key=lambda f: SEVERITIES.index(f.severity))
+    counts = {severity: sum(f.severity == severity for f in findings) for severity in SEVERITIES}
     return Findings(tuple(ranked), {"ok": counts["error"] == 0, **counts, **figures})

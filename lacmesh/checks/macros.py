@@ -59,16 +59,16 @@ def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> M
     elif is_cut(mesh) and not faults:
         own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
     elif len(side):
-        found = find_macros(mesh, slave_skin(mesh, side.names))
-        if found.n_cut and (recognise or not found.doubt):
+        recognised_cut = find_macros(mesh, slave_skin(mesh, side.names))
+        if recognised_cut.n_cut and (recognise or not recognised_cut.doubt):
             recognised = True
-            own = as_cut(mesh, found).macro_of_face[side.cells].astype(np.int64)
-    made = own >= 0
+            own = as_cut(mesh, recognised_cut).macro_of_face[side.cells].astype(np.int64)
+    whole = own >= 0
     last = int(own.max(initial=-1))
-    own[~made] = last + 1 + np.arange(np.count_nonzero(~made))
+    own[~whole] = last + 1 + np.arange(np.count_nonzero(~whole))
     values, of_face = np.unique(own, return_inverse=True)
     number = np.where((values <= last) & (not recognised), values, -1)
-    return Macros(of_face, len(values), made, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+    return Macros(of_face, len(values), whole, _WHOLE[side.faces.type], number, recognised, tuple(faults))
 
 
 def _faults(mesh: Mesh) -> list[Fault]:

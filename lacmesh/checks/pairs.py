@@ -23,11 +23,11 @@ def split_pairs(mesh: Mesh, texts: Sequence[str]) -> list[Pair]:
 
 def _split(mesh: Mesh, text: str) -> Pair:
     sides = [(text[:k], text[k + 1 :]) for k, letter in enumerate(text) if letter == ":"]
-    found = [(slave, master) for slave, master in sides if _is_group(mesh, slave) and _is_group(mesh, master)]
-    if len(found) == 1:
-        return found[0]
-    if found:
-        readings = " or ".join(f"slave {slave!r} with master {master!r}" for slave, master in found)
+    pairs = [(slave, master) for slave, master in sides if _is_group(mesh, slave) and _is_group(mesh, master)]
+    if len(pairs) == 1:
+        return pairs[0]
+    if pairs:
+        readings = " or ".join(f"slave {slave!r} with master {master!r}" for slave, master in pairs)
         raise RequestError(f"--pair {quote(text)} is {readings}; name one of the groups by its tag, or rename it")
     if not sides:
         raise RequestError(f"--pair {quote(text)} has no colon; write it as SLAVE:MASTER")

@@ -87,13 +87,13 @@ def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bo
     expected = np.where(fitting, number[owner], -1)
     known = np.isin(recorded, number[number >= 0]) | ~np.isin(recorded, cut.macro_of_face)
     odd = np.flatnonzero((recorded >= 0) & known & (recorded != expected))
-    found = []
+    faults = []
     if len(odd):
         message = "lac_internal names nodes that carry no internal dof of the macro-element named"
-        found.append(Fault(f"{message} (nodes {some(mesh.node_number[odd], 8)})", nodes=odd))
+        faults.append(Fault(f"{message} (nodes {some(mesh.node_number[odd], 8)})", nodes=odd))
     lacking = number[owning & (number >= 0) & ~np.isin(number, recorded)]
     if len(lacking):
         cells = np.flatnonzero(np.isin(cut.macro_of_face, lacking))
         message = f"lac_internal names no node of {len(lacking):,} of the macro-elements"
-        found.append(Fault(f"{message} (slave faces {some(mesh.cell_number[cells], 8)})", cells))
-    return found
+        faults.append(Fault(f"{message} (slave faces {some(mesh.cell_number[cells], 8)})", cells))
+    return faults

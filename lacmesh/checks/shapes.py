@@ -16,7 +16,7 @@ from lacmesh.surface.record import Surface
 
 def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Report the shapes of each curved group, and groups that are too coarse to be treated as smooth."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     shapes: dict[str, Any] = {}
     for side in subject.sides:
         for zone, name in enumerate(side.names):
@@ -28,19 +28,19 @@ def check_shapes(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             except DataError:  # faces without a normal: `facing-left-out` says it
                 continue
             smooth = smooth_of(subject.cut_mesh, surface, subject.options["crease_angle"])
-            made = fitted_shapes(smooth, surface)
-            if not all(one.flat for one in made):
-                at = [one if one.centre is None else replace(one, centre=one.centre + subject.origin) for one in made]
+            fitted = fitted_shapes(smooth, surface)
+            if not all(one.flat for one in fitted):
+                at = [one if one.centre is None else replace(one, centre=one.centre + subject.origin) for one in fitted]
                 shapes[name] = [one.as_dict() for one in at]
             if subject.options["surface"] != "smooth":
                 continue
             coarse = faceted(smooth, surface)
             if len(coarse.cells):
-                found.append(subject.found("faceted", _coarse(side, coarse), coarse.cells, group=name))
-            if told := few_in_words(smooth):
-                told += "; give --crease-angle 40 if the edges are sharp"
-                found.append(subject.found("few-faces", told, surface.cell, group=name))
-    return found, {"shapes": shapes}
+                findings.append(subject.found("faceted", _coarse(side, coarse), coarse.cells, group=name))
+            if message := few_in_words(smooth):
+                message += "; give --crease-angle 40 if the edges are sharp"
+                findings.append(subject.found("few-faces", message, surface.cell, group=name))
+    return findings, {"shapes": shapes}
 
 
 def _coarse(side: CheckedSkin, coarse: Faceted) -> str:

@@ -22,12 +22,12 @@ _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 
 def check_groups(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that the groups contain faces of a skin, each of them once."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for side in subject.sides:
-        found += _dimensions(subject, side)
-        found += _copies(subject, side)
-    found += _in_two_zones(subject)
-    return found, {}
+        findings += _dimensions(subject, side)
+        findings += _copies(subject, side)
+    findings += _in_two_zones(subject)
+    return findings, {}
 
 
 def _dimensions(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
@@ -90,12 +90,12 @@ def _in_two_zones(subject: Subject) -> Iterator[Finding]:
 
 def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check the parent cells of the faces, and the orientation of the faces."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for side in subject.sides:
         if len(side):
-            found += _behind(subject, side)
-            found += _inward(subject, side)
-    return found, {}
+            findings += _behind(subject, side)
+            findings += _inward(subject, side)
+    return findings, {}
 
 
 def _are_recorded(subject: Subject, cells: Ints) -> bool:
@@ -150,9 +150,9 @@ def _on_carried(subject: Subject, side: CheckedSkin) -> NDArray[np.bool_]:
 
 
 def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
-    found = analyse_orientation(subject.mesh, side.cells)
-    against = np.intersect1d(found.to_flip, found.parentless)
-    inward = np.setdiff1d(found.to_flip, found.parentless)
+    orientation = analyse_orientation(subject.mesh, side.cells)
+    against = np.intersect1d(orientation.to_flip, orientation.parentless)
+    inward = np.setdiff1d(orientation.to_flip, orientation.parentless)
     advice = f"flip them: lacmesh orient {' '.join(f'--group {name}' for name in side.names)}"
     if len(inward):
         message = f"{len(inward):,} of {side.counted(len(side), 'points', 'point')} inward ({subject.numbers(inward)})"
@@ -166,12 +166,12 @@ def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
 
 def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that each skin is a manifold surface of faces of one order."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for side in subject.sides:
         if len(side):
-            found += _branches(subject, side)
-            found += _orders(subject, side)
-    return found, {}
+            findings += _branches(subject, side)
+            findings += _orders(subject, side)
+    return findings, {}
 
 
 def _branches(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
@@ -198,7 +198,7 @@ def _orders(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
 
 def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Find nodes that slave and master, or two zones, have in common."""
-    found = []
+    findings = []
     slave, master = subject.slave, subject.master
     if master is not None:
         common = np.intersect1d(slave.nodes, master.nodes)
@@ -207,15 +207,16 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
                 f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}), where no gap "
                 "can open; double the nodes, or remove the faces that touch from one of the groups"
             )
-            found.append(subject.found("shared-nodes", message, nodes=common, group=f"{slave.group} / {master.group}"))
+            groups = f"{slave.group} / {master.group}"
+            findings.append(subject.found("shared-nodes", message, nodes=common, group=groups))
     shared = _shared_by_zones(subject)
     if len(shared):
         message = (
             f"slave zones share {counted(len(shared), 'node')} ({subject.node_numbers(shared)}); keep a row of faces "
         )
         message += "between them, or make one zone"
-        found.append(subject.found("zones-share-nodes", message, nodes=shared, group=slave.group))
-    return found, {}
+        findings.append(subject.found("zones-share-nodes", message, nodes=shared, group=slave.group))
+    return findings, {}
 
 
 def _shared_by_zones(subject: Subject) -> Ints:

@@ -24,16 +24,17 @@ _PIECE = 1 << 14
 
 def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that the mesh has cells of a body, unique ids, finite coordinates and no node without a cell."""
-    mesh, found = subject.mesh, []
+    mesh, findings = subject.mesh, []
     if mesh.dim < 2 or (mesh.dim == subject.dim < mesh.space_dim and not is_cut(mesh)):
-        found.append(subject.found("no-cells", f"{lacking(mesh, max(mesh.dim, 1) + 1)}: there is no body to check"))
+        findings.append(subject.found("no-cells", f"{lacking(mesh, max(mesh.dim, 1) + 1)}: there is no body to check"))
     for what, numbers in (("cell", mesh.cell_number), ("node", mesh.node_number)):
         values, first, count = np.unique(numbers, return_index=True, return_counts=True)
         odd = first[(count > 1) | (values < 0)]
         if len(odd):
             message = f"{counted(len(odd), f'{what} number is', f'{what} numbers are')} repeated or negative "
             message += f"({some(numbers[odd])}); number the {what}s again"
-            found.append(subject.found("repeated-number", message, *((odd, None) if what == "cell" else (None, odd))))
+            rows = (odd, None) if what == "cell" else (None, odd)
+            findings.append(subject.found("repeated-number", message, *rows))
     used = np.zeros(mesh.n_nodes, bool)
     for block in mesh.blocks:
         used[block.nodes] = True
@@ -41,13 +42,13 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     if len(infinite):
         message = counted(len(infinite), "node has", "nodes have")
         message += f" coordinates that are not finite, or huge ({subject.node_numbers(infinite)}); correct them"
-        found.append(subject.found("not-finite", message, nodes=infinite))
+        findings.append(subject.found("not-finite", message, nodes=infinite))
     free = np.flatnonzero(~used)
     if len(free):
         message = counted(len(free), "node belongs", "nodes belong")
         message += f" to no cell ({subject.node_numbers(free)}); nothing to do unless the solver gives them dofs"
-        found.append(subject.found("unreferenced-node", message, nodes=free))
-    return found, {"nodes": mesh.n_nodes, "cells": mesh.n_cells}
+        findings.append(subject.found("unreferenced-node", message, nodes=free))
+    return findings, {"nodes": mesh.n_nodes, "cells": mesh.n_cells}
 
 
 def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
@@ -78,8 +79,8 @@ def check_validity(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     invalid = np.setdiff1d(invalid, inverted)
     clockwise = np.flatnonzero(negative & (value > 0) & ~repeated & known)
     bad = np.flatnonzero((poor < POOR) & (value > 0) & ~repeated & known)
-    found = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
-    return found + _doubtful(subject, clockwise, bad, poor), {
+    findings = _invalid(subject, np.flatnonzero(repeated), invalid, inverted)
+    return findings + _doubtful(subject, clockwise, bad, poor), {
         "invalid_cells": len(invalid) + len(inverted),
         "worst_quality": float(np.fmin.reduce(poor[known], initial=1.0)),
     }
@@ -97,52 +98,52 @@ def _quality(mesh: Mesh, block: Block) -> NDArray:
 
 
 def _invalid(subject: Subject, repeated: Ints, invalid: Ints, inverted: Ints) -> list[Finding]:
-    found = []
+    findings = []
     if len(repeated):
         message = counted(len(repeated), "cell lists", "cells list")
         message += f" a node twice ({subject.numbers(repeated)}); use a simpler type for them"
-        found.append(subject.found("repeated-node", message, repeated))
+        findings.append(subject.found("repeated-node", message, repeated))
     if len(invalid):
         message = (
             f"the Jacobian determinant of {counted(len(invalid), 'cell')} is not positive where solvers evaluate it "
         )
         message += f"({subject.numbers(invalid)}); remesh there, or move the nodes"
-        found.append(subject.found("invalid-cell", message, invalid))
+        findings.append(subject.found("invalid-cell", message, invalid))
     if len(inverted):
         message = counted(len(inverted), "cell is", "cells are")
         message += f" inverted ({subject.numbers(inverted)}); reverse their node order"
-        found.append(subject.found("inverted-cell", message, inverted))
-    return found
+        findings.append(subject.found("inverted-cell", message, inverted))
+    return findings
 
 
 def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) -> list[Finding]:
     from lacmesh.quality.measures import POOR
 
-    found = []
+    findings = []
     if len(clockwise):
         message = counted(len(clockwise), "plane cell is", "plane cells are")
         message += (
             f" listed clockwise ({subject.numbers(clockwise)}); reverse their node order if the solver refuses them"
         )
-        found.append(subject.found("clockwise-cell", message, clockwise))
+        findings.append(subject.found("clockwise-cell", message, clockwise))
     if len(bad):
         worst = bad[np.argsort(quality[bad], kind="stable")]
         named = ", ".join(f"{subject.mesh.cell_number[c]} ({quality[c]:.3f})" for c in worst[:_WORST])
         message = counted(len(bad), "cell has", "cells have")
         message += f" a scaled Jacobian below {POOR}, worst first: {named}; {_advice(subject, bad)}"
-        found.append(subject.found("poor-cell", message, worst))
-    return found
+        findings.append(subject.found("poor-cell", message, worst))
+    return findings
 
 
 def _advice(subject: Subject, poor: Ints) -> str:
     """Advice about poor cells; the quality of those that a cut made depends on their parents and on the variant."""
     parent = subject.mesh.cell_data.get("lac_parent")
-    made = poor[:0] if parent is None else poor[parent[poor] >= 0]
-    if not len(made):
+    children = poor[:0] if parent is None else poor[parent[poor] >= 0]
+    if not len(children):
         return "improve the mesh there (lacmesh quality says more)"
-    families = {CELLS[kind].family for kind, _, _ in subject.mesh.select(made)}
+    families = {CELLS[kind].family for kind, _, _ in subject.mesh.select(children)}
     other = ", or cut with --hexa auto" if families & {"HEXA", "PYRAM"} else ""
-    return f"{len(made):,} of them come from subdivision; improve the mesh there{other}"
+    return f"{len(children):,} of them come from subdivision; improve the mesh there{other}"
 
 
 def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
@@ -161,21 +162,21 @@ def _with_repeated_nodes(mesh: Mesh) -> NDArray[np.bool_]:
 def check_facets(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that the cells fit together: each facet has one or two cells, on opposite sides, with the same nodes."""
     facets = subject.facets
-    solid, opposite, found = facets.solid, facets.opposite, []
+    solid, opposite, findings = facets.solid, facets.opposite, []
     if len(facets.copies):
         message = (
             f"{counted(len(facets.copies), 'cell has', 'cells have')} the same corners as others "
             f"({subject.numbers(facets.copies)}); remove them"
         )
-        found.append(subject.found("repeated-cell", message, facets.copies))
+        findings.append(subject.found("repeated-cell", message, facets.copies))
     crowded = np.unique(np.flatnonzero(opposite == CROWDED) // FACETS)
     if len(crowded):
         cells = solid.cells[crowded]
         message = f"more than two cells share a facet (cells {subject.numbers(cells)}); remove the surplus cells"
-        found.append(subject.found("crowded-facet", message, cells))
-    found += _overlapping(subject, solid, opposite, facets.same)
-    found += _other_mid_nodes(subject, solid, opposite)
-    return found, {}
+        findings.append(subject.found("crowded-facet", message, cells))
+    findings += _overlapping(subject, solid, opposite, facets.same)
+    findings += _other_mid_nodes(subject, solid, opposite)
+    return findings, {}
 
 
 def _overlapping(subject: Subject, solid: Solid, opposite: Ints, same: NDArray[np.bool_]) -> list[Finding]:

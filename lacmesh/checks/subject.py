@@ -189,8 +189,8 @@ def make_subject(
     fixed = [_nodes_of(mesh, spec) for spec in dirichlet]
     dim = _skin_dim(mesh, np.concatenate([np.empty(0, np.int64), *groups["slave"]]))
     sides = {what: _side(mesh, what, specs, groups[what], dim) for what, specs in _both(slave, master)}
-    held = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
-    return Subject(mesh, dim, sides["slave"], sides.get("master"), held, dirichlet, options, origin, recognise)
+    fixed_nodes = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
+    return Subject(mesh, dim, sides["slave"], sides.get("master"), fixed_nodes, dirichlet, options, origin, recognise)
 
 
 def _both(slave: tuple[str, ...], master: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:

@@ -143,9 +143,9 @@ def skins(mesh: Mesh, args: argparse.Namespace, *, checked: bool = True) -> dict
     return {"slave": args.slave, "master": args.master or [], "pairs": None}
 
 
-def sides(made: dict[str, Any]) -> dict[str, Any]:
+def sides(options: dict[str, Any]) -> dict[str, Any]:
     """Return what `skins` returns as keyword arguments of `lacmesh.check`."""
-    return {"pairs": made["pairs"]} if made["pairs"] else {"slave": made["slave"], "master": made["master"]}
+    return {"pairs": options["pairs"]} if options["pairs"] else {"slave": options["slave"], "master": options["master"]}
 
 
 def add_facing_options(parser: argparse.ArgumentParser) -> None:

@@ -35,21 +35,21 @@ def run(args: argparse.Namespace) -> None:
     said = []
     for group in args.group:
         cells = skin_cells(mesh, group)
-        found = analyse_orientation(mesh, cells)
-        mesh = reverse(mesh, found.to_flip)
-        said += _report(mesh, group, len(cells), found)
+        orientation = analyse_orientation(mesh, cells)
+        mesh = reverse(mesh, orientation.to_flip)
+        said += _report(mesh, group, len(cells), orientation)
     write_mesh(target, mesh, source, args)
     if not args.quiet:
         print("\n".join([*said, f"written to {target}"]))
 
 
-def _report(mesh: Mesh, group: str, count: int, found: SkinOrientation) -> list[str]:
+def _report(mesh: Mesh, group: str, count: int, orientation: SkinOrientation) -> list[str]:
     """Lines that say what was done to the faces of a group."""
-    lines = [f"{group}: {len(found.to_flip):,} of {count:,} {'face' if count == 1 else 'faces'} flipped"]
+    lines = [f"{group}: {len(orientation.to_flip):,} of {count:,} {'face' if count == 1 else 'faces'} flipped"]
     for cells, what in (
-        (found.interface, "between two cells, with no outward side, left as they are"),
-        (found.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
-        (found.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
+        (orientation.interface, "between two cells, with no outward side, left as they are"),
+        (orientation.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
+        (orientation.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
     ):
         if len(cells):
             lines.append(f"{group}: {what}: {len(cells):,} ({mesh.cell_names(cells)})")

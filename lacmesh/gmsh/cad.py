@@ -116,7 +116,7 @@ def mesh_cad(
         )
     if bool(slave) != (slave_size is not None):
         raise RequestError("a slave group and its size go together: say both, or neither")
-    parts = {name: [vars(part) for part in made] for name, made in (groups or {}).items()}
+    parts = {name: [vars(part) for part in entities] for name, entities in (groups or {}).items()}
     request = {"do": "mesh", "dim": dim, "groups": parts, "size": size, "order": order}
     _, mesh = _ask({**request, "slave": list(slave), "slave_size": slave_size}, path, want_mesh=True)
     assert mesh is not None

@@ -117,8 +117,8 @@ def _some_of(gmsh: Any, tag: int) -> Floats:
     if len(nodes):
         return nodes
     low, high = (np.array(p) for p in gmsh.model.getParametrizationBounds(2, tag))
-    found: Floats = gmsh.model.getValue(2, tag, (low + _PLACES * (high - low)).ravel()).reshape(-1, 3)
-    return found
+    points: Floats = gmsh.model.getValue(2, tag, (low + _PLACES * (high - low)).ravel()).reshape(-1, 3)
+    return points
 
 
 def errors(gmsh: Any) -> list[str]:
@@ -130,7 +130,7 @@ def boundary(gmsh: Any, dim: int) -> dict[int, list[int]]:
     """Signed tags of the entities that bound each body of dimension `dim`."""
     bodies = [tag for _, tag in gmsh.model.getEntities(dim)]
     bounds = {b: gmsh.model.getBoundary([(dim, b)], combined=False, oriented=True) for b in bodies}
-    return {b: [int(tag) for _, tag in found] for b, found in bounds.items()}
+    return {b: [int(tag) for _, tag in bounding] for b, bounding in bounds.items()}
 
 
 def shapes(gmsh: Any, dim: int) -> list[CadShape]:

@@ -59,10 +59,10 @@ def _entities(gmsh: Any, skin: int, name: str, part: Mapping[str, Any]) -> list[
     box = np.array(part["box"])
     slack = _SLACK * geometry.diagonal(gmsh)
     boxes = {t: np.array(gmsh.model.getBoundingBox(d, t)) for t in known}
-    held = [t for t, b in boxes.items() if (b[:3] >= box[:3] - slack).all() and (b[3:] <= box[3:] + slack).all()]
-    if not held:
+    inside = [t for t, b in boxes.items() if (b[:3] >= box[:3] - slack).all() and (b[3:] <= box[3:] + slack).all()]
+    if not inside:
         raise RequestError(f"group {name!r}: no {what} lies in that box as a whole; --list shows their boxes")
-    return [(d, t) for t in held]
+    return [(d, t) for t in inside]
 
 
 def _add_group(gmsh: Any, name: str, parts: Iterable[Sequence[Tag]]) -> None:

@@ -93,11 +93,11 @@ def read_model(keep: Collection[Tag] | None = None) -> Read:
     content.boundary = _boundary(gmsh, content)
     content.links = list(_links(gmsh))
     content.notes = attribute.read_notes(gmsh, name)
-    held = views.read_views(gmsh, name, content)
-    content.rows = [h.rows for h in held if not h.stale]
+    kept_views = views.read_views(gmsh, name, content)
+    content.rows = [h.rows for h in kept_views if not h.stale]
     named = content.notes.name is None and name
     mesh = to_mesh(content)
-    return Read(name, replace(mesh, name=name) if named else mesh, parent, tuple(held))
+    return Read(name, replace(mesh, name=name) if named else mesh, parent, tuple(kept_views))
 
 
 def renamed(entity: Ints, known: Mapping[Tag, Tag]) -> Ints:

@@ -213,8 +213,8 @@ def _add_nodes(gmsh: Any, table: Assignment, mesh: Mesh, change: _Change) -> Non
     for row, nodes in _by_key(table.node[change.moved], change.moved):
         dim, tag, _ = table.entities[row]
         points = mesh.points[nodes]
-        held = _parameters(gmsh, dim, tag, points.ravel()).reshape(len(nodes), -1)
-        for node, xyz, parameters in zip(mesh.node_number[nodes].tolist(), points, held, strict=True):
+        parameters_of_nodes = _parameters(gmsh, dim, tag, points.ravel()).reshape(len(nodes), -1)
+        for node, xyz, parameters in zip(mesh.node_number[nodes].tolist(), points, parameters_of_nodes, strict=True):
             gmsh.model.mesh.setNode(node, xyz, parameters)
 
 
@@ -223,8 +223,8 @@ def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
     none = np.empty(0)
     if dim not in (1, 2):
         return none
-    nodes, _, held = gmsh.model.mesh.getNodes(dim, tag, returnParametricCoord=True)
-    if len(held) != dim * len(nodes) or gmsh.model.getType(dim, tag).startswith(("Discrete", "Partition")):
+    nodes, _, parameters = gmsh.model.mesh.getNodes(dim, tag, returnParametricCoord=True)
+    if len(parameters) != dim * len(nodes) or gmsh.model.getType(dim, tag).startswith(("Discrete", "Partition")):
         return none
     return gmsh.model.getParametrization(dim, tag, points)
 

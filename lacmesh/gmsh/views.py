@@ -58,21 +58,21 @@ def read_views(gmsh: Any, model: str, content: Content) -> list[Held]:
     return kept + [replace(h, stale=True) for h in ours if stale]
 
 
-def _inside(held: Held, known: Mapping[str, Ints]) -> bool:
+def _inside(view: Held, known: Mapping[str, Ints]) -> bool:
     """True if all values of a view belong to existing nodes or cells."""
-    return bool(np.isin(held.rows.number, known[held.rows.head.on]).all())
+    return bool(np.isin(view.rows.number, known[view.rows.head.on]).all())
 
 
 def write_views(
-    gmsh: Any, model: str, mesh: Mesh, held: Iterable[Held], left_out: Iterable[str] = ()
+    gmsh: Any, model: str, mesh: Mesh, earlier: Iterable[Held], left_out: Iterable[str] = ()
 ) -> dict[tuple[str, str, int], FieldNote]:
     """Write the fields of the current model's mesh into views; return notes on what views cannot hold of them.
 
-    `held`: the views that were there: ours are made again, others get values for the mesh's new nodes and cells.
+    `earlier`: the views that were there: ours are made again, others get values for the mesh's new nodes and cells.
     `left_out`: keys of fields that get no view.
     """
-    others = {(h.rows.head.on, h.key): h for h in held if not h.ours}
-    _remove(gmsh, {h.view for h in held if h.ours})
+    others = {(h.rows.head.on, h.key): h for h in earlier if not h.ours}
+    _remove(gmsh, {h.view for h in earlier if h.ours})
     faces = np.flatnonzero(mesh.cell_data.get(_SHOWN, np.empty(0)) >= 0)
     mark = f"{_MARK}:{_digest((mesh.cell_number[c], mesh.node_number[n]) for _, c, n in mesh.select(faces))}:{model}"
     notes: dict[tuple[str, str, int], FieldNote] = {}

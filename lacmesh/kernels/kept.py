@@ -83,11 +83,11 @@ def _write(path: Path, data: bytes) -> None:
 @functools.cache
 def _names() -> frozenset[str]:
     """Names of the cached files at the time of the first call in this process."""
-    found: set[str] = set()
+    names: set[str] = set()
     for folder in folders():
         with suppress(OSError):
-            found |= {path.name for path in folder.iterdir() if path.suffix == _SUFFIX}
-    return frozenset(found)
+            names |= {path.name for path in folder.iterdir() if path.suffix == _SUFFIX}
+    return frozenset(names)
 
 
 def _user() -> Path:

@@ -106,15 +106,15 @@ def _nth(plane: Ints, n: int, comm: Communicator) -> tuple[int, int]:
 
     The counts of each digit are added up, from the highest to the lowest: few numbers, however many planes there are.
     """
-    found = 0
+    key = 0
     for shift in range(_DIGITS * _BITS, -1, -_BITS):
         digit = plane >> shift
         count = np.cumsum(comm.total(np.bincount(digit, minlength=1 << _BITS)))
         last = int(np.searchsorted(count, n))
         n -= int(count[last - 1]) if last else 0
-        found += last << shift
+        key += last << shift
         plane = plane[digit == last] & ((1 << shift) - 1)
-    return found, n
+    return key, n
 
 
 def _check_finite(x: Floats, number: Ints, comm: Communicator) -> None:
@@ -126,5 +126,5 @@ def _check_finite(x: Floats, number: Ints, comm: Communicator) -> None:
         far = np.nan_to_num(np.abs(x), nan=np.inf).max(axis=0, initial=0.0)
         farthest = far.max(initial=0.0)
         here = farthest == comm.greatest(np.array(farthest)) and len(far) > 0
-        told = int(comm.greatest(np.array(number[far.argmax()] if here else -1, np.int64)))
-        raise DataError(f"node {told} has a coordinate that is not finite, or is huge; repair or remove it")
+        node = int(comm.greatest(np.array(number[far.argmax()] if here else -1, np.int64)))
+        raise DataError(f"node {node} has a coordinate that is not finite, or is huge; repair or remove it")

@@ -135,12 +135,12 @@ class _Dealer:
     def _entities(self, everywhere: Sequence[str]) -> dict[str, Ints]:
         """Return the members in the slice of the entities of msh among some names, as far as the file has them."""
         entity = entity_rows(self.content.cell_data, len(self.index))
-        found = {}
+        tagged = {}
         for name in everywhere:
             if name.startswith("entity:") and name not in self.content.cell_groups:
                 with suppress(RequestError):
-                    found[name] = np.flatnonzero((entity == entity_tag(name)).all(axis=1))
-        return {name: here for name, here in found.items() if self.comm.total(np.array(len(here)))}
+                    tagged[name] = np.flatnonzero((entity == entity_tag(name)).all(axis=1))
+        return {name: here for name, here in tagged.items() if self.comm.total(np.array(len(here)))}
 
     def _named(self, everywhere: Sequence[str], groups: Mapping[str, Ints]) -> tuple[str, ...]:
         """Return the names of those groups that the file has. Raises RequestError for a tag of several groups."""

@@ -185,10 +185,10 @@ def quality_of(
     """Measure the quality of some cells of a mesh (sorted indices), and of those in each group of `by_group`."""
     chosen = chosen_measures(measures)
     local = from_origin(mesh, origin_of_mesh(mesh))
-    found = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
-    grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in found]) for name in by_group}
+    measured = [_measured(local, *part, chosen(part[0])) for part in mesh.select(cells) if _measurable(part[0])]
+    grouped = {name: _types(mesh, [part.take(mesh.cell_groups[name]) for part in measured]) for name in by_group}
     left = {kind: len(which) for kind, which, _ in mesh.select(cells) if not _measurable(kind)}
-    return Quality(group, _types(mesh, found), {name: types for name, types in grouped.items() if types}, left)
+    return Quality(group, _types(mesh, measured), {name: types for name, types in grouped.items() if types}, left)
 
 
 def _measurable(kind: str) -> bool:
@@ -204,8 +204,8 @@ def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[s
     return _Measured(kind, cells, {"validity": validity.min(axis=0), **values}, validity)
 
 
-def _types(mesh: Mesh, found: list[_Measured]) -> tuple[TypeQuality, ...]:
-    return tuple(_type(mesh, part) for part in found if len(part.cells))
+def _types(mesh: Mesh, measured: list[_Measured]) -> tuple[TypeQuality, ...]:
+    return tuple(_type(mesh, part) for part in measured if len(part.cells))
 
 
 def _type(mesh: Mesh, part: _Measured) -> TypeQuality:

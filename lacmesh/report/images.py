@@ -21,9 +21,9 @@ def address(path: Path) -> str:
         whole = picture.convert("RGB")
         if whole.width > WIDTH:
             whole = whole.resize((WIDTH, round(whole.height * WIDTH / whole.width)), pillow.Resampling.LANCZOS)
-        made = io.BytesIO()
-        whole.save(made, "WEBP", quality=QUALITY, method=6)
-    return _address("webp", made.getvalue())
+        webp = io.BytesIO()
+        whole.save(webp, "WEBP", quality=QUALITY, method=6)
+    return _address("webp", webp.getvalue())
 
 
 def _address(kind: str, content: bytes) -> str:

@@ -117,8 +117,8 @@ def _sentences(report: CutReport) -> Iterator[str]:
 def _variant_sentence(report: CutReport) -> str:
     v = report.variants
     assert v is not None
-    found = ", ".join(f"--hexa {name} {number(least)}" for name, least in v.least.items())
-    start = f"The minimum Jacobian of the children of the {v.hexahedra:,} hexahedra is {number(v.now)} ({found})"
+    options = ", ".join(f"--hexa {name} {number(least)}" for name, least in v.least.items())
+    start = f"The minimum Jacobian of the children of the {v.hexahedra:,} hexahedra is {number(v.now)} ({options})"
     better = {name: count for name, count in v.better.items() if count}
     if not better:
         return f"{start}: no hexahedron would be better off with the other variant."

@@ -103,11 +103,11 @@ def parents_of(cut: Cut) -> Iterator[tuple[str, Ints, Ints]]:
         rows = [block[cells[:, k] - first] for k, (block, first) in enumerate(zip(nodes, start, strict=True))]
         left = np.ones(len(cells), bool)
         for name, template in _templates(kinds):
-            found, fits = _lay_over(name, template, rows)
+            parents, fits = _lay_over(name, template, rows)
             fits &= left
             left &= ~fits
             if fits.any():
-                yield name, found[fits], cells[fits]
+                yield name, parents[fits], cells[fits]
 
 
 def _block(cut: Cut, cell: int) -> int:
@@ -135,7 +135,7 @@ def _broods(cut: Cut) -> Iterator[tuple[tuple[str, ...], Ints]]:
 @cache
 def _templates(kinds: tuple[str, ...]) -> tuple[tuple[str, Template], ...]:
     """Pairs (parent, template) of every way to cut whose children have these types, in this order."""
-    found = []
+    templates = []
     for cell in CELLS.values():
         if cell.dim < 1 or cell.name == "SEG3":
             continue
@@ -144,8 +144,8 @@ def _templates(kinds: tuple[str, ...]) -> tuple[tuple[str, Template], ...]:
             cuttable = [j for j, f in enumerate(cell.facets) if f.type not in WHOLE_FACES]
             kinds_of = (CONE, RING) if cell.name in RING_PARENTS else (CONE,)
             ways += [parent_pattern(cell.name, j, kind) for kind in kinds_of for j in cuttable]
-        found += [(cell.name, way) for way in ways if _types(way) == kinds]
-    return tuple(found)
+        templates += [(cell.name, way) for way in ways if _types(way) == kinds]
+    return tuple(templates)
 
 
 def _kinds(face: str) -> tuple[str, ...]:

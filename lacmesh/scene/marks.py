@@ -148,8 +148,8 @@ def cell_values(mesh: Mesh, measure: str = "corner_jacobian") -> Values:
     values = np.full(mesh.n_cells, np.nan)
     for k, block in enumerate(mesh.blocks):
         if ALL_CELLS[block.type].dim > 1 and measure in measures_of(block.type):
-            found = measure_cells(block.type, mesh.points, block.nodes, [measure])[measure]
-            values[mesh.offsets[k] : mesh.offsets[k + 1]] = found
+            measured = measure_cells(block.type, mesh.points, block.nodes, [measure])[measure]
+            values[mesh.offsets[k] : mesh.offsets[k + 1]] = measured
     if mesh.n_cells and np.isnan(values).all():
         known = set().union(*(measures_of(b.type) for b in mesh.blocks))
         raise RequestError(f"no cell of this mesh has the measure {measure!r}{did_you_mean(measure, known)}")

@@ -45,12 +45,12 @@ def shapes_of_few(faces: Surface, x: Floats, crease_angle: float) -> tuple[Found
     seeds = np.zeros(len(patches.x), bool)
     corner = patches.node[np.concatenate([patches.joints.i[crease], patches.joints.j[crease]])]
     seeds[corner[corner >= 0]] = True
-    found = [one for one in shapes_at(patches, seeds, WIDEST) if one.shape.kind in _KINDS]
-    within = _within(joints_of(faces.take(rows), patches.normal, 180.0), numbers_of(found, len(rows)), len(found))
+    shapes = [one for one in shapes_at(patches, seeds, WIDEST) if one.shape.kind in _KINDS]
+    within = _within(joints_of(faces.take(rows), patches.normal, 180.0), numbers_of(shapes, len(rows)), len(shapes))
     turns = [_turning(patches, joints) for joints in within]
     return tuple(
         FoundShape(one.shape, rows[one.faces], one.nodes, one.distance, float(turn.max()))
-        for one, joints, turn in zip(found, within, turns, strict=True)
+        for one, joints, turn in zip(shapes, within, turns, strict=True)
         if (turn > crease_angle).any()
         and turn.max() <= WIDEST
         and _even(patches, joints, turn > crease_angle)
@@ -58,10 +58,10 @@ def shapes_of_few(faces: Surface, x: Floats, crease_angle: float) -> tuple[Found
     )
 
 
-def numbers_of(found: Sequence[FoundShape], n_faces: int) -> Ints:
+def numbers_of(shapes: Sequence[FoundShape], n_faces: int) -> Ints:
     """(n_faces,): the number of the shape that each face is on, or -1."""
     out = np.full(n_faces, -1)
-    for number, one in enumerate(found):
+    for number, one in enumerate(shapes):
         out[one.faces] = number
     return out
 

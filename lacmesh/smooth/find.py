@@ -66,25 +66,25 @@ class Sought:
 def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
     """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
     budget = [_ALL_FAILING]
-    patches, found, free = _with(patches, [], list(given))
-    patches, found, free = _with(patches, found, _planes(patches, free))
-    patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
+    patches, shapes, free = _with(patches, [], list(given))
+    patches, shapes, free = _with(patches, shapes, _planes(patches, free))
+    patches, shapes, free = _with(patches, shapes, _whole_patches(patches, free, crease_angle, budget))
     whole, beyond = patches, free
     fits, rings = _fits(patches, free, free, 2)
     grown = list(_grown(patches, free, fits, rings, crease_angle, budget))
     if grown:
-        patches, found, free = _with(patches, found, grown)
+        patches, shapes, free = _with(patches, shapes, grown)
         more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
-        patches, found, free = _with(patches, found, more)
-        patches, found, free = _with(patches, found, _whole_patches(patches, free, crease_angle, budget))
-    return Sought(patches, whole, tuple(found), _fits(whole, free, beyond, 4)[0], fits, free)
+        patches, shapes, free = _with(patches, shapes, more)
+        patches, shapes, free = _with(patches, shapes, _whole_patches(patches, free, crease_angle, budget))
+    return Sought(patches, whole, tuple(shapes), _fits(whole, free, beyond, 4)[0], fits, free)
 
 
 def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:
     """Find the shapes of whole patches, and those grown from the nodes `seeds` (n,), of which each is tried."""
     left, budget = np.ones(len(patches.patch), bool), [_ALL_FAILING]
-    found = _whole_patches(patches, left, crease_angle, budget)
-    for one in found:
+    shapes = _whole_patches(patches, left, crease_angle, budget)
+    for one in shapes:
         left[one.faces] = False
     fits, rings = _fits(patches, left, left, 2)
     rank = _unsteady(patches, fits, rings[0])
@@ -96,10 +96,10 @@ def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list
         if one_more is None:
             budget[0] -= 1
             continue
-        found.append(one_more)
+        shapes.append(one_more)
         left[one_more.faces] = False
         open_[_nodes(patches, one_more.faces)] = False
-    return found
+    return shapes
 
 
 def _count(patches: SmoothPatches) -> int:
@@ -107,14 +107,14 @@ def _count(patches: SmoothPatches) -> int:
 
 
 def _with(
-    patches: SmoothPatches, found: list[FoundShape], more: list[FoundShape]
+    patches: SmoothPatches, shapes: list[FoundShape], more: list[FoundShape]
 ) -> tuple[SmoothPatches, list[FoundShape], Bools]:
     """Add `more` shapes; return the patches, split to have one shape or none, all shapes, and the free faces (f,)."""
-    found = found + more
+    shapes = shapes + more
     shape_of = np.full(len(patches.patch), -1, np.int64)
-    for k, one in enumerate(found):
+    for k, one in enumerate(shapes):
         shape_of[one.faces] = k
-    return patches.split(shape_of), found, shape_of < 0
+    return patches.split(shape_of), shapes, shape_of < 0
 
 
 def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
@@ -166,7 +166,7 @@ def _by_patch(patches: SmoothPatches, which: Ints) -> Iterator[tuple[int, Ints]]
 
 def _whole_patches(patches: SmoothPatches, free: Bools, crease_angle: float, budget: list[int]) -> list[FoundShape]:
     """Find the patches of free faces (f,) that are one shape as a whole, the largest patches first."""
-    found = []
+    shapes = []
     enough = np.bincount(patches.owner, minlength=_count(patches)) >= least_nodes("sphere", patches.dim)
     which = np.unique(patches.patch[free])
     for _, faces in _by_patch(patches, which[enough[which]]):
@@ -176,10 +176,10 @@ def _whole_patches(patches: SmoothPatches, free: Bools, crease_angle: float, bud
         shape = simplest(patches.x[nodes], patches.node_normal[nodes], patches.dim)
         one = None if shape is None else _kept(patches, faces, shape, crease_angle)
         if one is not None:
-            found.append(one)
+            shapes.append(one)
         else:
             budget[0] -= 1
-    return found
+    return shapes
 
 
 def _nodes(patches: SmoothPatches, faces: Ints) -> Ints:

@@ -104,7 +104,7 @@ def fit_surface(mesh: MeshLike, group: Spec, crease_angle: float | None = None) 
 
 def shapes_of_groups(mesh: Mesh) -> dict[str, tuple[FittedShape, ...]]:
     """Find the shapes of each curved group of linear faces that is a skin: of a body, or a surface without solids."""
-    found = {}
+    shapes_of = {}
     for name, cells in mesh.cell_groups.items():
         dim = mesh.group_dim(name)
         if not len(cells) or dim not in (1, 2) or dim == mesh.dim == mesh.space_dim or dim < mesh.space_dim - 1:
@@ -114,14 +114,14 @@ def shapes_of_groups(mesh: Mesh) -> dict[str, tuple[FittedShape, ...]]:
         except DataError:  # of another kind: of order 3, or lines that are not plane
             continue
         if not all(one.flat for one in shapes):
-            found[name] = shapes
-    return found
+            shapes_of[name] = shapes
+    return shapes_of
 
 
 def fitted_shapes(smooth: Smooth, surface: Surface) -> tuple[FittedShape, ...]:
     """Describe the shapes found in a surface, as `fit_surface` does."""
-    made = [*_exact(smooth, surface), *_free(smooth, surface)]
-    return tuple(sorted(made, key=lambda one: -len(one.faces)))
+    fitted = [*_exact(smooth, surface), *_free(smooth, surface)]
+    return tuple(sorted(fitted, key=lambda one: -len(one.faces)))
 
 
 def told_of_few(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -> str:
@@ -132,14 +132,14 @@ def told_of_few(mesh: Mesh, surface: Surface, crease_angle: float | None = None)
 
 def few_in_words(smooth: Smooth) -> str:
     """Say which faces are taken as one shape although they turn by more than the crease angle; "" if none are."""
-    found = [one for one in smooth.sought.found if one.turn is not None]
-    if not found:
+    few = [one for one in smooth.sought.found if one.turn is not None]
+    if not few:
         return ""
-    one = max(found, key=lambda found: len(found.faces))
+    one = max(few, key=lambda shape: len(shape.faces))
     shape, dim = one.shape, smooth.sought.patches.dim
     kind = _IN_PLANE.get(shape.kind, shape.kind) if dim == 1 else shape.kind
     size = f"half angle {np.degrees(shape.size[0]):.6g} degrees" if kind == "cone" else f"radius {shape.size[0]:.6g}"
-    others = f" (and {len(found) - 1:,} more such parts)" if len(found) > 1 else ""
+    others = f" (and {len(few) - 1:,} more such parts)" if len(few) > 1 else ""
     return (
         f"{len(one.faces):,} faces that turn by up to {one.turn:.3g} degrees lie on one {kind} "
         f"of {size} and are taken as it{others}"
@@ -170,36 +170,36 @@ def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
 
 def _exact(smooth: Smooth, surface: Surface) -> Iterator[FittedShape]:
     dim = smooth.sought.patches.dim
-    for found in smooth.sought.found:
-        kind = found.shape.kind
-        size = found.shape.size.tolist()
-        axis, centre = _placed(smooth, found)
+    for one in smooth.sought.found:
+        kind = one.shape.kind
+        size = one.shape.size.tolist()
+        axis, centre = _placed(smooth, one)
         yield FittedShape(
             _IN_PLANE[kind] if dim == 1 else kind,
-            cells_of(smooth, surface, found.faces),
-            found.nodes,
+            cells_of(smooth, surface, one.faces),
+            one.nodes,
             radius=None if kind in ("plane", "cone") else size[0],
             tube=size[1] if kind == "torus" else None,
             angle=float(np.degrees(size[0])) if kind == "cone" else None,
             centre=centre + smooth.origin,
             axis=None if kind == "sphere" else axis,
-            distance=found.distance,
-            turn=found.turn,
+            distance=one.distance,
+            turn=one.turn,
         )
 
 
-def _placed(smooth: Smooth, found: FoundShape) -> tuple[Floats, Floats]:
+def _placed(smooth: Smooth, one: FoundShape) -> tuple[Floats, Floats]:
     """Axis and centre of a shape, normalised so that they do not depend on how it was found."""
-    patches, shape = smooth.sought.patches, found.shape
+    patches, shape = smooth.sought.patches, one.shape
     axis, centre = shape.axis, shape.centre
     if shape.kind == "plane":
-        outward = patches.area[found.faces] @ patches.normal[found.faces]
+        outward = patches.area[one.faces] @ patches.normal[one.faces]
         return axis * np.copysign(1.0, axis @ outward), centre
     if shape.kind == "cone":
         return axis, centre
     axis = axis * np.copysign(1.0, axis[np.abs(axis).argmax()])
     if shape.kind == "cylinder":
-        node = patches.node[found.faces]
+        node = patches.node[one.faces]
         along = (patches.x[node[node >= 0]] - centre) @ axis
         centre = centre + (along.min() + along.max()) / 2 * axis
     return axis, centre

@@ -45,8 +45,8 @@ def simplest(x: Floats, normal: Floats, dim: int, slack: float = 1.0) -> Shape |
 def nearest(shape: Shape, x: Floats) -> Shape | None:
     """Return the shape of the same kind nearest to points x (n, 3), at any distance; None if the fit fails."""
     frame = _Frame.of(x)
-    found = frame.inside(shape).fitted(frame.local(x), np.inf)
-    return None if found is None else frame.back(found)
+    fitted = frame.inside(shape).fitted(frame.local(x), np.inf)
+    return None if fitted is None else frame.back(fitted)
 
 
 def tolerance_of(x: Floats) -> float:

@@ -154,17 +154,17 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
     np.maximum.at(doubt, face, np.divide(differ, length, out=np.zeros_like(length), where=length > 0))
     lacking[face[np.setdiff1d(free[~known], split)]] = True
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
-    curved = [found for found in sought.found if found.shape.kind != "plane"]
+    curved = [one for one in sought.found if one.shape.kind != "plane"]
     of_shape = np.full(len(value), -1)
-    for number, found in enumerate(curved):
-        of_shape[found.faces] = number
+    for number, one in enumerate(curved):
+        of_shape[one.faces] = number
     order = np.argsort(of_shape[face], kind="stable")
     start = np.searchsorted(of_shape[face][order], np.arange(len(curved) + 1))
-    for number, found in enumerate(curved):
+    for number, one in enumerate(curved):
         e = order[start[number] : start[number + 1]]
-        value[face[e], k[e]] = _met(found, middle[e], way[e])
-        quads = found.faces[four[found.faces]]
-        value[quads, 4] = _met(found, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
+        value[face[e], k[e]] = _met(one, middle[e], way[e])
+        quads = one.faces[four[one.faces]]
+        value[quads, 4] = _met(one, patches.x[patches.node[quads]].mean(axis=1), patches.normal[quads])
     return value, lacking, doubt
 
 
@@ -178,6 +178,6 @@ def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Int
     value[centre[both], 4] = (one + two)[both] / 2
 
 
-def _met(found: FoundShape, x: Floats, way: Floats) -> Floats:
+def _met(one: FoundShape, x: Floats, way: Floats) -> Floats:
     """(n,): distance of the shape from points x (n, 3) along directions (n, 3); 0 where they miss it."""
-    return np.nan_to_num(found.shape.meets(x, way))
+    return np.nan_to_num(one.shape.meets(x, way))

@@ -159,10 +159,10 @@ def _joined(own: Parents, macro: Ints, outline: Ints, corner: Floats, good: NDAr
     first, of = first[order], np.argsort(order)[of]
     faces = surface.faces.take(first)
     kind, nodes = faces.type.copy(), faces.nodes.copy()
-    made = np.flatnonzero(cut[first])
-    ring = outline[macro[first[made]]]
-    kind[made] = _LINEAR[(ring >= 0).sum(axis=1)]
-    nodes[made] = np.pad(ring, ((0, 0), (0, MAX_NODES - MAX_CORNERS)), constant_values=-1)
+    cut_cells = np.flatnonzero(cut[first])
+    ring = outline[macro[first[cut_cells]]]
+    kind[cut_cells] = _LINEAR[(ring >= 0).sum(axis=1)]
+    nodes[cut_cells] = np.pad(ring, ((0, 0), (0, MAX_NODES - MAX_CORNERS)), constant_values=-1)
     parents = Surface(surface.x, Faces(kind, nodes), surface.cell[first], surface.dim, np.full(len(first), np.nan))
     return Parents(parents, of, np.where(cut[:, None, None], corner, own.corner))
 

@@ -21,5 +21,5 @@ def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: f
     """
     if surface not in SURFACES:
         raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")
-    made = Surface.of(mesh, cells)
-    return made if surface == "faces" else replace(made, height=height_of(mesh, made, crease_angle))
+    skin = Surface.of(mesh, cells)
+    return skin if surface == "faces" else replace(skin, height=height_of(mesh, skin, crease_angle))

@@ -47,14 +47,14 @@ class NodeShapes(NamedTuple):
     def of(cls, sought: Sought) -> NodeShapes:
         """Return the shapes of the nodes of all patches, before shapes were grown inside them."""
         node, n = sought.whole.node, len(sought.whole.x)
-        nodes = [np.unique(node[found.faces][node[found.faces] >= 0]) for found in sought.found]
+        nodes = [np.unique(node[one.faces][node[one.faces] >= 0]) for one in sought.found]
         shared = np.zeros(n, np.int64)
         for mine in nodes:
             shared[mine] += 1
         first, second, loose = np.full(n, -1), np.full(n, -1), np.zeros(len(node), bool)
-        for number, (found, mine) in enumerate(zip(sought.found, nodes, strict=True)):
-            if found.shape.kind == "plane" and shared[mine].min() > 1:
-                loose[found.faces] = True
+        for number, (one, mine) in enumerate(zip(sought.found, nodes, strict=True)):
+            if one.shape.kind == "plane" and shared[mine].min() > 1:
+                loose[one.faces] = True
                 continue
             second[mine] = np.where(first[mine] >= 0, number, -1)
             first[mine] = np.where(first[mine] >= 0, first[mine], number)

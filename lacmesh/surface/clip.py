@@ -56,9 +56,9 @@ class Pieces(NamedTuple):
 
 def clip(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Pieces:
     """Clip the candidate pairs; return the common parts within the search distances."""
-    made = in_parts(lambda rows: _clip_rows(rows, pairs, slave, master, reach), len(slave.n))
-    s, m, _, vertices, edges, area = (np.concatenate(v) for v in zip(*made, strict=True))
-    return Pieces(s, m, joined_starts([p.start for p in made]), vertices, edges, area)
+    clipped = in_parts(lambda rows: _clip_rows(rows, pairs, slave, master, reach), len(slave.n))
+    s, m, _, vertices, edges, area = (np.concatenate(v) for v in zip(*clipped, strict=True))
+    return Pieces(s, m, joined_starts([p.start for p in clipped]), vertices, edges, area)
 
 
 def _clip_rows(rows: slice, pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> Pieces:

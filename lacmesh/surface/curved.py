@@ -56,7 +56,7 @@ def along(a: Any, b: Any, u: float, v: float) -> Any:
 def _crossing(one: Any, a0: Any, a1: Any, two: Any, b0: Any, b1: Any, e: Any, s: float, t: float) -> Any:
     """Intersect two curves, seen along e's normal, by Newton's method: x(a0 + s (a1 - a0)), x(b0 + t (b1 - b0)).
 
-    The first lies in face `one`, the second in face `two`; (s, t) is the first guess. Returns (found, s, t).
+    The first lies in face `one`, the second in face `two`; (s, t) is the first guess. Returns (converged, s, t).
     """
     for _ in range(_STEPS):
         x, xu, xv = at(one.G, one.kind, a0[0] + s * (a1[0] - a0[0]), a0[1] + s * (a1[1] - a0[1]))
@@ -125,8 +125,8 @@ def _meet_at_crossing(i: int, j: int, slave: Any, master: Any, e: Any, out: Any)
     a0, a1 = slave.xi[i], slave.xi[(i + 1) % slave.n]
     b0, b1 = master.xi[j], master.xi[(j + 1) % master.n]
     s, t = along(a0, a1, out[0], out[1]), along(b0, b1, out[2], out[3])
-    found, s, t = _crossing(slave, a0, a1, master, b0, b1, e, s, t)
-    if not (found and -0.2 < s < 1.2 and -0.2 < t < 1.2):
+    converged, s, t = _crossing(slave, a0, a1, master, b0, b1, e, s, t)
+    if not (converged and -0.2 < s < 1.2 and -0.2 < t < 1.2):
         return False
     out[0], out[1] = a0[0] + s * (a1[0] - a0[0]), a0[1] + s * (a1[1] - a0[1])
     out[2], out[3] = b0[0] + t * (b1[0] - b0[0]), b0[1] + t * (b1[1] - b0[1])

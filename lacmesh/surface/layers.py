@@ -67,19 +67,19 @@ def nearest_only(of: Any, n: int, least: float, overlap: float) -> Any:
         _measure(of, a)
         of.order[a] = a
     _sort(of.order, of.low[:, 0], n)
-    held = 0  # parts `of.held` lie nowhere over one another, and reach as far as the sweep along the first axis
+    n_open = 0  # parts `of.held` lie nowhere over one another, and reach as far as the sweep along the first axis
     whole, most = n, _FRAGMENTS * n
     for i in range(whole):
         a = of.order[i]
-        held = _let_go(of, held, of.low[a, 0])
+        n_open = _let_go(of, n_open, of.low[a, 0])
         rest = n  # what is broken off from here on is set down in its turn
         while True:
-            n = _set_down(of, n, a, held, least, overlap)
+            n = _set_down(of, n, a, n_open, least, overlap)
             if n < 0 or n >= most:
                 return n
             if of.size[a]:
-                of.held[held] = a
-                held += 1
+                of.held[n_open] = a
+                n_open += 1
             if rest == n:
                 break
             a = rest
@@ -98,10 +98,10 @@ def _measure(of: Any, a: int) -> None:
 
 
 @kernel
-def _let_go(of: Any, held: int, low: float) -> Any:
+def _let_go(of: Any, n_open: int, low: float) -> Any:
     """Drop held parts that are empty or end before `low` along the first axis; return the number of those kept."""
     kept = 0
-    for k in range(held):
+    for k in range(n_open):
         b = of.held[k]
         if of.size[b] and of.high[b, 0] > low:
             of.held[kept] = b
@@ -110,11 +110,11 @@ def _let_go(of: Any, held: int, low: float) -> Any:
 
 
 @kernel
-def _set_down(of: Any, n: int, a: int, held: int, least: float, overlap: float) -> Any:
+def _set_down(of: Any, n: int, a: int, n_open: int, least: float, overlap: float) -> Any:
     """Resolve overlaps of part a with the held parts: the nearer cuts the other; return the number, -1 without room."""
     low, high = of.low, of.high
     left, right, bottom, top = low[a, 0], high[a, 0], low[a, 1], high[a, 1]
-    for k in range(held):
+    for k in range(n_open):
         b = of.held[k]
         if high[b, 1] <= bottom or low[b, 1] >= top or high[b, 0] <= left or low[b, 0] >= right:
             continue

@@ -67,8 +67,8 @@ def crease_pairs(surface: Surface, own: Floats, crease_angle: float | None) -> t
 
     `own` (f, 9, k): the faces' true normals at their nodes; `crease_angle` as in `smoothed`.
     """
-    found = list(_meetings(surface, own, crease_angle))
-    place, other = (np.concatenate([pair[k] for pair in found]) for k in (0, 1))
+    meetings = list(_meetings(surface, own, crease_angle))
+    place, other = (np.concatenate([pair[k] for pair in meetings]) for k in (0, 1))
     return place, other
 
 

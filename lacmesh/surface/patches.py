@@ -102,8 +102,8 @@ def reference_grid(family: str, n: int) -> Floats:
         downs = np.stack([i + 1, j, i + 1, j + 1, i, j + 1], axis=1)[down]
         at = np.concatenate([ups, downs]).reshape(-1, 3, 2).astype(float)
     last = corners[-1] if len(corners) != 2 else corners[0]
-    made = corners[0] + at[..., :1] / n * (corners[1] - corners[0]) + at[..., 1:] / n * (last - corners[0])
-    return np.concatenate([made, np.repeat(made[:, :1], MAX_CORNERS - made.shape[1], axis=1)], axis=1)
+    xi = corners[0] + at[..., :1] / n * (corners[1] - corners[0]) + at[..., 1:] / n * (last - corners[0])
+    return np.concatenate([xi, np.repeat(xi[:, :1], MAX_CORNERS - xi.shape[1], axis=1)], axis=1)
 
 
 def _with_frames(face: Ints, n: Ints, xi: Floats, G: Floats, kind: Ints, warp: Floats) -> Patches:
@@ -175,13 +175,13 @@ def _split_concave(p: Patches) -> Patches:
         return p
     rows = np.flatnonzero(concave)
     start = corner[rows].argmin(axis=1)
-    made = []
+    triangles = []
     for places in ((0, 1, 2), (0, 2, 3)):
         which = (start[:, None] + np.array(places)) % 4
         xi = np.take_along_axis(p.xi[rows], which[..., None], axis=1)
-        made.append(np.concatenate([xi, xi[:, :1]], axis=1))
+        triangles.append(np.concatenate([xi, xi[:, :1]], axis=1))
     face = np.concatenate([p.face[~concave], p.face[rows], p.face[rows]])
     n = np.concatenate([p.n[~concave], np.full(2 * len(rows), 3)])
-    xi = np.concatenate([p.xi[~concave], *made])
+    xi = np.concatenate([p.xi[~concave], *triangles])
     order = np.argsort(face, kind="stable")
     return _with_frames(face[order], n[order], xi[order], p.G, p.kind, p.warp)

@@ -49,17 +49,17 @@ def centroid(p: Any, n: int) -> Any:
 
 
 @kernel
-def copy(p: Any, label: Any, n: int, q: Any, made: Any) -> None:
+def copy(p: Any, label: Any, n: int, q: Any, q_label: Any) -> None:
     """Copy polygon p and its labels to q."""
     for k in range(n):
         q[k, 0] = p[k, 0]
         q[k, 1] = p[k, 1]
-        made[k] = label[k]
+        q_label[k] = label[k]
 
 
 @kernel
 def cut_by_line(
-    p: Any, label: Any, n: int, ax: float, ay: float, bx: float, by: float, mark: int, side: int, q: Any, made: Any
+    p: Any, label: Any, n: int, ax: float, ay: float, bx: float, by: float, mark: int, side: int, q: Any, q_label: Any
 ) -> Any:
     """Write the part of polygon p left of the line a -> b (right if side = -1) into q; return its number of vertices.
 
@@ -70,7 +70,7 @@ def cut_by_line(
     if nx == 0.0 and ny == 0.0:  # two corners in one place bound nothing: all is inside, nothing outside
         if side < 0:
             return 0
-        copy(p, label, n, q, made)
+        copy(p, label, n, q, q_label)
         return n
     m = 0
     before = (p[n - 1, 0] - ax) * nx + (p[n - 1, 1] - ay) * ny
@@ -81,12 +81,12 @@ def cut_by_line(
             t = before / (before - here)
             q[m, 0] = p[last, 0] + t * (p[k, 0] - p[last, 0])
             q[m, 1] = p[last, 1] + t * (p[k, 1] - p[last, 1])
-            made[m] = label[last] if here >= 0 else mark
+            q_label[m] = label[last] if here >= 0 else mark
             m += 1
         if here >= 0:
             q[m, 0] = p[k, 0]
             q[m, 1] = p[k, 1]
-            made[m] = label[k]
+            q_label[m] = label[k]
             m += 1
         before = here
     return m

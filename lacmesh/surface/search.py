@@ -88,15 +88,15 @@ def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
 
     def run(rows: slice) -> Pairs:
         start = np.zeros(rows.stop - rows.start + 1, np.int64)
-        found = np.empty(12 * len(start) + 64, np.int64)
-        count = _query(rows.start, prisms, slave.e, tree, boxes, start, found)
-        if count > len(found):
-            found = np.empty(count, np.int64)
-            _query(rows.start, prisms, slave.e, tree, boxes, start, found)
-        return Pairs(start, found[:count])
+        masters = np.empty(12 * len(start) + 64, np.int64)
+        count = _query(rows.start, prisms, slave.e, tree, boxes, start, masters)
+        if count > len(masters):
+            masters = np.empty(count, np.int64)
+            _query(rows.start, prisms, slave.e, tree, boxes, start, masters)
+        return Pairs(start, masters[:count])
 
-    made = in_parts(run, len(slave.n))
-    return Pairs(joined_starts([p.start for p in made]), np.concatenate([p.master for p in made]))
+    parts = in_parts(run, len(slave.n))
+    return Pairs(joined_starts([p.start for p in parts]), np.concatenate([p.master for p in parts]))
 
 
 def in_parts(run: Callable[[slice], T], count: int) -> list[T]:
@@ -160,8 +160,8 @@ def _sort(values: Any, begin: int, end: int) -> None:
 
 
 @kernel
-def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, found: Any) -> Any:
-    """Fill `start` and `found` for the prisms from `first` on; return the number of pairs.
+def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, masters: Any) -> Any:
+    """Fill `start` and `masters` for the prisms from `first` on; return the number of pairs.
 
     If that exceeds the room, call again with more.
     """
@@ -186,10 +186,10 @@ def _query(first: int, prisms: Any, e: Any, tree: Any, boxes: Any, start: Any, f
             for k in range((node - first_leaf) * LEAF, (node - first_leaf + 1) * LEAF):
                 m = tree.order[k]
                 if m >= 0 and _meets(prisms, e, s, boxes, m):
-                    if count < len(found):
-                        found[count] = m
+                    if count < len(masters):
+                        masters[count] = m
                     count += 1
-        if count <= len(found):
-            _sort(found, begin, count)
+        if count <= len(masters):
+            _sort(masters, begin, count)
         start[row + 1] = count
     return count

@@ -113,12 +113,12 @@ def _most(parts: list[tuple[int, str]], whole: int) -> str:
 
 def _alone_on(groups: Mapping[str, Ints], body: Ints, n: int, total: OverAll) -> dict[int, str]:
     """Return, for each body, the largest group whose items belong to it alone."""
-    found: dict[int, str] = {}
+    name_of: dict[int, str] = {}
     size = np.zeros(n, np.int64)
     for name, there, count in _counts(groups, body, n, total):
         if len(there) == 1 and count[there[0]] > size[there[0]]:
-            found[int(there[0])], size[there[0]] = name, count[there[0]]
-    return found
+            name_of[int(there[0])], size[there[0]] = name, count[there[0]]
+    return name_of
 
 
 def _boxes(mesh: Mesh, node: Ints, n: int, largest: OverAll) -> Iterator[str]:

@@ -120,7 +120,7 @@ def _query(
     each_other: bool,
 ) -> tuple[Array, Array]:
     first_leaf = len(tree_low) // 2
-    found = np.empty((max(16, 6 * len(low)), 2), np.int64)
+    pairs = np.empty((max(16, 6 * len(low)), 2), np.int64)
     stack = np.empty(128, np.int64)
     count = 0
     for i in range(len(low)):
@@ -138,11 +138,11 @@ def _query(
                 continue
             for j in range(max(after, last[node] - LEAF), min(last[node], len(other_low))):
                 if _meet(low, high, i, other_low, other_high, j):
-                    if count == len(found):
+                    if count == len(pairs):
                         more = np.empty((2 * count, 2), np.int64)
                         for pair in range(count):
-                            more[pair, 0], more[pair, 1] = found[pair, 0], found[pair, 1]
-                        found = more
-                    found[count, 0], found[count, 1] = i, j
+                            more[pair, 0], more[pair, 1] = pairs[pair, 0], pairs[pair, 1]
+                        pairs = more
+                    pairs[count, 0], pairs[count, 1] = i, j
                     count += 1
-    return found[:count, 0], found[:count, 1]
+    return pairs[:count, 0], pairs[:count, 1]

@@ -40,8 +40,8 @@ def faces_of(mesh: Mesh, cells: Ints) -> Faces:
         parts.append((kind, nodes))
     by_type = Faces.join(parts)
     place = np.empty(mesh.n_cells, np.int32)
-    found = np.concatenate(order)
-    place[found] = np.arange(len(found))
+    listed = np.concatenate(order)
+    place[listed] = np.arange(len(listed))
     return by_type.take(place[cells])
 
 

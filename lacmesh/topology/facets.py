@@ -210,15 +210,15 @@ def _runs(number: Ints, key: NDArray[np.uint64], opposite: Ints) -> tuple[Ints, 
 
 def _compare(solid: Solid, number: Ints, opposite: Ints, same: Bools) -> Ints:
     """Compare some facets with their `opposite` and write `same`; return those that are two facets, ALONE again."""
-    found = [number[:0]]
+    unequal = [number[:0]]
     for piece in _pieces(len(number)):
         one = number[piece][number[piece] < opposite[number[piece]]]
         other = opposite[one]
         mine, theirs = solid.corners_of(one), solid.corners_of(other)
         equal = _are_equal(mine, theirs)
         same[one] = same[other] = (_is_forward(mine) == _is_forward(theirs)) & equal
-        found += [one[~equal], other[~equal]]
-    wrong = np.concatenate(found)
+        unequal += [one[~equal], other[~equal]]
+    wrong = np.concatenate(unequal)
     opposite[wrong] = ALONE
     return wrong
 

@@ -163,14 +163,14 @@ def _touched(faces: Faces, n_nodes: int) -> NDArray[np.bool_]:
 
 def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -> Ints:
     """Rows of `nodes` with at least `least` touched corners, found in chunks that stay in the cache."""
-    found = [np.empty(0, np.int64)]
+    rows = [np.empty(0, np.int64)]
     for start in range(0, len(nodes), _PIECE):
         piece = nodes[start : start + _PIECE]
         count = np.zeros(len(piece), np.uint8)
         for corner in range(n_corners):
             count += touched[piece[:, corner]]
-        found.append(start + np.flatnonzero(count >= least))
-    return np.concatenate(found)
+        rows.append(start + np.flatnonzero(count >= least))
+    return np.concatenate(rows)
 
 
 def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncidence:
@@ -182,8 +182,8 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     face_of = np.full(count, -1, np.int64)
     face_of[labels[: len(faces)]] = np.arange(len(faces))
     face = face_of[labels[len(faces) :]]
-    found = np.flatnonzero(face >= 0)
-    found = found[np.lexsort((ids[found], face[found]))]
-    same = candidates.type[found] == faces.type[face[found]]
-    same &= (np.sort(candidates.nodes[found], axis=1) == np.sort(faces.nodes[face[found]], axis=1)).all(axis=1)
-    return FaceIncidence(face[found], ids[found], facet[found], same)
+    hits = np.flatnonzero(face >= 0)
+    hits = hits[np.lexsort((ids[hits], face[hits]))]
+    same = candidates.type[hits] == faces.type[face[hits]]
+    same &= (np.sort(candidates.nodes[hits], axis=1) == np.sort(faces.nodes[face[hits]], axis=1)).all(axis=1)
+    return FaceIncidence(face[hits], ids[hits], facet[hits], same)

@@ -158,16 +158,16 @@ class Entry(Described):
 
     def against(self, model: str | None, kinematics: str | None) -> Iterator[Issue]:
         """Yield the mistakes under this model and these kinematics (None: not known, so not checked)."""
-        told = self.told()
+        given = self.told()
         for name, key in keys_of(type(self)).items():
             if kinematics is not None and getattr(self, name) is not None:
-                yield from self._against_kinematics(name, key, kinematics, name in told)
-            if model is not None and name in told:
+                yield from self._against_kinematics(name, key, kinematics, name in given)
+            if model is not None and name in given:
                 yield from self._against_model(name, key, model)
 
-    def _against_kinematics(self, name: str, key: Key, kinematics: str, told: bool) -> Iterator[Issue]:
+    def _against_kinematics(self, name: str, key: Key, kinematics: str, given: bool) -> Iterator[Issue]:
         """Yield mistakes against the kinematics; words are checked by default too, such as a material's law."""
-        if key.kinematics not in (ANY, kinematics) and told:
+        if key.kinematics not in (ANY, kinematics) and given:
             yield self.wrong(
                 f'means something only with kinematics = "{key.kinematics}"; leave it out, or say that', name
             )

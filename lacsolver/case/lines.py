@@ -92,11 +92,11 @@ class Lines:
         """Return the parts of a dotted key, and the position of the next mark (`=` or `]`)."""
         parts: KeyPath = ()
         while True:
-            found = _BARE.match(self._text, at) or _STRING.match(self._text, at)
-            assert found, "tomllib accepted this text"
-            word = found.group()
+            match = _BARE.match(self._text, at) or _STRING.match(self._text, at)
+            assert match, "tomllib accepted this text"
+            word = match.group()
             parts += (word if word[0] not in "\"'" else tomllib.loads(f"key = {word}")["key"],)
-            at = _end(_SPACE, self._text, found.end())
+            at = _end(_SPACE, self._text, match.end())
             if self._text[at] != ".":
                 return parts, at
             at = _end(_SPACE, self._text, at + 1)
@@ -129,6 +129,6 @@ class Lines:
 
 
 def _end(pattern: re.Pattern[str], text: str, at: int) -> int:
-    found = pattern.match(text, at)
-    assert found, "tomllib accepted this text"
-    return found.end()
+    match = pattern.match(text, at)
+    assert match, "tomllib accepted this text"
+    return match.end()

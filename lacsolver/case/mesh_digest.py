@@ -76,11 +76,11 @@ def _groups(groups: Sequence[str], mesh: Mesh) -> Iterator[tuple[str, Ints]]:
 
 def older_mesh_digest(groups: Sequence[str], mesh: Mesh) -> str:
     """Return the digest of a mesh as versions before `BY_ROWS` made it, of whole arrays."""
-    made = hashlib.sha256(f"zones {mesh.zones}".encode())
+    digest = hashlib.sha256(f"zones {mesh.zones}".encode())
     arrays = [("points", mesh.points + 0.0), *((f"cells {block.type}", block.nodes) for block in mesh.blocks)]
     records = (name for name in ("lac_macro", "lac_zone") if name in mesh.cell_data)
     arrays += [(f"record {name}", mesh.cell_data[name]) for name in records]
     for name, values in (*arrays, *_groups(groups, mesh)):
-        made.update(f"{name} {values.shape}".encode())
-        made.update(values.astype("float64" if name == "points" else "int64").tobytes())
-    return made.hexdigest()[:32]
+        digest.update(f"{name} {values.shape}".encode())
+        digest.update(values.astype("float64" if name == "points" else "int64").tobytes())
+    return digest.hexdigest()[:32]

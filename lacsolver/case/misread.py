@@ -33,15 +33,15 @@ def other_than_case(path: Path) -> str:
     if not head.strip():
         return f"is empty; {_BEGINS.format('bodies.msh')}"
     try:
-        found = sniff(path, head).format
+        format = sniff(path, head).format
     except ReadError:
-        found = ""
-    if found == "inp":
+        format = ""
+    if format == "inp":
         return (
             f"is a deck or mesh of CalculiX or Abaqus, and not a case; lacsolver import {path.name} makes a case of it"
         )
-    if found:
-        return f"is a mesh ({found}), and not a case; {_BEGINS.format(path.name)}"
+    if format:
+        return f"is a mesh ({format}), and not a case; {_BEGINS.format(path.name)}"
     return f"is a binary file, and not a case; {_BEGINS.format('bodies.msh')}" if b"\0" in head else ""
 
 
@@ -89,10 +89,10 @@ def _number(text: str) -> str:
     >>> [_number(text) for text in ("1000.", "+.5", "1e3.", "2.1D5", "007", "1.2.3", ".")]
     ['1000.0', '+0.5', '1e3', '2.1e5', '7', '', '']
     """
-    found = _NUMBER.fullmatch(text)
-    if found is None or not (found[2] or found[4]):
+    match = _NUMBER.fullmatch(text)
+    if match is None or not (match[2] or match[4]):
         return ""
-    sign, whole, point, rest, power = found.groups()
+    sign, whole, point, rest, power = match.groups()
     digits = whole.lstrip("0") or "0"
     point = point or ("" if power or not text.endswith(".") else ".")
     return f"{sign}{digits}{'.' + (rest or '0') if point else ''}{'e' + power if power else ''}"

@@ -118,9 +118,9 @@ def _drafted(document: Mapping[str, Any], lines: Lines, path: Path) -> tuple[Cas
 def _record(record: Any, table: Mapping[str, Any], at: KeyPath, lines: Lines, path: Path) -> tuple[Entry, list[Issue]]:
     """Return the record of a table, and its mistakes; keys that belong at the top of the file get a hint."""
     top = [name for name in table if name in keys_of(Case) and name not in keys_of(record)]
-    made, mistakes = record.from_table({k: v for k, v in table.items() if k not in top}, at, lines, path)
+    entry, mistakes = record.from_table({k: v for k, v in table.items() if k not in top}, at, lines, path)
     hint = f"is no key of {record.SECTION.header}; it belongs at the top of the file, before the first section"
-    return made, [*mistakes, *(Issue(f"{name} {hint}", lines[(*at, name)]) for name in top)]
+    return entry, [*mistakes, *(Issue(f"{name} {hint}", lines[(*at, name)]) for name in top)]
 
 
 def _tables(name: str, record: Any, given: Any, lines: Lines) -> tuple[list[tuple[KeyPath, Any]], list[Issue]]:

@@ -52,10 +52,10 @@ def _section_text(record: Any) -> Iterator[str]:
         default = told_default(key, defaults_of(record)[name])
         words = "one of these" if isinstance(key.kind, Choice) else key.kind.words
         takes = f"{words}{'*' if key.load else ''}{f' [{key.unit}]' if key.unit else ''}"
-        told = "; ".join([key.meaning, *_conditions(key)])
+        text = "; ".join([key.meaning, *_conditions(key)])
         without = default if default == "required" else f"default {default}" if default else "optional"
         yield textwrap.fill(
-            f"{told}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
+            f"{text}. Takes {takes}; {without}.", _WIDE, initial_indent=f"  {name:<22} ", subsequent_indent=" " * 25
         )
         if isinstance(key.kind, Choice):
             for word, meaning in key.kind.options.items():
@@ -67,9 +67,9 @@ def _section_text(record: Any) -> Iterator[str]:
 
 def _conditions(key: Key) -> list[str]:
     """Return the conditions under which a key is allowed, in words."""
-    told = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
-    told += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
-    return told + ([_needs_words(key.needs)] if key.needs else [])
+    conditions = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
+    conditions += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
+    return conditions + ([_needs_words(key.needs)] if key.needs else [])
 
 
 def _needs_words(needs: Needs) -> str:
@@ -78,9 +78,9 @@ def _needs_words(needs: Needs) -> str:
 
 def _rules(section: Section) -> list[str]:
     """Return the rules for combinations of a section's keys, in words."""
-    told = [f"exactly one of {', '.join(names)}" for names in section.one_of]
-    told += [f"at least one of {', '.join(names)}" for names in section.some_of]
-    return told + [f"not both {one} and {other}" for one, other in section.not_both]
+    rules = [f"exactly one of {', '.join(names)}" for names in section.one_of]
+    rules += [f"at least one of {', '.join(names)}" for names in section.some_of]
+    return rules + [f"not both {one} and {other}" for one, other in section.not_both]
 
 
 def json_schema() -> Schema:
@@ -96,7 +96,7 @@ def _table_schema(record: Any) -> Schema:
     properties = {name: _key_schema(key, defaults[name]) for name, key in keys_of(record).items()}
     if record is Case:
         properties |= {name: _section_schema(section) for name, section in sections_of(Case).items()}
-    made: Schema = {
+    schema: Schema = {
         "type": "object",
         "description": section.meaning,
         "properties": properties,
@@ -111,19 +111,19 @@ def _table_schema(record: Any) -> Schema:
         for name, key in keys_of(record).items()
         if key.unless
     ]
-    return made | ({"allOf": rules} if rules else {})
+    return schema | ({"allOf": rules} if rules else {})
 
 
 def _section_schema(record: Any) -> Schema:
-    made = _table_schema(record)
-    return {"type": "array", "items": made} if record.SECTION.several else made
+    schema = _table_schema(record)
+    return {"type": "array", "items": schema} if record.SECTION.several else schema
 
 
 def _key_schema(key: Key, default: Any) -> Schema:
-    told = "; ".join([key.meaning, *_conditions(key), *([f"unit: {key.unit}"] if key.unit else [])])
-    made = {**key.kind.schema, "description": told}
+    description = "; ".join([key.meaning, *_conditions(key), *([f"unit: {key.unit}"] if key.unit else [])])
+    schema = {**key.kind.schema, "description": description}
     plain = isinstance(default, (bool, int, float, str))
-    return made | ({"default": default} if plain and default is not MISSING else {})
+    return schema | ({"default": default} if plain and default is not MISSING else {})
 
 
 def page_tables() -> dict[str, str]:
@@ -140,8 +140,8 @@ def _key_table(record: Any) -> Iterator[str]:
     for name, key in keys_of(record).items():
         default = told_default(key, defaults_of(record)[name])
         takes = f"{key.kind.words}{', ramped' if key.load else ''}"
-        told = "; ".join([key.meaning, *_conditions(key)])
-        yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {told} |"
+        text = "; ".join([key.meaning, *_conditions(key)])
+        yield f"| `{name}` | {_takes(key, takes)} | {key.unit} | {default} | {text} |"
     rules = _rules(section)
     if rules:
         yield f"\n{'; '.join(rules)[0].upper()}{'; '.join(rules)[1:]}."

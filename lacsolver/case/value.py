@@ -114,11 +114,11 @@ class Value:
         wrong = np.flatnonzero(~np.isfinite(np.broadcast_to(result, shape)))
         if len(wrong):
             at = ", ".join(f"{c:g}" for c in points[wrong[0]])
-            found = np.broadcast_to(result, shape)[wrong[0]]
+            value = np.broadcast_to(result, shape)[wrong[0]]
             what = f" = {self.source.text!r}" if isinstance(self.source, Formula) else ""
             more = f" (and {len(wrong) - 1} more places)" if len(wrong) > 1 else ""
             place = f"at ({at}){more}, t = {t:g}"
-            raise EvaluationError(f"{self.name}{what} is {found} {place}; keep it finite, with where() if need be")
+            raise EvaluationError(f"{self.name}{what} is {value} {place}; keep it finite, with where() if need be")
         return np.broadcast_to(result, shape).copy()
 
 

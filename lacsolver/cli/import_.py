@@ -50,21 +50,21 @@ def run(args: argparse.Namespace) -> None:
         args.left = pending_output(path, force=args.force)
     stage = Stages(args, ("read", "write"))
     with stage("read"):
-        made = import_deck(args.deck, target, lenient=args.lenient)
+        imported = import_deck(args.deck, target, lenient=args.lenient)
     with stage("write"):
-        lacmesh.write(target.with_suffix(".med"), made.mesh, force=args.force)
-        replace_file(target, made.text.encode())
-    for finding in made.findings:
+        lacmesh.write(target.with_suffix(".med"), imported.mesh, force=args.force)
+        replace_file(target, imported.text.encode())
+    for finding in imported.findings:
         if args.quiet and finding.level == "note":
             continue
         print(f"lacsolver: {finding.level}: {finding.text}", file=sys.stderr)
     if not args.quiet:
-        _print(target, made)
+        _print(target, imported)
         print(f"{args.deck}: {stage.spent()}")
 
 
-def _print(target: Path, made: Imported) -> None:
-    case, mesh = made.case, made.mesh
+def _print(target: Path, imported: Imported) -> None:
+    case, mesh = imported.case, imported.mesh
     rows = table("case", str(target))
     rows.add_row("model", f"{case.model}, {case.kinematics} strains")
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())

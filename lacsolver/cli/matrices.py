@@ -62,12 +62,12 @@ def run(args: argparse.Namespace) -> None:
         for target in targets.values():
             for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
                 args.left = pending_output(path, force=args.force)
-        made = _made(case, mesh)
+        matrices_of = _integrated(case, mesh)
     with stage("write"):
-        for name, matrices in made.items():
+        for name, matrices in matrices_of.items():
             write_matrices(targets[name], matrices, mtx=args.mtx)
     if not args.quiet:
-        for name, matrices in made.items():
+        for name, matrices in matrices_of.items():
             rows, columns = matrices.B.shape
             also = f" and {targets[name].with_suffix('.mtx').name}" if args.mtx else ""
             print(f"{name}: B {rows:,} x {columns:,}, {matrices.B.nnz:,} entries: {targets[name]}{also}")
@@ -76,19 +76,19 @@ def run(args: argparse.Namespace) -> None:
         print(f"{args.case}: {stage.spent()}")
 
 
-def _made(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
+def _integrated(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
     """Return the matrices of each contact and tie, with the clearance at the end of the steps."""
     from lacsolver.contact import integrate
     from lacsolver.matrices import ContactMatrices
     from lacsolver.problem.problem import build
 
-    parts, made = build(case, mesh, bodies=False), {}
+    parts, matrices_of = build(case, mesh, bodies=False), {}
     for pair in parts.pairs:
         face = integrate(
             pair.zone, pair.zone.slave.dim + 1, pair.pairing, t=case.steps.last, tie=pair.law.all_components
         )
-        made[pair.name] = ContactMatrices.of(face, parts.mesh)
-    return made
+        matrices_of[pair.name] = ContactMatrices.of(face, parts.mesh)
+    return matrices_of
 
 
 def places(zones: Iterable[str], output: Path) -> dict[str, Path]:

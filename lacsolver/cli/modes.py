@@ -104,8 +104,8 @@ def _print(modes: NaturalModes, problem: Problem, state: Restart | None) -> None
 def _figures(modes: NaturalModes, problem: Problem, state: Restart | None) -> Iterator[tuple[str, str]]:
     for number, words in enumerate(modes.rigid, 1):
         yield f"mode {number}, rigid", words
-    found = (modes.effective_masses.sum(axis=0) + modes.rigid_masses) / modes.mass
-    parts = ", ".join(f"{part:.2%} along {axis}" for axis, part in zip(modes.axes, found, strict=True))
+    fractions = (modes.effective_masses.sum(axis=0) + modes.rigid_masses) / modes.mass
+    parts = ", ".join(f"{part:.2%} along {axis}" for axis, part in zip(modes.axes, fractions, strict=True))
     yield "mass", f"{modes.mass:.6g}; effective in all of these modes: {parts}"
     if problem.joints:
         about = "of the undeformed bodies" if state is None else f"at t = {state.time:.9g}"

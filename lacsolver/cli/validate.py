@@ -39,50 +39,50 @@ def run(args: argparse.Namespace) -> None:
         case = read_case(args.case)
         mesh = mesh_of(case)
     with stage("look"):
-        found = validate(case, mesh)
+        validation = validate(case, mesh)
     if not args.quiet:
-        _print(case, found)
+        _print(case, validation)
         print(f"{args.case}: {stage.spent()}")
     sys.stdout.flush()
-    if found.problems:
-        raise CaseError(found.problems)
+    if validation.problems:
+        raise CaseError(validation.problems)
 
 
-def _print(case: Case, found: Validation) -> None:
+def _print(case: Case, validation: Validation) -> None:
     from lacsolver.cli.summary import add_resultants
 
     rows = table("case", "")
-    for name, value in _figures(case, found):
+    for name, value in _figures(case, validation):
         rows.add_row(name, value)
-    for zone in found.zones:
+    for zone in validation.zones:
         rows.add_section()
         for name, value in _zone(zone):
             rows.add_row(name, value)
     rows.add_section()
     for name in ACTING:
-        held = getattr(case, name)
-        for record in held if isinstance(held, tuple) else [held] if held else []:
+        records = getattr(case, name)
+        for record in records if isinstance(records, tuple) else [records] if records else []:
             rows.add_row(name, said(record))
-    add_resultants(rows, found.loads, case.steps.last)
+    add_resultants(rows, validation.loads, case.steps.last)
     console().print(rows)
 
 
-def _figures(case: Case, found: Validation) -> Iterator[tuple[str, str]]:
+def _figures(case: Case, validation: Validation) -> Iterator[tuple[str, str]]:
     """Yield the model, the sizes, the steps, and the rigid-body motions that only contact holds."""
-    mesh = found.mesh
+    mesh = validation.mesh
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     yield "model", f"{case.model}, {case.kinematics} strains"
     yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
     if case.contact or case.tie:
-        yield "cut", _cut(found)
-    if found.unknowns:
-        yield "unknowns", f"{found.unknowns:,} of {found.dim * mesh.n_nodes:,} displacements"
+        yield "cut", _cut(validation)
+    if validation.unknowns:
+        yield "unknowns", f"{validation.unknowns:,} of {validation.dim * mesh.n_nodes:,} displacements"
     steps = case.steps
     halved = f"each halved {steps.max_halvings} times at most"
     yield "steps", f"{len(steps.planned)}, to t = {steps.last:g}, {halved}"
-    if found.motion is not None:
-        yield from _motion(case, found.motion)
-    for motion in found.held:
+    if validation.motion is not None:
+        yield from _motion(case, validation.motion)
+    for motion in validation.held:
         yield "rigid-body mode without support", motion
 
 
@@ -101,13 +101,13 @@ def _motion(case: Case, motion: MotionFound) -> Iterator[tuple[str, str]]:
         yield "warning", said
 
 
-def _cut(found: Validation) -> str:
+def _cut(validation: Validation) -> str:
     """Describe the cut: none, made for this run, or present in the mesh (also if found by `recognition`)."""
-    if not found.zones:
+    if not validation.zones:
         return "none, because of the mistakes below"
-    if found.whole:
+    if validation.whole:
         return "not needed: every slave face is a macro-element as it is"
-    return "made for this run" if found.cut_here else "present in the mesh"
+    return "made for this run" if validation.cut_here else "present in the mesh"
 
 
 def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
@@ -130,12 +130,12 @@ def said(record: Entry) -> str:
     from lacsolver.space.places import where_of
 
     where = where_of(record)
-    told = [
+    values = [
         f"{name} = {_value(getattr(record, name))}"
         for name in keys_of(type(record))
         if name not in _WHERE and getattr(record, name) not in (None, False)
     ]
-    return f"{where}: {', '.join(told)}" if told else where
+    return f"{where}: {', '.join(values)}" if values else where
 
 
 def _value(value: Any) -> str:

@@ -108,7 +108,7 @@ class Watch:
         halved = f", halved {last.halvings} times" if last.halvings else ""
         head = Text(f"towards t = {last.time:.6g} of {self._end:g}{halved}, {spent:.0f} s", style="bold")
         rows = [
-            f"  iteration {told.number:3}  closed {told.closed:8,}  balance {told.balance:8.1e}  gaps {told.gap:8.1e}"
-            for told in self._iterations
+            f"  iteration {one.number:3}  closed {one.closed:8,}  balance {one.balance:8.1e}  gaps {one.gap:8.1e}"
+            for one in self._iterations
         ]
         return Group(head, *(Text(row, style="dim", no_wrap=True, overflow="ellipsis") for row in rows))

@@ -50,11 +50,11 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
     is not a skin.
     """
     problems: list[Issue] = []
-    made: list[list[Prescribed]] = []
+    parts_of: list[list[Prescribed]] = []
     skins: dict[int, Surface | None] = {}
     for number, record in enumerate(records):
         try:
-            made.append(_along_axes(space, record))
+            parts_of.append(_along_axes(space, record))
             if record.un is not None:
                 skins[number] = _skin(space, record)
         except CaseError as error:
@@ -64,11 +64,12 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
     there = {number: skin for number, skin in skins.items() if skin is not None}
     normals = dict(zip(there, nodal_normals(space, list(there.values())), strict=True)) if there else {}
     for number in skins:
-        value, found = records[number].un, normals.get(number, Normals(np.empty(0, np.int64), np.empty((0, space.dim))))
+        value = records[number].un
+        normal = normals.get(number, Normals(np.empty(0, np.int64), np.empty((0, space.dim))))
         assert value is not None
-        own = np.isin(found.nodes, space.own_nodes(found.nodes))
-        made[number].append(Prescribed(records[number], "un", value, found.nodes[own], found.normals[own]))
-    return tuple(part for parts in made for part in parts)
+        own = np.isin(normal.nodes, space.own_nodes(normal.nodes))
+        parts_of[number].append(Prescribed(records[number], "un", value, normal.nodes[own], normal.normals[own]))
+    return tuple(part for parts in parts_of for part in parts)
 
 
 def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:

@@ -65,10 +65,10 @@ class Constraints:
         local = combine(space, (*parts, *on_axis(space, moved)))
         nodal = nodal_map(space, local, rigid)
         rigid = numbered(rigid, nodal.shape[1])
-        made = cls(space, with_motions(space, nodal, rigid), local, rigid, _names(local))
+        constraints = cls(space, with_motions(space, nodal, rigid), local, rigid, _names(local))
         for t in _probed(case):
-            made.u0(t)
-        return made
+            constraints.u0(t)
+        return constraints
 
     @property
     def n_q(self) -> int:
@@ -208,8 +208,8 @@ class Constraints:
             columns.append(np.tile(at, len(at)))
             bent = bent * body.unit * body.unit[:, None]
             values.append(bent[np.ix_(body.free, body.free)].ravel())
-        made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return coo_array(made, shape=(self.n_q, self.n_q)).tocsr()
+        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
+        return coo_array(entries, shape=(self.n_q, self.n_q)).tocsr()
 
     @cached_property
     def _turning(self) -> tuple[RigidBody, ...]:
@@ -247,10 +247,10 @@ class Constraints:
 
     def reaction(self, name: str, reaction: Floats) -> NDArray[np.floating]:
         """Return one of the `reactions` (dim,), by name. Raises RequestError for an unknown name."""
-        found = self.reactions(reaction)
-        if name not in found:
-            raise RequestError(f"no displacement or rigid body named {name!r}{did_you_mean(name, found)}")
-        return found[name]
+        reactions = self.reactions(reaction)
+        if name not in reactions:
+            raise RequestError(f"no displacement or rigid body named {name!r}{did_you_mean(name, reactions)}")
+        return reactions[name]
 
     def rigid_reactions(
         self, reaction: Floats, motions: Mapping[str, Floats] | None = None
@@ -275,7 +275,7 @@ def _names(local: LocalBases) -> Mapping[str, Ints]:
         if part.record is not AXIS:
             rows.setdefault(name_of(part.record), []).append(np.arange(start, start + len(part.nodes)))
         start += len(part.nodes)
-    return MappingProxyType({name: np.concatenate(found) for name, found in rows.items()})
+    return MappingProxyType({name: np.concatenate(nodes) for name, nodes in rows.items()})
 
 
 def _probed(case: Case) -> list[float]:

@@ -75,8 +75,8 @@ class LocalBases:
         first, second = sorted((i, other))
         number = self.space.mesh.node_number[self.node[i]]
         more = " (with what else is prescribed there)" if likeness.max() < 1 - 1e-9 and len(others) > 1 else ""
-        told = f"{self._told(first, c)}, and {self._told(second, c)}{more}"
-        message = f"node {number} cannot have {told}, at t = {t:g}; leave one out, or make them agree"
+        both = f"{self._told(first, c)}, and {self._told(second, c)}{more}"
+        message = f"node {number} cannot have {both}, at t = {t:g}; leave one out, or make them agree"
         raise CaseError([Issue(message)])
 
     def _told(self, i: int, c: Floats) -> str:
@@ -96,12 +96,12 @@ def combine(space: Space, parts: Sequence[Prescribed]) -> LocalBases:
     node = np.concatenate([np.empty(0, np.int64), *(part.nodes for part in parts)])
     direction = np.concatenate([np.empty((0, dim)), *(part.directions for part in parts)])
     nodes, place = np.unique(node, return_inverse=True)
-    held, inverse, rank, row = _orthonormal(direction, place, len(nodes), dim)
+    basis, inverse, rank, row = _orthonormal(direction, place, len(nodes), dim)
     kept = np.flatnonzero(row >= 0)
     where = place[kept]
-    along = np.einsum("ksd,ks->kd", held[where], inverse[where, :, row[kept]])
+    along = np.einsum("ksd,ks->kd", basis[where], inverse[where, :, row[kept]])
     P = _sparse(space, node[kept], along, kept, len(node))
-    return LocalBases(space, tuple(parts), node, direction, nodes, _completed(held, rank), dim - rank, P)
+    return LocalBases(space, tuple(parts), node, direction, nodes, _completed(basis, rank), dim - rank, P)
 
 
 def _orthonormal(direction: Floats, place: Ints, n: int, dim: int) -> tuple[Floats, Floats, Ints, Ints]:
@@ -156,6 +156,7 @@ def _sparse(space: Space, node: Ints, block: Floats, column: Ints | None = None,
     """
     column = np.arange(len(node)) if column is None else column
     columns = np.repeat(column, space.dim)
-    made = coo_array((block.ravel(), (space.dofs(node).ravel(), columns)), shape=(space.n_dof, n or len(node))).tocsr()
-    made.eliminate_zeros()
-    return made
+    shape = (space.n_dof, n or len(node))
+    matrix = coo_array((block.ravel(), (space.dofs(node).ravel(), columns)), shape=shape).tocsr()
+    matrix.eliminate_zeros()
+    return matrix

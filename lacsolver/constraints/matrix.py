@@ -46,16 +46,16 @@ def with_motions(
 
     `moment_arms`: other moment arms than the bodies' own, for finite rotations; zeros are then kept.
     """
-    n, T = nodal.shape[1], nodal.tocoo()
-    entries: list[tuple[Ints, Ints, Floats]] = [(T.row, T.col, T.data)]
+    n, given = nodal.shape[1], nodal.tocoo()
+    entries: list[tuple[Ints, Ints, Floats]] = [(given.row, given.col, given.data)]
     for body, moment_arm in zip(rigid, moment_arms or [body.moment_arm for body in rigid], strict=True):
         rows = space.dofs(body.nodes).reshape(-1, 1)
         entries.append((rows, body.columns[body.free], (moment_arm * body.unit)[:, body.free]))
         n += int(body.free.sum())
-    made = _joined(entries, (space.n_dof, n))
+    T = _joined(entries, (space.n_dof, n))
     if moment_arms is None:
-        made.eliminate_zeros()
-    return made
+        T.eliminate_zeros()
+    return T
 
 
 def _joined(entries: list[tuple[Ints, Ints, Floats]], shape: tuple[int, int]) -> csr_array:

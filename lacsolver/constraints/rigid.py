@@ -176,18 +176,18 @@ def rigid_bodies(
     Raises CaseError for a group that is missing or empty, a node in two of them, and a loaded motion that moves no node
     (a rotation about the line on which all nodes lie).
     """
-    made: list[RigidBody] = []
+    bodies: list[RigidBody] = []
     problems: list[Issue] = []
     for record in records:
         try:
-            first = sum(int(body.free.sum()) for body in made)
-            made.append(_rigid_body(space, record, first, finite, gravity))
+            first = sum(int(body.free.sum()) for body in bodies)
+            bodies.append(_rigid_body(space, record, first, finite, gravity))
         except CaseError as error:
             problems += error.problems
     if problems:
         raise CaseError(problems)
-    _in_one(space, made)
-    return tuple(made)
+    _in_one(space, bodies)
+    return tuple(bodies)
 
 
 def numbered(bodies: Sequence[RigidBody], first: int) -> tuple[RigidBody, ...]:

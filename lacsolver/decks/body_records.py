@@ -39,8 +39,8 @@ def gravity(draft: CaseDraft) -> None:
 
 def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:
     """Return the densities of some cells, and the cells of each."""
-    found = [(float(rho), cells[density[cells] == rho]) for rho in np.unique(density[cells])]
-    return [(rho, some_cells) for rho, some_cells in found if rho]
+    parts = [(float(rho), cells[density[cells] == rho]) for rho in np.unique(density[cells])]
+    return [(rho, some_cells) for rho, some_cells in parts if rho]
 
 
 def densities(draft: CaseDraft) -> Floats:

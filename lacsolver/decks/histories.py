@@ -195,15 +195,15 @@ def _histories(
 ) -> dict[int, Points]:
     """Return the histories of some components of one item. Raises Refused, at the line that they begin with."""
     tables: list = [deck.amplitudes[name] for name in orders.amplitudes]
-    found = {}
+    histories = {}
     for c in np.flatnonzero(components).tolist():
         value: Floats = orders.value[:, c, at]
         factors = [tables[k] if k >= 0 else None for k in orders.amplitude[:, c, at].tolist()]
         try:
-            found[c] = history(deck.steps, value, factors, start)
+            histories[c] = history(deck.steps, value, factors, start)
         except Refused as refused:
             raise Refused(refused.message, refused.row or line.row) from None
-    return found
+    return histories
 
 
 def history_of(deck: DeckContent, orders: Orders, item: int, component: int, start: float = 0.0) -> Points | None:

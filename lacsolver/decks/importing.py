@@ -97,8 +97,8 @@ def _imported(path: Path, case_path: Path, draft: CaseDraft) -> Imported:
         _set_clearances(draft, case, mesh)
         text = case_text(head, draft.top, draft.records)
         case = _case(text, case_path)
-    found = sorted(dict.fromkeys(draft.deck.findings), key=lambda one: (one.file, one.line))
-    return Imported(mesh, case, text, tuple(found))
+    findings = sorted(dict.fromkeys(draft.deck.findings), key=lambda one: (one.file, one.line))
+    return Imported(mesh, case, text, tuple(findings))
 
 
 def _name_kinds(draft: CaseDraft, mesh: Mesh) -> None:

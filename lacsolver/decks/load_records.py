@@ -30,10 +30,10 @@ MOST_STEPS = 100_000
 def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
     deck = draft.deck
-    held = np.array([n for body in deck.rigid for n in (body.reference, body.rotation) if n is not None], np.int64)
+    rigid_nodes = [n for body in deck.rigid for n in (body.reference, body.rotation) if n is not None]
     lines = [line for line in deck.assigned if line.kind == kind]
     if kind in ("displacement", "force"):
-        lines = [replace(line, items=np.setdiff1d(line.items, held)) for line in lines]
+        lines = [replace(line, items=np.setdiff1d(line.items, np.array(rigid_nodes, np.int64))) for line in lines]
         lines = [line for line in lines if len(line.items)]
     return orders_by_step(draft, kind, lines)
 
@@ -58,20 +58,20 @@ def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Or
     return whole
 
 
-def _check_begun(found: Orders) -> None:
+def _check_begun(prescribed: Orders) -> None:
     """Raise Refused for a support that begins after the first step: lacsolver's hold from time 0 on."""
-    late = np.isnan(found.value[0]) & ~np.isnan(found.value).all(axis=0)
+    late = np.isnan(prescribed.value[0]) & ~np.isnan(prescribed.value).all(axis=0)
     if late.any():
-        line = found.line_of(int(np.flatnonzero(late.any(axis=0))[0]))
+        line = prescribed.line_of(int(np.flatnonzero(late.any(axis=0))[0]))
         message = "this support begins after the first step, and lacsolver's hold from the beginning"
         raise Refused(f"{message}; hold it in the first step too, or compute the steps apart", line.row)
 
 
 def supports(draft: CaseDraft) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
-    found = orders(draft, "displacement")
+    prescribed = orders(draft, "displacement")
     names = draft.deck.names
-    for part in parts_of(draft.deck, found, once=False):
+    for part in parts_of(draft.deck, prescribed, once=False):
         there = part.items[names.in_cells[part.items]]
         if not len(there):
             draft.deck.note(
@@ -104,9 +104,9 @@ def forces(draft: CaseDraft) -> None:
 
 def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
-    held = [body.reference for body in draft.deck.rigid]
+    reference_nodes = [body.reference for body in draft.deck.rigid]
     for line in lines:
-        if line.value and not np.isin(line.items, held).all():
+        if line.value and not np.isin(line.items, reference_nodes).all():
             raise Refused("only the reference node of a *RIGID BODY turns; nodes of solid elements do not", line.row)
 
 
@@ -138,8 +138,8 @@ def temperatures(draft: CaseDraft) -> None:
     if not len(cells):
         draft.deck.note(lines[0].card, "no material has an *EXPANSION, so that temperatures have no effect")
         return
-    found = orders_by_step(draft, "temperature", lines)
-    row_of, start = _rows_of_nodes(found, mesh.n_nodes), initial_temperatures(draft)
+    prescribed = orders_by_step(draft, "temperature", lines)
+    row_of, start = _rows_of_nodes(prescribed, mesh.n_nodes), initial_temperatures(draft)
     code = np.full(mesh.n_cells, -1)
     for _, own, nodes in mesh.select(cells):
         rows = row_of[nodes]
@@ -152,22 +152,23 @@ def temperatures(draft: CaseDraft) -> None:
     kinds, which = np.unique(np.stack([code[warm], start[warm]], axis=1), axis=0, return_inverse=True)
     for k, (row, T) in enumerate(kinds.tolist()):
         own = warm[which.ravel() == k]
-        at = int(np.flatnonzero(row_of[found.items] == row)[0])
-        points = history_of(deck, found, int(found.items[at]), 0, T)
+        at = int(np.flatnonzero(row_of[prescribed.items] == row)[0])
+        points = history_of(deck, prescribed, int(prescribed.items[at]), 0, T)
         value = written(points or [(0.0, T)], draft.ramped, T)
         if value == T:
             continue
-        line = found.line_of(at)
+        line = prescribed.line_of(at)
         whole = len(own) == np.count_nonzero(mesh.cell_dim == mesh.dim)
         groups = {} if whole else {"groups": [draft.groups.add_cells(line.name or "warm", own)]}
         draft.add("temperature", groups | {"value": value}, line.card)
 
 
-def _rows_of_nodes(found: Orders, n_nodes: int) -> Ints:
+def _rows_of_nodes(prescribed: Orders, n_nodes: int) -> Ints:
     """Return a number (n_nodes,) for each node, the same for nodes of the same orders; -1 for nodes without."""
-    table = np.concatenate([np.nan_to_num(found.value[:, 0], nan=np.inf), found.amplitude[:, 0].astype(float)])
+    value, amplitude = prescribed.value[:, 0], prescribed.amplitude[:, 0]
+    table = np.concatenate([np.nan_to_num(value, nan=np.inf), amplitude.astype(float)])
     out = np.full(n_nodes, -1)
-    out[found.items] = np.unique(table.T, axis=0, return_inverse=True)[1].ravel()
+    out[prescribed.items] = np.unique(table.T, axis=0, return_inverse=True)[1].ravel()
     return out
 
 
@@ -205,6 +206,6 @@ def _increments(draft: CaseDraft, step: DeckStep) -> int:
         raise Refused(message, None, step.origin)
     count = max(1, ceil(count - 1e-9))
     if not static and not step.direct:
-        told = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
-        draft.deck.note(step.origin, told)
+        message = f"it is computed in {count} equal increments; lacsolver validate tells if they are short enough"
+        draft.deck.note(step.origin, message)
     return count

@@ -83,8 +83,8 @@ def section(deck: DeckContent, card: Card) -> None:
     thickness = card.rows[0].number(0, "the thickness", 1.0) if card.rows else 1.0
     if not thickness > 0:
         raise Refused(f"the thickness should be positive, not {thickness:g}", card.rows[0])
-    made = DeckSection(name, cells, card.needed("MATERIAL"), card.options.get("ORIENTATION", ""), thickness, card)
-    deck.sections.append(made)
+    material, orientation = card.needed("MATERIAL"), card.options.get("ORIENTATION", "")
+    deck.sections.append(DeckSection(name, cells, material, orientation, thickness, card))
 
 
 #: places in the 21 constants of anisotropy (upper triangle of the stiffness, column by column) of the 9 of orthotropy

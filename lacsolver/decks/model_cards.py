@@ -45,8 +45,8 @@ def element(deck: DeckContent, card: Card) -> None:
 
 def _tell_variant(deck: DeckContent, card: Card, name: str, letters: str) -> None:
     """Tell that elements of a variant are computed otherwise here; linear ones are too stiff in bending."""
-    told = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(letters))
-    message = f"{name} has {told}; lacsolver computes the same shape with full integration"
+    variants = " and ".join(_VARIANTS[letter] for letter in dict.fromkeys(letters))
+    message = f"{name} has {variants}; lacsolver computes the same shape with full integration"
     if letters == "H":
         deck.note(card, message)
         return

@@ -49,15 +49,15 @@ def _damping(draft: CaseDraft) -> tuple[float, float]:
     """Return the Rayleigh damping of the materials, which all must share, and have a density. Raises Refused."""
     deck = draft.deck
     keys = {look_up(deck.materials, section.material, "*MATERIAL") for section in deck.sections}
-    made = [deck.materials[key] for key in sorted(keys)]
-    for material in made:
+    materials = [deck.materials[key] for key in sorted(keys)]
+    for material in materials:
         if not material.keys.get("density"):
             message = f"material {material.name} has no *DENSITY, and what moves has a mass; give it one"
             draft.deck.error(material.card, message)
-    if len({material.damping for material in made}) > 1:
-        names = ", ".join(material.name for material in made)
+    if len({material.damping for material in materials}) > 1:
+        names = ", ".join(material.name for material in materials)
         raise Refused(f"materials {names} have several dampings, and lacsolver has one for all; give them the same")
-    return made[0].damping if made else (0.0, 0.0)
+    return materials[0].damping if materials else (0.0, 0.0)
 
 
 def _add_initial(draft: CaseDraft, lines: list[Assigned]) -> None:
@@ -112,8 +112,8 @@ def _check_velocities(draft: CaseDraft, v: Floats, lines: list[Assigned]) -> Non
         raise Refused(f"{message}; give the velocity to the nodes of elements", lines[0].row, lines[0].card)
     for line in (one for one in draft.deck.assigned if one.kind == "displacement"):
         for c in line.components:
-            if (held := line.items[v[line.items, c] != 0]).size:
-                message = f"nodes {some(number[held])} have a velocity along {AXES[c]}, in which they are held"
+            if (fixed := line.items[v[line.items, c] != 0]).size:
+                message = f"nodes {some(number[fixed])} have a velocity along {AXES[c]}, in which they are held"
                 raise Refused(f"{message}; hold the nodes or move them, not both", line.row, line.card)
 
 

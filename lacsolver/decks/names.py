@@ -47,16 +47,16 @@ class Names:
 
     def cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
-        name, found = self._cells(text, row)
-        found = found[self.mesh.cell_dim[found] == self.mesh.dim]
-        if not len(found):
+        name, cells = self._cells(text, row)
+        cells = cells[self.mesh.cell_dim[cells] == self.mesh.dim]
+        if not len(cells):
             raise Refused(f"{text} has no solid elements", row)
-        return name, found
+        return name, cells
 
     def points(self, text: str) -> tuple[str, Ints]:
         """Return the name of a set of elements of one node, springs or masses, and their nodes (k,). Raises Refused."""
-        name, found = self._cells(text, None)
-        nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(found[self.mesh.cell_dim[found] == 0])]
+        name, cells = self._cells(text, None)
+        nodes = [nodes[:, 0] for _, _, nodes in self.mesh.select(cells[self.mesh.cell_dim[cells] == 0])]
         if not nodes:
             raise Refused(f"{text} has no elements of one node, such as SPRING1 or MASS")
         return name, np.concatenate(nodes)
@@ -76,13 +76,13 @@ class Names:
 
     def facets(self, cells: Ints, side: str, row: DeckLine) -> Ints:
         """Return the numbers of the facets `side` ("1", "2" ... of the deck) of some cells. Raises Refused."""
-        found = []
+        facets = []
         for kind, chosen, _ in self.mesh.select(cells):
             places = FACETS[CELLS[kind].family]
             if not (_is_number(side) and 1 <= int(side) <= len(places)):
                 raise Refused(f"a {kind} has the faces 1 to {len(places)}, and no face {side!r}", row)
-            found.append(chosen * SIDES + places[int(side) - 1])
-        return np.concatenate(found)
+            facets.append(chosen * SIDES + places[int(side) - 1])
+        return np.concatenate(facets)
 
     def skin(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a surface and its facets (k,): of a surface of nodes, the faces on these nodes alone.

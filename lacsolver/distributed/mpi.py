@@ -133,8 +133,8 @@ class MpiCommunicator(Communicator):
         first = int(-self.largest(-float(self.rank if error is not None else self.size)))
         if first == self.size:
             return
-        found = self.mpi.bcast(None if error is None else (type(error), str(error)), root=first)
-        raise error if error is not None else _made(*found)
+        raised = self.mpi.bcast(None if error is None else (type(error), str(error)), root=first)
+        raise error if error is not None else _error_of(*raised)
 
     def on_first(self, work: Callable[[], T]) -> T | None:
         """Do something on the first process alone, and return its result there; raise its error on all of them."""
@@ -144,21 +144,21 @@ class MpiCommunicator(Communicator):
         """Do something on every process by itself; raise the error of the first one that fails on all of them."""
         failed: Exception | None = None
         try:
-            made = work()
+            result = work()
         except Exception as error:
             failed = error
         self.agree(failed)
-        return made
+        return result
 
 
-def _made(kind: type[Exception], message: str) -> Exception:
+def _error_of(kind: type[Exception], message: str) -> Exception:
     """Return an error with a message; a LacmeshError if errors of this kind are made of more."""
     try:
         return kind(message)
     except (TypeError, AttributeError):
-        made = LacmeshError(message)
-        made.status = getattr(kind, "status", made.status)
-        return made
+        error = LacmeshError(message)
+        error.status = getattr(kind, "status", error.status)
+        return error
 
 
 def _width(x: NDArray) -> int:

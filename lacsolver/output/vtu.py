@@ -107,9 +107,9 @@ def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:
 
 def _by_face(zone: ZoneFields) -> dict[str, NDArray]:
     reals = {"pressure": zone.pressure, "gap": zone.gap, "coverage": zone.coverage, "normal": wide(zone.normal, 3)}
-    told = {name: on_faces(np.asarray(values, float), zone.macro, np.nan) for name, values in reals.items()}
+    fields = {name: on_faces(np.asarray(values, float), zone.macro, np.nan) for name, values in reals.items()}
     whole = {"status": zone.status, "macro": zone.number}
-    return told | {name: on_faces(np.asarray(values, np.int32), zone.macro, -1) for name, values in whole.items()}
+    return fields | {name: on_faces(np.asarray(values, np.int32), zone.macro, -1) for name, values in whole.items()}
 
 
 def wide(values: Floats, width: int) -> Floats:

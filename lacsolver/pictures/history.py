@@ -66,10 +66,10 @@ def chosen(table: Mapping[str, Floats], columns: Sequence[str]) -> dict[str, Flo
     usual = [pattern for pattern in ("energy.*", "reaction.*") if any(fnmatchcase(name, pattern) for name in table)]
     out: dict[str, Floats] = {}
     for pattern in columns or usual[:1]:
-        found = [name for name in table if name == pattern] or [name for name in table if fnmatchcase(name, pattern)]
-        if not found:
+        names = [name for name in table if name == pattern] or [name for name in table if fnmatchcase(name, pattern)]
+        if not names:
             raise RequestError(f"{HISTORY} has no column {pattern!r}{did_you_mean(pattern, table)}")
-        out |= {name: table[name] for name in found}
+        out |= {name: table[name] for name in names}
     if not out:
         raise RequestError(f"{HISTORY} has no energies and no reactions to draw; name columns by --history")
     return out
@@ -103,6 +103,6 @@ def _drawn(time: Floats, panels: Mapping[str, Mapping[str, Floats]], title: str)
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
     axes[-1].set_xlabel("time")
-    made = io.BytesIO()
-    figure.savefig(made, format="png", metadata={"Software": None})
-    return made.getvalue()
+    png = io.BytesIO()
+    figure.savefig(png, format="png", metadata={"Software": None})
+    return png.getvalue()

@@ -170,9 +170,10 @@ class Inertia:
         centre, _ = centres(space, of_node)
         arm = (space.local.points - centre[np.maximum(of_node, 0)])[:, : space.dim]
         arm[of_node < 0] = 0.0
-        held = space.own_nodes(np.flatnonzero(of_node >= 0))
-        parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[held] for M in (self.plain, self.M[:n, :n]))
-        sums = (np.bincount(of_node[held], part, len(centre)).astype(float) for part in parts)
+        in_body = space.own_nodes(np.flatnonzero(of_node >= 0))
+        masses = (self.plain, self.M[:n, :n])
+        parts = ((arm * (M @ arm.ravel()).reshape(arm.shape)).sum(axis=1)[in_body] for M in masses)
+        sums = (np.bincount(of_node[in_body], part, len(centre)).astype(float) for part in parts)
         before, after = map(space.share.total, sums)
         there = np.unique(of_node[self.massless.nodes])
         return {int(k): float(after[k] / before[k] - 1) for k in there}

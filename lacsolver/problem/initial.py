@@ -55,16 +55,16 @@ def initial_motion(space: Space, case: Case, t: float) -> tuple[Given, Given]:
     return displacements, velocities
 
 
-def fitted(problem: Problem, given: Given, held: Floats, what: str) -> NDArray[np.floating]:
-    """Return unknowns q (n_q,) with T q + held = the given values, where they are given; 0 elsewhere.
+def fitted(problem: Problem, given: Given, prescribed: Floats, what: str) -> NDArray[np.floating]:
+    """Return unknowns q (n_q,) with T q + prescribed = the given values, where they are given; 0 elsewhere.
 
-    `held` (n_dof,): what prescribed displacements give. Raises CaseError where these contradict.
+    `prescribed` (n_dof,): what prescribed displacements give. Raises CaseError where these contradict.
     """
     space = problem.space
     there = given.record.ravel() >= 0
-    wanted = np.where(there, given.values.ravel(), held)
-    q = problem.constraints.unknowns(wanted - held)
-    off = np.where(there, np.abs(problem.constraints.T @ q + held - wanted), 0.0)
+    wanted = np.where(there, given.values.ravel(), prescribed)
+    q = problem.constraints.unknowns(wanted - prescribed)
+    off = np.where(there, np.abs(problem.constraints.T @ q + prescribed - wanted), 0.0)
     mine = space.attached | _rigid(problem)
     off[~np.repeat(mine if space.share.own is None else mine & space.share.own, space.dim)] = 0.0
     bad = np.flatnonzero(off > _SAME * space.largest(wanted))

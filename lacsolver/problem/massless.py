@@ -49,10 +49,10 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     A body that would have no node with mass near some of its skin nodes keeps the mass of its master skins, or, if
     this does not suffice, that of all its nodes but the internal ones.
     """
-    adjacent, held = _adjacency(space), np.zeros(space.mesh.n_nodes, bool)
-    held[rigid] = True
+    adjacent, rigid_node = _adjacency(space), np.zeros(space.mesh.n_nodes, bool)
+    rigid_node[rigid] = True
     attached = space.agreed(space.attached)
-    movable, levels = attached & ~space.agreed(held), _levels(space, zones)
+    movable, levels = attached & ~space.agreed(rigid_node), _levels(space, zones)
     wanted, sentences, of_node = levels[choice] & movable, [], bodies(space)
     for fallback, words in (("slave", "all but its master skins"), ("internal", "its internal nodes alone")):
         if choice in (fallback, "internal", "none"):

@@ -83,13 +83,13 @@ def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Itera
     """Yield a basis of the space of motions that the given ones (k, b, 6) span, easy to describe: see the module."""
     scale = _scale(bodies)
     Z = _orthonormal((twists * scale).reshape(len(twists), -1))
-    found = np.empty((0, Z.shape[1]))
+    basis = np.empty((0, Z.shape[1]))
     for z in (*_alone(Z), *_as_one(Z, bodies)):
-        new = z - (found @ z) @ found
+        new = z - (basis @ z) @ basis
         if np.linalg.norm(new) > _NONE * np.linalg.norm(z):
-            found = np.vstack([found, new / np.linalg.norm(new)])
+            basis = np.vstack([basis, new / np.linalg.norm(new)])
             yield _motion(space, bodies, z.reshape(-1, 6) / scale)
-    for z in _others(np.linalg.svd(Z @ found.T)[0][:, len(found) :].T @ Z):
+    for z in _others(np.linalg.svd(Z @ basis.T)[0][:, len(basis) :].T @ Z):
         yield _motion(space, bodies, z.reshape(-1, 6) / scale)
 
 
@@ -161,15 +161,15 @@ def _plain(Y: Floats) -> Iterator[Floats]:
 def _axes(S: Floats) -> Iterator[Floats]:
     """Yield an orthonormal basis of the span of orthonormal rows S (p, 3): axes in it, then directions near axes."""
     left = S.T @ S
-    found: list[Floats] = []
-    while len(found) < len(S):
+    axes: list[Floats] = []
+    while len(axes) < len(S):
         along = np.sqrt(np.maximum(np.diagonal(left), 0.0))
         k = int((along > along.max() - _NONE).argmax())
         v = np.eye(3)[k] if along[k] > 1 - _NONE**2 else left[k] / along[k]
-        found.append(v / np.linalg.norm(v))
+        axes.append(v / np.linalg.norm(v))
         left = left - np.outer(left @ v, v)
         left = left - np.outer(v, v @ left)
-        yield found[-1]
+        yield axes[-1]
 
 
 def _words(motion: FreeMotion, body: Body, twist: Floats) -> tuple[str, str]:

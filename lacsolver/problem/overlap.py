@@ -49,9 +49,9 @@ def start_of(joint: ContactPair, face: Interface, space: Space) -> Start:
     A zone that is paired again on deformed skins may be covered later: its coverage is not warned of here.
     """
     covered = float(face.w.sum() / face.area.sum())
-    told = [*_doubted_overlap(joint, face, space), *([] if joint.moving else scarcely_covered(joint, covered))]
+    doubts = [*_doubted_overlap(joint, face, space), *([] if joint.moving else scarcely_covered(joint, covered))]
     overlap = space.share.largest(deepest(face))
-    return Start(overlap if overlap > _ROUNDING * space.extent else 0.0, covered, tuple(told))
+    return Start(overlap if overlap > _ROUNDING * space.extent else 0.0, covered, tuple(doubts))
 
 
 def deepest(face: Interface) -> float:
@@ -136,9 +136,9 @@ def looked(joint: ContactPair, face: Interface) -> NDArray[np.floating]:
 def _met(slave: Surface, skin: Surface, macro: Ints, n: int) -> Coverage:
     """Return the coverage of the slave's macro-elements by a skin behind them, at any depth."""
     far = float(np.ptp(np.concatenate([slave.x, skin.x]), axis=0).sum())
-    found = contact_points(slave, skin, macro=macro, search_distance=0.0, max_penetration=far)
-    made = coverage(found, slave, macro)
-    more: dict[str, Any] = {k: np.pad(v, (0, n - len(v)), constant_values=np.nan) for k, v in vars(made).items()}
+    points = contact_points(slave, skin, macro=macro, search_distance=0.0, max_penetration=far)
+    met = coverage(points, slave, macro)
+    more: dict[str, Any] = {k: np.pad(v, (0, n - len(v)), constant_values=np.nan) for k, v in vars(met).items()}
     return Coverage(**more)
 
 

@@ -90,8 +90,8 @@ def passing(joint: ContactPair, face: Interface, x: Floats, t: float, space: Spa
     points = points.take(np.flatnonzero(_SEEN * points.depth > seen[face.zone.macro[points.face]]))
     if not space.share.largest(float(len(points.face))):
         return None
-    held = _held_throughout(joint, face, x, t, space)[face.zone.macro[points.face]]
-    return None if held.all() else points.take(np.flatnonzero(~held))
+    stays = _held_throughout(joint, face, x, t, space)[face.zone.macro[points.face]]
+    return None if stays.all() else points.take(np.flatnonzero(~stays))
 
 
 def _held_throughout(joint: ContactPair, face: Interface, x: Floats, t: float, space: Space) -> NDArray[np.bool_]:

@@ -111,14 +111,14 @@ def still_free(
     if not motions:
         return ()
     rows, seen = _rates(B, motions, x)
-    found: list[FreeMotion] = []
+    free: list[FreeMotion] = []
     weight = 1 / np.sqrt(np.maximum(seen, 1))
     for _, columns, basis in _null_spaces(
         csr_array(rows @ diags_array(weight)), _by_bodies(motions), least, total=True
     ):
         moved, twists = _together([motions[k] for k in columns])
-        found += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis * weight[columns], twists))
-    return tuple(found)
+        free += plain_motions(motions[0].space, moved, np.einsum("zk,kbs->zbs", basis * weight[columns], twists))
+    return tuple(free)
 
 
 def felt(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None = None) -> NDArray[np.floating]:
@@ -178,16 +178,16 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
     model = _unit_twists(space)
     if space.model.axisymmetric:
         model = model[1:2]
-    made, twists = list(connected), [model / _lengths(body) for body in connected]
+    frame_bodies, twists = list(connected), [model / _lengths(body) for body in connected]
     attached = space.agreed(space.attached)
     for rigid in constraints.rigid:
         bare, arm = rigid.nodes[~attached[rigid.nodes]], rigid.arm[space.mask_own(rigid.nodes)]
         sums = space.share.total(np.array([np.square(arm).sum(), len(arm)]))
         radius = _radius(sums[0] / sums[1])
-        made.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
-        twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(made[-1]))
-    block = np.repeat(np.arange(len(made)), [len(unit) for unit in twists])
-    return _Frame(tuple(made), len(connected), of_node, block, np.concatenate(twists))
+        frame_bodies.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
+        twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(frame_bodies[-1]))
+    block = np.repeat(np.arange(len(frame_bodies)), [len(unit) for unit in twists])
+    return _Frame(tuple(frame_bodies), len(connected), of_node, block, np.concatenate(twists))
 
 
 def _connected(space: Space, of_node: Ints) -> list[Body]:
@@ -255,12 +255,12 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     own = _modes(space, frame, nodes, frame.of_node[nodes])
     n = len(frame.bodies) - len(constraints.rigid)
     group = np.repeat(n + np.arange(len(constraints.rigid)), [len(nodes) for nodes in of_bodies])
-    held = space.attached[rigid]
-    shared = space.dofs(rigid[held]).ravel()
-    apart = (own - _modes(space, frame, rigid[held], group[held]))[shared]
+    attached = space.attached[rigid]
+    shared = space.dofs(rigid[attached]).ravel()
+    apart = (own - _modes(space, frame, rigid[attached], group[attached]))[shared]
     rows = [constraints.local.D @ own, apart]
     if springs is not None:
-        alone = _modes(space, frame, rigid[~held], group[~held])
+        alone = _modes(space, frame, rigid[~attached], group[~attached])
         stiffness = springs.diagonal()
         unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
         rows.append(diags_array(unit) @ springs @ (own + alone))

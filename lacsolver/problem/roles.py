@@ -169,22 +169,22 @@ class _Side:
     @property
     def free(self) -> float:
         """The part of the faces whose new nodes would be free: along the normal, for a tie in every direction."""
-        held = np.zeros((self.n_faces, 3, 3))
+        fixed = np.zeros((self.n_faces, 3, 3))
         n, _ = mean_normals(self.skin)
         records: tuple[Displacement | Rigid, ...] = (*self._case.displacement, *self._case.rigid)
         for record in records:
             there = self._held_by(record)
             if isinstance(record, Rigid):
-                held[there] = np.eye(3)
+                fixed[there] = np.eye(3)
                 continue
             for k, axis in enumerate("xyz"):
                 if getattr(record, f"u{axis}") is not None:
-                    held[there, k, k] = 1.0
+                    fixed[there, k, k] = 1.0
             if record.un is not None:
-                held[there] += np.einsum("fi,fj->fij", n[there], n[there])
-        left = np.einsum("fi,fij,fj->f", n, np.eye(3) - held, n)
+                fixed[there] += np.einsum("fi,fj->fij", n[there], n[there])
+        left = np.einsum("fi,fij,fj->f", n, np.eye(3) - fixed, n)
         if isinstance(self._record, Tie):
-            left = np.where(held[:, range(self.dim), range(self.dim)].any(axis=1), 0.0, 1.0)
+            left = np.where(fixed[:, range(self.dim), range(self.dim)].any(axis=1), 0.0, 1.0)
         return float(np.mean(left > _FREE))
 
     def _rigid(self) -> Rigid | None:

@@ -100,20 +100,20 @@ def _written(at: Iterable[float]) -> str:
 def _node_at(space: Space, record: Entry, at: Floats) -> Ints:
     """Return the node (1,) at a place; none (0,) if another process has it."""
     points = space.mesh.points[:, : space.dim]
-    held = np.zeros(len(points), bool)
-    held[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
+    candidate = np.zeros(len(points), bool)
+    candidate[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
     away = np.linalg.norm(points - at, axis=1)
     near = away <= _NEAR * space.extent
     place = _written(at)
     if not space.share.total(np.array(near.any(), int)):
-        k = int(np.where(held, away, np.inf).argmin() if held.any() else away.argmin())
+        k = int(np.where(candidate, away, np.inf).argmin() if candidate.any() else away.argmin())
         there = ", ".join(space.told(points[k], 8))
         number = space.mesh.node_number[k]
         raise wrong(record, f"no node at [{place}]; the nearest is node {number} at [{there}], {away[k]:.6g} away")
-    found = np.flatnonzero(near & held if (near & held).any() else near)
-    if len(found) > 1:
-        numbers = some(space.mesh.node_number[found])
+    nodes_there = np.flatnonzero(near & candidate if (near & candidate).any() else near)
+    if len(nodes_there) > 1:
+        numbers = some(space.mesh.node_number[nodes_there])
         raise wrong(
             record, f"nodes {numbers} are all at [{place}]; name a group of nodes that has the one that is meant"
         )
-    return found
+    return nodes_there

@@ -128,10 +128,10 @@ class Space:
         if model not in MODELS:
             raise RequestError(f"no model named {model!r}{did_you_mean(model, MODELS)}")
         thickness = _thickness(model, thickness)
-        made = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share), thickness, share)
-        _check_plane(made)
-        _check_volume(made)
-        return made
+        space = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share), thickness, share)
+        _check_plane(space)
+        _check_volume(space)
+        return space
 
     @cached_property
     def origin(self) -> NDArray[np.floating]:
@@ -210,10 +210,10 @@ class Space:
     @cached_property
     def attached(self) -> NDArray[np.bool_]:
         """Mask (n_nodes,), True for nodes that belong to a cell of the space."""
-        held = np.zeros(self.mesh.n_nodes, bool)
+        attached = np.zeros(self.mesh.n_nodes, bool)
         for block in self.blocks:
-            held[block.nodes] = True
-        return held
+            attached[block.nodes] = True
+        return attached
 
     @cached_property
     def made_by_cut(self) -> NDArray[np.bool_]:
@@ -255,8 +255,8 @@ class Space:
         """Return those of some cells (indices in the mesh) that touch an own node of this process, sorted."""
         if self.share.own is None:
             return cells
-        found = [chosen[self.share.own[nodes].any(axis=1)] for _, chosen, nodes in self.mesh.select(cells)]
-        return np.sort(np.concatenate([np.empty(0, np.int64), *found]))
+        near = [chosen[self.share.own[nodes].any(axis=1)] for _, chosen, nodes in self.mesh.select(cells)]
+        return np.sort(np.concatenate([np.empty(0, np.int64), *near]))
 
     def own_cells(self, block: Cells) -> NDArray[np.bool_]:
         """Return a mask (k,) of the cells of a block that count for this process in sums over all cells."""
@@ -273,11 +273,11 @@ class Space:
             return np.sort(ours)
         chosen = np.zeros(self.mesh.n_cells, bool)
         for name in groups:
-            found = self.mesh.cells_of(name)
-            found = found[np.isin(found, ours, assume_unique=True)]
-            if not self.share.total(np.array(len(found))):
+            members = self.mesh.cells_of(name)
+            members = members[np.isin(members, ours, assume_unique=True)]
+            if not self.share.total(np.array(len(members))):
                 raise DataError(f"group {name!r} has no cell of dimension {self.dim}; name a group of the body's cells")
-            chosen[found] = True
+            chosen[members] = True
         return np.flatnonzero(chosen)
 
 

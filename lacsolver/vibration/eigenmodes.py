@@ -79,9 +79,9 @@ class EigenProblem:
 
     def _dense(self, count: int) -> NDArray[np.floating]:
         """Return columns that span the lowest modes, by dense matrices on the motions that C and R leave."""
-        held = np.concatenate([self.C.toarray(), (self.M @ self.R).T])
-        size = np.linalg.norm(held, axis=1, keepdims=True)
-        Z = scipy.linalg.null_space(held / np.where(size > 0, size, 1.0)) if len(held) else np.eye(self.K.shape[0])
+        rows = np.concatenate([self.C.toarray(), (self.M @ self.R).T])
+        size = np.linalg.norm(rows, axis=1, keepdims=True)
+        Z = scipy.linalg.null_space(rows / np.where(size > 0, size, 1.0)) if len(rows) else np.eye(self.K.shape[0])
         last = min(count, Z.shape[1]) - 1
         _, Y = scipy.linalg.eigh(Z.T @ (self.K @ Z), Z.T @ (self.M @ Z), subset_by_index=[0, last])
         return np.asarray(Z @ Y)
@@ -92,14 +92,14 @@ class EigenProblem:
         X, idle = np.zeros((self.K.shape[0], 0)), 0
         while idle <= _IDLE:
             left = inverse.without(np.concatenate([self.R, X], axis=1))
-            found = self._iterate(max(count - len(eigenvalues), 1), left, seed=len(eigenvalues) + idle)
-            if not found.shape[1]:
+            new = self._iterate(max(count - len(eigenvalues), 1), left, seed=len(eigenvalues) + idle)
+            if not new.shape[1]:
                 idle += 1
                 continue
-            lowest = np.sum(found * (self.K @ found), axis=0).min()
+            lowest = np.sum(new * (self.K @ new), axis=0).min()
             if len(eigenvalues) >= count and lowest >= eigenvalues[count - 1] * (1 - _SAME):
                 return eigenvalues[:count], X[:, :count]
-            joined, idle = np.concatenate([X, found], axis=1), 0
+            joined, idle = np.concatenate([X, new], axis=1), 0
             eigenvalues, X = self._ritz(joined, joined.shape[1])
         raise LinearError(f"of {count} modes only {len(eigenvalues)} converged; ask for fewer, or for more")
 

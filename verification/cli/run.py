@@ -47,9 +47,9 @@ def run(args: argparse.Namespace) -> None:
     jobs = args.jobs or cores()
     with locked_run(folder, resume=args.resume):
         args.left = lambda: f"finished cases are kept in {folder}; --resume goes on"
-        made = run_suite(planned, suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
-        report.write(made, folder / "report.html")
-    _end(made, quiet=args.quiet)
+        finished = run_suite(planned, suite, folder, jobs, *((_quiet, _quiet) if args.quiet else (_begun, _said)))
+        report.write(finished, folder / "report.html")
+    _end(finished, quiet=args.quiet)
 
 
 def _possible(planned: Sequence[Planned]) -> list[Planned]:
@@ -98,14 +98,14 @@ def _quiet(*progress: object) -> None:
     """Nothing."""
 
 
-def _end(made: Run, *, quiet: bool) -> None:
+def _end(run: Run, *, quiet: bool) -> None:
     """The last line; FallsShortError where a result is not met."""
-    results = [result for done in made.done for result in done.results]
+    results = [result for done in run.done for result in done.results]
     if not quiet:
-        page = made.path / "report.html"
-        print(f"{len(made.done)} cases, {len(results)} results, {made.seconds / 60:.1f} min; {page}", flush=True)
-    failed = [f"{done.id} has no outcome" for done in made.done if done.failure]
-    short = [*failed, *(f"{done.id}: {r.quantity}" for done in made.done for r in done.results if not r.passed)]
+        page = run.path / "report.html"
+        print(f"{len(run.done)} cases, {len(results)} results, {run.seconds / 60:.1f} min; {page}", flush=True)
+    failed = [f"{done.id} has no outcome" for done in run.done if done.failure]
+    short = [*failed, *(f"{done.id}: {r.quantity}" for done in run.done for r in done.results if not r.passed)]
     if short:
         names = "; ".join(short[:8]) + ("; ..." if len(short) > 8 else "")
         raise FallsShortError(f"{len(short)} of the results fall short ({names}); see the report")

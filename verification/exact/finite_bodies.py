@@ -87,8 +87,8 @@ class Profile:
         def off(t: Floats) -> Floats:
             return cls(force, t[0], tuple(t[1:]))(s[used]) - p[used]
 
-        found = least_squares(off, [1.0, 1.0, 0.0, 0.0], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-        return cls(force, float(found[0]), (float(found[1]), float(found[2]), float(found[3])))
+        fitted = least_squares(off, [1.0, 1.0, 0.0, 0.0], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        return cls(force, float(fitted[0]), (float(fitted[1]), float(fitted[2]), float(fitted[3])))
 
 
 #: distance of slave nodes from the axis and pressure there, both of the undeformed body; and the total force
@@ -210,10 +210,10 @@ def complementary(flexible: Floats, gap: Floats, limit: int = 100) -> Floats:
     for _ in range(limit):
         f = np.zeros(len(gap))
         f[touching] = np.linalg.solve(flexible[np.ix_(touching, touching)], -gap[touching])
-        found = np.where(touching, f > 0, flexible @ f + gap < 0)
-        if (found == touching).all():
+        closed = np.where(touching, f > 0, flexible @ f + gap < 0)
+        if (closed == touching).all():
             return f
-        touching = found
+        touching = closed
     raise RuntimeError(f"the set of nodes in contact does not settle in {limit} turns")
 
 
@@ -274,5 +274,5 @@ PROFILES = {
 
 
 if __name__ == "__main__":
-    for told in PROFILES:
-        print(f'"{told}": {profile(told)}', flush=True)
+    for mesh_name in PROFILES:
+        print(f'"{mesh_name}": {profile(mesh_name)}', flush=True)

@@ -67,9 +67,9 @@ class PinInHole:
     def _series(self) -> Floats:
         """(n,): p = sum of p_k cos(k theta)."""
         t = (np.arange(_POINTS) + 0.5) / _POINTS * np.pi
-        found = np.array([2 * np.mean(self.pressure(t) * np.cos(k * t)) for k in range(_TERMS)])
-        found[0] /= 2
-        return found
+        coefficients = np.array([2 * np.mean(self.pressure(t) * np.cos(k * t)) for k in range(_TERMS)])
+        coefficients[0] /= 2
+        return coefficients
 
     @cached_property
     def _lift(self) -> float:

@@ -28,8 +28,8 @@ MODULES = {
 
 def family(name: str) -> Family:
     """A family by its name. Raises KeyError."""
-    made: Family = import_module(f"verification.families.{MODULES[name]}").FAMILY
-    return made
+    module_family: Family = import_module(f"verification.families.{MODULES[name]}").FAMILY
+    return module_family
 
 
 def cases(suite: str = SUITES[-1], names: tuple[str, ...] = tuple(MODULES)) -> Iterator[Case]:

@@ -61,7 +61,7 @@ class Touch:
 
 def mesh_of(given: Touch, slave: str, master: str) -> Mesh:
     """The blocks, not cut; they are at x >= 1 where that is the radius."""
-    made = _placed(given, slave, master)
+    mesh = _placed(given, slave, master)
     up = given.dim - 1
 
     def where(x: Floats) -> Floats:
@@ -70,7 +70,7 @@ def mesh_of(given: Touch, slave: str, master: str) -> Mesh:
             height = _SADDLE * (x[:, 0] - 0.5) * (x[:, 1] - 0.5)
         return np.asarray(x + height[:, None] * np.eye(3)[up] + [float(given.model == "axisymmetric"), 0, 0])
 
-    return bent(made, where)
+    return bent(mesh, where)
 
 
 def text(given: Touch) -> str:
@@ -119,12 +119,12 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
         lower, upper = (block(kind, (*(n,) * up, LAYERS), skew=0.05) for kind, n in ((slave, 3), (master, 2)))
         face = skin(moved(upper, shift=np.eye(3)[up]), f"{axis}0")
         return joined([(lower, {f"{axis}0": "bottom", f"{axis}1": "slave"}), (face, {f"{axis}0": "master"})])
-    made = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
-    x = made.points.copy()
+    mesh = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
+    x = mesh.points.copy()
     for name, width in zip(("lower", "upper"), _WIDTHS[given.shape], strict=True):
-        own = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in made.select(made.cell_groups[name])]))
+        own = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[name])]))
         x[own, :up] = 0.5 + width * (x[own, :up] - 0.5)
-    return bent(made, lambda _: x)
+    return bent(mesh, lambda _: x)
 
 
 def _closed(solved: Solved) -> int:

@@ -73,11 +73,11 @@ def solve_case(case: Case, levels: int) -> Outcome:
     if isinstance(case.parameters, curved_lug.Lug):
         return curved_lug.solve_case(case.parameters, levels)
     given: Curved = case.parameters
-    found = {
+    solutions = {
         gap: [[solution(given, n, gap, k) for k in range(given.sets(n, levels))] for n in range(levels)] for gap in GAPS
     }
-    every = [one.solved for own in found.values() for level in own for one in level]
-    return Outcome((*results(given, found), *balanced(every)), (falling(case, found),))
+    every = [one.solved for own in solutions.values() for level in own for one in level]
+    return Outcome((*results(given, solutions), *balanced(every)), (falling(case, solutions),))
 
 
 def solution(given: Curved, level: int, gap: str, number: int = 0) -> LevelSolution:
@@ -97,9 +97,9 @@ def solution(given: Curved, level: int, gap: str, number: int = 0) -> LevelSolut
     return LevelSolution(solved, given.h(level), errors | given.quantities(solved))
 
 
-def results(given: Curved, found: Found) -> Iterator[Result]:
+def results(given: Curved, solutions: Found) -> Iterator[Result]:
     """Criteria for the smooth surfaces, and the errors with each of the other gaps."""
-    smooth, faces, true = found["smooth"], found["faces"], found["true"]
+    smooth, faces, true = solutions["smooth"], solutions["faces"], solutions["true"]
     yield falls(given, smooth, true)
     if given.exact:
         ratio = worst(smooth, "p_m", true)
@@ -180,12 +180,12 @@ def worst(own: Levels, error: str, *others: Levels) -> float:
     return max(a / max(more) for a, *more in zip(*flat, strict=True))
 
 
-def falling(case: Case, found: Found) -> Plot:
+def falling(case: Case, solutions: Found) -> Plot:
     """Plot of the errors of p_m over the mesh size, with each gap."""
     given: Curved = case.parameters
 
     def drawn(gap: str) -> Line:
-        own = found[gap]
+        own = solutions[gap]
         return line(gap, np.array([given.h(n) for n in range(len(own))]), np.array(means(own)), "both")
 
     return Plot(

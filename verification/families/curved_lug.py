@@ -52,13 +52,13 @@ def solve_case(given: Lug, levels: int) -> Outcome:
     every: list[Solved] = []
     for size in given.sizes[:levels]:
         linear, quadratic = (meshed(size, order) for order in (1, 2))
-        found = {
+        solutions = {
             "TETRA10": solved(quadratic, "faces"),
             **{gap: solved(linear, gap) for gap in ("faces", "smooth", "true")},
         }
-        every += found.values()
-        number, mean = np.transpose([away(own) for own in found.values()])
-        off = {gap: (number[k] / number[0] - 1, mean[k] / mean[0] - 1) for k, gap in enumerate(found)}
+        every += solutions.values()
+        number, mean = np.transpose([away(own) for own in solutions.values()])
+        off = {gap: (number[k] / number[0] - 1, mean[k] / mean[0] - 1) for k, gap in enumerate(solutions)}
         # a count that no gap can better on these tetrahedra is not asked for; it is whole numbers, so give or take two
         allowed = (max(given.closed, abs(off["true"][0]) + 2 / number[0]), given.pressure)
         for gap in ("faces", "smooth", "true"):

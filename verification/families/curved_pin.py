@@ -57,8 +57,8 @@ class Pin:
         parts = []
         for k, (name, counts) in enumerate(zip(("within", "around"), self.counts, strict=True)):
             own = [n << level for n in counts]
-            made = ring(self.cell, own, radii[k : k + 2], jitter=self.jitter, seed=100 * k + level)
-            parts.append(joined([(made, {"x0": f"x0_{name}"})], keep=True))
+            layer = ring(self.cell, own, radii[k : k + 2], jitter=self.jitter, seed=100 * k + level)
+            parts.append(joined([(layer, {"x0": f"x0_{name}"})], keep=True))
         return pair(*parts, slave=self.slave)
 
     def h(self, level: int) -> float:
@@ -73,12 +73,12 @@ class Pin:
             entry("contact", slave="slave", master="master", clearance=self.pin.clearance, surface=surface),
             entry("displacement", group="y0", uy=0.0),
         )
-        held = (
+        symmetry = (
             *(self._held(group, "pin") for group in ("inner", "x0_within")),
             *(self._held(group, "plate") for group in ("outer", "x0_around")),
         )
         case = lacsolver.parse_case(text)
-        return replace(case, displacement=(*case.displacement, *held))
+        return replace(case, displacement=(*case.displacement, *symmetry))
 
     def _held(self, group: str, body: Literal["pin", "plate"]) -> Displacement:
         u = [Value.of(lambda x, t, k=k: self.pin.displacement(x[:, :2], body)[:, k]) for k in range(2)]

@@ -92,27 +92,27 @@ def run(case: Case, levels: int) -> Outcome:
     """Cut everything, and count. A second level has every set of a cell's faces, and slave faces between two cells."""
     if isinstance(case.parameters, tuple):
         return Outcome(tuple(result for row in case.parameters for result in _rows(row)))
-    found: dict[str, Counter[str]] = {name: Counter() for name in _COUNTED}
+    counters: dict[str, Counter[str]] = {name: Counter() for name in _COUNTED}
     trials, worst = 0, np.inf
     for trial in _trials(case.parameters, levels):
         trials += trial.count
         cut = lacmesh.cut_skin(trial.mesh, trial.slave, hexa=trial.hexa)
         for name, count in broken(trial, cut).items():
-            found[name][trial.label] += count
+            counters[name][trial.label] += count
         worst = min(worst, _quality(cut))
-    results = [_none(name, found[name], trials) for name in _COUNTED]
+    results = [_none(name, counters[name], trials) for name in _COUNTED]
     reason = f"of {trials} bodies, in cells that are sheared by up to a quarter: it depends on the cells that are cut"
     return Outcome((*results, informative("worst corner Jacobian of a cell", worst, reason=reason)))
 
 
 def broken(trial: Trial, cut: Cut) -> dict[str, int]:
     """Count all that is wrong with one cut, by name."""
-    found = violations(trial.mesh, cut)
-    made = (cut.mesh.n_nodes - trial.mesh.n_nodes, cut.mesh.n_cells - trial.mesh.n_cells)
+    counts = violations(trial.mesh, cut)
+    added = (cut.mesh.n_nodes - trial.mesh.n_nodes, cut.mesh.n_cells - trial.mesh.n_cells)
     other = lacmesh.cut_skin(backwards(trial.mesh), trial.slave[::-1], hexa=trial.hexa)
     again = lacmesh.cut_skin(cut.mesh, trial.slave, hexa=trial.hexa).mesh
-    return found | {
-        _ADDED: int(trial.added is not None and made != trial.added),
+    return counts | {
+        _ADDED: int(trial.added is not None and added != trial.added),
         _ORDER: int(not same_up_to_numbers(other.mesh, cut.mesh)),
         _AGAIN: int(again.n_cells != cut.mesh.n_cells or not same_up_to_numbers(again, cut.mesh)),
         _CHECKED: len(lacmesh.check(cut).errors),
@@ -129,7 +129,7 @@ def single(name: str, slaves: Sequence[int], turn: int, inward: bool, seed: int 
         facet = cell.facets[k]
         rows.setdefault((facet.type, "slave"), []).append(listed(np.array(facet.nodes), facet.type, turn, inward))
     points = np.pad(np.array(cell.reference) @ shear.T, ((0, 0), (0, 3 - cell.dim)))
-    return assembled(points, {key: np.array(found) for key, found in rows.items()}, cell.dim)
+    return assembled(points, {key: np.array(nodes) for key, nodes in rows.items()}, cell.dim)
 
 
 def sided(kind: str, dim: int, *, between: bool = False) -> Mesh:
@@ -137,16 +137,16 @@ def sided(kind: str, dim: int, *, between: bool = False) -> Mesh:
 
     Slave faces are listed by turns from each corner and both ways round.
     """
-    made = block(kind, (*(3,) * (dim - 1), LAYERS), bend=_BEND, skew=0.05)
+    mesh = block(kind, (*(3,) * (dim - 1), LAYERS), bend=_BEND, skew=0.05)
     up = dim - 1
-    rows = {(b.type, "body"): list(b.nodes) for b in made.blocks if CELLS[b.type].dim == dim}
+    rows = {(b.type, "body"): list(b.nodes) for b in mesh.blocks if CELLS[b.type].dim == dim}
     height = 0.5 + 0.25 * BEND[up] * _BEND if between else 1.0
-    for k, (face, nodes) in enumerate(own[0] for own in facets(made).values()):
-        x = made.points[nodes]
+    for k, (face, nodes) in enumerate(own[0] for own in facets(mesh).values()):
+        x = mesh.points[nodes]
         group = "slave" if np.allclose(x[:, up], height) else "slave2" if np.allclose(x[:, 0], 1.0) else ""
         if group:
             rows.setdefault((face, group), []).append(listed(nodes, face, k % 4, k % 3 == 0))
-    return _dressed(assembled(made.points, {key: np.array(found) for key, found in rows.items()}, dim))
+    return _dressed(assembled(mesh.points, {key: np.array(nodes) for key, nodes in rows.items()}, dim))
 
 
 def listed(nodes: Ints, kind: str, turn: int, inward: bool) -> Ints:
@@ -211,22 +211,22 @@ def _trials(given: Cuts, levels: int) -> Iterator[Trial]:
 
 def _singles(name: str, hexa: str) -> Trial:
     """A cell for each facet, corner that it is listed from, and way round."""
-    made, added = [], np.zeros(2, int)
+    meshes, added = [], np.zeros(2, int)
     for k, facet in enumerate(CELLS[name].facets):
         corners = CELLS[facet.type].n_corners
         one = (0, 0) if facet.type in _WHOLE else _RULE[name, facet.type, hexa if name in TWO_WAYS else ""]
         for turn in range(corners if corners > 2 else 1):
-            made += [single(name, (k,), turn, inward, turn) for inward in (False, True)]
+            meshes += [single(name, (k,), turn, inward, turn) for inward in (False, True)]
             added += 2 * np.array(one)
-    return Trial(f"{name}, {hexa}", _apart(made), ("slave",), hexa, len(made), (int(added[0]), int(added[1])))
+    return Trial(f"{name}, {hexa}", _apart(meshes), ("slave",), hexa, len(meshes), (int(added[0]), int(added[1])))
 
 
 def _sets(name: str, hexa: str) -> Trial:
     """A cell for each set of two facets or more."""
     n = len(CELLS[name].facets)
     chosen = [facets for size in range(2, n + 1) for facets in combinations(range(n), size)]
-    made = [single(name, facets, len(facets), bool(len(facets) % 2), k) for k, facets in enumerate(chosen)]
-    return Trial(f"{name}, {hexa}, several facets", _apart(made), ("slave",), hexa, len(made))
+    meshes = [single(name, facets, len(facets), bool(len(facets) % 2), k) for k, facets in enumerate(chosen)]
+    return Trial(f"{name}, {hexa}, several facets", _apart(meshes), ("slave",), hexa, len(meshes))
 
 
 def _apart(meshes: Sequence[Mesh]) -> Mesh:
@@ -262,11 +262,11 @@ def _quality(cut: Cut) -> float:
     return min(part.measures["corner_jacobian"].least for part in quality.types)
 
 
-def _none(name: str, found: Counter[str], trials: int) -> Result:
+def _none(name: str, counter: Counter[str], trials: int) -> Result:
     """Result for a count that must be zero."""
-    first = next((label for label, count in found.items() if count), None)
+    first = next((label for label, count in counter.items() if count), None)
     reason = f"counted in {trials} bodies" + (f"; first: {first}" if first else "")
-    return at_most(name, sum(found.values()), 0, source=_SOURCE, reason=reason)
+    return at_most(name, sum(counter.values()), 0, source=_SOURCE, reason=reason)
 
 
 def _rows(row: Counted) -> tuple[Result, Result]:

@@ -151,10 +151,10 @@ def _relative(values: Floats, expected: Floats) -> float:
     return far / size if size else np.inf if far else 0.0
 
 
-def _judged(found: Sequence[Difference]) -> Iterator[Result]:
+def _judged(differences: Sequence[Difference]) -> Iterator[Result]:
     """Criteria for each backend: the worst of all numbers of processes and problems."""
-    for backend in dict.fromkeys(one.backend for one in found):
-        own = [one for one in found if one.backend == backend]
+    for backend in dict.fromkeys(one.backend for one in differences):
+        own = [one for one in differences if one.backend == backend]
         which = f"{backend}, n = {', '.join(map(str, dict.fromkeys(one.n for one in own)))}"
         for what, name, bound, reason in (
             ("sets", "macro-elements in another state", 0, _REASON["set"]),
@@ -172,12 +172,12 @@ def _judged(found: Sequence[Difference]) -> Iterator[Result]:
                       reason="of the contact forces that are gathered from all processes")  # fmt: skip
 
 
-def _plot(title: str, found: Sequence[Difference]) -> Plot:
+def _plot(title: str, differences: Sequence[Difference]) -> Plot:
     """Differences of displacement over the number of processes, the worst of all problems."""
     lines = []
-    for backend in dict.fromkeys(one.backend for one in found):
-        counts = sorted({one.n for one in found if one.backend == backend})
-        values = [max(one.u for one in found if (one.n, one.backend) == (n, backend)) for n in counts]
+    for backend in dict.fromkeys(one.backend for one in differences):
+        counts = sorted({one.n for one in differences if one.backend == backend})
+        values = [max(one.u for one in differences if (one.n, one.backend) == (n, backend)) for n in counts]
         lines.append(Line(backend, tuple(map(float, counts)), tuple(max(v, 1e-17) for v in values)))
     return Plot("difference", title, "processes", "relative difference of u", tuple(lines), log_y=True)
 

@@ -99,38 +99,38 @@ class HalfSpace:
         depth = np.maximum(self.side * x[:, -1], 0.0)
         r = np.hypot(x[:, 0], x[:, 1]) if self.given.dim == 3 else x[:, 0]
         potential = half_space.plane if self.given.model == "plane_strain" else half_space.about_axis
-        found = half_space.strains(potential(r, depth, 1.0, self.given.p0), depth, self.young, self.poisson)
+        strains = half_space.strains(potential(r, depth, 1.0, self.given.p0), depth, self.young, self.poisson)
         if self.given.dim == 2:
-            return found, np.ones_like(r), np.zeros_like(r)
+            return strains, np.ones_like(r), np.zeros_like(r)
         safe = np.where(r > 0, r, 1.0)
-        return found, np.where(r > 0, x[:, 0] / safe, 1.0), x[:, 1] / safe
+        return strains, np.where(r > 0, x[:, 0] / safe, 1.0), x[:, 1] / safe
 
     def displacement(self, at: tuple[Strains, Floats, Floats]) -> Floats:
         """Displacement (n, dim), from the result of `at`."""
-        found, c, s = at
-        up = self.side * found.u_z + self.lift
-        columns = [found.u_r * c, found.u_r * s, up] if self.given.dim == 3 else [found.u_r, up]
+        strains, c, s = at
+        up = self.side * strains.u_z + self.lift
+        columns = [strains.u_r * c, strains.u_r * s, up] if self.given.dim == 3 else [strains.u_r, up]
         return np.stack(columns, axis=1)
 
     def strain(self, at: tuple[Strains, Floats, Floats]) -> Floats:
         """Strain (n, 6): xx, yy, zz, xy, yz, xz, from the result of `at`."""
-        found, c, s = at
-        rz, zero = self.side * found.rz, np.zeros_like(found.rr)
+        strains, c, s = at
+        rz, zero = self.side * strains.rz, np.zeros_like(strains.rr)
         if self.given.dim == 3:
-            xx, yy = found.rr * c**2 + found.tt * s**2, found.rr * s**2 + found.tt * c**2
-            columns = [xx, yy, found.zz, (found.rr - found.tt) * c * s, rz * s, rz * c]
+            xx, yy = strains.rr * c**2 + strains.tt * s**2, strains.rr * s**2 + strains.tt * c**2
+            columns = [xx, yy, strains.zz, (strains.rr - strains.tt) * c * s, rz * s, rz * c]
         else:
-            hoop = found.tt if self.given.model == "axisymmetric" else zero
-            columns = [found.rr, found.zz, hoop, rz, zero, zero]
+            hoop = strains.tt if self.given.model == "axisymmetric" else zero
+            columns = [strains.rr, strains.zz, hoop, rz, zero, zero]
         return np.stack(columns, axis=1)
 
 
 def bodies(given: Given) -> dict[str, HalfSpace]:
     """The bodies by their group, the slave `upper`, moved as a whole so that the surfaces meet at the pole."""
-    found = [HalfSpace(given, side, *own) for side, own in zip((1, -1), given.bodies, strict=False)]
+    halves = [HalfSpace(given, side, *own) for side, own in zip((1, -1), given.bodies, strict=False)]
     pole = np.zeros((1, given.dim))
-    closed = sum(float(body.at(pole)[0].u_z[0]) for body in found)
-    return {"upper": replace(found[0], lift=-closed), **({} if given.rigid else {"lower": found[1]})}
+    closed = sum(float(body.at(pole)[0].u_z[0]) for body in halves)
+    return {"upper": replace(halves[0], lift=-closed), **({} if given.rigid else {"lower": halves[1]})}
 
 
 def pressure(given: Given, x: Floats) -> Floats:
@@ -155,8 +155,8 @@ def case_of(given: Given) -> lacsolver.Case:
         *([entry("solver", backend="multigrid")] if given.dim == 3 else []),
     )
     case = lacsolver.parse_case(text)
-    held = tuple(_held(f"far_{group}", body) for group, body in bodies(given).items())
-    return replace(case, displacement=(*case.displacement, *held))
+    supports = tuple(_held(f"far_{group}", body) for group, body in bodies(given).items())
+    return replace(case, displacement=(*case.displacement, *supports))
 
 
 def _held(group: str, body: HalfSpace) -> Displacement:
@@ -203,8 +203,8 @@ def displacement_errors(given: Given, solved: Solved) -> tuple[float, float]:
             mesh, np.sort(mesh.cell_groups[group]), degree=DEGREE[given.order], axisymmetric=round_
         ):
             x = at.x.reshape(-1, 3)[:, : given.dim]
-            found = body.at(x)
-            strain, u = body.strain(found).reshape(*at.x.shape[:2], 6), body.displacement(found)
+            strains = body.at(x)
+            strain, u = body.strain(strains).reshape(*at.x.shape[:2], 6), body.displacement(strains)
             u = u.reshape(*at.x.shape[:2], given.dim)
             more = (
                 norms.strains(solved.u, at, axisymmetric=round_) - strain,
@@ -225,11 +225,11 @@ def approach(solved: Solved) -> float:
     """Mutual approach of the points on the axis at depth a in slave and master (or in the rigid plane)."""
     x, u = solved.mesh.points, solved.u
     dim = u.shape[1]
-    found: list[float | None] = []
+    far: list[float | None] = []
     for height in (1.0, -1.0):
         at = np.flatnonzero(np.abs(x[:, :dim] - [*[0.0] * (dim - 1), height]).max(axis=1) < 1e-9)
-        found.append(float(u[at[0], -1]) if len(at) else None)
-    above, below = found
+        far.append(float(u[at[0], -1]) if len(at) else None)
+    above, below = far
     if above is None:
         raise ValueError("the slave has no node on the axis at depth a")
     return (below or 0.0) - above  # a rigid plane has no depth, and stays
@@ -237,11 +237,11 @@ def approach(solved: Solved) -> float:
 
 def exact_approach(given: Given) -> float:
     """Mutual approach of the same points in the half-spaces, in closed form."""
-    found = {
+    lifts = {
         group: float(body.displacement(body.at(np.array([[*[0.0] * (given.dim - 1), float(body.side)]])))[0, -1])
         for group, body in bodies(given).items()
     }
-    return found.get("lower", 0.0) - found["upper"]
+    return lifts.get("lower", 0.0) - lifts["upper"]
 
 
 #: quantities for information, by their names
@@ -255,20 +255,21 @@ _QUANTITIES = {
 def outcome(case: Case, levels: int) -> Outcome:
     """Solve a case on its levels, and hold its errors against the figures."""
     given: Given = case.parameters
-    found = [solve_level(given, level) for level in range(levels)]
-    return Outcome(results(given, found), (profile(given, found[min(2, levels - 1)]),), _pictures(case, found))
+    solutions = [solve_level(given, level) for level in range(levels)]
+    plot = profile(given, solutions[min(2, levels - 1)])
+    return Outcome(results(given, solutions), (plot,), _pictures(case, solutions))
 
 
-def results(given: Given, found: list[LevelSolution]) -> tuple[Result, ...]:
+def results(given: Given, solutions: list[LevelSolution]) -> tuple[Result, ...]:
     """Rates and figures of a case."""
     beside = "beside the rates that theory gives: none is asked of it"
-    finest, energy = found[-1].errors, (0.95, 1.4)[given.order - 1]
+    finest, energy = solutions[-1].errors, (0.95, 1.4)[given.order - 1]
     return (
-        rate("u, energy norm", convergence(found, "energy"), energy, source=THEOREM),
-        rate("u, L2", convergence(found, "u"), None, source="", reason=beside),
-        rate("p_m, L2", convergence(found, "p_m"), 0.9, source=EDGE, reason=_EDGES),
-        rate("exact means of p, L2", convergence(found, "best"), None, source="", reason=_BEST),
-        rate("recovered pressure, L2", convergence(found, "recovered"), None, source="", reason=beside),
+        rate("u, energy norm", convergence(solutions, "energy"), energy, source=THEOREM),
+        rate("u, L2", convergence(solutions, "u"), None, source="", reason=beside),
+        rate("p_m, L2", convergence(solutions, "p_m"), 0.9, source=EDGE, reason=_EDGES),
+        rate("exact means of p, L2", convergence(solutions, "best"), None, source="", reason=_BEST),
+        rate("recovered pressure, L2", convergence(solutions, "recovered"), None, source="", reason=beside),
         at_most(
             "error of the recovered pressure over that of p_m", finest["recovered"] / finest["p_m"], 0.5,
             source=RECOVERED, reason=_SHAPE,
@@ -276,11 +277,11 @@ def results(given: Given, found: list[LevelSolution]) -> tuple[Result, ...]:
         *(
             informative(
                 f"{name}, relative error", finest[error], reason="on the finest level",
-                levels=convergence(found, error),
+                levels=convergence(solutions, error),
             )
             for name, error in _QUANTITIES.items()
         ),
-        *balanced([s.solved for s in found]),
+        *balanced([s.solved for s in solutions]),
     )  # fmt: skip
 
 
@@ -307,9 +308,9 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
     return line(label, x[order], y[order], style)
 
 
-def _pictures(case: Case, found: list[LevelSolution]) -> tuple[Picture, ...]:
+def _pictures(case: Case, solutions: list[LevelSolution]) -> tuple[Picture, ...]:
     """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
-    return (found[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
+    return (solutions[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
 
 
 PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")
@@ -329,17 +330,17 @@ _QUICK = {
 
 
 def _cases() -> tuple[Case, ...]:
-    made = []
+    cases = []
     for rigid in (False, True):
         for model in ("plane_strain", "axisymmetric"):
-            made += [_case(Given(model, cell, "pyramid", rigid, _PLANE), cell, 5, 5, 6.0) for cell in PLANE_CELLS]
+            cases += [_case(Given(model, cell, "pyramid", rigid, _PLANE), cell, 5, 5, 6.0) for cell in PLANE_CELLS]
         for cell, hexa in (*MAIN_CELLS, *OTHER_CELLS):
             many = (cell, hexa) in MAIN_CELLS
             label = f"{cell} {hexa}" if cell in ("HEXA8", "HEXA20") else cell
             order = CELLS[cell].order
             seconds = {1: 30.0, 2: 150.0 if many else 80.0}[order] * (0.5 if rigid else 1.0)
-            made.append(_case(Given("3d", cell, hexa, rigid, _SPACE[order]), label, 4 if many else 3, 4, seconds))
-    return tuple(made)
+            cases.append(_case(Given("3d", cell, hexa, rigid, _SPACE[order]), label, 4 if many else 3, 4, seconds))
+    return tuple(cases)
 
 
 def _case(given: Given, label: str, full: int, everything: int, seconds: float) -> Case:

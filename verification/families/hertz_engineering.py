@@ -192,21 +192,21 @@ def solve_case(case: Case, levels: int) -> Outcome:
 
 def solve_cylinder(given: Cylinder, levels: int) -> Outcome:
     """The cylinder on the block."""
-    found = {n: pushed(given, n) for n in given.sizes[:levels]}
+    measured = {n: pushed(given, n) for n in given.sizes[:levels]}
     results: list[Result] = []
-    for n, own in found.items():
+    for n, own in measured.items():
         results += errors(given, n, own)
-    n = 16 if 16 in found else max(found)
-    width = found[n].against("half-space").width
+    n = 16 if 16 in measured else max(measured)
+    width = measured[n].against("half-space").width
     results += [
         informative(f"half-width against the half-space's, N = {n}", width,
                  reason="the half-space has no edge of finite bodies", published=_published(_WIDTH, n)),
-        informative(f"Newton iterations, N = {n}", found[n].solved.iterations,
+        informative(f"Newton iterations, N = {n}", measured[n].solved.iterations,
                  reason="one load step; others stop at other tolerances", published=_published(_NEWTON, n, 1.0)),
     ]  # fmt: skip
-    pressure = Plot("pressure", f"Cylinder on a block, N = {n}", "x / a", "p / p0", found[n].lines(given.profile))
-    every = [own.solved for own in found.values()]
-    return Outcome((*results, *balanced(every)), (pressure, falling(given, found)))
+    pressure = Plot("pressure", f"Cylinder on a block, N = {n}", "x / a", "p / p0", measured[n].lines(given.profile))
+    every = [own.solved for own in measured.values()]
+    return Outcome((*results, *balanced(every)), (pressure, falling(given, measured)))
 
 
 def pushed(given: Cylinder, n: int) -> MeasuredPressures:
@@ -228,31 +228,31 @@ def pushed(given: Cylinder, n: int) -> MeasuredPressures:
 
 def errors(given: Cylinder, n: int, own: MeasuredPressures) -> tuple[Result, ...]:
     """Judged error of the recovered pressure, against the best peer's, and the reported errors beside it."""
-    found = {at: own.against(given.profile, at) for at in ("given", "nodes", "means")}
+    misfit = {at: own.against(given.profile, at) for at in ("given", "nodes", "means")}
     half_space = own.against("half-space")
     theirs = tuple(Published(who, f[n] / 100, _PEERS) for who, f in _MEASURED.items() if n in f)
     rms = f"rms error of the recovered pressure, N = {n}"
     if n in BEST:
-        first = at_most(rms, found["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
+        first = at_most(rms, misfit["given"].rms, BEST[n] / 100, source=_PEERS, reason=_WHY, published=theirs)
     else:
-        first = informative(rms, found["given"].rms, reason="no peer ran this mesh")
+        first = informative(rms, misfit["given"].rms, reason="no peer ran this mesh")
     against = f"of the recovered pressure against the half-space, N = {n}"
     bodies = "Hertz's half-space is not these bodies; the peers' published figures"
     return (
         first,
         informative(
-            f"the same at all slave nodes, N = {n}", found["nodes"].rms, reason="the cut adds two nodes to a face"
+            f"the same at all slave nodes, N = {n}", misfit["nodes"].rms, reason="the cut adds two nodes to a face"
         ),
-        informative(f"rms error of p_m, N = {n}", found["means"].rms, reason="peers have no means", published=theirs),
+        informative(f"rms error of p_m, N = {n}", misfit["means"].rms, reason="peers have no means", published=theirs),
         informative(f"rms error {against}", half_space.rms, reason=bodies, published=_published(_RMS, n)),
         informative(f"error of the peak {against}", half_space.peak, reason=bodies, published=_published(_PEAK, n)),
     )
 
 
-def falling(given: Cylinder, found: Mapping[int, MeasuredPressures]) -> Plot:
+def falling(given: Cylinder, measured: Mapping[int, MeasuredPressures]) -> Plot:
     """Errors over the mesh, ours and the peers'."""
-    sizes = np.array(list(found))
-    ours = [line(label, sizes, np.array([own.against(given.profile, at).rms for own in found.values()]), "both")
+    sizes = np.array(list(measured))
+    ours = [line(label, sizes, np.array([own.against(given.profile, at).rms for own in measured.values()]), "both")
             for label, at in _ASKED]  # fmt: skip
     peers = [line(who, np.array(list(f)), np.array(list(f.values())) / 100, "both") for who, f in _MEASURED.items()]
     return Plot(
@@ -340,8 +340,8 @@ def compare_profiles(given: Reference) -> Outcome:
     s = np.linspace(0, INNER, 91)
     results, plots = [], []
     for name, kept in PROFILES.items():
-        made = profile(name, given.n)
-        off = float(np.abs(made(s) - kept(s)).max())
+        computed = profile(name, given.n)
+        off = float(np.abs(computed(s) - kept(s)).max())
         results.append(
             at_most(f"profile {name}: kept against {given.n} cells", off, 5e-4,
                     source="verification.exact.finite_bodies, 128 cells to the half-width",

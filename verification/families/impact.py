@@ -52,28 +52,28 @@ def solve_case(case: Case, levels: int) -> Outcome:
 
 
 def _wall(given: Impact, levels: int) -> Iterator[Result]:
-    found = [on_wall(given, given.n << level) for level in range(levels)]
-    errors = [error for _, error in found]
+    runs = [on_wall(given, given.n << level) for level in range(levels)]
+    errors = [error for _, error in runs]
     yield at_most("rms error of pressures", errors[-1], given.allowed, source="p = rho c v")
     if levels > 1:
         yield at_most("error on the finest mesh over that before", errors[-1] / errors[-2], 0.75, source="convergence")
-    yield from energies(found[-1][0], 0.99)
-    push = found[-1][0].last.impulse[0, -1] / (2 * given.speed * WIDTH ** (given.dim - 1))
+    yield from energies(runs[-1][0], 0.99)
+    push = runs[-1][0].last.impulse[0, -1] / (2 * given.speed * WIDTH ** (given.dim - 1))
     yield informative("impulse over 2 m v", push, reason="1 is exact; part of the energy stays in vibrations")
 
 
 def _limit(given: Impact, levels: int) -> Iterator[Result]:
-    found, error = on_wall(given, given.n)
-    yield equal("energy at the end", found.whole[-1], 1.0, 1e-3, source="conserved as dt -> 0", reason="index 1")
+    rebound, error = on_wall(given, given.n)
+    yield equal("energy at the end", rebound.whole[-1], 1.0, 1e-3, source="conserved as dt -> 0", reason="index 1")
     yield at_most("rms error of pressures", error, given.allowed, source="p = rho c v")
-    yield at_most("account of energy", found.unbalanced, CLOSED, source=ACCOUNT)
+    yield at_most("account of energy", rebound.unbalanced, CLOSED, source=ACCOUNT)
 
 
 def _plain(given: Impact, levels: int) -> Iterator[Result]:
-    found, error = on_wall(given, given.n)
+    rebound, error = on_wall(given, given.n)
     yield at_least("rms error of pressures", error, 0.2, source="a plain mass must fail")
-    yield at_least("largest energy", found.whole.max(), 1.01, source="a plain mass must fail")
-    yield at_most("account of energy", found.unbalanced, CLOSED, source=ACCOUNT)
+    yield at_least("largest energy", rebound.whole.max(), 1.01, source="a plain mass must fail")
+    yield at_most("account of energy", rebound.unbalanced, CLOSED, source=ACCOUNT)
 
 
 def _bars(given: Impact, levels: int) -> Iterator[Result]:
@@ -83,7 +83,7 @@ def _bars(given: Impact, levels: int) -> Iterator[Result]:
     count = ceil((wait + 1.3 * last) / dt)
     other = "QUAD4" if given.cell.startswith("TRIA") else "TRIA3"
     other = other if CELLS[given.cell].order == 1 else {"QUAD4": "QUAD8", "TRIA3": "TRIA6"}[other]
-    made = run(
+    impact = run(
         bars_text(
             given, count * dt, count, entry("contact", slave="slave", master="master"),
             entry("initial", groups=["upper"], vy=-given.speed),
@@ -91,11 +91,12 @@ def _bars(given: Impact, levels: int) -> Iterator[Result]:
         bars((given.cell, other), (n, n - n // 8), (max(1, n // 4), max(1, n // 4 - 1)), wait * given.speed),
     )  # fmt: skip
     yield at_most(
-        "rms error of pressures", made.error(given.c * given.speed / 2, wait, last), given.allowed, source="rho c v / 2"
-    )
-    space, inertia = made.solved.problem.space, made.solved.problem.inertia
+        "rms error of pressures", impact.error(given.c * given.speed / 2, wait, last), given.allowed,
+        source="rho c v / 2",
+    )  # fmt: skip
+    space, inertia = impact.solved.problem.space, impact.solved.problem.inertia
     assert inertia is not None
-    mv = (inertia.M @ made.last.velocity).reshape(-1, 2)[:, 1] / (WIDTH * given.speed)
+    mv = (inertia.M @ impact.last.velocity).reshape(-1, 2)[:, 1] / (WIDTH * given.speed)
     for body, right in (("upper", 0.0), ("lower", -1.0)):
         cells = space.mesh.cells_of(body)
         nodes = np.unique(np.concatenate([b.nodes[np.isin(b.cell, cells)].ravel() for b in space.blocks]))
@@ -103,26 +104,26 @@ def _bars(given: Impact, levels: int) -> Iterator[Result]:
             f"velocity of the {body} bar afterwards", mv[nodes].sum(), right, 0.01, source="velocities are exchanged",
             reason="relative to v; part of the energy stays in vibrations",
         )  # fmt: skip
-    yield from energies(made, 0.98)
+    yield from energies(impact, 0.98)
 
 
 def _rod(given: Impact, levels: int) -> Iterator[Result]:
     n, periods = given.n << (levels - 1), 4
     count = ceil(3 * periods * n / given.cfl)
     given = replace(given, young=1.0, poisson=0.0)
-    made = run(
+    impact = run(
         bars_text(
             given, 3.0 * periods, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
             entry("displacement", group="top", uy=0.0), entry("initial", groups=["bar"], uy="0.5 - y / 2"),
         ),
         bar_on_wall(given.cell, n),
     )  # fmt: skip
-    part = np.mod(made.time, 3)
+    part = np.mod(impact.time, 3)
     inside = (part > 1.1) & (part < 1.9)
-    off = made.pressure[inside] / 0.5 - 1
+    off = impact.pressure[inside] / 0.5 - 1
     yield at_most("rms error of pressures, 4 periods", float(np.sqrt(np.mean(off**2))), given.allowed,
                   source="Dabaghi et al. 2016: a solution of period 3, p = 1/2")  # fmt: skip
-    yield from energies(made, 0.95)
+    yield from energies(impact, 0.95)
 
 
 def _bounce(given: Impact, levels: int) -> Iterator[Result]:
@@ -130,7 +131,7 @@ def _bounce(given: Impact, levels: int) -> Iterator[Result]:
     n, given = given.n << (levels - 1), replace(given, young=9.0, poisson=0.0)
     height, gravity = 0.5, 1.0
     count = ceil(14.3 * n * given.c / given.cfl)
-    made = run(
+    impact = run(
         bars_text(
             given, 14.3, count, entry("contact", slave="slave", master="wall", search_distance=1.0),
             entry("rigid", group="wall"), entry("gravity", gy=-gravity),
@@ -138,15 +139,15 @@ def _bounce(given: Impact, levels: int) -> Iterator[Result]:
         bar_on_wall(given.cell, n, height),
     )  # fmt: skip
     begin, last = sqrt(2 * height / gravity), 2 / given.c
-    inside = (made.time > begin + 0.1 * last) & (made.time < begin + 0.9 * last)
-    force = made.pressure[inside].mean(axis=1)
-    right = given.c * gravity * made.time[inside]
+    inside = (impact.time > begin + 0.1 * last) & (impact.time < begin + 0.9 * last)
+    force = impact.pressure[inside].mean(axis=1)
+    right = given.c * gravity * impact.time[inside]
     off = float(np.sqrt(np.mean((force / right - 1) ** 2)))
     yield at_most("rms error of the first contact's force", off, 0.01, source="characteristics: rho c g t")
-    lost = made.energies[-1, 3:].sum() / (WIDTH * gravity * height)
+    lost = impact.energies[-1, 3:].sum() / (WIDTH * gravity * height)
     yield at_least("energy after five rebounds", 1 - lost, 0.94, source="Doyen, Ern and Piperno 2011: their bar")
     yield at_most("energy after five rebounds", 1 - lost, 1.002, source="no energy is created")
-    yield at_most("account of energy", made.unbalanced, CLOSED, source=ACCOUNT)
+    yield at_most("account of energy", impact.unbalanced, CLOSED, source=ACCOUNT)
 
 
 def _aster(given: Impact, levels: int) -> Iterator[Result]:
@@ -155,22 +156,22 @@ def _aster(given: Impact, levels: int) -> Iterator[Result]:
     there = file.is_file() and given.cell == "HEXA8"
     if there:
         mesh, names = lacmesh.read(file), ("M103", "M101", "POU1", "CL_POU2")
-        held = [entry("displacement", group=name, ux=0.0, uy=0.0) for name in ("POU1", "POU2")]
+        supports = [entry("displacement", group=name, ux=0.0, uy=0.0) for name in ("POU1", "POU2")]
     else:
         mesh, names = _twin(), ("slave", "master", "lower", "top")
-        held = []
+        supports = []
     slave, master, free, foot = names
     up = -1.0 if there else 1.0  # in the twin the slave is above
     tables = [
-        entry("contact", slave=slave, master=master), *held,
+        entry("contact", slave=slave, master=master), *supports,
         entry("displacement", group=foot, uz=0.0), entry("initial", groups=[free], vz=up),
         entry("probe", name="face", group=master),
     ]  # fmt: skip
     text = bars_text(given, 1e-3, 500, *tables, density=7800.0)
     if there:
         text = "\n\n".join(t for t in text.split("\n\n") if not any(f'"{a}{e}"' in t for a in "xy" for e in "01"))
-    made = run(text, mesh)
-    figures = [step_figures(made.solved.problem, state) for state in made.solved.states[99::100]]
+    impact = run(text, mesh)
+    figures = [step_figures(impact.solved.problem, state) for state in impact.solved.states[99::100]]
     for t, step, right, theirs in zip(
         exact.SDNL111_TIMES, figures, exact.SDNL111, exact.SDNL111_CODE_ASTER, strict=True
     ):
@@ -181,7 +182,7 @@ def _aster(given: Impact, levels: int) -> Iterator[Result]:
             published=(Published("code_aster, continuous contact", right * (1 + theirs / 100), "sdnl111e"),),
         )  # fmt: skip
     yield informative("code_aster's own mesh", float(there), reason="1 if it was there; else a twin made here")
-    yield at_most("account of energy", made.unbalanced, CLOSED, source=ACCOUNT)
+    yield at_most("account of energy", impact.unbalanced, CLOSED, source=ACCOUNT)
 
 
 def _twin() -> Mesh:

@@ -54,15 +54,15 @@ def thrown(given: Impact, levels: int) -> Iterator[Result]:
     bodies = _two_rings(given) if given.kind == "rings" else _on_wall(given)
     tables = [bodies.contact, *bodies.start, entry("dynamics", **dict(given.dynamics))]
     end = _END[given.kind]
-    made = run(_text(given, end, round(end / _STEP), *tables), bodies.meshes[0])
-    yield at_most("largest energy", made.whole.max(), 1.001, source="no energy is created")
-    yield at_least("smallest energy", made.whole.min(), 0.97, source="energy is conserved as dt -> 0",
+    impact = run(_text(given, end, round(end / _STEP), *tables), bodies.meshes[0])
+    yield at_most("largest energy", impact.whole.max(), 1.001, source="no energy is created")
+    yield at_least("smallest energy", impact.whole.min(), 0.97, source="energy is conserved as dt -> 0",
                    reason="Newmark's method is of the second order in finite kinematics")  # fmt: skip
-    yield at_most("account of energy", made.unbalanced, CLOSED, source=ACCOUNT)
-    touching = made.pressure.any(axis=1)
+    yield at_most("account of energy", impact.unbalanced, CLOSED, source=ACCOUNT)
+    touching = impact.pressure.any(axis=1)
     yield informative("openings", float((np.diff(touching.astype(int)) < 0).sum()), reason="bodies vibrate")
-    iterations = np.array([state.iterations for state in made.solved.states])[touching].mean()
-    tables = [table.replace("DEPTH", repr(_depth(given, made))) for table in (bodies.contact, *bodies.pressed)]
+    iterations = np.array([state.iterations for state in impact.solved.states])[touching].mean()
+    tables = [table.replace("DEPTH", repr(_depth(given, impact))) for table in (bodies.contact, *bodies.pressed)]
     yield at_most("Newton iterations of a step in contact", iterations, 3.5, source="as the first static steps take",
                   reason="a wave crosses a cell in a step and changes strains by per cents")  # fmt: skip
     for steps, reason in ((_PRESSED, "coarse steps"), (int(touching.sum()) // 2, "as small steps, on a smooth path")):
@@ -76,15 +76,15 @@ def _static(given: Impact, tables: list[str], mesh: Mesh, count: int) -> float:
     return float(np.mean([state.iterations for state in states if state.zones[0].pressure.any()]))
 
 
-def _depth(given: Impact, made: ImpactRun) -> float:
+def _depth(given: Impact, impact: ImpactRun) -> float:
     """Largest way of the bodies' centres from the first touch on."""
-    space, inertia = made.solved.problem.space, made.solved.problem.inertia
+    space, inertia = impact.solved.problem.space, impact.solved.problem.inertia
     assert inertia is not None
     mass = np.asarray(inertia.M.sum(axis=1)).ravel()[: space.n_dof].reshape(-1, space.dim)
     toward = np.array([1.0, 0.0] if given.kind == "rings" else [0.0, -1.0])
     if given.kind == "rings":
         mass = mass * (space.mesh.points[:, :1] < 0)
-    ways = [(mass * state.u.reshape(-1, space.dim)).sum(axis=0) @ toward for state in made.solved.states]
+    ways = [(mass * state.u.reshape(-1, space.dim)).sum(axis=0) @ toward for state in impact.solved.states]
     free = _GAP / 2 if given.kind == "rings" else _GAP
     return float(max(ways) / (mass.sum() / space.dim) - free)
 
@@ -112,10 +112,10 @@ def _two_rings(given: Impact) -> _Bodies:
     meshes = two_rings((given.n, given.n - 4), 2, _GAP), two_rings((given.n, given.n - 4), 2, 0.0)
     start = [entry("initial", groups=[name], vx=v) for name, v in (("left", given.speed), ("right", -given.speed))]
     far, inner = 2 * OUTER, OUTER + INNER
-    held = [entry("displacement", at=[-far, 0.0], ux="DEPTH * t", uy=0.0),
+    paths = [entry("displacement", at=[-far, 0.0], ux="DEPTH * t", uy=0.0),
             entry("displacement", at=[far, 0.0], ux="-DEPTH * t", uy=0.0),
             *(entry("displacement", at=[side * inner, 0.0], uy=0.0) for side in (-1, 1))]  # fmt: skip
-    return _Bodies(meshes, entry("contact", slave="slave", master="master"), tuple(start), tuple(held))
+    return _Bodies(meshes, entry("contact", slave="slave", master="master"), tuple(start), tuple(paths))
 
 
 def _text(given: Impact, end: float, count: int, *tables: str) -> str:

@@ -20,11 +20,11 @@ _START, _END, _STEPS, _FINER = 1.0, 3.0, 60, 16
 def order(given: Impact, levels: int) -> Iterator[Result]:
     """Errors at the end of displacements, of velocities of nodes with mass, and of the force of contact."""
     counts = [_STEPS << level for level in range(levels)]
-    *found, right = (_loaded(given, count) for count in (*counts, _STEPS * _FINER))
+    *coarser, right = (_loaded(given, count) for count in (*counts, _STEPS * _FINER))
     unknowns = [right.unknowns] * levels
     for what, kind in (("displacement", 0), ("velocity", 1), ("force of contact", 2)):
         exact = _measured(right)[kind]
-        errors = [float(np.abs(_measured(one)[kind] - exact).max() / np.abs(exact).max()) for one in found]
+        errors = [float(np.abs(_measured(one)[kind] - exact).max() / np.abs(exact).max()) for one in coarser]
         table = levels_of([_END / count for count in counts], unknowns, errors)
         yield rate(f"{what}, largest error at the end", table, 1.95, source="second order in dt",
                    reason=f"against steps of 1/{_STEPS * _FINER} of the time")  # fmt: skip

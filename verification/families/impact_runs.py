@@ -92,11 +92,11 @@ def run(text: str, mesh: Mesh) -> ImpactRun:
     """Solve an impact. Raises what `solve` raises."""
     solved = solve(text, mesh)
     motions = [state.step.motion for state in solved.states]
-    found = [motion for motion in motions if motion is not None]
+    figures = [motion for motion in motions if motion is not None]
     return ImpactRun(
         solved, np.array([state.time for state in solved.states]),
-        np.array([state.zones[0].pressure for state in solved.states]), np.array([m.energies for m in found]),
-        np.array([m.account for m in found]),
+        np.array([state.zones[0].pressure for state in solved.states]), np.array([m.energies for m in figures]),
+        np.array([m.account for m in figures]),
     )  # fmt: skip
 
 
@@ -118,18 +118,18 @@ def on_wall(given: Impact, n: int) -> tuple[ImpactRun, float]:
     dt, last = given.cfl / n / given.c, 2 / given.c
     wait = 2.5 * dt
     count = ceil((wait + 1.3 * last) / dt)
-    made = run(
+    impact = run(
         bars_text(
             given, count * dt, count, entry("contact", slave="slave", master="wall"), entry("rigid", group="wall"),
             entry("initial", groups=["bar"], **{f"v{'xyz'[given.dim - 1]}": -given.speed}),
         ),
         bar_on_wall(given.cell, n, wait * given.speed),
     )  # fmt: skip
-    return made, made.error(given.c * given.speed, wait, last)
+    return impact, impact.error(given.c * given.speed, wait, last)
 
 
-def energies(found: ImpactRun, least: float, closed: float = CLOSED, reason: str = "") -> Iterator[Result]:
+def energies(impact: ImpactRun, least: float, closed: float = CLOSED, reason: str = "") -> Iterator[Result]:
     """The results about energy that every impact has; `least`: what is left at the end."""
-    yield at_most("largest energy", found.whole.max(), 1.001, source="no energy is created")
-    yield at_least("energy at the end", found.whole[-1], least, source="the rebound is elastic")
-    yield at_most("account of energy", found.unbalanced, closed, source=ACCOUNT, reason=reason)
+    yield at_most("largest energy", impact.whole.max(), 1.001, source="no energy is created")
+    yield at_least("energy at the end", impact.whole[-1], least, source="the rebound is elastic")
+    yield at_most("account of energy", impact.unbalanced, closed, source=ACCOUNT, reason=reason)

@@ -23,8 +23,8 @@ def sphere(given: Impact, levels: int) -> Iterator[Result]:
     right = exact.hertz(1.0, given.young, given.poisson, 1.0, speed)
     dt = right.duration / _STEPS
     made_of = quarter_sphere_on_wall if given.dim == 3 else sphere_on_wall
-    made = run(_text(given, speed, dt), made_of(sqrt(given.approach), 2.5 * dt * speed))
-    force = np.array([m.pushes[0, 0, -1] for s in made.solved.states if (m := s.step.motion) is not None])
+    impact = run(_text(given, speed, dt), made_of(sqrt(given.approach), 2.5 * dt * speed))
+    force = np.array([m.pushes[0, 0, -1] for s in impact.solved.states if (m := s.step.motion) is not None])
     force *= 4 if given.dim == 3 else 1
     on = np.flatnonzero(force > 0)
     yield equal("largest force over Hertz'", force.max() / right.force, 1.0, given.allowed, source="Hertz 1882",
@@ -34,7 +34,7 @@ def sphere(given: Impact, levels: int) -> Iterator[Result]:
     yield equal("openings", float((np.diff(on) > 1).sum() + 1), 1, 0, source="one impact", reason="exact")
     narrow = given.approach < 1e-3
     why = "cells a thousand times smaller than the sphere: round-off of K u is 1e-9 of the forces"
-    yield from energies(made, 0.99, 1e-9 if narrow else CLOSED, why if narrow else "")
+    yield from energies(impact, 0.99, 1e-9 if narrow else CLOSED, why if narrow else "")
 
 
 def _text(given: Impact, speed: float, dt: float) -> str:

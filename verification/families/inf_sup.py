@@ -108,16 +108,16 @@ def constants(given: Skin, n: int) -> Constants:
     """Inf-sup constants of the block with n cells per side."""
     mesh = block_of(given, n)
     slave = f"{'xyz'[given.dim - 1]}0"
-    made = lacsolver.contact_matrices(mesh, slave, "master", hexa=given.hexa)
-    rim, free = _moving(made.mesh)
-    internal = lacmesh.Cut(made.mesh).macro_of_node >= 0
-    cut = constant(made, rim), constant(made, free), constant(made, internal & rim)
-    unknowns = given.dim * int((rim & held(made.mesh)).sum())
+    matrices = lacsolver.contact_matrices(mesh, slave, "master", hexa=given.hexa)
+    rim, free = _moving(matrices.mesh)
+    internal = lacmesh.Cut(matrices.mesh).macro_of_node >= 0
+    cut = constant(matrices, rim), constant(matrices, free), constant(matrices, internal & rim)
+    unknowns = given.dim * int((rim & held(matrices.mesh)).sum())
     if given.kind in WHOLE:
         return Constants(*cut, cut[0], cut[1], unknowns)
-    made = lacsolver.contact_matrices(uncut(mesh, slave), slave, "master")
-    rim, free = _moving(made.mesh)
-    return Constants(*cut, constant(made, rim), constant(made, free), unknowns)
+    matrices = lacsolver.contact_matrices(uncut(mesh, slave), slave, "master")
+    rim, free = _moving(matrices.mesh)
+    return Constants(*cut, constant(matrices, rim), constant(matrices, free), unknowns)
 
 
 def block_of(given: Skin | Pressed, n: int) -> Mesh:
@@ -156,23 +156,23 @@ def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 def _constants(case: Case, levels: int) -> Outcome:
     given: Skin = case.parameters
     sides = SIDES[given.dim][:levels]
-    found = [constants(given, n) for n in sides]
+    constants_of = [constants(given, n) for n in sides]
     h = [1 / n for n in sides]
-    results = [*_bounded(h, found), *([] if given.kind in WHOLE else _unbounded(given, h, found))]
-    return Outcome(tuple(results), (_plot(case, h, found),))
+    results = [*_bounded(h, constants_of), *([] if given.kind in WHOLE else _unbounded(given, h, constants_of))]
+    return Outcome(tuple(results), (_plot(case, h, constants_of),))
 
 
-def _bounded(h: Sequence[float], found: Sequence[Constants]) -> list[Result]:
+def _bounded(h: Sequence[float], values: Sequence[Constants]) -> list[Result]:
     """The constant of the cut skin stays above that of its internal dofs."""
-    beta = [v.cut for v in found]
-    floor = max(found[0].internal * (1 - NOTHING), NOTHING)
+    beta = [v.cut for v in values]
+    floor = max(values[0].internal * (1 - NOTHING), NOTHING)
     reason = "what internal dofs alone give on the coarsest mesh, on finer ones they give more; less rounding"
     least = at_least("least beta, cut, rim fixed", min(beta), floor, source=_THEORY, reason=reason)
-    return [least, _stays("beta, cut, rim fixed: exponent of h", h, found, beta)]
+    return [least, _stays("beta, cut, rim fixed: exponent of h", h, values, beta)]
 
 
-def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: Sequence[float]) -> Result:
-    levels = _levels(h, found, beta)
+def _stays(quantity: str, h: Sequence[float], values: Sequence[Constants], beta: Sequence[float]) -> Result:
+    levels = _levels(h, values, beta)
     value = fitted(h, beta) if len(h) > 1 and min(beta) > NOTHING else math.nan
     if len(h) < 3:
         reason = "an exponent is judged on three meshes or more"
@@ -181,14 +181,14 @@ def _stays(quantity: str, h: Sequence[float], found: Sequence[Constants], beta: 
     return at_most(quantity, value, STAYS, source=_THEORY, reason=reason, levels=levels)
 
 
-def _levels(h: Sequence[float], found: Sequence[Constants], beta: Sequence[float]) -> tuple[Level, ...]:
+def _levels(h: Sequence[float], values: Sequence[Constants], beta: Sequence[float]) -> tuple[Level, ...]:
     """Convergence table of the constants; zeros, which have no rate, appear as the least number."""
-    return levels_of(h, [v.unknowns for v in found], np.maximum(beta, np.finfo(float).tiny).tolist())
+    return levels_of(h, [v.unknowns for v in values], np.maximum(beta, np.finfo(float).tiny).tolist())
 
 
-def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> list[Result]:
+def _unbounded(given: Skin, h: Sequence[float], values: Sequence[Constants]) -> list[Result]:
     """Criteria for the uncut skin: its constant is zero with a fixed rim; with a free one it falls or is reported."""
-    fixed, free = [v.uncut for v in found], [v.uncut_free for v in found]
+    fixed, free = [v.uncut for v in values], [v.uncut_free for v in values]
     if given.kind not in ZERO or given.master:
         reason = "the hypothesis is sufficient, not necessary: it fails here, and this is what becomes of the constant"
         return [
@@ -202,18 +202,18 @@ def _unbounded(given: Skin, h: Sequence[float], found: Sequence[Constants]) -> l
         return [*out, at_most(zero.format("free"), max(free), NOTHING, source=source, reason="the root of rounding")]
     if len(h) < 3:
         return [*out, informative("beta, uncut, rim free, finest", free[-1], reason="judged on three meshes or more")]
-    levels = _levels(h, found, free)
+    levels = _levels(h, values, free)
     reason = "only the rim tells a checkerboard from zero: the constant falls by an order of h or more"
     quantity = "beta, uncut, rim free: exponent of h"
     return [*out, at_least(quantity, fitted(h, free), FALLS, source=source, reason=reason, levels=levels)]
 
 
-def _plot(case: Case, h: Sequence[float], found: Sequence[Constants]) -> Plot:
+def _plot(case: Case, h: Sequence[float], values: Sequence[Constants]) -> Plot:
     names = {"cut": "cut, rim fixed", "cut_free": "cut, rim free", "internal": "cut, internal dofs alone"}
     if case.parameters.kind not in WHOLE:
         names |= {"uncut": f"uncut, rim fixed (zero is drawn at {ZERO_DRAWN:g})", "uncut_free": "uncut, rim free"}
     lines = [
-        Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in found))
+        Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in values))
         for name, label in names.items()
     ]
     return Plot("inf-sup", f"{case.name}: inf-sup constant", "h", "beta", tuple(lines), log_x=True, log_y=True)

@@ -67,10 +67,10 @@ _AWAY = "for information: without the layer along the rim"
 def solve_case(case: Case, levels: int) -> Outcome:
     """A row on so many meshes, each of twice as many cells a side."""
     row: CellRow = case.parameters
-    found = [solution(row, level) for level in range(levels)]
-    results = (*_rates(row, found), _iterations(found), *balanced([one.solved for one in found]))
-    plots = [_pressures(row, found[min(2, levels - 1)])] if row.solution.dim == 2 else []
-    return Outcome(results, (*plots, _newton(row, found)), _pictures(row, found))
+    solutions = [solution(row, level) for level in range(levels)]
+    results = (*_rates(row, solutions), _iterations(solutions), *balanced([one.solved for one in solutions]))
+    plots = [_pressures(row, solutions[min(2, levels - 1)])] if row.solution.dim == 2 else []
+    return Outcome(results, (*plots, _newton(row, solutions)), _pictures(row, solutions))
 
 
 def solution(row: CellRow, level: int) -> LevelSolution:
@@ -154,27 +154,27 @@ def _vector(table: str, letter: str, texts: Iterable[str], group: str | None = N
     return entry(table, group=group, **components)
 
 
-def _rates(row: CellRow, found: Sequence[LevelSolution]) -> Iterator[Result]:
+def _rates(row: CellRow, solutions: Sequence[LevelSolution]) -> Iterator[Result]:
     """The rates of u, p_m, the recovered pressure, and of p_m against the exact means."""
     u, p, recovered = WANTED[row.order]
     yield rate(
-        "displacement in L2, rate", convergence(found, "displacement"), u, last=LAST,
+        "displacement in L2, rate", convergence(solutions, "displacement"), u, last=LAST,
         source=_DISPLACEMENT[row.order], reason=_RIM if row.order == 2 else "",
         published=_theirs(row, row.displacement_rate),
     )  # fmt: skip
     yield rate(
-        "p_m in L2, rate", convergence(found, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
+        "p_m in L2, rate", convergence(solutions, "pressure"), p, last=LAST, source=f"order h of constants ({_PAPER})",
         reason=_CONSTANT, published=_theirs(row, row.pressure_rate),
     )  # fmt: skip
     source = "approximation by the slave's own shape functions"
     yield rate(
-        "recovered pressure in L2, rate", convergence(found, "recovered"), recovered, last=LAST, source=source,
+        "recovered pressure in L2, rate", convergence(solutions, "recovered"), recovered, last=LAST, source=source,
         reason=_LAYER,
     )  # fmt: skip
     away = f"recovered pressure in L2, {RIM:g} of the width away from the rim, rate"
-    yield rate(away, convergence(found, "away"), None, last=LAST, source="", reason=_AWAY)
+    yield rate(away, convergence(solutions, "away"), None, last=LAST, source="", reason=_AWAY)
     yield rate(
-        "p_m against the exact means, rate", convergence(found, "means"), None, last=LAST, source="", reason=_MEANS
+        "p_m against the exact means, rate", convergence(solutions, "means"), None, last=LAST, source="", reason=_MEANS
     )
 
 
@@ -184,17 +184,17 @@ def _theirs(row: CellRow, value: float | None) -> tuple[Published, ...]:
     return () if value is None else (Published("code_aster, LAC", value, source),)
 
 
-def _iterations(found: Sequence[LevelSolution]) -> Result:
-    finest = found[-1].solved
+def _iterations(solutions: Sequence[LevelSolution]) -> Result:
+    finest = solutions[-1].solved
     reason = "for information: one step, and none that is halved, is what to hope for"
     return informative(
         f"Newton iterations on the finest mesh ({finest.halvings} halved steps)", finest.iterations, reason=reason
     )
 
 
-def _newton(row: CellRow, found: Sequence[LevelSolution]) -> Plot:
+def _newton(row: CellRow, solutions: Sequence[LevelSolution]) -> Plot:
     """The residuals of every mesh, iteration by iteration."""
-    lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in found)
+    lines = tuple(residuals(f"h = {one.h:.4g}", one.solved.states) for one in solutions)
     title = f"{row.name}: residual of each Newton iteration"
     return Plot("Newton", title, "iteration", "relative residual", lines, log_y=True)
 
@@ -211,8 +211,8 @@ def _along(x: NDArray[np.floating]) -> NDArray[np.floating]:
     return x[..., 0]
 
 
-def _pictures(row: CellRow, found: Sequence[LevelSolution]) -> tuple[Picture, ...]:
-    one = found[min(len(found) - 1, 2 if row.solution.dim == 2 else 1)]
+def _pictures(row: CellRow, solutions: Sequence[LevelSolution]) -> tuple[Picture, ...]:
+    one = solutions[min(len(solutions) - 1, 2 if row.solution.dim == 2 else 1)]
     return (one.solved.picture(f"{row.name}, {round(1 / one.h)} cells a side"),) if row.pictured else ()
 
 

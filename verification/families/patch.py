@@ -77,32 +77,32 @@ def errors(given: Press, slave: str, master: str, slave_below: bool) -> StackErr
     solved = solve(text(given), mesh_of(given, slave, master, slave_below))
     sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in point_stress(solved.problem, solved.state)])
     exact = exact_displacement(given, solved.mesh.points)
-    found = {
+    largest = {
         STRESS: float(np.abs(sigma - exact_stress(given)[: sigma.shape[1]]).max() / PRESSURE),
         PRESSURES: float(np.abs(solved.zone.pressure / PRESSURE - 1).max()),
         DISPLACEMENT: float(np.abs(solved.u - exact).max() / np.abs(exact).max()),
     }
-    return StackErrors(f"{slave} {'under' if slave_below else 'on'} {master}", found, solved)
+    return StackErrors(f"{slave} {'under' if slave_below else 'on'} {master}", largest, solved)
 
 
 def mesh_of(given: Press, slave: str, master: str, slave_below: bool) -> Mesh:
     """A stack of blocks, not cut."""
-    made = stack(
+    mesh = stack(
         slave, master, given.dim, slave_below=slave_below, counts=given.counts, bend=given.bend, skew=given.skew
     )
-    return moved(made, given.turn, np.array([1.0, 0, 0]) if given.model == "ring" else None)
+    return moved(mesh, given.turn, np.array([1.0, 0, 0]) if given.model == "ring" else None)
 
 
 def text(given: Press) -> str:
     """The case of every stack, as TOML. In a tilted frame symmetry planes hold the normal displacement."""
     up = "xyz"[given.dim - 1]
-    held = [(side, side[0]) for side in _SLIDING.get(given.model, ("x0",))] + [("bottom", up)]
+    supports = [(side, side[0]) for side in _SLIDING.get(given.model, ("x0",))] + [("bottom", up)]
     return case_text(
         "axisymmetric" if given.model == "ring" else given.model,
         entry("solver", threads=1),
         entry("material", young=YOUNG, poisson=POISSON),
         entry("contact", slave="slave", master="master", **dict(given.contact)),
-        *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in held),
+        *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in supports),
         entry("pressure", group="top", value=PRESSURE),
     )
 
@@ -138,10 +138,10 @@ def run(case: Case, levels: int) -> Outcome:
 
 def worst(quantity: str, stacks: Sequence[StackErrors], published: tuple[Published, ...] = ()) -> Result:
     """The largest error of all stacks; NaN above all."""
-    found = np.array([one.errors[quantity] for one in stacks])
-    k = int(np.where(np.isnan(found), np.inf, found).argmax())
+    errors = np.array([one.errors[quantity] for one in stacks])
+    k = int(np.where(np.isnan(errors), np.inf, errors).argmax())
     reason = f"rounding, times the condition of the stiffness; worst of {len(stacks)}: {stacks[k].label}"
-    return at_most(quantity, found[k], EXACT, source=_SOURCE, reason=reason, published=published)
+    return at_most(quantity, errors[k], EXACT, source=_SOURCE, reason=reason, published=published)
 
 
 def _matrix(stacks: Sequence[StackErrors]) -> Plot:

@@ -114,11 +114,11 @@ _PRESSED = replace(_SHRUNK, shape="plane_stress", normals="smoothed", pressure=1
 def solve_case(case: Case, levels: int) -> Outcome:
     """A press fit on so many meshes, each of twice as many cells along each side."""
     given: PressFit = case.parameters
-    found = [solution(given, level) for level in range(levels)]
-    results = _sized(given, found[-1]) if given.allowed else _rates(given, found)
-    plots = (_pressures(case.name, given, found[-1]),) if given.dim == 2 else ()
-    pictures = (found[0].solved.picture(case.name),) if case.name in _PICTURED else ()
-    return Outcome((*results, *balanced([one.solved for one in found])), plots, pictures)
+    solutions = [solution(given, level) for level in range(levels)]
+    results = _sized(given, solutions[-1]) if given.allowed else _rates(given, solutions)
+    plots = (_pressures(case.name, given, solutions[-1]),) if given.dim == 2 else ()
+    pictures = (solutions[0].solved.picture(case.name),) if case.name in _PICTURED else ()
+    return Outcome((*results, *balanced([one.solved for one in solutions])), plots, pictures)
 
 
 def solution(given: PressFit, level: int) -> LevelSolution:
@@ -185,16 +185,16 @@ def case_of(given: PressFit, surface: str = "smooth") -> str:
     )  # fmt: skip
 
 
-def _sized(given: PressFit, found: LevelSolution) -> Iterator[Result]:
+def _sized(given: PressFit, finest: LevelSolution) -> Iterator[Result]:
     """Criteria for a mesh of the size of ssnp173a's: smallest and largest p_m, compared with code_aster's."""
-    p, right = found.solved.zone.pressure, given.exact.between
+    p, right = finest.solved.zone.pressure, given.exact.between
     source = "Lame; code_aster's test file has 4.894178"
     reason = f"{given.allowed:g} of the pressure is what such a mesh allows; code_aster's is off by up to 1.7e-4"
     for quantity, value, theirs in (("largest p_m", p.max(), _LARGEST), ("least p_m", p.min(), _LEAST)):
         tolerance = (given.allowed or 0.0) * right
         yield equal(quantity, value, right, tolerance, source=source, reason=reason, published=_theirs(theirs))
-    yield informative("mean p_m, relative error", found.errors["mean"], reason="far below the error of each p_m")
-    worst = float(np.nanmax(np.abs(found.solved.recovered / right - 1)))
+    yield informative("mean p_m, relative error", finest.errors["mean"], reason="far below the error of each p_m")
+    worst = float(np.nanmax(np.abs(finest.solved.recovered / right - 1)))
     yield informative(
         "recovered pressure, worst node, relative error", worst, reason="for information: no bound is asked of it",
         published=_theirs(abs(_NODAL / right - 1)),
@@ -205,26 +205,27 @@ def _theirs(value: float) -> tuple[Published, ...]:
     return (Published("code_aster, LAC", value, "ssnp173a of its validation suite, TRIA6"),)
 
 
-def _rates(given: PressFit, found: Sequence[LevelSolution]) -> Iterator[Result]:
+def _rates(given: PressFit, solutions: Sequence[LevelSolution]) -> Iterator[Result]:
     """Rates of p_m, of the mean pressure, of u, and of where the slave is."""
     curved = given.order == 2
     yield rate(
-        "p_m in L2, rate", convergence(found, "pressure"), 2.0 if curved else 0.9, last=LAST,
+        "p_m in L2, rate", convergence(solutions, "pressure"), 2.0 if curved else 0.9, last=LAST,
         source="order 2: p is constant, the geometry quadratic" if curved else "order 1, less what is not asymptotic",
         reason=_REASON[given.dim] if curved else _STRAIGHT,
     )  # fmt: skip
     yield rate(
-        "mean p_m, rate", convergence(found, "mean"), 2.0 if curved else 1.92, last=LAST,
+        "mean p_m, rate", convergence(solutions, "mean"), 2.0 if curved else 1.92, last=LAST,
         source="order 2 of the bodies' stiffness, for linear cells less what is not yet asymptotic",
     )  # fmt: skip
-    yield rate("recovered pressure in L2, rate", convergence(found, "recovered"), None, source="", reason="informative")
+    recovered = convergence(solutions, "recovered")
+    yield rate("recovered pressure in L2, rate", recovered, None, source="", reason="informative")
     yield rate(
-        "displacement in L2, rate", convergence(found, "displacement"), 2.45 if curved else 1.92, last=LAST,
+        "displacement in L2, rate", convergence(solutions, "displacement"), 2.45 if curved else 1.92, last=LAST,
         source="Abbas, Drouet and Hild 2018: h^2 and h^2.5, less what is not yet asymptotic",
     )  # fmt: skip
-    held = "for information: held by the displacement in L2"
-    yield rate("displacement of the slave, rate", convergence(found, "between"), None, source="", reason=held)
-    worst = found[-1].errors["worst"]
+    reason = "for information: held by the displacement in L2"
+    yield rate("displacement of the slave, rate", convergence(solutions, "between"), None, source="", reason=reason)
+    worst = solutions[-1].errors["worst"]
     yield informative("worst p_m on the finest mesh, relative error", worst, reason="the rate is judged")
 
 

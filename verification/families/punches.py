@@ -38,15 +38,15 @@ class Bank:
 def solve_case(case: Case, levels: int) -> Outcome:
     """Press in the first so many punches of a bank."""
     bank: Bank = case.parameters
-    found: list[Solved] = []
+    solutions: list[Solved] = []
     lost, apart = 0, [0.0]
     for number in range(bank.first, bank.first + levels):
         own = list(pressed(bank, number))
         lost += len(steps_of(number)) - len(own)
         apart += [difference(own[0], each) for each in own[1:]]
-        found += own
+        solutions += own
     off = max(d for d in apart if d <= OTHER)
-    each = [state.iterations for own in found for state in own.states]
+    each = [state.iterations for own in solutions for state in own.states]
     return Outcome(
         (
             at_most("runs that end without an equilibrium", lost, 0, source=_ONE),
@@ -55,8 +55,8 @@ def solve_case(case: Case, levels: int) -> Outcome:
             at_most("punches with two equilibria", sum(d > OTHER for d in apart), bank.two, source=_ONE, reason=_TWO),
             informative("iterations of a step, mean", float(np.mean(each)), reason="beside the largest"),
             informative("iterations of a step, largest", max(each), reason="a punch that is pressed in in one step"),
-            informative("halved steps", sum(own.halvings for own in found), reason=f"of {len(each)}"),
-            *balanced(found),
+            informative("halved steps", sum(own.halvings for own in solutions), reason=f"of {len(each)}"),
+            *balanced(solutions),
         )
     )  # fmt: skip
 

@@ -119,13 +119,13 @@ def solve_case(case: Case, levels: int) -> Outcome:
 
 def slide(case: Case, given: Slider, levels: int) -> Outcome:
     """The block on meshes each twice as fine; the plate stays as it is."""
-    found = [slid(given, given.n << level) for level in range(levels)]
-    states = [state for own in found for state in own.states]
+    solutions = [slid(given, given.n << level) for level in range(levels)]
+    states = [state for own in solutions for state in own.states]
     results = list(newton(states, given.tolerance))
     if not given.wave:
         pressures = np.concatenate([state.zones[0].pressure for state in states])
         forces = np.array(
-            [step_figures(own.problem, state).contact["slave"].resultant for own in found for state in own.states]
+            [step_figures(own.problem, state).contact["slave"].resultant for own in solutions for state in own.states]
         )
         off = np.abs(forces - given.pressure * np.eye(given.dim)[-1]).max()
         results += [
@@ -134,7 +134,7 @@ def slide(case: Case, given: Slider, levels: int) -> Outcome:
             at_most("error of the contact force over the load, worst of all steps", off / given.pressure, 1e-10,
                     source=_EXACT, reason="the same; its part along the plate is the drag, which is nothing"),
         ]  # fmt: skip
-    return Outcome((*results, *balanced(found)), (histories(case.description, found[-1].states),))
+    return Outcome((*results, *balanced(solutions)), (histories(case.description, solutions[-1].states),))
 
 
 def slid(given: Slider, n: int) -> Solved:
@@ -171,17 +171,17 @@ def slider_text(given: Slider) -> str:
 
 def drag(case: Case, given: Dragged, levels: int) -> Outcome:
     """The body that is dragged, on its meshes."""
-    found = [dragged(given, *each) for each in list(zip(given.sizes, given.steps, strict=True))[:levels]]
+    solutions = [dragged(given, *each) for each in list(zip(given.sizes, given.steps, strict=True))[:levels]]
     results: list[Result] = []
-    for size, own in zip(given.sizes, found, strict=False):
+    for size, own in zip(given.sizes, solutions, strict=False):
         named = f", {size} segments" if len(given.sizes) > 1 else ""
         results += [*newton(own.states, given.tolerance, named), *evenness(own.states, named)]
-    results.append(_iterations(given, found[-1]))
+    results.append(_iterations(given, solutions[-1]))
     if given.surface == "smooth":
-        results += between_faces(given, found[0])
-    force, last = forces(case.description, given, found[-1]), found[-1]
+        results += between_faces(given, solutions[0])
+    force, last = forces(case.description, given, solutions[-1]), solutions[-1]
     plots = histories(case.description, last.states), force, profiles(case.description, last.states)
-    return Outcome((*results, *balanced(found)), plots, (last.picture(case.description),))
+    return Outcome((*results, *balanced(solutions)), plots, (last.picture(case.description),))
 
 
 def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
@@ -236,20 +236,20 @@ def newton(states: Sequence[State], tolerance: float, named: str = "") -> tuple[
     settled = [state.residuals[len(state.residuals) - state.n_unchanged_sets :] for state in states]
     pairs = [own for residuals in settled if (own := last_pairs(residuals, tolerance))]
     halved = sum(state.halvings for state in states)
-    found: tuple[Result, ...] = (at_most(f"halved steps{named}", halved, 0, source=_DESIGN),)
+    results: tuple[Result, ...] = (at_most(f"halved steps{named}", halved, 0, source=_DESIGN),)
     if not pairs:
-        return found
+        return results
     share = float(np.mean([quadratic(own, tolerance) for own in pairs]))
     orders = [np.log(then) / np.log(e) for own in pairs for e, then in own if then > tolerance]
     order = "log of a residual over log of the one before, both above the tolerance"
-    found += (
+    results += (
         informative(f"steps whose last {LAST} iterations tell{named}", len(pairs), reason=f"of {len(states)}"),
         at_least(f"share of steps whose last {LAST} iterations are quadratic{named}", share, 1.0,
                  source=_DESIGN, reason=_NEWTON),
     )  # fmt: skip
     if not orders:
-        return found
-    return *found, informative(
+        return results
+    return *results, informative(
         f"order of the last {LAST} iterations, median{named}", float(np.median(orders)), reason=order
     )
 

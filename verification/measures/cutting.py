@@ -42,14 +42,14 @@ def sizes(mesh: Mesh) -> NDArray[np.floating]:
 
 def facets(mesh: Mesh) -> dict[tuple[int, ...], list[tuple[str, Ints]]]:
     """Facets of the cells of the highest dimension: sorted corners -> (type, nodes) in each cell that has the facet."""
-    found: dict[tuple[int, ...], list[tuple[str, Ints]]] = defaultdict(list)
+    cells_of: dict[tuple[int, ...], list[tuple[str, Ints]]] = defaultdict(list)
     for block in mesh.blocks:
         if CELLS[block.type].dim == mesh.space_dim:
             for facet in CELLS[block.type].facets:
                 corners = CELLS[facet.type].n_corners
                 for row in block.nodes[:, list(facet.nodes)]:
-                    found[tuple(sorted(row[:corners].tolist()))].append((facet.type, row))
-    return dict(found)
+                    cells_of[tuple(sorted(row[:corners].tolist()))].append((facet.type, row))
+    return dict(cells_of)
 
 
 def same_up_to_numbers(one: Mesh, other: Mesh) -> bool:
@@ -80,8 +80,8 @@ def _torn(before: Mesh, cut: Cut) -> int:
     """Facets of more than two cells, or with other mid-nodes on each side; a skin of another area than before."""
     table = facets(cut.mesh)
     broken = sum(len(own) > 2 or len({frozenset(n.tolist()) for _, n in own}) > 1 for own in table.values())
-    skin, old = (_area(mesh, (own[0] for own in found.values() if len(own) == 1))
-                 for mesh, found in ((cut.mesh, table), (before, facets(before))))  # fmt: skip
+    skin, old = (_area(mesh, (own[0] for own in cells_of.values() if len(own) == 1))
+                 for mesh, cells_of in ((cut.mesh, table), (before, facets(before))))  # fmt: skip
     faces = (n for _, _, rows in _of(cut.mesh, np.flatnonzero(cut.macro_of_face >= 0)) for n in rows)
     known = {frozenset(n.tolist()) for own in table.values() for _, n in own}
     return broken + sum(frozenset(n.tolist()) not in known for n in faces) + int(abs(skin - old) > _ROUNDING * old)
@@ -113,13 +113,13 @@ def _turned(before: Mesh, cut: Cut) -> int:
 def _in_order(before: Mesh, cut: Cut, faces: Ints, parent: int) -> bool:
     """E1, E2, ... beside one another: face k on edge k of the parent, the centre last; in a plane from end to end."""
     ((kind, _, (old,)),) = before.select(np.array([parent]))
-    made = [next(cut.mesh.select(np.array([face]))) for face in faces]
+    children = [next(cut.mesh.select(np.array([face]))) for face in faces]
     if not (np.diff(faces) == 1).all() or not (cut.child_kind[faces] == np.arange(1, len(faces) + 1)).all():
         return False
     facing = _facing(before, kind, old)
-    if any(_facing(cut.mesh, child, nodes[0]) @ facing <= 0 for child, _, nodes in made):
+    if any(_facing(cut.mesh, child, nodes[0]) @ facing <= 0 for child, _, nodes in children):
         return False
-    nodes = [n[0].tolist() for _, _, n in made]
+    nodes = [n[0].tolist() for _, _, n in children]
     if CELLS[kind].dim == 1:
         ends = nodes[0][0] == old[0] and nodes[-1][1] == old[1]
         return bool(ends and all(a[1] == b[0] for a, b in pairwise(nodes)))
@@ -132,7 +132,8 @@ def _without_dof(before: Mesh, cut: Cut) -> int:
     """Macro-elements without a node whose function lives inside and has a positive integral, or with a wrong record."""
     inside = _internal(cut)
     return sum(
-        not found or found != set(told.tolist()) for found, told in zip(inside, cut.internal_nodes, strict=True)
+        not internal or internal != set(recorded.tolist())
+        for internal, recorded in zip(inside, cut.internal_nodes, strict=True)
     )  # fmt: skip
 
 
@@ -148,12 +149,12 @@ def _internal(cut: Cut) -> list[set[int]]:
             for node, part in zip(row.tolist(), value.tolist(), strict=True):
                 integral[macro][node] += part
             rim[macro].update(frozenset(row[list(facet.nodes)].tolist()) for facet in CELLS[kind].facets)
-    shared = Counter(node for found in integral for node in found)
+    shared = Counter(node for integrals in integral for node in integrals)
     out = []
-    for found, edges in zip(integral, rim, strict=True):
+    for integrals, edges in zip(integral, rim, strict=True):
         outer = {node for edge, count in edges.items() if count == 1 for node in edge}
-        least = _POSITIVE * sum(found.values())
-        out.append({n for n, value in found.items() if value > least and shared[n] == 1 and n not in outer})
+        least = _POSITIVE * sum(integrals.values())
+        out.append({n for n, value in integrals.items() if value > least and shared[n] == 1 and n not in outer})
     return out
 
 

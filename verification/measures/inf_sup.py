@@ -26,22 +26,23 @@ Floats = NDArray[np.floating]
 _DEGREE = 4
 
 
-def constant(made: ContactMatrices, moving: NDArray[np.bool_]) -> float:
+def constant(matrices: ContactMatrices, moving: NDArray[np.bool_]) -> float:
     """beta of contact matrices, over displacements of the nodes that are `moving` (n_nodes,), the others fixed.
 
     A constant of zero is computed as some 1e-8, the square root of rounding.
     """
-    dim = made.normal.shape[1]
-    nodes = np.flatnonzero(moving & held(made.mesh))
+    dim = matrices.normal.shape[1]
+    nodes = np.flatnonzero(moving & held(matrices.mesh))
     if not len(nodes):
         return 0.0
-    solve = splu(norm(made.mesh)[nodes][:, nodes], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
-    S = np.zeros((len(made.area),) * 2)
+    N = norm(matrices.mesh)[nodes][:, nodes]
+    solve = splu(N, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
+    S = np.zeros((len(matrices.area),) * 2)
     for axis in range(dim):
-        B = made.B[:, dim * nodes + axis]
-        if B.nnz and np.abs(B.data).max() > 1e-14 * made.area.max():
+        B = matrices.B[:, dim * nodes + axis]
+        if B.nnz and np.abs(B.data).max() > 1e-14 * matrices.area.max():
             S += B @ solve(B.toarray().T)
-    weight = made.area ** (-0.5 * dim / (dim - 1))  # (h_m |T_m|)^-1/2
+    weight = matrices.area ** (-0.5 * dim / (dim - 1))  # (h_m |T_m|)^-1/2
     least = np.linalg.eigvalsh(weight[:, None] * S * weight)[0]
     return float(np.sqrt(max(least, 0.0)))
 

@@ -32,12 +32,12 @@ def bar(kind: str, n: int, low: float = 0.0, across: int | None = None) -> Mesh:
 def bar_on_wall(kind: str, n: int, gap: float = 0.0) -> Mesh:
     """A bar above a rigid wall: groups `bar`, `slave` (its lower end), `top`, its sides, and `wall`, one flat face."""
     dim = CELLS[kind].dim
-    made = bar(kind, n, gap)
+    mesh = bar(kind, n, gap)
     plane = "SEG2" if dim == 2 else "QUAD4"
     x = np.array(CELLS[plane].reference, float) * 2 * WIDTH + WIDTH / 2  # from -3/8 to 5/8
     x = np.column_stack([x if dim == 3 else WIDTH - x, np.zeros(len(x))])  # it faces up
     wall = assembled(np.pad(x, ((0, 0), (0, 3 - dim))), {(plane, "wall"): np.arange(len(x))[None]}, dim)
-    return joined([(made, _names(dim, "slave", "top", "bar")), (wall, {"wall": "wall"})])
+    return joined([(mesh, _names(dim, "slave", "top", "bar")), (wall, {"wall": "wall"})])
 
 
 def bars(kinds: tuple[str, str], counts: tuple[int, int], across: tuple[int, int], gap: float = 0.0) -> Mesh:

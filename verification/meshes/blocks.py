@@ -72,8 +72,8 @@ def boxed(
 def raised(mesh: Mesh, kind: str) -> Mesh:
     """Replace linear cells by cells of the order of `kind`, one of `BLOCK_TYPES`."""
     order = _ORDERS[kind]
-    made = mesh if order is None else lacmesh.raise_order(mesh, order)
-    return _centred(made) if kind == "TRIA7" else made
+    higher = mesh if order is None else lacmesh.raise_order(mesh, order)
+    return _centred(higher) if kind == "TRIA7" else higher
 
 
 def _centred(mesh: Mesh) -> Mesh:
@@ -109,7 +109,7 @@ def joined(parts: Sequence[tuple[Mesh, Mapping[str, str]]], *, keep: bool = Fals
             rows[kind, names.get(name, name if keep else "")].append(nodes + first)
         first += mesh.n_nodes
     points = np.concatenate([mesh.points for mesh, _ in parts])
-    return assembled(points, {key: np.concatenate(found) for key, found in rows.items()}, parts[0][0].space_dim)
+    return assembled(points, {key: np.concatenate(nodes) for key, nodes in rows.items()}, parts[0][0].space_dim)
 
 
 def bent(mesh: Mesh, where: Callable[[Floats], Floats]) -> Mesh:
@@ -170,8 +170,8 @@ def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Int
     for k, pattern in enumerate(patterns):
         for kind, corners in pattern:
             rows[kind].append(corners_of[which == k][:, list(corners)])
-    found = {kind: np.concatenate(parts) for kind, parts in rows.items()}
-    cells = {kind: nodes for kind, nodes in found.items() if len(nodes)}
+    nodes_of = {kind: np.concatenate(parts) for kind, parts in rows.items()}
+    cells = {kind: nodes for kind, nodes in nodes_of.items() if len(nodes)}
     return np.concatenate([points, points[boxes[centred]].mean(axis=1)]), cells
 
 
@@ -183,7 +183,7 @@ def with_sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> Mesh:
 
 def _sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> dict[tuple[str, str], Ints]:
     """(type, side) -> the facets (k, n_nodes) that lie in each side of the box."""
-    found: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    sides: dict[tuple[str, str], list[Ints]] = defaultdict(list)
     for axis, ends in enumerate(zip(low, high, strict=True)):
         for end, value in enumerate(ends):
             there = np.abs(mesh.points[:, axis] - value) < 1e-9 * (ends[1] - ends[0])
@@ -192,5 +192,5 @@ def _sides(mesh: Mesh, low: Sequence[float], high: Sequence[float]) -> dict[tupl
                     nodes = cells.nodes[:, list(facet.nodes)]
                     inside = there[nodes].all(axis=1)
                     if inside.any():
-                        found[facet.type, f"{'xyz'[axis]}{end}"].append(nodes[inside])
-    return {key: np.concatenate(parts) for key, parts in found.items()}
+                        sides[facet.type, f"{'xyz'[axis]}{end}"].append(nodes[inside])
+    return {key: np.concatenate(parts) for key, parts in sides.items()}

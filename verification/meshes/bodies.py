@@ -55,8 +55,8 @@ def with_skins(of: Body, skins: Mapping[str, Where]) -> Body:
     faces = np.concatenate([of.cells[:, list(facet.nodes)] for facet in kind.facets])
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     outer = faces[np.sort(first[count == 1])]
-    found = {name: outer[where(*of.points.T)[outer].all(axis=1)] for name, where in skins.items()}
-    return of._replace(skins={**of.skins, **found})
+    named = {name: outer[where(*of.points.T)[outer].all(axis=1)] for name, where in skins.items()}
+    return of._replace(skins={**of.skins, **named})
 
 
 def at(axis: int, *values: float) -> Where:

@@ -43,8 +43,8 @@ def quarter(section: Body, sectors: int, name: str) -> Mesh:
     rows["QUAD4", "y0"] = [number[0][section.cells]]
     rows["QUAD4", "x0"] = [number[-1][section.cells[:, ::-1]]]
     used = np.unique(number)
-    made = {key: np.searchsorted(used, np.concatenate(nodes)) for key, nodes in rows.items()}
-    return _rounded(lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], made, 3), "2"), np.pi / 4 / sectors)
+    cells = {key: np.searchsorted(used, np.concatenate(nodes)) for key, nodes in rows.items()}
+    return _rounded(lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], cells, 3), "2"), np.pi / 4 / sectors)
 
 
 def _solids(section: Body, axis: Bools, before: Ints, after: Ints) -> _Rows:

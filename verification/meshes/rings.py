@@ -57,11 +57,11 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: 
     `jitter`: how far the rays that nodes lie on are turned at random, in cells; a plane of symmetry keeps its own.
     """
     radial, n = counts
-    made = _patch(kind, (n, n, radial), (0.0, 0.0, radii[0]), (np.pi / 4, np.pi / 4, radii[1]))
-    a, b, r = made.points.T
+    mesh = _patch(kind, (n, n, radial), (0.0, 0.0, radii[0]), (np.pi / 4, np.pi / 4, radii[1]))
+    a, b, r = mesh.points.T
     way = np.column_stack([np.ones_like(a), np.tan(a), np.tan(b)])
     points = way * (r / np.linalg.norm(way, axis=1))[:, None]
-    rows = rows_of(made)
+    rows = rows_of(mesh)
     parts = [(np.roll(points, turn, axis=1), turn) for turn in range(3)]
     place, number = _merged(np.concatenate([x for x, _ in parts]))
     if jitter:

@@ -57,12 +57,12 @@ def ring(segments: int = 30) -> Mesh:
     radius = np.linspace(OUTER, INNER, 5)
     centre = ABOVE + OUTER
     grid = np.stack([radius * np.cos(angle), centre + radius * np.sin(angle)], axis=-1)
-    made = body(grid, skins={"ends": at(1, centre), "master": _around(0.0, centre, OUTER)})
-    middle = np.hypot(*(made.points[made.cells].mean(axis=1) - [0.0, centre]).T)
+    disc = body(grid, skins={"ends": at(1, centre), "master": _around(0.0, centre, OUTER)})
+    middle = np.hypot(*(disc.points[disc.cells].mean(axis=1) - [0.0, centre]).T)
     parts = {"inner": np.flatnonzero(middle < MIDDLE), "outer": np.flatnonzero(middle > MIDDLE)}
     low = box(np.linspace(-WIDE / 2, WIDE / 2, segments + 1), np.linspace(-HIGH, 0, segments // 5 + 1))
     block = body(low, skins={"slave": at(1, 0.0), "bottom": at(1, -HIGH)})
-    return joined({"block": block, "ring": made._replace(parts=parts)})
+    return joined({"block": block, "ring": disc._replace(parts=parts)})
 
 
 def ironing_2d(across: int = 60) -> Mesh:

@@ -39,9 +39,9 @@ def _hemisphere(linear: str, h: float, names: tuple[str, ...]) -> Body:
     arc = np.pi / 4 * RADIUS
     along, up = lines(arc, h, 1.5 * CONTACT, GROWTH), lines(RADIUS, h, CONTACT, GROWTH)
     skins = dict(zip(names, (_skin, _flat, _axis), strict=True))
-    made = body(quarter_disc(RADIUS, along / arc, up / RADIUS), skins=skins)
-    corners = np.roll(made.cells, 1, axis=1)
-    return made._replace(cells=np.concatenate([corners[:, list(nodes)] for _, nodes in SPLITS[linear]]))
+    half = body(quarter_disc(RADIUS, along / arc, up / RADIUS), skins=skins)
+    corners = np.roll(half.cells, 1, axis=1)
+    return half._replace(cells=np.concatenate([corners[:, list(nodes)] for _, nodes in SPLITS[linear]]))
 
 
 def _mirrored(of: Body) -> Body:

@@ -31,11 +31,11 @@ def disc(n: int, centre: tuple[float, float], skin: str) -> Body:
     return _placed(body(*lower, *(turned(grid, 2) for grid in lower), skins={skin: _outside}), centre)
 
 
-def on_wall(made: Body, width: float = 6.0) -> Mesh:
+def on_wall(thrown: Body, width: float = 6.0) -> Mesh:
     """A body with the skin `slave` above a rigid wall at height 0. Groups: `body`, `slave`, `wall`."""
     x = np.array([[width / 2, 0.0, 0.0], [-width / 2, 0.0, 0.0]])  # it faces up
     wall = assembled(x, {("SEG2", "wall"): np.array([[0, 1]])}, 2)
-    return together([(joined({"body": made}), {"body": "body", "slave": "slave"}), (wall, {"wall": "wall"})])
+    return together([(joined({"body": thrown}), {"body": "body", "slave": "slave"}), (wall, {"wall": "wall"})])
 
 
 def two_rings(around: tuple[int, int], rows: int, gap: float) -> Mesh:
@@ -49,5 +49,5 @@ def _outside(x: Floats, y: Floats) -> NDArray[np.bool_]:
     return np.abs(np.hypot(x, y) - OUTER) < 1e-9
 
 
-def _placed(made: Body, centre: tuple[float, float]) -> Body:
-    return made._replace(points=made.points + np.asarray(centre))
+def _placed(thrown: Body, centre: tuple[float, float]) -> Body:
+    return thrown._replace(points=thrown.points + np.asarray(centre))

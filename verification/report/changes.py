@@ -50,14 +50,14 @@ def paired(before: Run, after: Run) -> list[Pair]:
 
 def _results(cases: Iterable[CaseResult]) -> Mapping[tuple[str, str], Result]:
     """By case and quantity; of a quantity that a case has twice, the second is numbered. No outcome is a result."""
-    found: dict[tuple[str, str], Result] = {}
+    results: dict[tuple[str, str], Result] = {}
     seen: Counter[tuple[str, str]] = Counter()
     for done in cases:
         for result in (*done.results, *_outcome(done)):
             seen[done.id, result.quantity] += 1
             again = seen[done.id, result.quantity]
-            found[done.id, f"{result.quantity} ({again})" if again > 1 else result.quantity] = result
-    return found
+            results[done.id, f"{result.quantity} ({again})" if again > 1 else result.quantity] = result
+    return results
 
 
 def _outcome(done: CaseResult) -> tuple[Result, ...]:

@@ -49,9 +49,9 @@ def verdict(result: Result) -> Verdict:
 def counted(done: Iterable[CaseResult]) -> Count:
     """The results of some cases."""
     cases = tuple(done)
-    found = [verdict(result) for case in cases for result in case.results]
+    verdicts = [verdict(result) for case in cases for result in case.results]
     failed = sum(bool(case.failure) for case in cases)
-    return Count(found.count("met"), found.count("missed"), found.count("informative"), len(cases), failed)
+    return Count(verdicts.count("met"), verdicts.count("missed"), verdicts.count("informative"), len(cases), failed)
 
 
 def used(result: Result) -> float:

@@ -147,7 +147,7 @@ def forget(path: Path, family: str, name: str) -> None:
 def sweep(path: Path) -> None:
     """Remove files that were being written when their process was killed; nothing else may be at work in the folder."""
     written = [path.glob(f".{name}-*") for name in ("results", "junit", "report")]
-    for left in (*path.glob("cases/*/.*"), *(file for found in written for file in found)):
+    for left in (*path.glob("cases/*/.*"), *(file for paths in written for file in paths)):
         with suppress(OSError):
             left.unlink()
 
@@ -180,13 +180,13 @@ def read_run(path: Path) -> Run:
     try:
         stored = json.loads((path / RESULTS).read_text(encoding="utf-8"))
         names = dict.fromkeys((row["family"], row["case"]) for row in stored["results"])
-        found = [read_case_result(path, *name) for name in names]
-        missing = [f"{f}/{c}" for (f, c), done in zip(names, found, strict=True) if done is None]
+        outcomes = [read_case_result(path, *name) for name in names]
+        missing = [f"{f}/{c}" for (f, c), done in zip(names, outcomes, strict=True) if done is None]
         if missing:
             raise FolderError(
                 f"{path}: the file of case {missing[0]} is missing or damaged; run it again with --resume"
             )
-        cases = tuple(done for done in found if done is not None)
+        cases = tuple(done for done in outcomes if done is not None)
         return Run(path, stored["version"], stored["suite"], stored["environment"], stored["seconds"], cases)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise FolderError(f"{path} is not the folder of a run ({error}); name one that `run -o` made") from error
@@ -199,10 +199,10 @@ def read_results(path: Path) -> Run:
     """
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        found: dict[tuple[str, str], list[dict[str, Any]]] = {}
+        rows: dict[tuple[str, str], list[dict[str, Any]]] = {}
         for row in stored["results"]:
-            found.setdefault((row["family"], row["case"]), []).append(row)
-        done = tuple(_case_of(*name, own) for name, own in found.items())
+            rows.setdefault((row["family"], row["case"]), []).append(row)
+        done = tuple(_case_of(*name, own) for name, own in rows.items())
         return Run(path.parent, stored["version"], stored["suite"], stored["environment"], stored["seconds"], done)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise FolderError(f"{path} does not hold the results of a run ({error})") from error

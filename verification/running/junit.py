@@ -12,8 +12,8 @@ from verification.running.folder import CaseResult, Run
 def junit(run: Run) -> bytes:
     """The XML of a run."""
     root = ET.Element("testsuites", name=f"verification {run.suite}", time=f"{run.seconds:.3f}")
-    for family, found in groupby(run.done, key=lambda done: done.family):
-        cases = list(found)
+    for family, group in groupby(run.done, key=lambda done: done.family):
+        cases = list(group)
         short, errors = (sum(map(f, cases)) for f in (_short, lambda done: bool(done.failure)))
         count = {"tests": str(len(cases)), "failures": str(short), "errors": str(errors)}
         time = f"{sum(done.seconds for done in cases):.3f}"
@@ -29,11 +29,11 @@ def _short(done: CaseResult) -> bool:
 
 
 def _case(done: CaseResult) -> ET.Element:
-    made = ET.Element("testcase", classname=done.family, name=done.case, time=f"{done.seconds:.3f}")
+    element = ET.Element("testcase", classname=done.family, name=done.case, time=f"{done.seconds:.3f}")
     if done.failure:
-        ET.SubElement(made, "error", message=on_one_line(done.failure))
+        ET.SubElement(element, "error", message=on_one_line(done.failure))
     for result in done.results:
         if not result.passed:
             message = f"{result.quantity} is {result.value:.6g}, {result.bound} {result.expected}"
-            ET.SubElement(made, "failure", message=on_one_line(message)).text = on_one_line(result.reason)
-    return made
+            ET.SubElement(element, "failure", message=on_one_line(message)).text = on_one_line(result.reason)
+    return element

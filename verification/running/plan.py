@@ -42,10 +42,10 @@ def plan(suite: str, family: str | None = None, name: str | None = None) -> list
     if family is not None and of not in ("", family):
         raise RequestError(f"case {name} is not of family {family}; leave --family out")
     names = _known(family or of)
-    found = _named(own, names) if name is not None else list(families.cases(suite, names))
-    if not found:
+    cases = _named(own, names) if name is not None else list(families.cases(suite, names))
+    if not cases:
         raise RequestError(f"suite {suite} has no case of family {family}; try --suite {_first_suite(names)}")
-    return [Planned(case, _levels(case, suite), sources(case.family)) for case in found]
+    return [Planned(case, _levels(case, suite), sources(case.family)) for case in cases]
 
 
 def suite_of(suite: str | None, family: str | None, default: str) -> str:
@@ -55,9 +55,9 @@ def suite_of(suite: str | None, family: str | None, default: str) -> str:
     return _first_suite((family,))
 
 
-def in_order(found: Iterable[CaseResult]) -> tuple[CaseResult, ...]:
+def in_order(finished: Iterable[CaseResult]) -> tuple[CaseResult, ...]:
     """By family, each in the order of its cases."""
-    outcomes = list(found)
+    outcomes = list(finished)
     names = {done.family for done in outcomes}
     order = [case.id for case in families.cases(names=tuple(name for name in families.MODULES if name in names))]
     place = {name: k for k, name in enumerate(order)}
@@ -73,10 +73,10 @@ def _known(family: str) -> tuple[str, ...]:
 
 def _named(name: str, names: tuple[str, ...]) -> list[Case]:
     everything = list(families.cases(names=names))
-    found = [case for case in everything if name == case.name]
-    if not found:
+    named = [case for case in everything if name == case.name]
+    if not named:
         raise GroupNotFoundError(name, [case.name for case in everything], "case")
-    return found
+    return named
 
 
 def _levels(case: Case, suite: str) -> int:

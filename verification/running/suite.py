@@ -45,20 +45,20 @@ def locked_run(folder: Path, *, resume: bool) -> Iterator[None]:
         if cases.exists() and not resume:
             raise RequestError(f"{folder} holds a run already; --resume goes on with it, or -o names another folder")
         cases.mkdir(parents=True, exist_ok=True)
-        held = os.open(cases, os.O_RDONLY)
+        descriptor = os.open(cases, os.O_RDONLY)
     except OSError as error:
         raise WriteError(folder, f"cannot be used ({error.strerror or error})") from error
     try:
-        _lock(held, folder)
+        _lock(descriptor, folder)
         sweep(folder)
         yield
     finally:
-        os.close(held)
+        os.close(descriptor)
 
 
-def _lock(held: int, folder: Path) -> None:
+def _lock(descriptor: int, folder: Path) -> None:
     try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise RequestError(
             f"another process runs cases in {folder}; wait for its end, or name another folder"
@@ -105,8 +105,8 @@ def _kept(planned: Sequence[Planned], folder: Path) -> dict[str, CaseResult]:
     """Stored outcomes that are valid for the present code, of all cases; planned cases that failed are left out."""
     mine = {p.case.id: p for p in planned}
     places = sorted((folder / "cases").glob("*/*.json"))
-    found = [done for place in places if (done := read_case_result(folder, place.parent.name, place.stem))]
-    return {done.id: done for done in found if _stays(done, mine)}
+    earlier = [done for place in places if (done := read_case_result(folder, place.parent.name, place.stem))]
+    return {done.id: done for done in earlier if _stays(done, mine)}
 
 
 def _stays(done: CaseResult, planned: Mapping[str, Planned]) -> bool:

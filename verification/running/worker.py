@@ -25,10 +25,10 @@ _PAUSE = 1.0
 def main(family: str, name: str, levels: int, folder: Path) -> None:
     """Solve a case and keep what it yields."""
     code = sources(family)
-    found = families.family(family)
-    (case,) = (case for case in found.cases if case.name == name)
+    studied = families.family(family)
+    (case,) = (case for case in studied.cases if case.name == name)
     began = time.perf_counter()
-    outcome = _solved(found, case, levels)
+    outcome = _solved(studied, case, levels)
     write_case_result(case, levels, time.perf_counter() - began, peak_memory(), outcome, folder, code)
 
 

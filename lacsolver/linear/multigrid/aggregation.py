@@ -64,10 +64,10 @@ def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO) ->
     rows, levels = _Rows(K, modes, halo, team), list[Level]()
     unit = 1 / rows.mean_diagonal()
     while len(levels) < _LEVELS and (rows.halo is not NO_HALO or rows.n_nodes > _COARSEST):
-        made = _coarsened(rows, unit)
-        if made is None:
+        coarsened = _coarsened(rows, unit)
+        if coarsened is None:
             break
-        level, rows = made
+        level, rows = coarsened
         levels.append(level)
     return Cycle(levels, rows.K.toarray() * unit, unit, team)
 
@@ -84,10 +84,10 @@ def _coarsened(rows: _Rows, unit: float) -> tuple[Level, _Rows] | None:
     del tentative, near  # memory is at its largest here
     all_P, wide = halo.with_ghosts(P, coarse)
     coarse_K, wide = coarse.add_rows(_galerkin(K, P, all_P), wide)
-    made, below = _Rows(coarse_K, modes, wide, team), coarse
-    if isinstance(coarse, SharedHalo) and made.n_nodes <= max(_WHOLE, _FEW * team.comm.size):
-        P, below, made = coarse.whole_columns(P), coarse.everywhere, made.whole()
-    return Level.of(K, P, inverse / largest, unit, team, (halo, below)), made
+    coarse_rows, below = _Rows(coarse_K, modes, wide, team), coarse
+    if isinstance(coarse, SharedHalo) and coarse_rows.n_nodes <= max(_WHOLE, _FEW * team.comm.size):
+        P, below, coarse_rows = coarse.whole_columns(P), coarse.everywhere, coarse_rows.whole()
+    return Level.of(K, P, inverse / largest, unit, team, (halo, below)), coarse_rows
 
 
 def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
@@ -111,13 +111,13 @@ def _smoothed(K: bsr_array, P: bsr_array, near: bsr_array, inverse: Floats, fact
 
     P has rows for own nodes, `near` also those of the other nodes that K touches.
     """
-    made = K @ near
-    row = np.repeat(np.arange(len(inverse), dtype=made.indices.dtype), np.diff(made.indptr))
+    product = K @ near
+    row = np.repeat(np.arange(len(inverse), dtype=product.indices.dtype), np.diff(product.indptr))
     for first in range(0, len(row), _PIECE):
         piece = slice(first, first + _PIECE)
-        made.data[piece] = -factor * (inverse[row[piece]] @ made.data[piece])
-    _add(made, row, P)
-    return bsr_array((made.data.astype(np.float32), made.indices, made.indptr), shape=made.shape)
+        product.data[piece] = -factor * (inverse[row[piece]] @ product.data[piece])
+    _add(product, row, P)
+    return bsr_array((product.data.astype(np.float32), product.indices, product.indptr), shape=product.shape)
 
 
 def _add(A: bsr_array, row: Ints, P: bsr_array) -> None:

@@ -92,10 +92,10 @@ class MultigridFactor:
 
     def coarse(self) -> tuple[MultigridFactor, Level] | None:
         """Return the factor of the matrix on the first coarser level, and the level above it; None if there is none."""
-        found = self.hierarchy.cycle.below()
-        if found is None:
+        below = self.hierarchy.cycle.below()
+        if below is None:
             return None
-        K, cycle, above = found
+        K, cycle, above = below
         d = K.diagonal()
         return MultigridFactor(K, np.where(d > 0, d, 1.0), Hierarchy(cycle), self.team), above
 
@@ -112,8 +112,8 @@ class MultigridFactor:
         if b.ndim == 1:
             return self._one(b, x, tolerance)
         columns = zip(np.ascontiguousarray(b.T), np.ascontiguousarray(x.T), strict=True)
-        made = [self._one(*column, tolerance) for column in columns]
-        return np.stack(made, axis=1) if made else b
+        solutions = [self._one(*column, tolerance) for column in columns]
+        return np.stack(solutions, axis=1) if solutions else b
 
     precondition = cycle
 

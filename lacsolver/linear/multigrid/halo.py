@@ -115,8 +115,8 @@ class SharedHalo(Halo):
         row, column = added.coords[0], added.coords[1] - self._block * self._first
         own = (column >= 0) & (column < self._block * self._n_own)
         shape = A.shape[0], self._block * self._n_own
-        made = csr_array((added.data[own], (row[own], column[own])), shape=shape)
-        return bsr_array(made.tobsr((1, self._block)))
+        own_rows = csr_array((added.data[own], (row[own], column[own])), shape=shape)
+        return bsr_array(own_rows.tobsr((1, self._block)))
 
     def of_columns(self, A: bsr_array) -> SharedHalo:
         """Return the halo of vectors of the columns of A, all of which are own entries."""
@@ -145,8 +145,8 @@ class SharedHalo(Halo):
 
     def whole(self, A: bsr_array, x: Floats) -> tuple[bsr_array, NDArray[np.floating]]:
         """Return the rows of all processes, of a square matrix and of x (own unknowns, r)."""
-        made = self._comm.gather_rows(csr_array(self.whole_columns(A).tocsr()))
-        return bsr_array(made.tobsr(A.blocksize)), self._comm.gather(x)
+        rows = self._comm.gather_rows(csr_array(self.whole_columns(A).tocsr()))
+        return bsr_array(rows.tobsr(A.blocksize)), self._comm.gather(x)
 
     def _numbered(self, A: bsr_array) -> BlockRows:
         """Return rows with the columns of this halo."""
@@ -155,8 +155,8 @@ class SharedHalo(Halo):
 
     def _compressed(self, rows: BlockRows) -> tuple[bsr_array, SharedHalo]:
         """Return rows with the own columns before others, and the halo of these."""
-        made, ghosts = rows.compressed(self._first, self._first + self._n_own)
-        return made, SharedHalo(self._comm, self._starts, ghosts, self._block)
+        matrix, ghosts = rows.compressed(self._first, self._first + self._n_own)
+        return matrix, SharedHalo(self._comm, self._starts, ghosts, self._block)
 
 
 def _folded(A: bsr_array, place: Ints) -> bsr_array:

@@ -46,12 +46,12 @@ class RowTerm(NamedTuple):
     @staticmethod
     def smoothed(N: bsr_array, inverse: Floats, comm: Communicator) -> RowTerm:
         """Return the term of rows of blocks (1, b) with its correction of M^-1, whose blocks are (n / b, b, b)."""
-        made = RowTerm.of(N)
+        term = RowTerm.of(N)
         nodes, at = np.unique(N.indices, return_inverse=True)
         N_M = _rows(N.data @ inverse[N.indices], at, N.indptr, len(nodes))
-        products = comm.total_matrix(csr_array(N_M.astype(float) @ made.N_T))
+        products = comm.total_matrix(csr_array(N_M.astype(float) @ term.N_T))
         factor = factor_of(csc_array(eye_array(N.shape[0]) + products))
-        return made._replace(factor=factor, N_M=N_M)
+        return term._replace(factor=factor, N_M=N_M)
 
     def subtract(self, r: NDArray[np.floating], x: NDArray[np.floating], comm: Communicator) -> None:
         """Subtract N^T N x from r in place."""
@@ -81,9 +81,9 @@ def scaled_rows(N: bsr_array, rows: Ints, factor: Floats) -> bsr_array:
 def _rows(blocks: Floats, nodes: Ints, indptr: Ints, n_nodes: int) -> csr_array:
     """Return rows of blocks (k, 1, b) at `nodes` (k,), without their zeros."""
     shape = len(indptr) - 1, n_nodes * blocks.shape[2]
-    made = csr_array(bsr_array((blocks, nodes.astype(indptr.dtype), indptr), shape=shape).tocsr())
-    made.eliminate_zeros()
-    return made
+    rows = csr_array(bsr_array((blocks, nodes.astype(indptr.dtype), indptr), shape=shape).tocsr())
+    rows.eliminate_zeros()
+    return rows
 
 
 def bounded(inverse: NDArray[np.floating], N: bsr_array, comm: Communicator) -> NDArray[np.floating]:
