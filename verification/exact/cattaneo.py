@@ -55,17 +55,17 @@ class Cylinders:
 
         No load may exceed those before that it turned at, so that loops stay within loops.
         """
-        found = [Ellipse(self.half_width, pressure=self.peak)]
+        ellipses = [Ellipse(self.half_width, pressure=self.peak)]
         before, share = 0.0, 1.0
         for load in turns:
             change = (load - before) / share
             peak = np.sign(change) * share * self.friction * self.peak
-            found.append(Ellipse(self.half_width, shear=peak))
+            ellipses.append(Ellipse(self.half_width, shear=peak))
             c = self.stick(change)
             if c > 0:
-                found.append(Ellipse(c, shear=-peak * c / self.half_width))
+                ellipses.append(Ellipse(c, shear=-peak * c / self.half_width))
             before, share = load, 2.0
-        return tuple(found)
+        return tuple(ellipses)
 
     def rolling(self, load: float, at: float = 0.0) -> tuple[Ellipse, ...]:
         """Tractions in steady rolling along +x, the contact about x = `at`."""
