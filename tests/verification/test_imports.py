@@ -24,6 +24,7 @@ NAMES = {
     *((module, name) for module, package in PACKAGES.items() for name in (*package.__all__, "__version__")),
     *(("lacmesh.mesh", name) for name in ("Block",)),
     *(("lacmesh.cells", name) for name in ("CELLS",)),
+    *(("lacmesh.__main__", name) for name in ("start",)),
     *(("lacmesh.kernels.threads", name) for name in ("peak_memory",)),
     *(("lacsolver.case", name) for name in (*lacsolver.__all__, "Value")),
     *(("lacsolver.problem.problem", name) for name in ("Problem",)),
