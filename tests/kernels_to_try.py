@@ -25,6 +25,7 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.case import parse_case
 from lacsolver.cli import main
 from lacsolver.contact import Pairing, Zone, integrate
+from lacsolver.contact.tangent import motion_of, tangent
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import analyse
 from lacsolver.linear.multigrid.cycle import Team
@@ -118,7 +119,10 @@ def _mass() -> None:
 
 def _friction() -> None:
     mesh = lacmesh.cut_skin(stack("HEXA8", "TETRA4", 3, counts=(2, 1)), "slave").mesh
-    integrate(Zone.of(mesh, "slave", "master"), 3, Pairing(friction=True))
+    pairing = Pairing(friction=True)
+    face = integrate(Zone.of(mesh, "slave", "master"), 3, pairing)
+    m = len(face.w)
+    tangent(motion_of(face, face.slave, face.master, pairing, 3), np.ones(m), np.ones(2 * m))
 
 
 def _multigrid() -> None:

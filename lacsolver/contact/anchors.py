@@ -38,7 +38,7 @@ from lacsolver.contact.faces import by_type, dual_vectors, places, tangents, uni
 from lacsolver.contact.interface import Interface, Pairing
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
-from lacsolver.contact.shear import components, frames, integrals
+from lacsolver.contact.shear import frames, integrals
 from lacsolver.contact.zone import Zone
 from lacsolver.distributed.share import ALONE, Share
 
@@ -78,13 +78,14 @@ class Slip(NamedTuple):
 
 
 class _Directions(NamedTuple):
-    """Normals n (points, 3) and tangents e (points, d - 1, d) at points of a slave.
+    """Normals n (points, 3), and tangents e (points, d - 1, d) with the components c (points, 2), at points of a slave.
 
     With smoothed normals `nodal`, and `size` (points,), that of their interpolation; else None and 1.
     """
 
     n: Floats
     e: Floats
+    c: Floats
     nodal: NodalNormals | None
     size: Floats
 
@@ -136,7 +137,7 @@ def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Fl
     of_dn = -(at.n * y).sum(axis=1)[:, None, None] * at.e
     arms = np.zeros((len(y), J.shape[2], d - 1, d))
     if d == 3:
-        _add_spin(face.zone, anchors, at, J, y, of_dn, arms)
+        _add_spin(at, J, y, of_dn, arms)
     if at.nodal is None:
         dual = dual_vectors(J)[:, :d]
         arms -= np.einsum("pks,psa->pak", of_dn, dual)[..., None] * at.n[:, None, None, :d]
@@ -149,17 +150,16 @@ def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Fl
     return S, D_T
 
 
-def _add_spin(zone: Zone, anchors: Anchors, at: _Directions, J: Floats, y: Floats, of_dn: Floats, arms: Floats) -> None:
+def _add_spin(at: _Directions, J: Floats, y: Floats, of_dn: Floats, arms: Floats) -> None:
     """Add the terms of the tangents' spin about n to the vectors that dn and dv/dxi^a are multiplied by."""
-    c = components(zone, anchors.slave, anchors.xi_slave)
-    a_1 = np.einsum("psa,pa->ps", J, c)
+    a_1 = np.einsum("psa,pa->ps", J, at.c)
     out = (a_1 * at.n).sum(axis=1)
     size = (a_1 * at.e[:, 0]).sum(axis=1)  # of the part of a_1 that is normal to n
     turned = np.stack([(at.e[:, 1] * y).sum(axis=1), -(at.e[:, 0] * y).sum(axis=1)], axis=1)
     turned = np.divide(turned, size[:, None], out=np.zeros_like(turned), where=size[:, None] > 0)
     spin = turned[:, :, None] * at.e[:, None, 1]
     of_dn -= out[:, None, None] * spin
-    arms += c[:, :, None, None] * spin[:, None]
+    arms += at.c[:, :, None, None] * spin[:, None]
 
 
 def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pairing, d: int) -> _Directions:
@@ -173,4 +173,4 @@ def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pai
             h = nodal.n[nodal.of_faces[face[rows], : nodes.shape[1]]]
             H[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : slave.dim]), h)
         n, size = unit(H), np.linalg.norm(H, axis=1)
-    return _Directions(n, frames(zone, slave, face, xi, n), nodal, size)
+    return _Directions(n, *frames(zone, slave, face, xi, n), nodal, size)

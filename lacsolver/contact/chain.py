@@ -125,7 +125,7 @@ def shapes(bases: Any, code: int, k: int, u: float, v: float, N: Any, dN: Any) -
 
 
 @kernel
-def _tangents(x: Any, nodes: Any, face: int, k: int, dN: Any) -> Any:
+def tangents_of(x: Any, nodes: Any, face: int, k: int, dN: Any) -> Any:
     """Return the tangents of a face with k nodes along its reference coordinates, two triples."""
     t0 = t1 = t2 = s0 = s1 = s2 = 0.0
     for a in range(k):
@@ -140,23 +140,25 @@ def _tangents(x: Any, nodes: Any, face: int, k: int, dN: Any) -> Any:
 
 
 @kernel
-def _cross(a: Any, b: Any) -> Any:
+def cross(a: Any, b: Any) -> Any:
+    """Return a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
-def _dot(a: Any, b: Any) -> Any:
+def dot(a: Any, b: Any) -> Any:
+    """Return a.b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
-def _dual(tau: Any, d: int) -> Any:
+def dual_of(tau: Any, d: int) -> Any:
     """Return the dual vectors of two tangents (of the first alone if d is 2)."""
     t, s = tau
     if d == 2:
-        size = _dot(t, t)
+        size = dot(t, t)
         return (t[0] / size, t[1] / size, t[2] / size), (0.0, 0.0, 0.0)
-    tt, ts, ss = _dot(t, t), _dot(t, s), _dot(s, s)
+    tt, ts, ss = dot(t, t), dot(t, s), dot(s, s)
     det = tt * ss - ts * ts
     return (
         ((ss * t[0] - ts * s[0]) / det, (ss * t[1] - ts * s[1]) / det, (ss * t[2] - ts * s[2]) / det),
@@ -171,8 +173,8 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
     if d == 2:
         det = t[1] * n[0] - t[0] * n[1]
         return (-n[1] / det, n[0] / det, 0.0), (0.0, 0.0, 0.0), (-t[1] / det, t[0] / det, 0.0)
-    sn, nt, ts = _cross(n, s), _cross(t, n), _cross(t, s)
-    det = _dot(t, sn)
+    sn, nt, ts = cross(n, s), cross(t, n), cross(t, s)
+    det = dot(t, sn)
     return (
         (sn[0] / det, sn[1] / det, sn[2] / det),
         (nt[0] / det, nt[1] / det, nt[2] / det),
@@ -194,7 +196,7 @@ def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room:
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
     if points.current == 1 or not smooth:
-        dual = _dual(_tangents(skins.x, skins.nodes_s, s, sizes[0], room.dN_s), d)
+        dual = dual_of(tangents_of(skins.x, skins.nodes_s, s, sizes[0], room.dN_s), d)
         if points.current == 1:
             _stretch(skins, points.radial, s, sizes[0], d, dual, room)
         if not smooth:
@@ -276,7 +278,7 @@ def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, 
     rows = room.rows
     # dn acts on the slave's nodes, or on the normals
     low, high = (0, d * k_s) if len(skins.normals) == 0 else (d * (k_s + k_m), d * (2 * k_s + k_m))
-    inverse = _inverse(_tangents(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
+    inverse = _inverse(tangents_of(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
     for k in range(d):
         of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)
         for i in range(d):

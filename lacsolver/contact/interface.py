@@ -199,7 +199,7 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
 def _with_shear(face: Interface, share: Share) -> Interface:
     """Return an interface with its tangential rows, and the means of its tangents."""
     points, m = face.points, len(face.w)
-    e = frames(face.zone, face.slave, points.slave, points.xi_slave, points.normal)
+    e = frames(face.zone, face.slave, points.slave, points.xi_slave, points.normal).e
     B_T = share.add_matrices(jump_rows(face.slave, face.master, points, face.weight, e, m), (False, True))
     sums, w = share.total(integrals(e, points.macro, face.weight, m)), face.w[:, None, None]
     return replace(face, B_T=B_T, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))

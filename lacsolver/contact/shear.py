@@ -23,6 +23,8 @@ point: t_alpha e_alpha is as large as t.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -56,22 +58,30 @@ def first_directions(zone: Zone) -> NDArray[np.floating]:
     return unit(e - (e * n).sum(axis=1, keepdims=True) * n)
 
 
-def components(zone: Zone, face: Ints, xi: Floats) -> NDArray[np.floating]:
+def _components(zone: Zone, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the components c (points, 2) of A_1 in the undeformed faces at points xi (points, 2) of them."""
     dual = dual_vectors(tangents(zone.slave, face, xi))
     return np.einsum("psa,ps->pa", dual, first_directions(zone)[zone.macro[face]])
 
 
-def frames(zone: Zone, slave: Surface, face: Ints, xi: Floats, n: Floats) -> NDArray[np.floating]:
-    """Return the tangents e_alpha (points, d - 1, d) at points xi (points, 2) of faces with unit normals n (points, 3).
+class Tangents(NamedTuple):
+    """Tangents e_alpha (points, d - 1, d) of a slave, and the components c (points, 2) of a_1 in its faces."""
+
+    e: Floats
+    c: Floats
+
+
+def frames(zone: Zone, slave: Surface, face: Ints, xi: Floats, n: Floats) -> Tangents:
+    """Return the tangents at points xi (points, 2) of faces with unit normals n (points, 3).
 
     `slave`: the zone's slave as it is deformed.
     """
     if slave.dim == 1:
-        return np.stack([-n[:, 1], n[:, 0]], axis=1)[:, None]
-    a = np.einsum("psa,pa->ps", tangents(slave, face, xi), components(zone, face, xi))
+        return Tangents(np.stack([-n[:, 1], n[:, 0]], axis=1)[:, None], np.tile([1.0, 0.0], (len(n), 1)))
+    c = _components(zone, face, xi)
+    a = np.einsum("psa,pa->ps", tangents(slave, face, xi), c)
     e = unit(a - (a * n).sum(axis=1, keepdims=True) * n)
-    return np.stack([e, np.cross(n, e)], axis=1)
+    return Tangents(np.stack([e, np.cross(n, e)], axis=1), c)
 
 
 def jump_rows(

@@ -9,6 +9,8 @@ The edges of mortar segments move too, by V (`edges`), which adds the line integ
 
     d(B^T p).v += sum_edges p w V n.(v - v_bar),     dG += sum_edges w V g
 
+With friction q = p n + t_alpha e_alpha stands in the place of p n, and its arm across the ray is added (`tractions`).
+
 One loop over the points, and over those of the edges, sums these for each run of points with the same two faces, as the
 matrix of an element is summed over its quadrature points, and adds the sums to a sparse matrix. With smoothed normals
 h(u) its columns are those of the nodes, then those of the normals: the latter are eliminated at the end, once for each
@@ -47,6 +49,8 @@ from lacsolver.contact.edges import edges_of
 from lacsolver.contact.interface import Interface, Pairing, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
+from lacsolver.contact.shear import Tangents, frames
+from lacsolver.contact.tractions import Shear, add_traction, rests
 
 #: what a number of a point costs, in units of what it costs in most kernels
 _WORK = 10
@@ -66,7 +70,8 @@ class Motion:
     """Points that the derivatives of an interface are summed over, those on moving edges included.
 
     `skins`: the nodes and normals that the points know; `nodes`: numbers of these nodes in the mesh, of `n_nodes`; `d`:
-    the dimension. `normals`: None if the slave's faces have their own.
+    the dimension. `normals`: None if the slave's faces have their own. `frames`: tangents at the points of each loop,
+    None without friction.
     """
 
     skins: Skins
@@ -75,6 +80,7 @@ class Motion:
     d: int
     loops: tuple[Loop, Loop]
     normals: NodalNormals | None
+    frames: tuple[Tangents, Tangents] | None = None
 
     @cached_property
     def gaps(self) -> tuple[csr_array, csr_array]:
@@ -88,17 +94,27 @@ class Motion:
         dG, dw = (self._on_unknowns(entries, value[:, [row]]) for row in (0, 1))
         return dG, dw
 
-    def forces(self, p: Floats) -> csr_array:
-        """Return the derivative (n_dof, n_dof) of the forces B^T p at pressures p (m,)."""
-        entries = self._node_pairs
-        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d)))
+    def forces(self, p: Floats, t: Floats | None = None) -> csr_array:
+        """Return the derivative (n_dof, n_dof) of the forces B^T p + B_T^T t.
 
-    def _summed(self, p: Floats, entries: csr_array, k: int) -> NDArray[np.floating]:
+        `p` (m,): pressures; `t` (m (d - 1),): tractions, None where there are none.
+        """
+        entries = self._node_pairs
+        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d, t)))
+
+    def _summed(self, p: Floats, entries: csr_array, k: int, t: Floats | None = None) -> NDArray[np.floating]:
         """Return the blocks (entries, k, d) of the derivatives, those of the forces or without p (0,) of the gaps."""
         value, room = np.zeros((entries.nnz, k, self.d)), new_room()
-        for loop in self.loops:
-            _add(loop, self.skins, p, self.d, entries.indptr, entries.indices, value, room)
+        for loop, shear in zip(self.loops, self._shear(t), strict=True):
+            _add(loop, self.skins, p, shear, self.d, entries.indptr, entries.indices, value, room)
         return value
+
+    def _shear(self, t: Floats | None) -> list[Any]:
+        """Return the tractions along the tangents of each loop, () without."""
+        if t is None:
+            return [(), ()]
+        assert self.frames is not None
+        return [Shear.of(t.reshape(-1, self.d - 1), frames) for frames in self.frames]
 
     @property
     def _n_columns(self) -> int:
@@ -158,12 +174,21 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         MovingEdges.none(),
     )  # fmt: skip
     runs = runs_of(points.slave, points.master, points.macro, m)
-    loops = Loop(inside, face.weight, face.distance, runs), _edges(face, slave, master, pairing, dim, H)
-    return Motion(skins, nodes, slave.x.shape[0], dim, loops, normals)
+    edges, rows = _edges(face, slave, master, pairing, dim, H)
+    loops, directions = (Loop(inside, face.weight, face.distance, runs), edges), None
+    if pairing.friction:
+        at = frames(face.zone, slave, points.slave, points.xi_slave, points.normal)
+        directions = at, frames(face.zone, slave, rows, edges.points.xi_s, edges.points.normal)
+    return Motion(skins, nodes, slave.x.shape[0], dim, loops, normals, directions)
 
 
-def _edges(face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None) -> Loop:
-    """Return the points on the moving edges of mortar segments; their gaps have the mean clearance of the rows."""
+def _edges(
+    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None
+) -> tuple[Loop, Ints]:
+    """Return the points on the moving edges of mortar segments, and their slave faces.
+
+    Their gaps have the mean clearance of the rows.
+    """
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
     weight = edges.weight * pairing.thickness
     if pairing.measure == "reference":
@@ -172,12 +197,12 @@ def _edges(face: Interface, slave: Surface, master: Surface, pairing: Pairing, d
     clearance = np.divide(extra, face.w, out=np.zeros_like(face.w), where=face.w > 0)
     macro = face.zone.macro[edges.slave]
     runs = runs_of(edges.slave, edges.master, macro, len(face.w))
-    return Loop(edges.points, weight, edges.gap + clearance[macro], runs)
+    return Loop(edges.points, weight, edges.gap + clearance[macro], runs), edges.slave
 
 
-def tangent(motion: Motion, p: Floats) -> csr_array:
-    """Return d(B^T p)/du (n_dof, n_dof) at pressures p (m,); it is not symmetric."""
-    return motion.forces(p)
+def tangent(motion: Motion, p: Floats, t: Floats | None = None) -> csr_array:
+    """Return d(B^T p + B_T^T t)/du (n_dof, n_dof), see `Motion.forces`; it is not symmetric."""
+    return motion.forces(p, t)
 
 
 def gap_derivative(motion: Motion) -> csr_array:
@@ -206,26 +231,31 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
 
 
 @kernel(work=_WORK)
-def _add(loop: Any, skins: Any, p: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
+def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
     """Add the derivatives of the forces at pressures p (m,), from all points, to blocks `value` (.., d, d).
 
-    Without pressures, those of the gaps and of the covered measure to `value` (.., 2, d). One loop does both, as what
-    takes long to compile is the chain of derivatives in it.
+    `shear`: the tractions beside the pressures, or (), for which nothing of them is compiled. Without pressures, add
+    the derivatives of the gaps and of the covered measure to `value` (.., 2, d). One loop does both, as what takes long
+    to compile is the chain of derivatives in it.
     """
     runs, of_forces, local, K = loop.runs, len(p) > 0, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
-        if of_forces and p[macro] == 0.0:
+        if of_forces and rests(shear, p, macro):
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
             sizes = _local(skins, runs.slave[r], runs.master[r], local)
             n_rows = sizes[0] + sizes[1] if of_forces else 1
             K[: n_rows * value.shape[1], : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
+                w = loop.weight[q]
                 differentiate(skins, loop.points, q, runs.slave[r], runs.master[r], d, room)
-                if of_forces:
-                    _add_force(loop.points, q, p[macro] * loop.weight[q], sizes, d, room, K)
+                if not of_forces:
+                    _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
+                elif len(shear) > 0:
+                    load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
+                    add_traction(skins, loop.points, shear, q, runs.slave[r], load, sizes, d, room, K)
                 else:
-                    _add_gap(loop.weight[q], loop.distance[q], d * sizes[2], room.rows, K)
+                    _add_force(loop.points, q, w * p[macro], sizes, d, room, K)
             for a in range(n_rows):
                 row = local[a] if of_forces else macro
                 _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)

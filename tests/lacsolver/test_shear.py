@@ -53,7 +53,7 @@ def test_forces_and_moments_balance(pair, measure, normals, smooth):
 def test_a_traction_has_its_size_at_every_point(pair, normals):
     zone, _, face = moved(*pair, normals=normals)
     points, dim = face.points, pair[2]
-    e = frames(zone, face.slave, points.slave, points.xi_slave, points.normal)
+    e = frames(zone, face.slave, points.slave, points.xi_slave, points.normal).e
     axes = np.concatenate([e, points.normal[:, None, :dim]], axis=1)
     np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.tile(np.eye(dim), (len(e), 1, 1)), atol=1e-14)
     np.testing.assert_allclose(np.linalg.det(axes), 1 if dim == 3 else -1, atol=1e-13)

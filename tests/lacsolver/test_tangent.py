@@ -56,7 +56,10 @@ def raised(surface):
 
 
 class Deformed:
-    """A zone whose skins are moved at random, and what it is there; `smooth`: with heights."""
+    """A zone whose skins are moved at random, and what it is there; `smooth`: with heights.
+
+    With friction among the options its forces are those of pressures and of tractions.
+    """
 
     def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15, smooth=False):
         mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=margin)
@@ -71,9 +74,10 @@ class Deformed:
         self.face = self.at(0)
         assert (self.face.coverage.min() > 1 - 1e-9) == (margin > 0)
         self.p = self.rng.uniform(0.5, 1.5, zone.n_macros)
+        self.t = self.rng.uniform(-1, 1, zone.n_macros * (dim - 1)) if self.pairing.friction else None
         face = self.face
         motion = motion_of(face, face.slave, face.master, self.pairing, dim)
-        self.K, self.D = tangent(motion, self.p), gap_derivative(motion)
+        self.K, self.D = tangent(motion, self.p, self.t), gap_derivative(motion)
 
     def direction(self):
         """(n_nodes, 3): each node of the skins moves by up to 1 each way."""
@@ -84,12 +88,16 @@ class Deformed:
     def at(self, v):
         return integrate(self.zone, self.dim, self.pairing, x=self.x + v)
 
+    def forces(self, face):
+        """Return the forces of the pressures, and of the tractions, of an interface."""
+        return face.B.T @ self.p + (0 if self.t is None else face.B_T.T @ self.t)
+
     def errors(self):
         """In a random direction, which moves all: of the forces' derivative and the gaps', each of its largest."""
         v = self.direction()
         a, b = self.at(STEP * v), self.at(-STEP * v)
         u = v[:, : self.dim].ravel()
-        pairs = [((a.B - b.B).T @ self.p, self.K @ u), (b.G - a.G, self.D @ u)]
+        pairs = [(self.forces(a) - self.forces(b), self.K @ u), (b.G - a.G, self.D @ u)]
         return np.array([np.abs(d / (2 * STEP) - made).max() / np.abs(made).max() for d, made in pairs])
 
 
@@ -144,7 +152,7 @@ def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options):
     """Whatever the faces: a rotation by theta turns forces by it, a translation lets them be."""
     made = Deformed(*pair, options, counts=(2, 3))
     dim, x = pair[2], made.x
-    forces = (made.face.B.T @ made.p).reshape(-1, dim)
+    forces = made.forces(made.face).reshape(-1, dim)
     size = np.abs(made.K).sum(axis=1).max(), np.abs(made.D).sum(axis=1).max()
     spin = [np.zeros(3)] * dim + ([np.array([0, 0, 1.0])] if dim == 2 else list(np.eye(3)))
     for k, (motion, theta) in enumerate(zip(rigid_motions(x, dim), spin, strict=True)):

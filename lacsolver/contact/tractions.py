@@ -1,0 +1,185 @@
+"""Derivative of the force of a traction at one contact point: a kernel for the loop over points (`tangent`).
+
+A pressure p and a traction t_alpha along the tangents of the slave (`shear`) act as q = p n + tau, tau = t_alpha
+e_alpha, on x and as -q on x_bar, and with the arms r m_a on the slave's face, so that the moments balance:
+
+    F.v = w [ q.(v - v_bar) + r m_a.dv/dxi^a ],        m_a = (a^a.n) tau - (N.n) (tau.a^a) N
+
+The displacement changes it by
+
+    dF.v = dw q.(v - v_bar) + w [ dq.(v - v_bar) - (q.dv_bar/dxi^b) dxi_bar^b ]
+           + (dw r m_a + w dr m_a + w r dm_a).dv/dxi^a
+
+with dn, dr, dxi_bar and dw of the point (`chain`), with the tangents' change
+
+    dtau = -n (tau.dn) + (n x tau) spin,     spin = e_2.(c^a dt_a - (n.a_1) dn) / (a_1.e_1)
+
+where dt_a = dv/dxi^a are the changes of the face's own tangents, and with
+
+    dN = -a^b (N.dt_b),     da^a = -(a^a.dt_b) a^b - (a^a.dN) N
+
+In a plane e_2 and the second tangent are its normal, along which nothing changes: there is no spin.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats
+from lacsolver.contact.chain import GAP, MOST_UNKNOWNS, NORMAL, SLIDE, STRETCH, cross, dot, dual_of, tangents_of
+from lacsolver.contact.shear import Tangents
+
+#: rows of derivatives: of q, of the arms r m_a
+_TRACTION, _ARMS = 0, 3
+
+
+class Shear(NamedTuple):
+    """Tractions of macro-elements, `t` (m, 2), and at the points of a loop the tangents that they act along.
+
+    `e` (n, 3): e_1; `c` (n, 2): components of a_1. `rows`: room for the derivatives at one point.
+    """
+
+    t: Floats
+    e: Floats
+    c: Floats
+    rows: Floats
+
+    @classmethod
+    def of(cls, t: Floats, frames: Tangents) -> Shear:
+        """Return tractions t (m, d - 1) along the tangents at the points of a loop."""
+        e, d = np.zeros((len(frames.c), 3)), frames.e.shape[2]
+        e[:, :d] = frames.e[:, 0]
+        padded = np.zeros((len(t), 2))
+        padded[:, : d - 1] = t
+        return cls(padded, e, frames.c, np.empty((9, MOST_UNKNOWNS)))
+
+
+class _Traction(NamedTuple):
+    """A pressure and a traction at a point, with their weight, and what they depend on; `arms`: m_1, m_2.
+
+    `crossed`: n x tau; `c`: components of a_1 over a_1.e_1; `lean`: n.a_1 over it.
+    """
+
+    p: float
+    tau: Any
+    crossed: Any
+    n: Any
+    N: Any
+    e_2: Any
+    dual: Any
+    arms: Any
+    c: Any
+    lean: float
+
+
+@kernel
+def _combined(f: float, a: Any, g: float, b: Any) -> Any:
+    """Return f a + g b."""
+    return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]
+
+
+@kernel
+def rests(shear: Any, p: Any, macro: int) -> bool:
+    """Return True for a macro-element without pressure and traction."""
+    if len(shear) > 0:
+        return p[macro] == 0.0 and shear.t[macro, 0] == 0.0 and shear.t[macro, 1] == 0.0
+    return p[macro] == 0.0
+
+
+@kernel
+def _traction(skins: Any, points: Any, shear: Any, q: int, s: int, k_s: int, load: Any, d: int, dN: Any) -> Any:
+    """Return the traction at point q of slave face s under a `load`: pressure and t_alpha, times the weight."""
+    n = (points.normal[q, 0], points.normal[q, 1], points.normal[q, 2])
+    e_1 = (shear.e[q, 0], shear.e[q, 1], shear.e[q, 2])
+    e_2 = cross(n, e_1)
+    t_1, t_2 = tangents_of(skins.x, skins.nodes_s, s, k_s, dN)
+    dual = dual_of((t_1, t_2), d)
+    if d == 2:
+        t_2 = (0.0, 0.0, 1.0)
+    N = cross(t_1, t_2)
+    size = 1.0 / np.sqrt(dot(N, N))
+    N = (N[0] * size, N[1] * size, N[2] * size)
+    a_1 = _combined(shear.c[q, 0], t_1, shear.c[q, 1], t_2)
+    along = dot(a_1, e_1)
+    tau = _combined(load[1], e_1, load[2], e_2)
+    share = dot(N, n)
+    arms = (
+        _combined(dot(dual[0], n), tau, -share * dot(tau, dual[0]), N),
+        _combined(dot(dual[1], n), tau, -share * dot(tau, dual[1]), N),
+    )
+    c = (shear.c[q, 0] / along, shear.c[q, 1] / along)
+    return _Traction(load[0], tau, cross(n, tau), n, N, e_2, dual, arms, c, dot(n, a_1) / along)
+
+
+@kernel
+def _change_of_arm(at: Any, a: Any, dn: Any, dt: Any, dN: Any, dtau: Any) -> Any:
+    """Return dm_a of the dual vector a."""
+    da = _combined(-dot(a, dt[0]), at.dual[0], -dot(a, dt[1]), at.dual[1])
+    da = _combined(1.0, da, -dot(a, dN), at.N)
+    share, along = dot(at.N, at.n), dot(at.tau, a)
+    change = (dot(dN, at.n) + dot(at.N, dn)) * along + share * (dot(dtau, a) + dot(at.tau, da))
+    out = _combined(dot(da, at.n) + dot(a, dn), at.tau, dot(a, at.n), dtau)
+    return _combined(1.0, _combined(1.0, out, -change, at.N), -share * along, dN)
+
+
+@kernel
+def _add_change(at: Any, rows: Any, j: int, dt: Any, r: float, d: int, out: Any) -> None:
+    """Add to column j of the rows `out` what dn, of column j of `rows`, and dt_a add to dq and to r dm_a."""
+    dn = (rows[NORMAL, j], rows[NORMAL + 1, j], rows[NORMAL + 2, j])
+    dN = _combined(-dot(at.N, dt[0]), at.dual[0], -dot(at.N, dt[1]), at.dual[1])
+    spin = at.c[0] * dot(at.e_2, dt[0]) + at.c[1] * dot(at.e_2, dt[1]) - at.lean * dot(at.e_2, dn)
+    dtau = _combined(-dot(at.tau, dn), at.n, spin, at.crossed)
+    first = _change_of_arm(at, at.dual[0], dn, dt, dN, dtau)
+    second = _change_of_arm(at, at.dual[1], dn, dt, dN, dtau)
+    for i in range(d):
+        out[_TRACTION + i, j] += at.p * dn[i] + dtau[i]
+        out[_ARMS + i, j] += r * first[i]
+        out[_ARMS + 3 + i, j] += r * second[i]
+
+
+@kernel
+def add_traction(
+    skins: Any, points: Any, shear: Any, q: int, s: int, load: Any, sizes: Any, d: int, room: Any, K: Any
+) -> None:
+    """Add what point q of slave face s gives to the derivative of the forces on its nodes, K; `load` of `_traction`."""
+    k_s, k_m, k = sizes
+    rows, out, dN, r = room.rows, shear.rows, room.dN_s, points.ray[q]
+    at = _traction(skins, points, shear, q, s, k_s, load, d, dN)
+    force = _combined(at.p, at.n, 1.0, at.tau)
+    for j in range(d * k):
+        arm = rows[GAP, j] + r * rows[STRETCH, j]
+        if len(points.slope) > 0:
+            arm += points.slope[q, 0] * rows[SLIDE, j] + points.slope[q, 1] * rows[SLIDE + 1, j]
+        for i in range(d):
+            out[_TRACTION + i, j] = force[i] * rows[STRETCH, j]
+            out[_ARMS + i, j], out[_ARMS + 3 + i, j] = at.arms[0][i] * arm, at.arms[1][i] * arm
+    if len(points.edges.nu) == 0:
+        none = (0.0, 0.0, 0.0)
+        for a in range(k_s):
+            for i in range(d):
+                x, y, z = (1.0 if i == 0 else 0.0), (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
+                dt = ((dN[a, 0] * x, dN[a, 0] * y, dN[a, 0] * z), (dN[a, 1] * x, dN[a, 1] * y, dN[a, 1] * z))
+                _add_change(at, rows, d * a + i, dt, r, d, out)
+                if k > k_s + k_m:
+                    _add_change(at, rows, d * (k_s + k_m + a) + i, (none, none), r, d, out)
+    _add_to_nodes(out, force, sizes, d, room, K)
+
+
+@kernel
+def _add_to_nodes(out: Any, force: Any, sizes: Any, d: int, room: Any, K: Any) -> None:
+    """Add the derivatives `out` of a traction and of its arms to the forces on the nodes of both faces, K."""
+    k_s, k_m, k = sizes
+    for i in range(d):
+        for a in range(k_s):
+            N, first, second = room.N_s[a], room.dN_s[a, 0], room.dN_s[a, 1]
+            for j in range(d * k):
+                arms = first * out[_ARMS + i, j] + second * out[_ARMS + 3 + i, j]
+                K[d * a + i, j] += N * out[_TRACTION + i, j] + arms
+        for b in range(k_m):
+            M, first, second = room.N_m[b], room.dN_m[b, 0] * force[i], room.dN_m[b, 1] * force[i]
+            for j in range(d * k):
+                slide = first * room.rows[SLIDE, j] + second * room.rows[SLIDE + 1, j]
+                K[d * (k_s + b) + i, j] -= M * out[_TRACTION + i, j] + slide
