@@ -110,7 +110,8 @@ class Room(NamedTuple):
 
 def new_room() -> Room:
     """Return the arrays for one point."""
-    return Room(*np.empty((3, 9)), *np.empty((3, 9, 2)), np.empty((N_ROWS, MOST_UNKNOWNS)))
+    N, dN = np.empty((3, 9)), np.empty((3, 9, 2))
+    return Room(N[0], N[1], N[2], dN[0], dN[1], dN[2], np.empty((N_ROWS, MOST_UNKNOWNS)))
 
 
 @kernel
