@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import lacmesh
-from lacmesh import LacmeshWarning, Mesh
+from lacmesh import LacmeshWarning
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.types import element
 from tests.formats.inp_blocks import two_blocks
@@ -57,37 +57,11 @@ U
 """
 
 
-def plane_blocks(kind):
-    """Unit squares of 2 x 2 and 3 x 3 cells, the second on the first, one unit from the axis, with the same groups."""
-    x, cells, sides, groups, n_cells = [], [], [], {}, 0
-    for name, n, shift in (("lower", 2, 0), ("upper", 3, 1)):
-        start = sum(map(len, x))
-        line = np.linspace(0, 1, n + 1)
-        x.append(np.stack([*np.meshgrid(1 + line, shift + line)], axis=-1).reshape(-1, 2))
-        corner = (np.arange(n)[None] + (n + 1) * np.arange(n)[:, None]).ravel() + start
-        quads = np.stack([corner, corner + 1, corner + n + 2, corner + n + 1], axis=1)
-        if kind.startswith("TRIA"):
-            quads = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-        cells.append(quads)
-        groups[name] = n_cells + np.arange(len(quads))
-        n_cells += len(quads)
-        along = np.arange(n)
-        bottom, top = start + along, start + n * (n + 1) + along
-        sides += [np.stack([bottom, bottom + 1], axis=1), np.stack([top + 1, top], axis=1)]
-    for name, side in zip(("base", "slave", "master", "press"), sides, strict=True):
-        groups[name] = n_cells + np.arange(len(side))
-        n_cells += len(side)
-    points = np.concatenate(x)
-    blocks = [("TRIA3" if kind.startswith("TRIA") else "QUAD4", np.concatenate(cells)), ("SEG2", np.concatenate(sides))]
-    mesh = Mesh.create(points, blocks, cell_groups=groups, node_groups={"all": np.arange(len(points))})
-    return lacmesh.raise_order(mesh) if CELLS[kind].order == 2 else mesh
-
-
 def pressed(name):
     """A deck of two blocks of elements `name`, the upper one pressed on faces of its elements."""
     kind = element(name).type
     plane = CELLS[kind].dim == 2
-    mesh = plane_blocks(kind) if plane else two_blocks(kind)
+    mesh = two_blocks(kind)
     rows = _faces_of(mesh, "press")
     nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["press"])]))
     groups = {g: cells for g, cells in mesh.cell_groups.items() if g != "press"}

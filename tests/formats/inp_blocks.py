@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 import subprocess
-from itertools import permutations
+from dataclasses import replace
 
 import numpy as np
 
-from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
-from tests.meshes import box
+from verification.meshes.blocks import assembled, block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
@@ -73,39 +72,21 @@ def on_springs(n_nodes, section="", axes=(1, 2, 3)):
 
 
 def two_blocks(kind):
-    """Unit cubes of 2 x 2 x 2 and 3 x 3 x 3 cells, the second on the first, with the groups of `PRESSED`."""
-    points, hexa = zip(*(box(n) for n in (2, 3)), strict=True)
-    x = np.vstack([points[0], points[1] + [0, 0, 1]])
-    n_first = len(points[0])
-    lower, upper = (h if "HEXA" in kind else _tetrahedra(h) for h in (hexa[0], hexa[1] + n_first))
-    cells, solid = np.concatenate([lower, upper]), CELLS[CELLS[kind].linear]
-    sides = np.concatenate([cells[:, f.nodes] for f in solid.facets])
-    z = x[sides, 2]
-    of = {
-        "base": (z == 0).all(axis=1),
-        "slave": (z == 1).all(axis=1) & (sides[:, 0] < n_first),
-        "master": (z == 1).all(axis=1) & (sides[:, 0] >= n_first),
-        "press": (z == 2).all(axis=1),
-    }
-    groups = {"lower": np.arange(len(lower)), "upper": len(lower) + np.arange(len(upper))}
-    faces, start = [], len(cells)
-    for name, which in of.items():
-        faces.append(sides[which])
-        groups[name] = start + np.arange(which.sum())
-        start += which.sum()
-    blocks = [(solid.name, cells), (solid.facets[0].type, np.concatenate(faces))]
-    mesh = Mesh.create(x, blocks, cell_groups=groups, node_groups={"all": np.arange(len(x))})
-    return raise_order(mesh) if CELLS[kind].order == 2 else mesh
+    """Unit cubes, or squares one unit from the axis, of 2 and 3 cells a side, the second on the first.
 
-
-def _tetrahedra(hexa):
-    """Each hexahedron as six tetrahedra about a diagonal, so that neighbours match."""
-    corner = {tuple(map(int, (c + 1) / 2)): k for k, c in enumerate(np.array(CELLS["HEXA8"].reference))}
-    found = []
-    for axes in permutations(np.eye(3, dtype=int)):
-        a, b, c, d = (corner[tuple(p)] for p in np.cumsum([[0, 0, 0], *axes], axis=0))
-        found.append(hexa[:, [a, b, c, d] if np.linalg.det(axes) > 0 else [a, c, b, d]])
-    return np.concatenate(found)
+    Their groups are those of `PRESSED`; other sides have no cells.
+    """
+    dim = CELLS[kind].dim
+    up, low = "xyz"[dim - 1], np.array([1.0, 0.0]) if dim == 2 else np.zeros(3)
+    parts = []
+    for body, n, below, above in (("lower", 2, "base", "slave"), ("upper", 3, "master", "press")):
+        names = {"": body, f"{up}0": below, f"{up}1": above}
+        box = block(kind, n, low, low + 1)
+        rows = {(face, names[side]): nodes for (face, side), nodes in rows_of(box).items() if side in names}
+        parts.append((assembled(box.points, rows, dim), {}))
+        low[-1] += 1
+    mesh = joined(parts, keep=True)
+    return replace(mesh, node_groups={"all": np.arange(mesh.n_nodes)})
 
 
 def run(folder, program, job):

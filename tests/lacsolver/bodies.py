@@ -6,7 +6,9 @@ import numpy as np
 
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
-from tests.meshes import box, grid, pad
+from tests.meshes import grid as mixed_grid
+from tests.meshes import pad
+from verification.meshes.blocks import SPLITS, divided, grid, raised
 
 #: every cell that carries displacements
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
@@ -14,10 +16,6 @@ PLANES = [name for name, cell in CELLS.items() if cell.dim == 2]
 PLANE_MODELS = ("plane_strain", "plane_stress", "axisymmetric")
 #: (cell, model): every pair there is
 PAIRS = [(name, "3d") for name in SOLIDS] + [(name, model) for name in PLANES for model in PLANE_MODELS]
-
-#: a hexahedron as six tetrahedra round its diagonal 0-6, and as two prisms
-_TETRAHEDRA = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
-_PRISMS = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
 
 
 def one_cell(name, distortion=0.0, seed=0, shift=3.0):
@@ -41,64 +39,23 @@ def with_skin(mesh):
     return Mesh.create(mesh.points, blocks.items(), cell_groups={"skin": np.arange(1, n), "body": [0]})
 
 
-def square(name, n):
-    """The unit square at x in [1, 2], meshed n times n with one type of cell."""
-    g = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    x, y = np.meshgrid(1 + np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1), indexing="ij")
-    quads = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
-    points = np.stack([x.ravel(), y.ravel()], axis=1)
-    if CELLS[name].family == "QUAD":
-        return raised(Mesh.create(points, [("QUAD4", quads)]), name)
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return raised(Mesh.create(points, [("TRIA3", triangles)]), name)
+def body(name, n, low=None, high=None, counts=None):
+    """A box of one type of cell, n a side or `counts`; by default a cube, or a square at x in [1, 2]."""
+    dim = CELLS[name].dim
+    low = ((1.0, 0.0) if dim == 2 else (0.0,) * dim) if low is None else low
+    high = [x + 1 for x in low] if high is None else high
+    points, boxes = grid(counts or (n,) * dim, low, high)
+    points, cells = divided(points, boxes, [SPLITS[CELLS[name].linear]], np.zeros(len(boxes), int))
+    return raised(Mesh.create(points, cells.items(), space_dim=dim), name)
 
 
-def cube(name, n):
-    """The unit cube meshed n^3 times with one type of cell."""
-    points, hexahedra = box(n)
-    family = CELLS[name].family
-    if family == "PYRAM":
-        points, cells = pyramids(points, hexahedra)
-    elif family == "HEXA":
-        cells = hexahedra
-    else:
-        split = np.array(_TETRAHEDRA if family == "TETRA" else _PRISMS)
-        cells = hexahedra[:, split].reshape(-1, split.shape[1])
-    return raised(Mesh.create(points, [(f"{CELLS[name].linear}", cells)]), name)
-
-
-def pyramids(points, hexahedra):
-    """Each hexahedron as six pyramids round its centre: points, pyramids."""
-    centre = len(points) + np.arange(len(hexahedra))
-    points = np.vstack([points, points[hexahedra].mean(axis=1)])
-    facets = [list(f.nodes[:4])[::-1] for f in CELLS["HEXA8"].facets]
-    cells = [np.column_stack([hexahedra[:, facet], centre]) for facet in facets]
-    return points, np.concatenate(cells)
-
-
-def body(name, n):
-    """`square` or `cube`, as the cell wants."""
-    return square(name, n) if CELLS[name].dim == 2 else cube(name, n)
-
-
-def raised(mesh, name):
-    """Replace linear cells by cells of the type `name`."""
-    if CELLS[name].order == 1:
-        return mesh
-    full = name in ("QUAD9", "HEXA27", "PENTA18", "PYRAM14")
-    mesh = raise_order(mesh, "2-full" if full else "2")
-    if name != "TRIA7":
-        return mesh
-    (block,) = mesh.blocks
-    centre = mesh.n_nodes + np.arange(len(block.nodes))
-    points = np.vstack([mesh.points, mesh.points[block.nodes[:, :3]].mean(axis=1)])
-    return Mesh.create(points, [("TRIA7", np.column_stack([block.nodes, centre]))])
+square = cube = body
 
 
 def mixture(order="1", seed=0):
     """Hexahedra, prisms, tetrahedra and the pyramids between them, conforming, in [0, 3] x [0, 2] x [0, 2]."""
     rng = np.random.default_rng(seed)
-    plane, quads, triangles = grid(rng, 3, 2)
+    plane, quads, triangles = mixed_grid(rng, 3, 2)
     n = len(plane)
     points = [(*p, float(k)) for k in range(3) for p in plane]
     cells = {"HEXA8": [], "PENTA6": [], "PYRAM5": [], "TETRA4": []}
@@ -124,7 +81,7 @@ def mixture(order="1", seed=0):
 
 def plane_mixture(order="1", seed=0):
     """Quadrangles and triangles at x in [1, 4]."""
-    plane, quads, triangles = grid(np.random.default_rng(seed), 3, 3)
+    plane, quads, triangles = mixed_grid(np.random.default_rng(seed), 3, 3)
     plane[:, 0] += 1.0
     mesh = Mesh.create(plane, [("QUAD4", np.array(quads)), ("TRIA3", np.array(triangles))])
     return mesh if order == "1" else raise_order(mesh, order)

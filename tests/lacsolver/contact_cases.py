@@ -8,7 +8,7 @@ from lacsolver.case import parse_case
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
-from tests.lacsolver.patch_cases import unbalanced
+from verification.measures.balance import unbalanced
 
 YOUNG, POISSON = 1000.0, 0.3
 HEAD = """mesh = "blocks.msh"
@@ -60,7 +60,7 @@ def check(problem, state, moved):
     for joint, zone in zip(problem.joints, state.zones, strict=True):
         check_conditions(joint, zone, moved)
         if np.abs(zone.force).max() > 1e-14 * max(forces):
-            force, moment = unbalanced(x, zone.force, problem.space.model.axisymmetric)
+            force, moment = unbalanced(x, zone.force, axisymmetric=problem.space.model.axisymmetric)
             assert max(force, moment) <= 1e-12, (zone.name, force, moment)
 
 

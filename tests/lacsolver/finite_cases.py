@@ -11,8 +11,8 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, UNPAIRED
 from lacsolver.saddle.tolerances import ROUNDING
 from tests.lacsolver.contact_cases import nodes_of
-from tests.lacsolver.patch_cases import unbalanced
 from tests.lacsolver.patch_meshes import stack
+from verification.measures.balance import unbalanced
 
 YOUNG = 1000.0
 #: of forces out of balance and of gaps, relative, that states are asked for; of contact forces and their moments
@@ -62,7 +62,7 @@ def check(problem, state):
         check_conditions(joint, zone, moved)
         if np.abs(zone.force).max() > 1e-12 * size:
             x = joint.places(problem.space, u)
-            force, moment = unbalanced(x, zone.force, problem.space.model.axisymmetric)
+            force, moment = unbalanced(x, zone.force, axisymmetric=problem.space.model.axisymmetric)
             assert max(force, moment) <= BALANCED, (zone.name, force, moment)
 
 

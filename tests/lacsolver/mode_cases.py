@@ -8,7 +8,7 @@ from lacmesh import Mesh
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
 from lacsolver.vibration.natural_modes import natural_modes
-from tests.lacsolver.bodies import cube, raised, square
+from tests.lacsolver.bodies import body
 
 YOUNG, POISSON, DENSITY = 2.5, 0.25, 1.6
 #: a mesh that is given to the problem, and no file
@@ -45,17 +45,14 @@ def with_groups(mesh):
 
 def block(name, n, model="plane_strain", size=(1.0, 1.0, 1.0), shift=0.0):
     """A box at the origin, or `shift` along x, n cells along each side."""
-    mesh = cube(name, n) if model == "3d" else square(name, n)
-    points = (mesh.points - [0.0 if model == "3d" else 1.0, 0, 0]) * size + [shift, 0, 0]
-    return with_groups(Mesh.create(points, mesh.blocks, space_dim=mesh.space_dim))
+    low = np.array([shift, 0.0, 0.0])
+    dim = 3 if model == "3d" else 2
+    return with_groups(body(name, n, low[:dim], (low + size)[:dim]))
 
 
 def strip(name, nx, ny, length, height):
     """A strip of nx by ny quadrangles, linear or quadratic."""
-    g = np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
-    x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, height, ny + 1), indexing="ij")
-    quads = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
-    return with_groups(raised(Mesh.create(np.stack([x.ravel(), y.ravel()], axis=1), [("QUAD4", quads)]), name))
+    return with_groups(body(name, 0, (0.0, 0.0), (length, height), (nx, ny)))
 
 
 def waves(young=YOUNG, poisson=POISSON, density=DENSITY):

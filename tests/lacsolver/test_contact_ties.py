@@ -7,8 +7,8 @@ import pytest
 
 from lacsolver.results.state import CONTACT
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
-from tests.lacsolver.patch_cases import unbalanced, ways
-from tests.lacsolver.patch_meshes import stack, three_blocks
+from tests.lacsolver.patch_meshes import stack, three_blocks, ways
+from verification.measures.balance import unbalanced
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 
 TIE = '[[tie]]\nslave = "slave"\nmaster = "master"\n'

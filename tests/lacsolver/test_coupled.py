@@ -16,10 +16,10 @@ from lacsolver.problem.problem import Problem
 from lacsolver.saddle.stiffness import FactorCache
 from lacsolver.saddle.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
-from tests.lacsolver.patch_cases import figures, pair
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 from tests.lacsolver.test_schur import KINDS
+from verification.families import patch
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
 MULTIGRID = 'backend = "multigrid"'
@@ -142,15 +142,19 @@ def test_hertz_is_as_with_a_factor():
 @pytest.mark.parametrize(
     "slave, master, tilted, options",
     [
-        ("HEXA8", "TETRA4", False, ""),
-        ("TETRA10", "HEXA20", True, ""),
-        ("PENTA6 quadrangle", "HEXA27", False, 'geometry = "current"'),
-        ("HEXA8", "HEXA8", True, 'type = "bilateral"'),
+        ("HEXA8", "TETRA4", False, ()),
+        ("TETRA10", "HEXA20", True, ()),
+        ("PENTA6 quadrangle", "HEXA27", False, (("geometry", "current"),)),
+        ("HEXA8", "HEXA8", True, (("type", "bilateral"),)),
     ],
 )
-def test_uniform_pressure_goes_through(slave, master, tilted, options):
-    found = figures(pair(slave, master, tilted=tilted, options=options, counts=(4, 3))._replace(solver=MULTIGRID))
-    assert max(found[:5]) <= 1e-10 and max(found.force, found.moment) <= 1e-12, found
+def test_uniform_pressure_goes_through(slave, master, tilted, options, monkeypatch):
+    text = patch.text
+    monkeypatch.setattr(patch, "text", lambda given: text(given).replace("[solver]", f"[solver]\n{MULTIGRID}"))
+    given = patch.Press((), "3d", tilted, options, (4, 3))
+    stack_errors = patch.errors(given, slave, master, True)
+    assert stack_errors.solved.problem.case.solver.backend == "multigrid"
+    assert max(stack_errors.errors.values()) <= 1e-10 and max(stack_errors.solved.balance) <= 1e-12, stack_errors
 
 
 # ---- a stiffness like the one before

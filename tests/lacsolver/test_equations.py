@@ -15,8 +15,7 @@ from lacmesh import Cut, aster_multipliers, cut_skin
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacsolver.contact import Zone, integrate
-from tests.lacsolver.patch_cases import ways
-from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.patch_meshes import stack, ways
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 
 #: (42): rows are multipliers 1 to 4, columns x_1 to x_4 and d_1 to d_4

@@ -10,10 +10,12 @@ import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
+from tests.samples import one_in
 from verification.families import patch
 from verification.families.patch import FAMILY, Press, errors, exact_displacement, exact_stress
 from verification.meshes.stacks import LAYERS, PLANE_KINDS, SOLID_KINDS, block, skin, stack, tilt, tower
 from verification.records import Case
+from verification.solving import BALANCED
 
 KINDS = [(2, kind) for kind in PLANE_KINDS] + [(3, kind) for kind in SOLID_KINDS]
 CASES = {case.name: case for case in FAMILY.cases}
@@ -111,6 +113,25 @@ def test_a_press_meets_its_figures(given):
     outcome = FAMILY.solve(Case("patch", "one", "", given, {"quick": 1}), 1)
     assert all(result.passed for result in outcome.results) and len(outcome.results) == 5
     assert [len(line.x) for line in outcome.plots[0].lines] == [2] * 3
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("name", one_in(5, CASES))
+def test_a_stack_of_each_case_is_exact(name):
+    given = CASES[name].parameters
+    check(errors(given, *given.pairs[len(name) % len(given.pairs)], len(name) % 2 == 0))
+
+
+@pytest.mark.parametrize("way", ["pyramid", "hexa"])
+@pytest.mark.parametrize("geometry", ["reference", "current"])
+def test_smoothed_normals_of_distorted_quadrangles_are_integrated_as_exactly(way, geometry):
+    contact = (("hexa", way), ("geometry", geometry), ("normals", "smoothed"))
+    check(errors(Press((), contact=contact, skew=0.2), "HEXA8", "HEXA8", True))
+
+
+def check(one):
+    assert max(one.errors.values()) <= patch.EXACT, one
+    assert max(one.solved.balance) <= BALANCED, one.solved.balance
 
 
 def test_errors_are_seen_and_the_worst_stack_is_named(monkeypatch):

@@ -67,10 +67,13 @@ def test_a_plate_is_longer_than_its_slider_and_turns_up():
 # ---- the block on the plate
 
 
-@pytest.mark.parametrize("cell, normals", [("QUAD4", "facet"), ("QUAD8", "smoothed")])
-def test_a_block_keeps_its_pressure(cell, normals):
-    given = replace(case(f"block_{cell}_{normals}").parameters, steps=3, way=0.8)
-    outcome = slide(case("block_QUAD4_facet"), given, 1)
+@pytest.mark.parametrize(
+    "name",
+    ["block_QUAD4_facet", "block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_QUAD4_smoothed", "waves_HEXA8_facet"],
+)
+def test_a_block_keeps_its_pressure_on_a_plate_and_newton_is_quadratic_over_waves(name):
+    given = replace(case(name).parameters, steps=3, way=0.8)
+    outcome = slide(case(name), given, 1)
     assert len(outcome.results) >= 6 and all(result.passed for result in outcome.results), outcome.results
 
 

@@ -72,7 +72,7 @@ def block(kind: str, counts: Sequence[int], *, bend: float = 0.0, skew: float = 
     plane = points[:, : dim - 1]
     bubble = np.prod(4 * plane * (1 - plane), axis=1)
     points[:, : dim - 1] = plane + skew * bubble[:, None] * np.array([1.0, -0.7])[: dim - 1]
-    return with_sides(_of_order(Mesh.create(points, cells.items(), space_dim=dim), kind), (0,) * dim, (1,) * dim)
+    return with_sides(of_order(Mesh.create(points, cells.items(), space_dim=dim), kind), (0,) * dim, (1,) * dim)
 
 
 def stack(
@@ -148,7 +148,7 @@ def _mixture(counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
     return [SPLITS["HEXA8"], SPLITS["PENTA6"], _opened(0), _opened(5)], which
 
 
-def _of_order(mesh: Mesh, kind: str) -> Mesh:
+def of_order(mesh: Mesh, kind: str) -> Mesh:
     """Replace linear cells by those of a kind, of its order."""
     name, _, order = kind.partition(" ")
     return raised(mesh, _MIXED[order] if name == "mixed" else name)

@@ -61,16 +61,15 @@ count = 2
 """
 
 
-def main():
+def main(comm, folder, *numbers):
     """Print, for processes as the one with the same part, the places that grow, and the sizes of both models."""
-    folder = Path(sys.argv[1])
+    folder = Path(folder)
     whole.PIECE = 256
     aggregation._WHOLE, aggregation._FEW = 0, 2  # the levels that each process has whole: four nodes, not 500
     import_petsc()
     MPI = import_mpi()
-    comm = MPI.COMM_WORLD
     solved(divided(folder / "first", 6, 0, comm), comm)  # modules and kernels are loaded
-    for fixed in map(int, sys.argv[2:]):
+    for fixed in map(int, numbers):
         models = [divided(folder / f"{fixed}.{layers}", layers, fixed, comm) for layers in (6, 160)]
         found = [watched(MPI, lambda place=place: solved(place, comm)) for place in models]
         if comm.rank == fixed:

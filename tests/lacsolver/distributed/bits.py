@@ -6,8 +6,6 @@ It is started once, in as many processes as the largest number; smaller numbers 
 from __future__ import annotations
 
 import json
-import sys
-import traceback
 from functools import cache
 from itertools import pairwise
 
@@ -16,26 +14,20 @@ from scipy.sparse import csr_array
 
 from lacmesh import kernels
 from lacsolver.case import parse_case
-from lacsolver.distributed.launch import import_mpi
 from lacsolver.distributed.processes import Processes
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.contact_system import contact_system
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
-def main():
+def main(world, *arguments):
     """Print a line of JSON for each number of processes and case: how many rows of each matrix differ."""
     kernels.KEPT_FROM = kernels.COMPILED_FROM = 0  # plain ones, of less work, round otherwise
-    numbers, names = json.loads(sys.argv[1]), json.loads(sys.argv[2])
-    world = import_mpi().COMM_WORLD
+    numbers, names = map(json.loads, arguments)
     for n in numbers:
         comm = world.Split(int(world.rank < n), world.rank)
         for name in names if world.rank < n else []:
-            try:
-                told = differing(name, comm)
-            except Exception:
-                traceback.print_exc()
-                world.Abort(1)
+            told = differing(name, comm)
             if world.rank == 0:
                 print(json.dumps({"n": n, "name": name, **told}), flush=True)
         comm.Free()

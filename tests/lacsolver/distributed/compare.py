@@ -7,12 +7,11 @@ line of JSON each.
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 
 from lacsolver.case import parse_case
-from lacsolver.distributed.launch import import_mpi, import_petsc
+from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
@@ -22,11 +21,9 @@ from tests.lacsolver.distributed import moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
-def main():
+def main(comm, backend, *names):
     """Compare the cases."""
-    backend, *names = sys.argv[1:]
     import_petsc()
-    comm = import_mpi().COMM_WORLD
     for name in names:
         told = compared(*problem_of(name), backend, comm)
         if comm.rank == 0:

@@ -1,13 +1,21 @@
-"""Programs in several processes of `mpiexec`, on as many cores as there are."""
+"""Programs in several processes of `mpiexec`, on as many cores as there are.
+
+A program is a module of this folder with a function `main(comm, *arguments)`, whose first process prints JSON.
+"""
 
 from __future__ import annotations
 
+import json
 import subprocess
+import sys
+import traceback
+from importlib import import_module
 
+from lacsolver.distributed.launch import import_mpi
 from verification.mpiexec import ROOT, environment
 from verification.mpiexec import words as words_of
 
-__all__ = ["ROOT", "environment", "in_ranks", "own_lines", "words"]
+__all__ = ["ROOT", "environment", "in_ranks", "own_lines", "printed", "words"]
 
 
 def words(n, code, *arguments):
@@ -25,6 +33,24 @@ def in_ranks(n, code, *arguments, timeout=60, **more):
         timeout=timeout,
         check=False,
     )
+
+
+def printed(n, program, *arguments, timeout=300):
+    """Objects that a program prints in n processes, one a line."""
+    code = f"from tests.lacsolver.distributed.mpi import main; main({program!r})"
+    done = in_ranks(n, code, *arguments, timeout=timeout)
+    assert done.returncode == 0, done.stderr
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def main(program):
+    """Run a program in this process; an error ends all processes."""
+    comm = import_mpi().COMM_WORLD
+    try:
+        import_module(f"{__package__}.{program}").main(comm, *sys.argv[1:])
+    except Exception:
+        traceback.print_exc()
+        comm.Abort(1)
 
 
 def own_lines(text):

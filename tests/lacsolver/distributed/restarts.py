@@ -1,34 +1,63 @@
 """Runs in some processes, from whose states others go on: a program for `mpiexec`, for `test_restarts`.
 
-A motion on a mesh that each process has as a whole; and blocks in contact on a mesh of which processes read slices, or
-parts of a folder.
+A motion, and a law with a history, on a mesh that each process has as a whole; and blocks in contact on a mesh of which
+processes read slices, or parts of a folder.
 """
 
 from __future__ import annotations
 
-import sys
-import traceback
 from contextlib import nullcontext, suppress
 from pathlib import Path
 
 from lacmesh.errors import DataError
 from lacsolver.case import parse_case
+from lacsolver.case.added import MATERIAL_LAWS
 from lacsolver.distributed import processes
-from lacsolver.distributed.launch import import_mpi, import_petsc
+from lacsolver.distributed.launch import import_petsc
 from lacsolver.distributed.processes import Processes
 from lacsolver.distributed.together import on_first
 from lacsolver.output import create_output, read_state
 from lacsolver.running import run
 from tests.lacsolver.distributed.compare import problem_of
 from tests.lacsolver.distributed.mpi import ROOT
+from tests.lacsolver.invariant_cases import CASES
+from tests.lacsolver.test_added_memory import YOUNG, Damaged
 
-#: cases, and the time of each to go on from: with a preload and damping, with a free rigid body of its own mass
-MIDDLE = {"preloaded, pushed by a foot, damped": 1.0, "a wall of its own mass, finite": 0.2}
+#: a case of blocks that are damaged; `scale`: so large that no cell loses all of its stiffness
+DAMAGED = f"""
+mesh = "none.msh"
+model = "3d"
+[[material]]
+law = "damaged"
+constants = {{ young = {YOUNG}, scale = 20.0 }}
+[[contact]]
+name = "zone"
+slave = "slave"
+master = "master"
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+uz = 0.0
+[[displacement]]
+group = "top"
+ux = 0.0
+uy = 0.0
+uz = [[0.0, 0.0], [1.0, -0.008], [2.0, -0.006], [3.0, -0.01]]
+[steps]
+times = [1.0, 2.0, 3.0]
+[solver]
+threads = 1
+"""
+#: cases, and the time of each to go on from: with a preload and damping, with a free rigid body of its own mass, with
+#: the energy that a law has had at each point
+MIDDLE = {"preloaded, pushed by a foot, damped": 1.0, "a wall of its own mass, finite": 0.2, "damaged": 2.0}
+MATERIAL_LAWS["damaged"] = Damaged
 
 
 def solved(name, folder, start=None, comm=None):
     """Solve a case into a folder, or go on from the state in another; alone without a communicator."""
-    (text, mesh), when = problem_of(name), MIDDLE[name]
+    (text, mesh), when = (DAMAGED, CASES["in space"].mesh()) if name == "damaged" else problem_of(name), MIDDLE[name]
     if comm is None:
         case = parse_case(f"{text}[output]\ntimes = [{when}]\n")
         state = None if start is None else read_state(start, case, when, mesh=mesh)
@@ -85,18 +114,13 @@ def spread(world, some, alone, place):
         pressed(mesh, place / "one_after_two", place / "two", alone)
 
 
-def main():
+def main(comm, folder):
     """Solve the cases, and go on, in the processes of `mpiexec`."""
     import_petsc()
-    comm = import_mpi().COMM_WORLD
     some, alone = comm.Split(int(comm.rank > 1)), comm.Split(comm.rank)
-    try:
-        spread(comm, some, alone, Path(sys.argv[1]) / "blocks")
-        for name in MIDDLE:
-            place = Path(sys.argv[1]) / name
-            solved(name, place / "three", comm=comm)
-            if comm.rank <= 1:
-                solved(name, place / "two_after_three", place / "three", some)
-    except Exception:
-        traceback.print_exc()
-        comm.Abort(1)
+    spread(comm, some, alone, Path(folder) / "blocks")
+    for name in MIDDLE:
+        place = Path(folder) / name
+        solved(name, place / "three", comm=comm)
+        if comm.rank <= 1:
+            solved(name, place / "two_after_three", place / "three", some)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
@@ -18,6 +19,12 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import prepared
 from lacsolver.saddle.shared_stiffness import SharedFactors, _own_rows
 from tests.lacsolver.distributed.mpi import ROOT
+
+
+def main(comm):
+    """Print the figures of each process."""
+    for one in comm.gather(found(comm)) or ():
+        print(json.dumps(one))
 
 
 def found(comm):

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
-import traceback
 import warnings
 from pathlib import Path
 
@@ -22,16 +20,11 @@ from tests.partition.compare import differences
 SKINS = ("slave", "master", "none", "absent", "entity:2:7", "entity:2:99", "entity:surface")
 
 
-def main():
-    """Print what is told of each file; an unexpected error ends all processes."""
+def main(comm, folder):
+    """Print what is told of each file."""
     for kernel in Kernel.known:  # in the parts of any number of processes: what runs compiled allocates nothing here
         kernel.least = 0
-    MPI = import_mpi()
-    try:
-        told(MPI, Path(sys.argv[1]))
-    except Exception:
-        traceback.print_exc()
-        MPI.COMM_WORLD.Abort(1)
+    told(import_mpi(), Path(folder))
 
 
 def told(MPI, folder):

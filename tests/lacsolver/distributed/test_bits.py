@@ -6,11 +6,10 @@ import json
 
 import pytest
 
-from tests.lacsolver.distributed.mpi import in_ranks
+from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
 pytestmark = pytest.mark.petsc
-PROGRAM = "from tests.lacsolver.distributed.bits import main; main()"
 NUMBERS = (1, 2, 3, 4, 8)
 #: B is not D where the skins are curved and follow the deformation
 NAMES = ["in space, finite, smoothed", "two zones", "tie in space"]
@@ -19,9 +18,7 @@ NAMES = ["in space, finite, smoothed", "two zones", "tie in space"]
 @pytest.fixture(scope="module")
 def told():
     """Numbers of rows that differ, by number of processes and case."""
-    done = in_ranks(max(NUMBERS), PROGRAM, json.dumps(NUMBERS), json.dumps(NAMES), timeout=300)
-    assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    lines = printed(max(NUMBERS), "bits", json.dumps(NUMBERS), json.dumps(NAMES))
     return {(line["n"], line["name"]): line for line in lines}
 
 

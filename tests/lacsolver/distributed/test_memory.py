@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
-from tests.lacsolver.distributed.mpi import in_ranks
+from tests.lacsolver.distributed.mpi import printed
 from tests.samples import samples
 
 pytestmark = pytest.mark.petsc
-PROGRAM = "from tests.lacsolver.distributed.allocations import main; main()"
-
-
 #: processes that are watched; the first one writes the states and prints
 FIXED = samples((0,), (0, 1))
 
@@ -20,9 +15,8 @@ FIXED = samples((0,), (0, 1))
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     """Allocations that these processes found to grow, the other one having more and more."""
-    done = in_ranks(2, PROGRAM, tmp_path_factory.mktemp("models"), *map(str, FIXED), timeout=300)
-    assert done.returncode == 0, done.stderr
-    return {line["fixed"]: line for line in map(json.loads, done.stdout.splitlines())}
+    lines = printed(2, "allocations", tmp_path_factory.mktemp("models"), *map(str, FIXED))
+    return {line["fixed"]: line for line in lines}
 
 
 @pytest.mark.fuzz

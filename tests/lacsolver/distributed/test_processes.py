@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 from tests.lacsolver.distributed import moving_cases
-from tests.lacsolver.distributed.mpi import in_ranks
+from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
 pytestmark = pytest.mark.petsc
-PROGRAM = "from tests.lacsolver.distributed.compare import main; main()"
 #: bounds of relative differences from one process
 BOUNDS = {"u": 1e-9, "p": 5e-9, "reaction": 1e-9, "energy": 1e-9}
 #: and of those of a motion
@@ -51,8 +48,6 @@ def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
 
 def compared(n, backend, names):
     """The differences of n processes from one, of each case."""
-    done = in_ranks(n, PROGRAM, backend, *names, timeout=300)
-    assert done.returncode == 0, done.stderr
-    told = [json.loads(line) for line in done.stdout.splitlines()]
+    told = printed(n, "compare", backend, *names)
     assert [one["name"] for one in told] == names
     return told

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
-from tests.lacsolver.distributed.mpi import ROOT, in_ranks
+from tests.lacsolver.distributed.mpi import ROOT, printed
 
 pytestmark = pytest.mark.petsc
-PROGRAM = """
-import json, math
-from lacsolver.distributed.launch import import_mpi
-comm = import_mpi().COMM_WORLD
-from tests.lacsolver.distributed.share import found
-told = comm.gather(found(comm))
-if comm.rank == 0: print(json.dumps(told))
-"""
 
 
 @pytest.fixture(scope="module")
 def told():
     """The figures of both processes."""
-    done = in_ranks(2, PROGRAM)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    return printed(2, "share")
 
 
 def test_the_largest_value_of_all_processes_keeps_nan(told):

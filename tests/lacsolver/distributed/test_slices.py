@@ -17,12 +17,11 @@ from lacmesh.formats.ids import counts_up
 from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main
 from tests.lacsolver.distributed.allocations import box
-from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines
+from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines, printed
 from tests.meshes import random_mesh
 from verification.meshes.blocks import joined
 
 pytestmark = pytest.mark.petsc
-PROGRAM = "from tests.lacsolver.distributed.sliced import main; main()"
 
 
 @pytest.fixture(scope="module")
@@ -193,9 +192,7 @@ DAMAGED = (
 @pytest.fixture(scope="module")
 def told(files):
     """The findings of each process, by the number of processes and the file."""
-    done = in_ranks(3, PROGRAM, files, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return {(n, name): of_each for n, name, of_each in map(json.loads, done.stdout.splitlines())}
+    return {(n, name): of_each for n, name, of_each in printed(3, "sliced", files)}
 
 
 @pytest.mark.parametrize("n", [1, 2, 3])
