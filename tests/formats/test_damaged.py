@@ -10,6 +10,9 @@ import re
 
 import pytest
 
+import lacmesh
+from lacmesh.errors import ReadError
+from tests.formats import inp_texts, mail_texts, msh_texts, test_vtu, test_xdmf
 from tests.fuzz import trial
 from tests.fuzz.seeds import FORMATS, seeds
 from tests.fuzz.trial import FAILED, READ, REFUSED
@@ -51,6 +54,34 @@ def test_spoilt_files_are_sound_meshes_or_refused(name, tmp_path):
     failed = {_FIRST + k: outcome.text for k, outcome in enumerate(outcomes) if outcome.what == FAILED}
     assert not failed, f"python -m tests.fuzz {name!r} --only {next(iter(failed))}"
     assert min(sum(o.what == what for o in outcomes) for what in (READ, REFUSED)) > n / 30
+
+
+def damaged_texts():
+    """(suffix, what is wrong, text, what is said, where) of small files that are damaged in one place."""
+    for suffix, table in (("inp", inp_texts.DAMAGED), ("mail", mail_texts.DAMAGED)):
+        for what, (text, line, words) in table.items():
+            yield suffix, what, text, re.escape(words), f"line {line}$"
+    for old, new, words in msh_texts.DAMAGES:
+        assert msh_texts.ASCII4.count(old) == 1
+        yield "msh", f"{old!r} -> {new!r}", msh_texts.ASCII4.replace(old, new), re.escape(words), "line |byte "
+    for what, (text, words) in test_vtu.WRONG.items():
+        yield "vtu", what, text, words, ""
+    for what, (body, words) in test_xdmf.WRONG.items():
+        yield "xdmf", what, test_xdmf.document(body), words, ""
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "says", "where"),
+    [pytest.param(suffix, *rest, id=f"{suffix}: {what}") for suffix, what, *rest in damaged_texts()],
+)
+def test_damage_is_one_sentence_with_its_place(suffix, text, says, where, tmp_path):
+    """What else may be wrong is in `tests/bad_input`."""
+    path = tmp_path / f"bad.{suffix}"
+    path.write_text(text)
+    with pytest.raises(ReadError, match=says) as caught:
+        lacmesh.read(path)
+    assert re.match(where, caught.value.place or "")
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
 def replace_file(seed, file, content):

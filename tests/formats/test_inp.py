@@ -24,7 +24,7 @@ from lacmesh.formats.labels import labels
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
 from lacmesh.reference.quadrature import measure
-from tests.formats.inp_texts import DAMAGED, MORE, PARTS, WHOLE
+from tests.formats.inp_texts import MORE, PARTS, WHOLE
 from tests.formats.msh_meshes import lenient
 from tests.meshes import cell_with_faces, random_mesh
 
@@ -507,16 +507,6 @@ def test_names_of_elements(name, kind):
 @pytest.mark.parametrize("family", FACETS)
 def test_faces_are_numbered_once(family):
     assert sorted(FACETS[family]) == list(range(len(FACETS[family])))
-
-
-@pytest.mark.parametrize("name", DAMAGED)
-def test_damage_is_an_error_with_its_line(tmp_path, name):
-    text, line, words = DAMAGED[name]
-    with pytest.raises(ReadError) as caught:
-        read_text(tmp_path, text)
-    assert words in str(caught.value)
-    assert caught.value.place == (None if line is None else f"line {line}")
-    assert "\n" not in str(caught.value)
 
 
 def test_an_error_in_an_included_file_names_it(tmp_path):

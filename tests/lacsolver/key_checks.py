@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,6 +21,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, Progress
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.validation import validate
+from tests.lacsolver.tables import table
 
 CONTACT, OPEN, UNPAIRED = 1, 0, -1
 
@@ -56,11 +56,9 @@ class Ran:
 
     def table(self, zone):
         """The last time's rows of a zone, column by column, ordered by x."""
-        with (self.folder / f"contact_{zone}.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        rows = [row for row in rows if row["time"] == rows[-1]["time"]]
-        columns = {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
-        order = np.argsort(columns["x"], kind="stable")
+        columns = table(self.folder / f"contact_{zone}.csv")
+        rows = np.flatnonzero(columns["time"] == columns["time"][-1])
+        order = rows[np.argsort(columns["x"][rows], kind="stable")]
         return {name: values[order] for name, values in columns.items()}
 
     def solid(self):

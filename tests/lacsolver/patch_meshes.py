@@ -36,7 +36,9 @@ def block(kind, dim, n, meets, *, skew=0.0, bulge=0.0, seed=0, even=False):
     if not even:
         for s in range(dim):
             steps = rng.uniform(0.7, 1.3, n)
-            x[:, s] = np.interp(x[:, s], np.linspace(0, 1, n + 1), np.concatenate([[0], np.cumsum(steps) / steps.sum()]))
+            x[:, s] = np.interp(
+                x[:, s], np.linspace(0, 1, n + 1), np.concatenate([[0], np.cumsum(steps) / steps.sum()])
+            )
     up = dim - 1
     plane = x[:, :up]
     inner = (np.abs(x[:, up] - int(meets[1])) < 1e-9) & ((plane > 1e-9) & (plane < 1 - 1e-9)).all(axis=1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacmesh import Mesh
 from lacsolver.case import CaseError
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import (
@@ -212,17 +211,21 @@ def test_a_body_on_springs_is_pressed_against_another():
     assert state.zones[0].pressure @ state.zones[0].area == pytest.approx(1.0, rel=1e-10)
 
 
-def test_a_slave_beyond_its_master_is_unpaired():
-    """The upper block covers half of the lower: what is left uncovered has no pressure and no gap."""
+def half_covered(part):
+    """A block whose upper side, the slave, is covered by another one up to x = `part`."""
     low, high = block("HEXA8", 3, 4, "z1", even=True), block("HEXA8", 3, 3, "z0")
-    half = placed(Mesh.create(high.points, high.blocks, cell_groups=high.cell_groups), size=(0.5, 1, 1))
     names = {"x0": "x0", "y0": "y0"}
-    mesh = joined(
+    return joined(
         [
             (low, np.zeros(3), {**names, "z0": "bottom", "z1": "slave"}),
-            (half, np.array([0.0, 0, 1]), {**names, "z0": "master", "z1": "top"}),
+            (placed(high, size=(part, 1, 1)), np.array([0.0, 0, 1]), {**names, "z0": "master", "z1": "top"}),
         ]
     )
+
+
+def test_a_slave_beyond_its_master_is_unpaired():
+    """The upper block covers half of the lower: what is left uncovered has no pressure and no gap."""
+    mesh = half_covered(0.5)
     _, state = only(mesh, JOINT + SLIDING + GROUND + pressed("top", 1.0))
     (found,) = state.zones
     left = found.centre[:, 0] < 0.5
@@ -233,15 +236,7 @@ def test_a_slave_beyond_its_master_is_unpaired():
 
 def test_the_coverage_threshold_unpairs_what_is_covered_less():
     """The upper block covers 5/8 of a side: a column of four macro-elements by half."""
-    low, high = block("HEXA8", 3, 4, "z1", even=True), block("HEXA8", 3, 3, "z0")
-    part = placed(Mesh.create(high.points, high.blocks, cell_groups=high.cell_groups), size=(0.625, 1, 1))
-    names = {"x0": "x0", "y0": "y0"}
-    mesh = joined(
-        [
-            (low, np.zeros(3), {**names, "z0": "bottom", "z1": "slave"}),
-            (part, np.array([0.0, 0, 1]), {**names, "z0": "master", "z1": "top"}),
-        ]
-    )
+    mesh = half_covered(0.625)
     for threshold, count in ((0.45, 4), (0.55, 8)):
         _, state = only(mesh, JOINT + f"coverage_threshold = {threshold}\n" + SLIDING + GROUND + pressed("top", 1.0))
         (found,) = state.zones

@@ -8,43 +8,19 @@ from scipy.sparse import csr_array, diags_array
 
 import lacsolver.linear.multigrid.cycle
 from lacsolver.case import parse_case
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import LinearError, analyse
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.stiffness import FactorCache
 from lacsolver.saddle.tolerances import LinearTolerance
-from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, at, held, pressed
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, held
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.systems import factorised, saddle, solve_rows, system
-from tests.lacsolver.test_schur import KINDS
+from tests.lacsolver.systems import factorised, solve_rows, system
+from tests.lacsolver.test_schur import held_by_cycles, moment
 from verification.families import patch
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
 MULTIGRID = 'backend = "multigrid"'
-
-
-def held_by_cycles(s):
-    """K of a small system with a hierarchy, which is the coarsest level alone."""
-    return factorised(csr_array(s.K), s.R, backend="multigrid")
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(5))
-def test_the_saddle_system(kind, seed):
-    s = system(seed, **KINDS[kind])
-    rng, K = np.random.default_rng(seed), held_by_cycles(s)
-    turning = csr_array(s.C) if s.C.any() else None
-    for size in (4, 9, 12):
-        active = np.sort(rng.permutation(12)[:size])
-        q0, p0 = rng.normal(size=30), rng.normal(size=12)
-        made = solve_rows(K, s.rows, active, s.f, s.G, q0, p0, EXACT, turning)
-        q, p = saddle(s, active, q0)
-        np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
-        np.testing.assert_allclose(made.p, p, atol=1e-10 * np.abs(p).max())
-        assert made.left <= 1e-12 * np.abs(q).max()
-        assert (made.p[np.setdiff1d(np.arange(12), active)] == 0).all()
 
 
 def test_a_motion_that_no_row_stops_takes_no_part():
@@ -71,16 +47,6 @@ def test_nothing_to_do_is_nothing_done():
 # ---- on meshes of several levels
 
 
-def moment(count, backend, free=False, threads=1):
-    """Two blocks pressed together by a load that is not uniform: the instant at the end of the step."""
-    mesh = stack("HEXA8", "TETRA4", 3, counts=(count, count))
-    fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
-    upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
-    head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
-    text = head + MATERIAL + JOINT + fixed + upright + pressed("top", "1 + x * y")
-    return LoadStep(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
-
-
 def solution(now, reduction=0.0, active=None):
     K, found = now.reference, now.contact(np.zeros(len(now.f)))
     m = len(found.G)
@@ -93,8 +59,8 @@ def solution(now, reduction=0.0, active=None):
 def test_as_with_a_factor_and_with_few_cycles(free):
     """Results agree with those of a factor, with not many more cycles than K alone needs."""
     for count in (6, 12):
-        _, exact = solution(moment(count, "rslab", free))
-        now = moment(count, "multigrid", free)
+        _, exact = solution(moment(count, free, backend="rslab"))
+        now = moment(count, free, backend="multigrid")
         found, made = solution(now)
         np.testing.assert_allclose(made.q, exact.q, atol=1e-10 * np.abs(exact.q).max())
         np.testing.assert_allclose(made.p, exact.p, atol=1e-10 * np.abs(exact.p).max())
@@ -105,7 +71,7 @@ def test_as_with_a_factor_and_with_few_cycles(free):
 
 
 def test_a_loose_solve_costs_less():
-    now = moment(8, "multigrid")
+    now = moment(8, backend="multigrid")
     _, exact = solution(now)
     _, loose = solution(now, 0.1)
     assert 1 <= loose.applications < exact.applications / 3
@@ -115,7 +81,7 @@ def test_a_loose_solve_costs_less():
 def test_the_number_of_threads_does_not_matter(monkeypatch):
     monkeypatch.setattr(lacsolver.linear.multigrid.cycle, "_WORTH", 40)
     monkeypatch.setattr(lacsolver.linear.multigrid.cycle, "_WORTH_PARTS", 1)
-    results = [solution(moment(10, "multigrid", threads=threads))[1] for threads in (1, 2, 3)]
+    results = [solution(moment(10, backend="multigrid", threads=threads))[1] for threads in (1, 2, 3)]
     for one in results[1:]:
         assert (one.q == results[0].q).all() and (one.p == results[0].p).all()
         assert one.applications == results[0].applications
@@ -172,7 +138,7 @@ def multigrid_of(now):
 
 
 def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
-    now = moment(8, "multigrid")
+    now = moment(8, backend="multigrid")
     cache, first = multigrid_of(now)
     other = changed(now.reference.K, 0.05)
     made = cache.factorise(other)
@@ -189,7 +155,7 @@ def test_a_hierarchy_serves_a_stiffness_that_is_like_its_own():
 
 
 def test_a_hierarchy_that_is_stale_is_made_anew():
-    now = moment(8, "multigrid")
+    now = moment(8, backend="multigrid")
     cache, first = multigrid_of(now)
     first.solve(now.f)
     at_first = first.factor.n_iterations
@@ -205,7 +171,7 @@ def test_a_hierarchy_that_is_stale_is_made_anew():
 
 def test_a_stiffness_that_is_not_definite_is_an_error():
     """With an older hierarchy too, in a solve and in the loop with rows."""
-    now = moment(8, "multigrid")
+    now = moment(8, backend="multigrid")
     cache, first = multigrid_of(now)
     n = first.K.shape[0]
     made = cache.factorise(csr_array(now.reference.K - diags_array(0.05 * first.K.diagonal())))
@@ -219,7 +185,7 @@ def test_a_stiffness_that_is_not_definite_is_an_error():
 
 @pytest.mark.parametrize("backend", ["rslab", "superlu"])
 def test_an_analysis_serves_again(backend, monkeypatch):
-    now, made = moment(3, backend), []
+    now, made = moment(3, backend=backend), []
     monkeypatch.setattr("lacsolver.saddle.stiffness.analyse", lambda *a, **k: made.append(analyse(*a, **k)) or made[-1])
     f, K = now.f, now.reference.K
     cache = FactorCache(now.reference.R[:, :0], backend)

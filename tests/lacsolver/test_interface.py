@@ -17,6 +17,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.rows import macro_rows
+from tests.lacsolver.finite_cases import waves
 from tests.lacsolver.key_meshes import nodes_of, overhang
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
 from verification.meshes.stacks import tilt
@@ -35,12 +36,7 @@ ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
 @cache
 def wavy(slave, master, dim, gap=0.1, counts=(3, 4), margin=0.0):
     """Two blocks that wave, from x = 1 on; the slave stops short of its master's rim by `margin` on each side."""
-    mesh = stack(slave, master, dim, counts=counts, gap=gap, skew=0.1)
-    x, up, low = mesh.points.copy(), dim - 1, nodes_of(mesh, "lower")
-    x[low, :up] = 0.5 + (1 - 2 * margin) * (x[low, :up] - 0.5)
-    x[:, up] += 0.1 * np.sin(2.1 * x[:, :up].sum(axis=1))
-    x[:, 0] += 1.0
-    return zone_of(Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=dim))
+    return zone_of(waves(slave, master, dim, gap=gap, counts=counts, margin=margin))
 
 
 def zone_of(mesh, slave="slave", master="master"):

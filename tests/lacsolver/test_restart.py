@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
 import json
 import os
 import shutil
@@ -28,6 +27,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.running import run
 from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
+from tests.lacsolver.tables import table
 
 HEAD = """mesh = "blocks.msh"
 model = "{model}"
@@ -174,13 +174,6 @@ def whole(folder, kept):
 
 def solve(*words):
     assert main(["run", *words, "-q"]) == 0
-
-
-def table(path):
-    """The columns of a table."""
-    with path.open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    return {name: np.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
 
 def kind_of(column):

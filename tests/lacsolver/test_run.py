@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import time
 from dataclasses import replace
@@ -24,6 +23,7 @@ from lacsolver.running import Clock, run
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_of, pressed
 from tests.lacsolver.key_meshes import overhang, punch
 from tests.lacsolver.patch_meshes import stack, three_blocks
+from tests.lacsolver.tables import table
 
 #: its slave is finer than its master, which is said
 pytestmark = pytest.mark.filterwarnings("ignore:pressures of contact 'foot' alternate")
@@ -83,9 +83,7 @@ class Made:
         self.states = list(march(self.problem))
 
     def table(self, name):
-        with (self.folder / f"{name}.csv").open(newline="") as file:
-            rows = list(csv.DictReader(file))
-        return {column: np.array([float(row[column] or "nan") for row in rows]) for column in rows[0]}
+        return table(self.folder / f"{name}.csv")
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.saddle.tolerances import LinearTolerance
 from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, YOUNG, at, held, pressed
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.systems import saddle, solve_rows, system
+from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
 KINDS = {
@@ -27,22 +27,28 @@ KINDS = {
 for_kinds = pytest.mark.parametrize("kind", KINDS)
 
 
-def solved(s, active, goal=EXACT, q0=None, p0=None):
+def solved(s, active, goal=EXACT, q0=None, p0=None, K=None):
     n, m = len(s.K), len(s.B)
     q0, p0 = np.zeros(n) if q0 is None else q0, np.zeros(m) if p0 is None else p0
     turning = csr_array(s.C) if s.C.any() else None
-    return solve_rows(s.held, s.rows, np.asarray(active), s.f, s.G, q0, p0, goal, turning)
+    return solve_rows(s.held if K is None else K, s.rows, np.asarray(active), s.f, s.G, q0, p0, goal, turning)
+
+
+def held_by_cycles(s):
+    """K of a small system with a hierarchy, which is the coarsest level alone."""
+    return factorised(csr_array(s.K), s.R, backend="multigrid")
 
 
 @for_kinds
 @pytest.mark.parametrize("seed", range(5))
-def test_the_saddle_system(kind, seed):
+@pytest.mark.parametrize("multigrid", [False, True], ids=["factor", "multigrid"])
+def test_the_saddle_system(kind, seed, multigrid):
     s = system(seed, **KINDS[kind])
-    rng = np.random.default_rng(seed)
+    rng, K = np.random.default_rng(seed), held_by_cycles(s) if multigrid else s.held
     for size in (4, 9, 12):
         active = np.sort(rng.permutation(12)[:size])
         q0, p0 = rng.normal(size=30), rng.normal(size=12)
-        made = solved(s, active, q0=q0, p0=p0)
+        made = solved(s, active, q0=q0, p0=p0, K=K)
         q, p = saddle(s, active, q0)
         np.testing.assert_allclose(made.q, q, atol=1e-10 * np.abs(q).max())
         np.testing.assert_allclose(made.p, p, atol=1e-10 * np.abs(p).max())
@@ -102,7 +108,7 @@ def test_the_gap_that_need_not_be_closed(relative, absolute, moved, stops):
 # ---- on a mesh
 
 
-def moment(count, free=False, ratio=1.0):
+def moment(count, free=False, ratio=1.0, backend="auto", threads=1):
     """Two blocks pressed together by a load that is not uniform: the instant at the end of the step.
 
     `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one.
@@ -112,7 +118,8 @@ def moment(count, free=False, ratio=1.0):
     upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
     upper = MATERIAL.replace(f"young = {YOUNG}", f'groups = ["upper"]\nyoung = {YOUNG * ratio}')
     lower = MATERIAL + 'groups = ["lower"]\n'
-    text = HEAD.format(model="3d") + lower + upper + JOINT + fixed + upright + pressed("top", "1 + x * y")
+    head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
+    text = head + lower + upper + JOINT + fixed + upright + pressed("top", "1 + x * y")
     return LoadStep(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import importlib
 import json
 import subprocess
@@ -15,6 +14,7 @@ import pytest
 import lacmesh
 from lacsolver.cli import main
 from lacsolver.pictures.frames import read_frames
+from tests.lacsolver.tables import table
 
 SLIDING = Path(__file__).resolve().parents[2] / "data" / "sliding"
 CASES = sorted(path.stem for path in SLIDING.glob("*.toml"))
@@ -38,10 +38,7 @@ def solved(folder, name, *changes):
         mesh.write_bytes((SLIDING / mesh.name).read_bytes())
     (folder / f"{name}.toml").write_text(text, encoding="utf-8")
     assert main(["run", str(folder / f"{name}.toml"), "-q"]) == 0
-    with (folder / name / "history.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    table = {key: np.array([float(row[key] or "nan") for row in rows]) for key in rows[0]}
-    return table, json.loads((folder / name / "results.json").read_text())
+    return table(folder / name / "history.csv"), json.loads((folder / name / "results.json").read_text())
 
 
 def test_there_is_a_case_for_each_mesh():
@@ -91,27 +88,27 @@ def test_skins_turn_outward_and_cells_are_right_handed(script):
 
 def test_the_ring_lies_down_on_the_block(tmp_path):
     """The first twelve steps: one contact, alike on both sides, in balance."""
-    table, told = solved(tmp_path, "ring", ("uy = -90.0", 'uy = "-90 * t"'), ("count = 20", "end = 0.6\ncount = 12"))
+    columns, told = solved(tmp_path, "ring", ("uy = -90.0", 'uy = "-90 * t"'), ("count = 20", "end = 0.6\ncount = 12"))
     assert max(told["balance"].values()) <= 1e-12
-    down, foot = table["reaction.ends.y"], table["reaction.bottom.y"]
+    down, foot = columns["reaction.ends.y"], columns["reaction.bottom.y"]
     assert np.allclose(down, -foot, rtol=0, atol=1e-7 * np.abs(down).max())
-    assert np.abs(table["reaction.ends.x"]).max() < 1e-7 * np.abs(down).max()
-    touched = table["time"] > 20 / 90
+    assert np.abs(columns["reaction.ends.x"]).max() < 1e-7 * np.abs(down).max()
+    touched = columns["time"] > 20 / 90
     assert np.abs(down[~touched]).max() < 1e-9 * np.abs(down).max() and (np.diff(-down[touched]) > 0).all()
     # the block is pressed down in its middle first, later more where one of the two contacts will be
-    middle, side = ([np.interp(t, table["time"], table[f"probe.{p}.uy"]) for t in (0.4, 0.6)] for p in ("PA", "PB"))
+    middle, side = ([np.interp(t, columns["time"], columns[f"probe.{p}.uy"]) for t in (0.4, 0.6)] for p in ("PA", "PB"))
     assert middle[0] < -4 < side[0] < 0 and side[1] < middle[1] - 1
 
 
 @pytest.mark.slow
 def test_the_ball_keeps_its_volume(tmp_path, script):
     script("make_ball").main(tmp_path / "ball.msh", 5, 3)
-    table, told = solved(tmp_path, "ball", ("count = 20", "count = 8"))
-    top, bottom = table["reaction.top_plate.y"], table["reaction.bottom_plate.y"]
-    assert np.allclose(top, -bottom, rtol=1e-9) and top[-1] < 3 * np.interp(0.5, table["time"], top) < -75
-    assert np.abs(table["reaction.at [0, 0].y"]).max() < 1e-9 * np.abs(top).max()
+    columns, told = solved(tmp_path, "ball", ("count = 20", "count = 8"))
+    top, bottom = columns["reaction.top_plate.y"], columns["reaction.bottom_plate.y"]
+    assert np.allclose(top, -bottom, rtol=1e-9) and top[-1] < 3 * np.interp(0.5, columns["time"], top) < -75
+    assert np.abs(columns["reaction.at [0, 0].y"]).max() < 1e-9 * np.abs(top).max()
     assert told["balance"]["force"] <= 1e-12
-    assert table["probe.top_plate.uy"][-1] == -4.0
+    assert columns["probe.top_plate.uy"][-1] == -4.0
     frames = read_frames(tmp_path / "ball", "stress")
     x = frames.frames[-1].x
     own = np.isfinite(frames.frames[-1].value)  # the plates have no stress
@@ -119,9 +116,9 @@ def test_the_ball_keeps_its_volume(tmp_path, script):
     assert np.ptp(x[own, 1]) == pytest.approx(12.0, abs=0.12)
     before = volume(frames.surface, undeformed(tmp_path / "ball", frames.surface))
     assert volume(frames.surface, x) == pytest.approx(before, rel=0.01)
-    area = table["contact.top.area"]
+    area = columns["contact.top.area"]
     assert (np.diff(area) > -1e-6 * area[:-1]).all() and area[-1] > 150
-    assert table["probe.equator.ux"][-1] > 1.0
+    assert columns["probe.equator.ux"][-1] > 1.0
 
 
 def undeformed(folder, surface):
@@ -139,10 +136,10 @@ def volume(surface, x):
 def test_ironing_costs_no_force_in_the_mean(tmp_path, script):
     """Without friction: the drag is odd about the middle of the block, its ripple little beside the push."""
     script("make_ironing").make_plane(tmp_path / "ironing_2d.msh", 24)
-    table, told = solved(tmp_path, "ironing_2d", ("count = 48", "count = 24"))
+    columns, told = solved(tmp_path, "ironing_2d", ("count = 48", "count = 24"))
     assert max(told["balance"].values()) <= 1e-12
-    on = table["time"] > 1 + 1e-9
-    way, drag, push = (table[name][on] for name in ("probe.top.ux", "reaction.top.x", "reaction.top.y"))
+    on = columns["time"] > 1 + 1e-9
+    way, drag, push = (columns[name][on] for name in ("probe.top.ux", "reaction.top.x", "reaction.top.y"))
     push = -push
     assert way[-1] == 4.5 and (push > 0).all()
     assert abs(drag.mean()) < 2e-3 * push.mean()
@@ -154,26 +151,16 @@ def ripple(way, force):
     return np.abs(force - np.polyval(np.polyfit(way, force, 5), way)).max()
 
 
-@pytest.mark.slow
-def test_ironing_in_space_begins_well(tmp_path):
-    steps = "times = [0.5, 1.0, 1.2]"
-    table, told = solved(tmp_path, "ironing_3d", ("end = 4.0\ncount = 36", steps))
-    assert max(told["balance"].values()) <= 1e-12
-    push = -table["reaction.top.z"]
-    assert push[0] > 0 and push[1] > push[0] and push[2] == pytest.approx(push[1], rel=0.1)
-    assert np.abs(table["reaction.top.x"][2:]).max() < 0.02 * push[1]
-
-
 def test_the_hook_snaps_in(tmp_path):
     """Pushed on until it is behind the ledge: up the slope, along the top, pulled on by itself, free again."""
-    table, told = solved(tmp_path, "snap_fit", ("end = 1.25\ncount = 50", "end = 1.0\ncount = 10"))
-    force, lift = table["reaction.base.x"], table["probe.tip.uy"]
+    columns, told = solved(tmp_path, "snap_fit", ("end = 1.25\ncount = 50", "end = 1.0\ncount = 10"))
+    force, lift = columns["reaction.base.x"], columns["probe.tip.uy"]
     peak = int(force.argmax())
     assert force[peak] > 0.1 and lift[peak] > 1.5
     # on top the ledge carries a cantilever, 32.3 long up to the crest, bent by 2.5: 3 E I / L^3 of a plate
-    on_top = np.interp(0.6, table["time"], table["reaction.ledge.y"])
+    on_top = np.interp(0.6, columns["time"], columns["reaction.ledge.y"])
     assert on_top == pytest.approx(3 * 2000 / (1 - 0.35**2) * 2.0**3 / 12 * 2.5 / 32.3**3, rel=0.1)
     assert force[peak:].min() < -0.05
     assert abs(force[-1]) < 1e-9 * force[peak] and abs(lift[-1]) < 1e-9 and told["energy"] < 1e-12
     zone = told["contact"]["slave"]
-    assert zone["active"] == 0 and table["probe.tip.ux"][-1] == pytest.approx(14.5)
+    assert zone["active"] == 0 and columns["probe.tip.ux"][-1] == pytest.approx(14.5)

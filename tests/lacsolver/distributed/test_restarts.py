@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from dataclasses import replace
 
@@ -13,6 +12,7 @@ from lacmesh import read, write
 from lacmesh.partition import distribute_nodes, write_parts
 from tests.lacsolver.distributed.mpi import ROOT, printed
 from tests.lacsolver.distributed.restarts import MIDDLE, pressed, solved
+from tests.lacsolver.tables import table
 
 pytestmark = [pytest.mark.petsc, pytest.mark.filterwarnings("ignore:massless nodes change")]  # few cells
 FOLDERS = ("three", "two_after_three", "one_after_three")
@@ -109,6 +109,4 @@ def test_a_mesh_with_a_node_that_was_moved_is_refused_by_all_processes(folder):
 
 def rows(path):
     """The columns of a table; static steps have no values of a motion."""
-    with path.open() as file:
-        told = [{key: float(value or 0.0) for key, value in row.items()} for row in csv.DictReader(file)]
-    return {key: np.array([row[key] for row in told]) for key in told[0] if key != "iterations"}
+    return {key: np.nan_to_num(values) for key, values in table(path).items() if key != "iterations"}
