@@ -75,7 +75,7 @@ def damaged_texts():
     [pytest.param(suffix, *rest, id=f"{suffix}: {what}") for suffix, what, *rest in damaged_texts()],
 )
 def test_damage_is_one_sentence_with_its_place(suffix, text, says, where, tmp_path):
-    """What else may be wrong is in `tests/bad_input`."""
+    """Small files; many more are in `tests/bad_input`."""
     path = tmp_path / f"bad.{suffix}"
     path.write_text(text)
     with pytest.raises(ReadError, match=says) as caught:
