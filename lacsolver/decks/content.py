@@ -64,11 +64,17 @@ class Amplitude:
 
 @dataclass
 class Interaction:
-    """Surface interaction: `stiffness` of linear contact, None if hard; `tied`; `friction` is never taken."""
+    """Surface interaction: `stiffness` of linear contact, None if hard; `tied`; and its friction.
+
+    `friction`: coefficient from each step on, -1 for the model's, inf if rough; `shear_limit`: the largest stress of
+    friction, None without a limit.
+    """
 
     card: Card
     stiffness: float | None = None
     tied: bool = False
+    friction: dict[int, float] = field(default_factory=dict)
+    shear_limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -122,7 +128,7 @@ class DeckStep:
 
     `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
     `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
-    for; such a step takes no time, and goes at its end.
+    for; such a step takes no time, and goes at its end. `changing`: the last *CHANGE FRICTION in it.
     """
 
     card: Card
@@ -136,6 +142,7 @@ class DeckStep:
     sudden: bool = False
     alpha: float | None = None
     modes: int = 0
+    changing: Card | None = None
 
     @property
     def origin(self) -> Card:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacsolver.decks.cards import Card, DeckLine, Lacking, Refused
+from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
 from lacsolver.decks.content import (
     Amplitude,
     DeckContent,
@@ -108,11 +109,41 @@ def behavior(deck: DeckContent, card: Card) -> None:
 
 
 def friction(deck: DeckContent, card: Card) -> None:
-    """Refuse friction, unless it belongs to tied contact or is 0."""
-    which = deck.interaction
-    value = card.first("the coefficient of friction").number(0, "the coefficient of friction", 0.0)
-    if value and not which.tied:
-        raise Lacking("contact in lacsolver is without friction; take the card out if it may slip freely")
+    """Take Coulomb friction, with a largest stress (TAUMAX), or ROUGH surfaces, which do not slip while they touch."""
+    which, now = _with_friction(deck)
+    if "ROUGH" in card.options:
+        which.friction[now] = math.inf
+        return
+    row = card.single("the coefficient of friction")
+    value = row.number(0, "the coefficient of friction", 0.0)
+    if value < 0:
+        raise Refused(f"the coefficient of friction should not be negative, and is {value:g}", row)
+    if "TAUMAX" in card.options:
+        limit = card.number("TAUMAX")
+        if not limit > 0:
+            raise Refused(f"TAUMAX should be positive, not {limit:g}")
+        if now >= 0:
+            raise Refused("lacsolver has one TAUMAX for all steps; give it in the model's *FRICTION")
+        which.shear_limit = limit
+    which.friction[now] = value
+    slope = row.number(1, "the stick slope", 0.0)
+    if value and slope and not which.tied:
+        deck.note(card, f"its stick slope of {slope:g} is not needed: what sticks does not slip at all here", row)
+
+
+def change_friction(deck: DeckContent, card: Card) -> None:
+    """Begin the change of the friction of a surface interaction from a step on; *FRICTION follows."""
+    look_up(deck.interactions, card.needed("INTERACTION"), "*SURFACE INTERACTION")
+    deck.step.changing = card
+
+
+def _with_friction(deck: DeckContent) -> tuple[Interaction, int]:
+    """Return the surface interaction that *FRICTION belongs to, and the step, -1 before the first. Raises Refused."""
+    if not deck.in_step:
+        return deck.interaction, -1
+    if deck.step.changing is None:
+        raise Refused("in a step it belongs after *CHANGE FRICTION, INTERACTION=name; write that")
+    return deck.interactions[key_of(deck.step.changing.needed("INTERACTION"))], len(deck.steps) - 1
 
 
 def contact_pair(deck: DeckContent, card: Card) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,7 +13,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.skin import FaceIncidence
 from lacsolver.decks.cards import Card, Refused, look_up
-from lacsolver.decks.content import DeckContent, DeckSection, Interaction, Pair
+from lacsolver.decks.content import DeckContent, DeckSection, DeckStep, Interaction, Pair
 from lacsolver.decks.draft import AXES, MODELS, CaseDraft
 from lacsolver.decks.histories import JUMP
 from lacsolver.decks.names import SIDES
@@ -171,8 +172,9 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
     stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
+    friction = _friction(draft, law) if law else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
-    draft.add("contact", keys | stiffness | normals | dict(first.keys), first.card)
+    draft.add("contact", keys | stiffness | friction | normals | dict(first.keys), first.card)
 
 
 def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], master: tuple[str, Ints]) -> bool:
@@ -208,11 +210,27 @@ def _removed(
     if slave in draft.clearances:
         raise Refused("contact that is removed for some steps has no *CLEARANCE; take one of them out", None, card)
     far = 10 * float(np.linalg.norm(np.ptp(draft.groups.mesh.points, axis=0)))
-    there = {step: far * (not added) for step, added, _ in changes}
-    steps = draft.deck.steps
-    values = [there[max(k for k in there if k <= now)] if min(there) <= now else 0.0 for now in range(len(steps))]
-    points = [(0.0, values[0])]
-    for step, value in zip(steps, values, strict=True):
+    return _from_step_on({-1: 0.0} | {step: far * (not added) for step, added, _ in changes}, draft.deck.steps)
+
+
+def _friction(draft: CaseDraft, law: Interaction) -> dict[str, Any]:
+    """Return the keys of friction: a number, or a table of times if steps change it. Raises Refused."""
+    if not any(law.friction.values()):
+        return {}
+    values = {-1: 0.0} | law.friction
+    points = _from_step_on(values, draft.deck.steps)
+    coefficients = {value for _, value in points}
+    if len(coefficients) > 1 and math.inf in coefficients:
+        raise Refused("surfaces that are ROUGH in some steps alone are not taken; give a coefficient", None, law.card)
+    limit = {} if law.shear_limit is None else {"shear_limit": law.shear_limit}
+    return {"friction": points if len(coefficients) > 1 else coefficients.pop()} | limit
+
+
+def _from_step_on(values: dict[int, float], steps: list[DeckStep]) -> list[list[float]]:
+    """Return a table of times for values, each from a step on, and -1 for the model's, which jump as a step begins."""
+    now = [values[max(k for k in values if k <= number)] for number in range(len(steps))]
+    points = [(0.0, now[0] if now else values[-1])]
+    for step, value in zip(steps, now, strict=True):
         if value != points[-1][1]:
             points.append((step.begin + JUMP * step.period, value))
         points.append((step.end, value))

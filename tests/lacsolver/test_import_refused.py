@@ -83,7 +83,19 @@ REFUSED = {
         "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n0.\n",
         "", "SURFACE BEHAVIOR", "should be positive",
     ),
-    "friction": ("*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2\n", "", "FRICTION", "without friction"),
+    "friction below 0": ("*SURFACE INTERACTION, NAME=S\n*FRICTION\n-0.2\n", "", "FRICTION", "should not be negative"),
+    "friction of the slip rate": (
+        "*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2, 0.\n0.1, 1.\n", "", "FRICTION", "give one line",
+    ),
+    "friction without a limit": (
+        "*SURFACE INTERACTION, NAME=S\n*FRICTION, TAUMAX=0.\n0.2\n", "", "FRICTION", "TAUMAX should be positive",
+    ),
+    "friction in a step": ("*SURFACE INTERACTION, NAME=S\n", "*FRICTION\n0.2\n", "FRICTION", "after *CHANGE FRICTION"),
+    "change of no interaction": ("", "*CHANGE FRICTION, INTERACTION=S\n", "CHANGE FRICTION", "SURFACE INTERACTION"),
+    "rough in one step": (
+        SURFACES + "*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",
+        "*STATIC\n*END STEP\n*STEP\n*CHANGE FRICTION, INTERACTION=S\n*FRICTION, ROUGH\n", "SURFACE INTERACTION", "ROUGH in some steps",
+    ),
     "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
     "adjust": (SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=0.1\nTOP, LOW\n", "", "CONTACT PAIR", "ADJUST"),
