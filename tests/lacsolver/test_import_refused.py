@@ -94,7 +94,8 @@ REFUSED = {
     "change of no interaction": ("", "*CHANGE FRICTION, INTERACTION=S\n", "CHANGE FRICTION", "SURFACE INTERACTION"),
     "rough in one step": (
         SURFACES + "*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",
-        "*STATIC\n*END STEP\n*STEP\n*CHANGE FRICTION, INTERACTION=S\n*FRICTION, ROUGH\n", "SURFACE INTERACTION", "ROUGH in some steps",
+        "*STATIC\n*END STEP\n*STEP\n*CHANGE FRICTION, INTERACTION=S\n*FRICTION, ROUGH\n",
+        "SURFACE INTERACTION", "ROUGH in some steps",
     ),
     "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
