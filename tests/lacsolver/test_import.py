@@ -406,3 +406,38 @@ def test_a_deck_as_abaqus_writes_it(tmp_path):
     assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
     assert np.allclose(found.u(above.at(2, 2))[:, 2], -20 / E * 2, rtol=1e-9)
     assert {finding.level for finding in found.made.findings} == {"note"}
+
+
+@pytest.mark.parametrize(
+    ("cards", "friction", "limit"),
+    [
+        ("*FRICTION\n0.3, 1e5\n", 0.3, None),
+        ("*FRICTION, TAUMAX=7.\n0.3\n", 0.3, 7.0),
+        ("*FRICTION, ROUGH\n", np.inf, None),
+        ("*FRICTION\n0.\n", 0.0, None),
+    ],
+)
+def test_friction_of_a_deck(tmp_path, cards, friction, limit):
+    below, above = two_blocks()
+    made = imported(tmp_path, on_each_other(below, above, CONTACT + cards, "*DLOAD\nC_EZ1, P2, 20.\n"))
+    (contact,) = made.case.contact
+    assert contact.friction.source == friction
+    assert (contact.shear_limit and contact.shear_limit.source) == limit
+
+
+def test_friction_that_steps_change(tmp_path):
+    """A block that is pressed and pushed slides with the coefficient of each step."""
+    below, above = Block("B", high=(2, 1, 1), cells=(4, 1, 2)), Block("C", (0, 0, 1), (2, 1, 2), (3, 2, 2), first=10000)
+    deck = below.text() + above.text() + PAIR + section("B", nu=0.0) + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
+    deck += "*BOUNDARY\nB_Z0, 1, 3\nB_Y0, 2\nC_Y0, 2\n" + CONTACT + "*FRICTION\n0.3\n"
+    deck += step("*DLOAD\nC_EZ1, P2, 20.\n*BOUNDARY\nC_X0, 1, 1, 0.1\n")
+    for value in (0.1, 0.0):
+        change = f"*CHANGE FRICTION, INTERACTION=SI\n*FRICTION\n{value}\n"
+        deck += step(change + f"*BOUNDARY\nC_X0, 1, 1, {0.3 - value}\n")
+    found = solved(tmp_path, deck)
+    zones = {round(state.time, 6): state.zones[0] for state in found.states}
+    for time, friction in ((1.0, 0.3), (2.0, 0.1), (3.0, 0.0)):
+        force, along = (zones[time].traction * zones[time].area[:, None]).T, np.abs(zones[time].traction[:, :2])
+        assert abs(force[2].sum()) == pytest.approx(40, rel=1e-9)
+        assert abs(force[0].sum()) == pytest.approx(40 * friction, rel=1e-4, abs=1e-8)
+        assert np.allclose(np.hypot(*along.T), friction * zones[time].pressure, rtol=1e-8, atol=1e-8)
