@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
+from lacmesh.checks.rules import named
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
@@ -235,4 +236,4 @@ def _refusal(pair: ContactPair, judgement: Judgement, space: Space, constraints:
     message = f"{int(judgement.lacking.sum()):,} of {zone.n_macros:,} macro-elements of slave {record.slave!r} have no "
     message += f"internal dof that is free, for {why}, and master {record.master!r} has only {judgement.nodes:,} free "
     message += "nodes in front of them, which do not determine as many pressures"
-    return f"{message}; exchange slave and master, or refine the master"
+    return named(f"{message}; exchange slave and master, or refine the master", "fixed-internal-dof")

@@ -86,7 +86,8 @@ def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Itera
     place = ", ".join(space.told(positions(face.slave, points)[k] + space.origin))
     message = f"slave {joint.record.slave!r} overlaps master {joint.record.master!r} by {depth[k]:.4g} in the mesh, "
     message += f"{worst:.2g} of a macro-element's size, near ({place}), and contact presses it apart"
-    yield f"{message}; move the bodies apart or give a clearance, or, if it is meant, give max_penetration above it"
+    advice = "move the bodies apart or give a clearance, or, if it is meant, give max_penetration above it"
+    yield named(f"{message}; {advice}", "gap")
 
 
 def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
@@ -101,7 +102,7 @@ def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:
     message += f"{joint.record.master!r}, deeper than a master is looked for: by up to {depth[worst]:.6g}, "
     message += f"near ({place})"
     advice = "move the bodies apart, or set max_penetration above that, and well below the bodies' thickness"
-    raise wrong(joint.record, f"{message}; {advice}")
+    raise wrong(joint.record, named(f"{message}; {advice}", "wrong-side"))
 
 
 def depths(joint: ContactPair, face: Interface, space: Space) -> NDArray[np.floating]:
