@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
@@ -67,9 +67,14 @@ class Program:
             gc.set_threshold(*often)
             (gc.enable if before else gc.disable)()
 
-    @cached_property
+    @property
     def parser(self) -> argparse.ArgumentParser:
-        """Parser of the arguments of all commands; a process that runs several builds it once."""
+        """Parser of the arguments of all commands."""
+        return self._parser(self.commands)
+
+    @cache  # noqa: B019 - programs are few and stay; a process that runs several commands builds a parser once
+    def _parser(self, commands: tuple[str, ...]) -> argparse.ArgumentParser:
+        """Parser of the arguments of some commands: to declare those of all takes a tenth of a start."""
         parser = _Parser(
             prog=self.name,
             description=self.description,
@@ -77,19 +82,20 @@ class Program:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.add_argument("--version", action="version", version=f"{self.name} {__version__}")
-        commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-        for name in self.commands:
+        subparsers = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+        for name in commands:
             module = f"{name}_" if iskeyword(name) else name
-            import_module(f"{self.package}.{module}").add(commands)
+            import_module(f"{self.package}.{module}").add(subparsers)
         return parser
 
     def _main(self, argv: Sequence[str] | None) -> int:
         _open_streams()
         _keep_memory()
-        args = argparse.Namespace()
+        args, argv = argparse.Namespace(), sys.argv[1:] if argv is None else argv
+        named = tuple(argv[:1])  # a command comes first; else all are declared, for the help or the message
         with _signals():
             try:
-                self.parser.parse_args(argv, args)
+                self._parser(named if set(named) & set(self.commands) else self.commands).parse_args(argv, args)
                 return self._run(args)
             except (KeyboardInterrupt, Terminated) as error:
                 return self.fail(*self.message(error, args))
