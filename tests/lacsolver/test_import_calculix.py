@@ -63,9 +63,9 @@ def test_every_deck_is_taken_or_names_a_card(shared, tmp_path):
             assert deck.stem not in REFUSED
         except CaseError as refused:
             assert deck.stem not in TAKEN, str(refused)
-            told = re.findall(r"model\.inp, line (\d+): \*([A-Z -]+): ", str(refused))
-            assert len(told) == len(str(refused).splitlines())
-            assert REFUSED.get(deck.stem, told[0][1]) in [card for _, card in told]
+            cards = re.findall(r"\*([A-Z -]+)(?:: | \(model\.inp, line \d+\))", str(refused))
+            assert str(refused).count("model.inp, line ") == len(str(refused).splitlines()) == len(cards)
+            assert REFUSED.get(deck.stem, cards[0]) in cards
 
 
 @pytest.mark.shared
