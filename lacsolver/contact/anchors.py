@@ -78,7 +78,9 @@ class Slip(NamedTuple):
 
 
 class _Directions(NamedTuple):
-    """Normals n (points, 3), and tangents e (points, d - 1, d) with the components c (points, 2), at points of a slave.
+    """Normals n (points, 3) and tangents at points of a slave, e and c of `shear.Tangents`.
+
+    J (points, 3, dim of the skins): tangents of the faces along their coordinates.
 
     With smoothed normals `nodal`, and `size` (points,), that of their interpolation; else None and 1.
     """
@@ -86,6 +88,7 @@ class _Directions(NamedTuple):
     n: Floats
     e: Floats
     c: Floats
+    J: Floats
     nodal: NodalNormals | None
     size: Floats
 
@@ -133,14 +136,13 @@ def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Fl
     at = _directions(face.zone, slave, anchors.slave, anchors.xi_slave, pairing, d)
     y = places(slave, anchors.slave, anchors.xi_slave) - places(master, anchors.master, anchors.xi_master)
     S = integrals(np.einsum("pas,ps->pa", at.e, y[:, :d]), anchors.macro, anchors.weight, m)
-    J = tangents(slave, anchors.slave, anchors.xi_slave)
     of_dn = -(at.n * y).sum(axis=1)[:, None, None] * at.e
-    arms = np.zeros((len(y), J.shape[2], d - 1, d))
+    arms = np.zeros((len(y), d - 1, d - 1, d))
     if d == 3:
-        _add_spin(at, J, y, of_dn, arms)
+        _add_spin(at, y, of_dn, arms)
     if at.nodal is None:
-        dual = dual_vectors(J)[:, :d]
-        arms -= np.einsum("pks,psa->pak", of_dn, dual)[..., None] * at.n[:, None, None, :d]
+        along = of_dn @ dual_vectors(at.J)[:, :d]
+        arms -= along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
     weight = anchors.weight[:, None, None]
     D_T = macro_rows(anchors, slave, master, weight * at.e, m, weight[..., None] * arms)
     if at.nodal is not None:
@@ -150,9 +152,9 @@ def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Fl
     return S, D_T
 
 
-def _add_spin(at: _Directions, J: Floats, y: Floats, of_dn: Floats, arms: Floats) -> None:
+def _add_spin(at: _Directions, y: Floats, of_dn: Floats, arms: Floats) -> None:
     """Add the terms of the tangents' spin about n to the vectors that dn and dv/dxi^a are multiplied by."""
-    a_1 = np.einsum("psa,pa->ps", J, at.c)
+    a_1 = np.einsum("psa,pa->ps", at.J, at.c)
     out = (a_1 * at.n).sum(axis=1)
     size = (a_1 * at.e[:, 0]).sum(axis=1)  # of the part of a_1 that is normal to n
     turned = np.stack([(at.e[:, 1] * y).sum(axis=1), -(at.e[:, 0] * y).sum(axis=1)], axis=1)
@@ -164,8 +166,9 @@ def _add_spin(at: _Directions, J: Floats, y: Floats, of_dn: Floats, arms: Floats
 
 def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pairing, d: int) -> _Directions:
     """Return the normals of a pairing, and the tangents, at points of a slave as it is deformed."""
+    J = tangents(slave, face, xi)
     if pairing.normals == "facet":
-        n, nodal, size = unit(normals_of(tangents(slave, face, xi))), None, np.ones(len(face))
+        n, nodal, size = unit(normals_of(J)), None, np.ones(len(face))
     else:
         nodal = nodal_normals(slave, pairing.crease_angle, d, skins_of(slave, zone.master)[1])
         H = np.empty((len(face), 3))
@@ -173,4 +176,4 @@ def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pai
             h = nodal.n[nodal.of_faces[face[rows], : nodes.shape[1]]]
             H[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : slave.dim]), h)
         n, size = unit(H), np.linalg.norm(H, axis=1)
-    return _Directions(n, *frames(zone, slave, face, xi, n), nodal, size)
+    return _Directions(n, *frames(zone, face, xi, n, J), J, nodal, size)

@@ -18,8 +18,9 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
     """Yield the points on faces by the type of their face: (rows, type, nodes (k, n))."""
     kind = surface.faces.type[face]
-    for code in np.unique(kind):
-        rows = np.flatnonzero(kind == code)
+    codes = np.unique(kind)
+    for code in codes:
+        rows = np.flatnonzero(kind == code) if len(codes) > 1 else slice(None)
         yield rows, FACE_TYPES[code], surface.faces.nodes[face[rows], : N_NODES[code]]
 
 
@@ -35,7 +36,7 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
     out = np.empty((len(face), 3, surface.dim))
     for rows, name, nodes in by_type(surface, face):
-        out[rows] = np.einsum("pnd,pns->psd", gradient(name, xi[rows, : surface.dim]), surface.x[nodes])
+        out[rows] = surface.x[nodes].transpose(0, 2, 1) @ gradient(name, xi[rows, : surface.dim])
     return out
 
 

@@ -26,7 +26,7 @@ from lacmesh.surface.normals import normals_of
 from lacmesh.surface.record import mean_normals
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.rows import macro_rows
-from lacsolver.contact.shear import frames, integrals, jump_rows
+from lacsolver.contact.shear import Tangents, frames, integrals, jump_rows
 from lacsolver.contact.zone import Zone
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.space import Space
@@ -72,7 +72,8 @@ class Interface:
     over w, NaN where nothing is covered; `centre`, `normal` (m, d); `length` (m,): size of each macro-element.
     `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
     `slave`, `master`: the skins in this configuration. With friction, else None: `B_T` (m (d - 1), n_dof), the slip
-    along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of the tangents.
+    along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of
+    the `tangents` at the points.
     """
 
     zone: Zone
@@ -91,6 +92,7 @@ class Interface:
     length: Floats
     B_T: csr_array | None = None
     frame: Floats | None = None
+    tangents: Tangents | None = None
 
     @cached_property
     def all_rows(self) -> csr_array:
@@ -189,7 +191,8 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
     """Return the rows d m + k of the jump along each axis k, (d m, n_dof)."""
     if np.abs(points.ray).max(initial=0.0) > _ROUNDING * slave.size.max():
         axes = np.broadcast_to(np.eye(dim), (len(points), dim, dim))
-        rows = jump_rows(slave, master, points, weight, axes, m)
+        J = tangents(slave, points.slave, points.xi_slave)
+        rows = jump_rows(slave, master, points, weight, axes, m, J)
         rows.eliminate_zeros()
         return rows
     scalar = macro_rows(points, slave, master, np.ascontiguousarray(weight[:, None]), m)
@@ -199,10 +202,12 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
 def _with_shear(face: Interface, share: Share) -> Interface:
     """Return an interface with its tangential rows, and the means of its tangents."""
     points, m = face.points, len(face.w)
-    e = frames(face.zone, face.slave, points.slave, points.xi_slave, points.normal).e
-    B_T = share.add_matrices(jump_rows(face.slave, face.master, points, face.weight, e, m), (False, True))
+    J = tangents(face.slave, points.slave, points.xi_slave)
+    directions = frames(face.zone, points.slave, points.xi_slave, points.normal, J)
+    e = directions.e
+    B_T = share.add_matrices(jump_rows(face.slave, face.master, points, face.weight, e, m, J), (False, True))
     sums, w = share.total(integrals(e, points.macro, face.weight, m)), face.w[:, None, None]
-    return replace(face, B_T=B_T, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))
+    return replace(face, B_T=B_T, tangents=directions, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))
 
 
 def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:

@@ -71,31 +71,33 @@ class Tangents(NamedTuple):
     c: Floats
 
 
-def frames(zone: Zone, slave: Surface, face: Ints, xi: Floats, n: Floats) -> Tangents:
+def frames(zone: Zone, face: Ints, xi: Floats, n: Floats, J: Floats) -> Tangents:
     """Return the tangents at points xi (points, 2) of faces with unit normals n (points, 3).
 
-    `slave`: the zone's slave as it is deformed.
+    `J` (points, 3, dim of the skins): tangents of the faces along their coordinates, as they are deformed.
     """
-    if slave.dim == 1:
+    if J.shape[2] == 1:
         return Tangents(np.stack([-n[:, 1], n[:, 0]], axis=1)[:, None], np.tile([1.0, 0.0], (len(n), 1)))
     c = _components(zone, face, xi)
-    a = np.einsum("psa,pa->ps", tangents(slave, face, xi), c)
+    a = np.einsum("psa,pa->ps", J, c)
     e = unit(a - (a * n).sum(axis=1, keepdims=True) * n)
     return Tangents(np.stack([e, np.cross(n, e)], axis=1), c)
 
 
 def jump_rows(
-    slave: Surface, master: Surface, points: ContactPoints, weight: Floats, e: Floats, m: int
+    slave: Surface, master: Surface, points: ContactPoints, weight: Floats, e: Floats, m: int, J: Floats
 ) -> csr_array:  # fmt: skip
-    """Return the rows int e_alpha.(v(x) + r dn(v) - v(x_bar)), (m k, n_dof), of directions e (points, k, d)."""
+    """Return the rows int e_alpha.(v(x) + r dn(v) - v(x_bar)), (m k, n_dof), of directions e (points, k, d).
+
+    `J` (points, 3, dim of the skins): tangents of the slave's faces.
+    """
     d = e.shape[2]
-    J = tangents(slave, points.slave, points.xi_slave)
     dual, N, n = dual_vectors(J), unit(normals_of(J)), points.normal
     lean, share = np.einsum("psa,ps->pa", dual, n), (N * n).sum(axis=1)
-    along = np.einsum("pks,psa->pak", e, dual[:, :d])
-    arms = lean[:, :, None, None] * e[:, None] - (share[:, None, None] * along)[..., None] * N[:, None, None, :d]
-    moment_arm = weight * points.ray
-    return macro_rows(points, slave, master, weight[:, None, None] * e, m, moment_arm[:, None, None, None] * arms)
+    along = share[:, None, None] * (e @ dual[:, :d]).transpose(0, 2, 1)
+    arms = lean[:, :, None, None] * e[:, None] - along[..., None] * N[:, None, None, :d]
+    arms *= (weight * points.ray)[:, None, None, None]
+    return macro_rows(points, slave, master, weight[:, None, None] * e, m, arms)
 
 
 def integrals(e: Floats, macro: Ints, weight: Floats, m: int) -> NDArray[np.floating]:

@@ -46,6 +46,7 @@ from lacsolver.contact.chain import (
     new_room,
 )
 from lacsolver.contact.edges import edges_of
+from lacsolver.contact.faces import tangents
 from lacsolver.contact.interface import Interface, Pairing, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
@@ -177,8 +178,9 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     edges, rows = _edges(face, slave, master, pairing, dim, H)
     loops, directions = (Loop(inside, face.weight, face.distance, runs), edges), None
     if pairing.friction:
-        at = frames(face.zone, slave, points.slave, points.xi_slave, points.normal)
-        directions = at, frames(face.zone, slave, rows, edges.points.xi_s, edges.points.normal)
+        assert face.tangents is not None
+        J = tangents(slave, rows, edges.points.xi_s)
+        directions = face.tangents, frames(face.zone, rows, edges.points.xi_s, edges.points.normal, J)
     return Motion(skins, nodes, slave.x.shape[0], dim, loops, normals, directions)
 
 
