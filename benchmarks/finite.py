@@ -19,9 +19,9 @@ from assembly import body, in_turn, seconds
 from meshes import box
 
 from lacmesh import Mesh
-from lacsolver.bodies import finite
 from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.pointwise import DisplacedBodies
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.problem import loads
 from lacsolver.space.space import Space
@@ -51,10 +51,13 @@ def against_linear(cell, n, repeats):
         laws = Materials.of(space, law)
         runs = {
             "linear": lambda: assemble_stiffness(space, linear),
-            "f and K": lambda m=laws: (finite.internal_force(space, m, u), finite.tangent(space, m, u)),
-            "f": lambda m=laws: finite.internal_force(space, m, u),
-            "energy": lambda m=laws: finite.energy(space, m, u),
-            "Cauchy stress": lambda m=laws: finite.cauchy_stress(space, m, u),
+            "f and K": lambda m=laws: (
+                DisplacedBodies(space, m, u).internal_force(),
+                DisplacedBodies(space, m, u).tangent(),
+            ),
+            "f": lambda m=laws: DisplacedBodies(space, m, u).internal_force(),
+            "energy": lambda m=laws: DisplacedBodies(space, m, u).energy(),
+            "Cauchy stress": lambda m=laws: DisplacedBodies(space, m, u).cauchy_stress(),
         }
         took = in_turn(runs, repeats)
         for what in list(runs)[1:]:
@@ -69,7 +72,7 @@ def against_linear(cell, n, repeats):
 def two_threads(cell, n, repeats):
     space, u = displaced(cell, n)
     laws = Materials.of(space, LAWS["neo-Hookean"])
-    runs = {k: (lambda k=k: finite.tangent(space, laws, u, threads=k)) for k in (1, 2)}
+    runs = {k: (lambda k=k: DisplacedBodies(space, laws, u, threads=k).tangent()) for k in (1, 2)}
     took = in_turn(runs, repeats, time.perf_counter)
     ratio = median(a / b for a, b in zip(took[2], took[1], strict=True))
     return (
@@ -84,8 +87,8 @@ def growth(cell, sizes, repeats):
     for n in sizes:
         space, u = displaced(cell, n)
         laws = Materials.of(space, LAWS["neo-Hookean"])
-        finite.tangent(space, laws, u)
-        run = [seconds(lambda s=space, m=laws, v=u: finite.tangent(s, m, v)) for _ in range(repeats)]
+        DisplacedBodies(space, laws, u).tangent()
+        run = [seconds(lambda s=space, m=laws, v=u: DisplacedBodies(s, m, v).tangent()) for _ in range(repeats)]
         took.append(min(run))
         cells.append(len(space.blocks[0].nodes))
         listed.append(f"{cells[-1]:,}: {took[-1]:.2f} s")
@@ -96,9 +99,9 @@ def growth(cell, sizes, repeats):
 def memory(cell, n):
     space, u = displaced(cell, n)
     laws = Materials.of(space, LAWS["neo-Hookean"])
-    finite.tangent(space, laws, u)
+    DisplacedBodies(space, laws, u).tangent()
     tracemalloc.start()
-    K = finite.tangent(space, laws, u)
+    K = DisplacedBodies(space, laws, u).tangent()
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     return (

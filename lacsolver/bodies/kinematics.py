@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies import finite
-from lacsolver.bodies import small as assemble
+from lacsolver.bodies import small
+from lacsolver.bodies.finite import thermal_stretches
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.pointwise import LawHistory, PointwiseBodies
-from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.bodies.small.fields import Field, TemperatureField, checked
+from lacsolver.bodies.points import Field, checked
+from lacsolver.bodies.pointwise import DisplacedBodies, LawHistory
+from lacsolver.bodies.small.fields import TemperatureField
 from lacsolver.linear import Matrix
 from lacsolver.space.space import Space
 
@@ -76,39 +76,41 @@ class Small:
     @cached_property
     def _K(self) -> bsr_array:
         """Stiffness of springs and of cells with linear laws, (n_dof, n_dof)."""
-        K = assemble_stiffness(self.space, self.materials, self.threads)
+        K = small.assemble_stiffness(self.space, self.materials, self.threads)
         return K if self.springs is None else bsr_array(K + self.springs.tobsr(K.blocksize))
 
-    @cached_property
-    def _points(self) -> PointwiseBodies:
-        return PointwiseBodies(self.space, self.materials, self.threads)
+    def _by_points(self, u: Floats, history: LawHistory) -> DisplacedBodies:
+        """Return the cells whose laws are evaluated at points."""
+        return DisplacedBodies(self.space, self.materials, u, None, history, self.threads, finite=False)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return K u, and the forces of laws at points."""
         f = np.asarray(self._K @ checked(self.space, u))
-        return f if self.linear else f + self._points.internal_force(u, history)
+        return f if self.linear else f + self._by_points(u, history).internal_force()
 
     def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> Matrix:
         """Return K, as blocks, and the tangent of laws at points."""
-        return self._K if self.linear else csr_array(self._K + self._points.tangent(u, history))
+        return self._K if self.linear else csr_array(self._K + self._by_points(u, history).tangent())
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of laws at points."""
-        return () if self.linear else self._points.commit(u, history)
+        return () if self.linear else self._by_points(u, history).commit()
 
     def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
-        """Return the stress C (strain - thermal strain)."""
+        """Return the stress C (strain - thermal strain), and that of laws at points."""
         space, materials, threads = self.space, self.materials, self.threads
-        made = assemble.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
-        return made if self.linear else self._points.with_stress(made, u, history)
+        stress = small.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
+        if self.linear:
+            return stress
+        return tuple(a + b for a, b in zip(stress, self._by_points(u, history).cauchy_stress(), strict=True))
 
     def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
         inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz; laws at points: zeros
-        total = _stored(self.space, self.springs, u) + (0.0 if self.linear else self._points.energy(u, history))
+        total = _stored(self.space, self.springs, u) + (0.0 if self.linear else self._by_points(u, history).energy())
         space = self.space
-        parts = zip(self.stress(u, t, history), assemble.weights(space), self.materials.law, space.blocks, strict=True)
+        parts = zip(self.stress(u, t, history), small.weights(space), self.materials.law, space.blocks, strict=True)
         for stress, w, law, block in parts:
             for k in np.unique(law):
                 rows = (law == k) & space.own_cells(block)
@@ -133,47 +135,37 @@ class Finite:
     finite = True
     linear = False
 
-    @cached_property
-    def _points(self) -> PointwiseBodies:
-        return PointwiseBodies(self.space, self.materials, self.threads, finite=True)
+    def at(self, u: Floats, t: float, history: LawHistory = ()) -> DisplacedBodies:
+        """Return the bodies without the springs."""
+        return DisplacedBodies(self.space, self.materials, u, self.stretches(t), history, self.threads)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int of the bodies plus the springs' forces."""
-        theta, threads = self.stretches(t), self.threads
-        f = finite.internal_force(self.space, self.materials, u, stretches=theta, threads=threads)
-        f = f if not self.materials.pointwise else f + self._points.internal_force(u, history)
+        f = self.at(u, t, history).internal_force()
         return f if self.springs is None else f + self.springs @ u
 
     def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K at u."""
-        theta, threads, values = self.stretches(t), self.threads, self._values
-        blocks = finite.tangent(self.space, self.materials, u, stretches=theta, threads=threads, out=values)
-        K = csr_array(blocks.tocsr())
-        K = K if not self.materials.pointwise else csr_array(K + self._points.tangent(u, history))
+        K = csr_array(self.at(u, t, history).tangent(self._values).tocsr())
         return K if self.springs is None else csr_array(K + self.springs)
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
-        """Return the history of laws at points."""
-        return self._points.commit(u, history) if self.materials.pointwise else ()
+        """Return the history of the laws."""
+        return self.at(u, t, history).commit()
 
     def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the Cauchy stress."""
-        theta, threads = self.stretches(t), self.threads
-        made = finite.cauchy_stress(self.space, self.materials, u, stretches=theta, threads=threads)
-        return made if not self.materials.pointwise else self._points.with_stress(made, u, history)
+        return self.at(u, t, history).cauchy_stress()
 
     def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
-        theta, threads = self.stretches(t), self.threads
-        stored = finite.energy(self.space, self.materials, u, stretches=theta, threads=threads)
-        stored += self._points.energy(u, history) if self.materials.pointwise else 0.0
-        return stored + _stored(self.space, self.springs, u)
+        return self.at(u, t, history).energy() + _stored(self.space, self.springs, u)
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
         if t not in self._stretches:
             self._stretches.clear()
-            self._stretches[t] = finite.thermal_stretches(self.space, self.materials, self.temperature, t)
+            self._stretches[t] = thermal_stretches(self.space, self.materials, self.temperature, t)
         return self._stretches[t]
 
     @cached_property

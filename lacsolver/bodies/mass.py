@@ -39,10 +39,10 @@ from scipy.sparse import csr_array, diags_array
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints
+from lacsolver.bodies.assembly import sort_places
 from lacsolver.bodies.material import Materials
+from lacsolver.bodies.points import parts_of, piece, table
 from lacsolver.bodies.small.fields import scatter
-from lacsolver.bodies.small.gradients import block_spans, piece, table
-from lacsolver.bodies.small.stiffness import sort_places
 from lacsolver.space.space import Space
 
 #: degree of N N det J in the module's table: (plane or solid, axisymmetric)
@@ -141,8 +141,8 @@ def _cells(space: Space, materials: Materials) -> Iterator[_CellMass]:
         degree = DEGREE[block.type][space.model.axisymmetric]
         pairs, at = _pairs(block.type, space.model.axisymmetric)
         densities = materials.densities(number)
-        for cells in block_spans(space, number, degree):
-            W = piece(space, number, cells, degree).W * densities[cells, None]
+        for cells in parts_of(space, number, np.arange(len(block.nodes)), degree):
+            W = piece(space, (number, -1, cells), degree).W * densities[cells, None]
             yield _CellMass(block.nodes[cells], W @ pairs, at, W.sum(axis=1))
 
 

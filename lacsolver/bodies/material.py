@@ -4,7 +4,8 @@ A law is a frozen record of constants that gives, in the components of `space.CO
 C (6, 6): stress = C (strain - (T - T0) alpha), and alpha (6,): thermal strain per degree. A model reduces both: plane
 strain and axisymmetry take the first four components, plane stress eliminates the free zz. The assembly reads
 `Materials`: the number of its law for every cell, and one table of C and alpha per law. Laws of finite strains
-(`bodies.finite`) are stored in `Materials` too, and give stress and tangent at each point instead of one C for a cell.
+(`bodies.hyperelastic`), and those that users add, are stored in `Materials` too: they give stress and tangent at each
+point (`PointLaw`) instead of one C for a cell.
 
 Units: young, shear and C in stress; expansion in 1 / temperature; density in mass / volume.
 """
@@ -45,6 +46,39 @@ class Law(Protocol):
 
     def thermal_strain(self) -> NDArray[np.floating]:
         """Return alpha (6,): strain per degree, with engineering shear."""
+
+
+class PointResponse(NamedTuple):
+    """Answer of a law at points (k,): `stress` P (k, 3, 3), `tangent` A (k, 3, 3, 3, 3), and `energy` (k,) per volume.
+
+    P_si is force along s per undeformed area across i (first Piola; under small strains symmetric). A_sitj =
+    dP_si/dH_tj has the symmetry A_sitj = A_tjsi. `history` (k, n_history): the new one, if the step ended here.
+    """
+
+    stress: Floats
+    tangent: Floats
+    energy: Floats
+    history: Floats
+
+
+class PointLaw(Protocol):
+    """Interface of a law that is evaluated at points."""
+
+    #: True for a law of finite strains
+    finite: bool
+    #: number of values that a point keeps from step to step; 0 at the start
+    n_history: int
+
+    @property
+    def density(self) -> float:
+        """Mass per volume."""
+
+    @property
+    def reference_temperature(self) -> float:
+        """Temperature at which there is no thermal strain; a law at points has none at any temperature."""
+
+    def respond(self, H: Floats, history: Floats) -> PointResponse:
+        """Return the response to gradients of displacement H (k, 3, 3), after a history (k, n_history)."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +249,7 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
     with shear across its plane.
     """
     n = model.n_stress
-    if hasattr(law, "respond"):  # evaluated at points
+    if not hasattr(law, "elasticity"):  # evaluated at points
         return np.zeros((n, n)), np.zeros(n)
     C, alpha = law.elasticity(), law.thermal_strain()
     if n < 6 and (np.abs(C[:n, n:]).max() > _ROUNDING * np.abs(C).max() or np.any(np.abs(alpha[n:]) > _ROUNDING)):
@@ -231,9 +265,9 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
 class LawTerms(NamedTuple):
     """Nonzero entries of A, law by law: law k has rows start[k]:start[k + 1].
 
-    `at` (m, 2): d s + t with s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and mu of isotropic
-    laws; 0, 0 of the others. Of laws with mean dilatation (`Materials.mean_terms`) these are those of the deviator of
-    strain; `bulk` (laws,), 0 of the others, and `coupling` (laws, l, d) are those of the mean.
+    `at` (m, 2): index of (s, t) among the pairs s <= t, and l i + j; `value` (m,): A_sitj. `lame` (laws, 2): lambda and
+    mu of isotropic laws; 0, 0 of the others. Of laws with mean dilatation (`Materials.mean_terms`) these are those of
+    the deviator of strain; `bulk` (laws,), 0 of the others, and `coupling` (laws, l, d) are those of the mean.
     """
 
     start: Ints
@@ -334,43 +368,37 @@ class Materials:
         used &= (np.arange(d)[:, None] <= np.arange(d))[None, :, None, :, None]
         law, s, i, t, j = np.nonzero(used)
         start = np.searchsorted(law, np.arange(len(self.laws) + 1))
-        return start, np.stack([d * s + t, rows * i + j], axis=1), A[used]
+        return start, np.stack([d * s + t - s * (s + 1) // 2, rows * i + j], axis=1), A[used]
 
     @cached_property
-    def pointwise(self) -> tuple[tuple[int, Any], ...]:
-        """Index and law of those that are evaluated at points (`bodies.pointwise`); their C is 0 in the tables."""
-        return tuple((k, law) for k, law in enumerate(self.laws) if hasattr(law, "respond"))
+    def pointwise(self) -> tuple[Any, ...]:
+        """Laws that are evaluated at points at small strains (`bodies.pointwise`); their C is 0 in the tables."""
+        return tuple(law for law in self.laws if not hasattr(law, "elasticity"))
 
-    def check_small(self, instead: str) -> None:
-        """Raise RequestError if a law is one of finite strains; `instead` names the function for those."""
+    def check_small(self) -> None:
+        """Raise RequestError if a law is one of finite strains."""
         for law in self.laws:
             if getattr(law, "finite", False):
                 message = f"the law {type(law).__name__} is for finite strains, and this is linear elasticity"
-                raise RequestError(f"{message}; call {instead}, or take the law Elastic")
+                raise RequestError(f"{message}; take lacsolver.bodies.pointwise.DisplacedBodies, or the law Elastic")
+
+    def check_finite(self) -> None:
+        """Raise RequestError if a law is not one of finite strains that is evaluated at points."""
+        for law in self.laws:
+            if not (getattr(law, "finite", False) and hasattr(law, "respond")):
+                message = f"the law {type(law).__name__} is for small strains"
+                raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff or neo_hookean")
 
     def densities(self, block: int) -> NDArray[np.floating]:
         """Return the mass per volume (k,) of each cell of a block."""
         return np.array([law.density for law in self.laws])[self.law[block]]
 
-    def elastic_strain(
-        self, block: int, cells: slice, strain: Floats, temperature: Floats | None
-    ) -> NDArray[np.floating]:
-        """Return strain (c, q, n) of some cells of a block less the thermal strain of temperature (c, q) or None.
+    def elastic_strain(self, law: int, strain: Floats, temperature: Floats | None) -> NDArray[np.floating]:
+        """Return strain (c, q, n) in cells of one law less the thermal strain of temperature (c, q) or None.
 
         A temperature that is NaN means none: no thermal strain there.
         """
         if temperature is None:
             return strain
-        which = self.law[block][cells]
-        start = np.array([law.reference_temperature for law in self.laws])[which]
-        warmer = np.nan_to_num(temperature - start[:, None], nan=0.0)
-        return strain - warmer[..., None] * self.tables[1][which][:, None]
-
-    def stress(self, block: int, cells: slice, elastic: Floats) -> NDArray[np.floating]:
-        """Return the stress (c, q, n) of some cells of a block from elastic strain (c, q, n)."""
-        C, which = self.tables[0], self.law[block][cells]
-        out = np.empty_like(elastic)
-        for k in np.unique(which):
-            rows = slice(None) if len(self.laws) == 1 else np.flatnonzero(which == k)
-            out[rows] = (elastic[rows].reshape(-1, len(C[k])) @ C[k]).reshape(elastic[rows].shape)
-        return out
+        warmer = np.nan_to_num(temperature - self.laws[law].reference_temperature, nan=0.0)
+        return strain - warmer[..., None] * self.tables[1][law]

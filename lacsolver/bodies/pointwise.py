@@ -1,200 +1,250 @@
-"""Laws that are evaluated at integration points: the general element loop, for any law with or without memory.
+"""Bodies whose laws are evaluated at integration points: all of finite strains, and laws of small strains with no C.
 
     f_as = int P_si L_ia dV,      K_ab,st = int A_sitj L_ia L_jb dV,      A = dP/dH
 
-with the stress P and the tangent A that a law gives for the gradient of displacement H_si = du_s/dX_i, (3, 3) in every
-model: H_22 is 0 in plane strain, u_x / r in axisymmetry, and in plane stress it is solved for from P_22 = 0. A law is a
-frozen record with the members of `PointLaw`; `MATERIAL_LAWS` of `lacsolver.case.added` makes it known to case files by
-a name. The laws that lacsolver comes with do without this loop: with one C for each law (small strains) or two
-constants (finite strains) their kernels assemble K in a tenth of its time.
+over the undeformed body (total Lagrangian), with the stress P and the tangent A that a law gives for the gradient of
+displacement H_si = du_s/dX_i, (3, 3) in every model: H_22 is 0 in plane strain, u_x / r in axisymmetry, and in plane
+stress it is solved for from P_22 = 0. A law is a frozen record with the members of `PointLaw`; `MATERIAL_LAWS` of
+`lacsolver.case.added` makes it known to case files by a name.
+
+Everything goes through the pieces of `points`, law by law: the law is asked for its response at all points of a piece,
+and what comes of it is summed (`assembly`) or put together. Under thermal expansion L and W are taken on the warm,
+stress-free cell: L / theta and theta^3 W, with F_e = F / theta in place of F.
+
+Linear laws do without all this: with one C for each law `small` assembles K in a fraction of the time. Where
+`finite` is False their cells are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import bsr_array
 
-from lacmesh.mesh import Floats, Ints
-from lacsolver.bodies.finite.equations import check_admissible
-from lacsolver.bodies.material import PLACES, Materials
-from lacsolver.bodies.small.fields import Field, checked, mapped, scatter
-from lacsolver.bodies.small.gradients import Piece, nodal, table
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats
+from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, Rows, add_cells, assemble, block_values, matrix
+from lacsolver.bodies.dilatation import mean_response
+from lacsolver.bodies.errors import InadmissibleError
+from lacsolver.bodies.hyperelastic import Hyperelastic, NeoHookean
+from lacsolver.bodies.locking import may_take_the_mean
+from lacsolver.bodies.material import PLACES, Materials, PointLaw, PointResponse
+from lacsolver.bodies.points import Field, Piece, Span, checked, gathered, kind, piece
 from lacsolver.space.space import Space
+
+__all__ = ["DisplacedBodies", "LawHistory", "PointLaw", "PointResponse"]
 
 #: histories of laws: an array (cells, points, n) for each block of the space, () if no law has one
 LawHistory = tuple[NDArray[np.floating], ...]
+#: thermal stretches, (cells, points) for each block; None for 1 everywhere
+Stretches = Sequence[Floats] | None
 #: Newton's method for H_22 of plane stress: relative tolerance of P_22, largest number of iterations
 _CLOSE, _STEPS = 1e-12, 60
 
 
-class PointResponse(NamedTuple):
-    """Answer of a law at points (k,): `stress` P (k, 3, 3), `tangent` A (k, 3, 3, 3, 3), and `energy` (k,) per volume.
+class _Response(NamedTuple):
+    """Response at the points of a piece: gradient `H` of F_e, P and energy per volume, A unless empty, history.
 
-    P_si is force along s per undeformed area across i (first Piola; under small strains symmetric). A_sitj =
-    dP_si/dH_tj has the symmetry A_sitj = A_tjsi. `history` (k, n_history): the new one, if the step ended here.
+    `mean`: terms of its cells with mean dilatation.
     """
 
+    H: Floats
     stress: Floats
     tangent: Floats
     energy: Floats
     history: Floats
-
-
-class PointLaw(Protocol):
-    """Interface of a law that is evaluated at points."""
-
-    #: True for a law of finite strains
-    finite: bool
-    #: number of values that a point keeps from step to step; 0 at the start
-    n_history: int
-
-    @property
-    def density(self) -> float:
-        """Mass per volume."""
-
-    @property
-    def reference_temperature(self) -> float:
-        """Temperature at which there is no thermal strain; a law at points has none at any temperature."""
-
-    def respond(self, H: Floats, history: Floats) -> PointResponse:
-        """Return the response to gradients of displacement H (k, 3, 3), after a history (k, n_history)."""
-
-
-class _Points(NamedTuple):
-    """Response at all points of the cells of one law in a piece: rows of the piece's cells, H and the law's answer."""
-
-    rows: Ints
-    H: NDArray[np.floating]
-    answer: PointResponse
+    mean: MeanTerms
 
 
 @dataclass(frozen=True, eq=False)
-class PointwiseBodies:
-    """The cells of a space whose laws are evaluated at points. `finite`: True to refuse inverted cells."""
+class DisplacedBodies:
+    """Bodies at a displacement u (n_dof,): their forces, tangent, energy and stress.
+
+    `stretches`: those of `finite.thermal_stretches`. `history`: what the laws committed at the end of the last step.
+    `finite`: False for small strains, of which only cells of laws that are evaluated at points are taken. Raises
+    RequestError for a law of small strains if `finite`; the methods raise InadmissibleError where u inverts a cell at
+    one of its integration points.
+
+    >>> from lacmesh import Mesh
+    >>> bar = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
+    >>> space = Space.of(bar, "plane_stress")
+    >>> turned = np.array([0, 0, -1, 1, -2, 0, -1, -1.0])  # by 90 degrees
+    >>> body = DisplacedBodies(space, Materials.of(space, NeoHookean(young=1.0, poisson=0.3)), turned)
+    >>> float(abs(body.internal_force()).max()), body.tangent().shape
+    (0.0, (8, 8))
+    """
 
     space: Space
     materials: Materials
+    u: Floats
+    stretches: Stretches = None
+    history: LawHistory = ()
     threads: int = 1
-    finite: bool = False
+    finite: bool = True
 
-    def internal_force(self, u: Floats, history: LawHistory = ()) -> NDArray[np.floating]:
-        """Return f_int (n_dof,) of these cells at u (n_dof,). Raises InadmissibleError where u inverts a cell."""
-        out = np.zeros((self.space.mesh.n_nodes, self.space.dim))
-        for part, points in self._evaluated(u, history):
-            P = points.answer.stress.reshape(*points.H.shape[:2], 9)[..., self._components] * self._exists
-            f = np.einsum("cq,cqsi,cqia->cas", part.W[points.rows], P, part.L[points.rows], optimize=True)
-            scatter(out, part.nodes[points.rows], np.ascontiguousarray(f))
-        return out.ravel()
+    def __post_init__(self) -> None:
+        checked(self.space, self.u)
+        if self.finite:
+            self.materials.check_finite()
 
-    def tangent(self, u: Floats, history: LawHistory = ()) -> csr_array:
-        """Return K = df_int/du (n_dof, n_dof) of these cells at u (n_dof,)."""
-        n, dim = self.space.n_dof, self.space.dim
-        rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
-        for part, points in self._evaluated(u, history):
-            A = points.answer.tangent.reshape(*points.H.shape[:2], 9, 9)
-            A = A[:, :, self._components][..., self._components]
-            A = A * self._exists[..., None, None] * self._exists
-            L, W = part.L[points.rows], part.W[points.rows]
-            K = np.einsum("cq,cqsitj,cqia,cqjb->casbt", W, A, L, L, optimize=True)
-            dofs = self.space.dofs(part.nodes[points.rows].ravel()).reshape(len(L), -1, dim)
-            rows.append(np.broadcast_to(dofs[:, :, :, None, None], K.shape).ravel())
-            columns.append(np.broadcast_to(dofs[:, None, None], K.shape).ravel())
-            values.append(K.ravel())
-        made = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return coo_array(made, shape=(n, n)).tocsr()
+    def internal_force(self) -> NDArray[np.floating]:
+        """Return the internal forces f_int (n_dof,), identical to the last bit for any number of threads."""
+        return self._summed(np.empty((0, self.space.dim, self.space.dim)))
 
-    def energy(self, u: Floats, history: LawHistory = ()) -> float:
-        """Return the energy stored in these cells at u (n_dof,), of several processes in its own ones."""
-        total = 0.0
-        for part, points in self._evaluated(u, history):
-            own = self.space.own_cells(self.space.blocks[part.block])[part.cells][points.rows]
-            stored = part.W[points.rows] * points.answer.energy.reshape(points.H.shape[:2])
-            total += float(stored[own].sum())
-        return total
+    def tangent(self, out: NDArray[np.floating] | None = None) -> bsr_array:
+        """Return the symmetric K = df_int/du (n_dof, n_dof) in dim x dim blocks.
 
-    def commit(self, u: Floats, history: LawHistory = ()) -> LawHistory:
-        """Return the history at the end of a step that led to u (n_dof,)."""
-        n, axisymmetric = self._n_history, self.space.model.axisymmetric
+        `out` (n_blocks, dim, dim): array that the values of K are written to; None allocates a new one.
+        """
+        K = block_values(self.space, out)
+        self._summed(K)
+        return matrix(self.space, K)
+
+    def energy(self) -> float:
+        """Return the energy stored, times thickness or around the circle; of several processes, in its own cells."""
+        blocks, stored = self.space.blocks, self._gathered(lambda part, response: part.W * response.energy)
+        return float(sum(part[self.space.own_cells(block)].sum() for part, block in zip(stored, blocks, strict=True)))
+
+    def cauchy_stress(self, degree: int | None = None) -> Field:
+        """Return the Cauchy stress P F^T / J (cells, points, 4 or 6), in the components of `space.COMPONENTS`.
+
+        At small strains it is the stress P, and 0 in cells of linear laws. `degree`: that of the stretches.
+        """
+        rows, columns = np.array(PLACES[: self.space.model.n_stress]).T
+
+        def stress(part: Piece, response: _Response) -> NDArray[np.floating]:
+            sigma = response.stress
+            if self.finite:
+                F = response.H + np.eye(3)
+                sigma = sigma @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
+            return np.asarray(sigma[:, :, rows, columns])
+
+        return self._gathered(stress, degree)
+
+    def commit(self) -> LawHistory:
+        """Return the history of the laws at the end of a step that led to u; () if no law has one."""
+        n = max(getattr(law, "n_history", 0) for law in self.materials.laws)
         if not n:
             return ()
-        blocks = self.space.blocks
-        out = tuple(np.zeros((len(b.nodes), len(table(b.type, axisymmetric).w), n)) for b in blocks)
-        for part, (rows, H, answer) in self._evaluated(u, history):
-            kept = answer.history.reshape(*H.shape[:2], -1)
-            out[part.block][part.cells.start + rows, :, : kept.shape[2]] = kept
-        return out
 
-    def with_stress(self, field: Field, u: Floats, history: LawHistory = ()) -> Field:
-        """Return a stress field (cells, points, 4 or 6) with the Cauchy stress of these cells at u (n_dof,)."""
-        places = np.array(PLACES[: self.space.model.n_stress])
-        out = tuple(values.copy() for values in field)
-        for part, (rows, H, answer) in self._evaluated(u, history):
-            sigma = answer.stress.reshape(H.shape)
-            if self.finite:
-                F = H + np.eye(3)
-                sigma = sigma @ F.swapaxes(2, 3) / np.linalg.det(F)[..., None, None]
-            out[part.block][part.cells.start + rows] = sigma[:, :, places[:, 0], places[:, 1]]
-        return out
+        def padded(part: Piece, response: _Response) -> NDArray[np.floating]:
+            out = np.zeros((*part.W.shape, n))
+            out[..., : response.history.shape[2]] = response.history
+            return out
 
-    @cached_property
-    def _n_history(self) -> int:
-        return max((law.n_history for _, law in self.materials.pointwise), default=0)
+        return self._gathered(padded)
 
-    @cached_property
-    def _components(self) -> Ints:
-        """Index (dim, rows) into the nine components of P that each entry L_i u_s works on: s i, and the hoop."""
-        dim, rows = self.space.dim, self.space.model.rows
-        out = 3 * np.arange(dim)[:, None] + np.arange(rows)
-        if self.space.model.axisymmetric:
-            out[0, 2] = 8
-        return out
+    def evaluated(self, make: Callable[[Floats, Floats], Floats]) -> Field:
+        """Return the results of `make` for P and F (c, q, 3, 3) at the points, with zz or the hoop at [2, 2].
+
+        P_si is the first Piola stress, force along s per undeformed area across i.
+        """
+
+        def of_piece(part: Piece, response: _Response) -> NDArray[np.floating]:
+            P, F = response.stress, response.H + np.eye(3)
+            if self.stretches is not None:
+                stretch = np.asarray(self.stretches[part.block])[part.cells, :, None, None]
+                P, F = stretch**2 * P, stretch * F
+            return np.asarray(make(P, F))
+
+        return self._gathered(of_piece)
 
     @cached_property
-    def _exists(self) -> NDArray[np.floating]:
-        """Mask (dim, rows), 1 where an entry of `_components` exists: in axisymmetry there is no L_2 u_y."""
-        out = np.ones(self._components.shape)
-        if self.space.model.axisymmetric:
-            out[1, 2] = 0.0
-        return out
+    def _inverted(self) -> tuple[NDArray[np.bool_], ...]:
+        """Mask of the inverted cells of each block, filled by `_respond`."""
+        return tuple(np.zeros(len(block.nodes), bool) for block in self.space.blocks)
 
-    def _evaluated(self, u: Floats, history: LawHistory) -> Iterator[tuple[Piece, _Points]]:
-        """Yield the responses, law by law, of every piece of the space, in order."""
-        u = checked(self.space, u)
+    def _summed(self, K: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return f_int, and add the values of K to `K` unless that array is empty."""
+        space = self.space
+        f = np.zeros((space.mesh.n_nodes, space.dim))
 
-        def answers(part: Piece) -> tuple[Piece, list[_Points]]:
-            which = self.materials.law[part.block][part.cells]
-            made = [(k, law, np.flatnonzero(which == k)) for k, law in self.materials.pointwise]
-            return part, [self._answer(part, law, rows, u, history) for _, law, rows in made if len(rows)]
+        def add(span: Span, rows: Rows) -> None:
+            part = piece(space, span)
+            if self._is_by_points(part):
+                response = self._respond(part, tangent=len(K) > 0)
+                P, A, mean = response.stress, response.tangent, response.mean
+                add_cells(part.nodes, part.L, part.W, P, A, mean, kind(space), rows)
 
-        inverted = [np.zeros(len(block.nodes), bool) for block in self.space.blocks]
-        for part, made in mapped(self.space, None, answers, self.threads):
-            for points in made:
-                if self.finite:
-                    J = np.linalg.det(points.H + np.eye(3))
-                    inverted[part.block][part.cells.start + points.rows] = ~(J > 0).all(axis=1)
-                yield part, points
-        check_admissible(self.space, inverted)
+        assemble(space, self.materials.law, add, f, K, self.threads)
+        self._check_admissible()
+        return f.ravel()
 
-    def _answer(self, part: Piece, law: PointLaw, rows: Ints, u: Floats, history: LawHistory) -> _Points:
-        """Return the response at the points of some cells of a piece."""
-        dim, model = self.space.dim, self.space.model
-        H = np.zeros((len(rows), part.W.shape[1], 3, 3))
-        L_u = np.einsum("cqia,cas->cqsi", part.L[rows], nodal(u, part, dim)[rows], optimize=True)
-        H[..., :dim, :dim] = L_u[..., :dim]
-        if model.axisymmetric:
-            H[..., 2, 2] = L_u[..., 0, 2]
-        memory = np.zeros((H.shape[0] * H.shape[1], law.n_history))
-        if history:
-            memory[:] = history[part.block][part.cells.start + rows, :, : law.n_history].reshape(memory.shape)
-        flat = H.reshape(-1, 3, 3)
-        answer = _plane_stress(law, flat, memory) if model.plane_stress else law.respond(flat, memory)
-        return _Points(rows, H, answer)
+    def _gathered(self, make: Callable[[Piece, _Response], NDArray[np.floating]], degree: int | None = None) -> Field:
+        """Return the arrays that `make` gives for the pieces, put together block by block."""
+
+        def of_piece(part: Piece) -> NDArray[np.floating]:
+            response = self._respond(part) if self._is_by_points(part) else _no_response(part)
+            bad = self._inverted[part.block][part.cells]
+            if bad.any():  # an error names them when all are known
+                response.H[bad], response.stress[bad], response.energy[bad] = 0.0, 0.0, 0.0
+            return make(part, response)
+
+        values = gathered(self.space, of_piece, laws=self.materials.law, degree=degree, threads=self.threads)
+        self._check_admissible()
+        return values
+
+    def _is_by_points(self, part: Piece) -> bool:
+        """True for a piece of cells whose law is evaluated at points."""
+        return len(part.cells) > 0 and (self.finite or self.materials.laws[part.law] in self.materials.pointwise)
+
+    def _respond(self, part: Piece, tangent: bool = False) -> _Response:
+        """Return the response in a piece, whose L and W become those of the warm, stress-free cells."""
+        law: Any = self.materials.laws[part.law]
+        H, shape = self._gradient(part), part.W.shape
+        answer, mean = self._ask(law, part, H, tangent)
+        if law.finite:
+            inverted = np.zeros(len(H), bool)
+            mark_inverted(H, inverted)
+            self._inverted[part.block][part.cells] = inverted
+        P, A = np.ascontiguousarray(answer.stress, float), np.empty((0, 0, 3, 3, 3, 3))
+        if tangent:
+            A = np.ascontiguousarray(answer.tangent, float).reshape(*shape, 3, 3, 3, 3)
+        history = np.reshape(answer.history, (*shape, law.n_history))
+        return _Response(H, P.reshape(H.shape), A, np.reshape(answer.energy, shape), history, mean)
+
+    def _ask(self, law: Any, part: Piece, H: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
+        """Return the answer (c q) of a law to gradients H (c, q, 3, 3), whose H_22 is filled in for plane stress."""
+        flat, plane_stress = H.reshape(-1, 3, 3), self.space.model.plane_stress
+        if isinstance(law, NeoHookean) and law.mean_dilatation and may_take_the_mean(self.space, part.block):
+            return mean_response(law, H, part.W, tangent)
+        memory = np.zeros((len(flat), law.n_history))
+        if isinstance(law, Hyperelastic):
+            return law.respond(flat, memory, plane_stress=plane_stress, tangent=tangent), NO_MEAN
+        if self.history:
+            memory[:] = self.history[part.block][part.cells, :, : law.n_history].reshape(memory.shape)
+        return _plane_stress(law, flat, memory) if plane_stress else law.respond(flat, memory), NO_MEAN
+
+    def _gradient(self, part: Piece) -> NDArray[np.floating]:
+        """Return H (c, q, 3, 3) of F_e = I + H."""
+        theta = None
+        if self.stretches is not None:
+            theta = np.asarray(self.stretches[part.block])[part.cells]
+            part.L[:] /= theta[..., None, None]
+            part.W[:] *= theta**3
+        H = np.empty((*part.W.shape, 3, 3))
+        fill_gradient(part.nodes, part.L, np.asarray(self.u, float).reshape(-1, self.space.dim), kind(self.space), H)
+        if theta is not None:
+            np.einsum("cqii->cqi", H)[:] += ((1.0 - theta) / theta)[..., None]
+        return H
+
+    def _check_admissible(self) -> None:
+        blocks, mesh = self.space.blocks, self.space.mesh
+        cells = np.concatenate([block.cell[bad] for block, bad in zip(blocks, self._inverted, strict=True)])
+        if len(cells):
+            message = f"cells {mesh.cell_names(cells)} are inverted by this displacement; take smaller steps"
+            raise InadmissibleError(message, mesh.cell_number[cells])
+
+
+def _no_response(part: Piece) -> _Response:
+    """Return zeros."""
+    zero, none = np.zeros((*part.W.shape, 3, 3)), np.empty((*part.W.shape, 0))
+    return _Response(zero, zero, np.empty((0, 0, 3, 3, 3, 3)), np.zeros(part.W.shape), none, NO_MEAN)
 
 
 def _plane_stress(law: PointLaw, H: Floats, history: Floats) -> PointResponse:
@@ -211,3 +261,43 @@ def _plane_stress(law: PointLaw, H: Floats, history: Floats) -> PointResponse:
     row, column = answer.tangent[:, 2, 2], answer.tangent[:, :, :, 2, 2]
     condensed = np.einsum("ksi,ktj,k->ksitj", column, row, 1 / answer.tangent[:, 2, 2, 2, 2])
     return answer._replace(tangent=answer.tangent - condensed)
+
+
+@kernel
+def fill_gradient(nodes: Any, L: Any, u: Any, kind: Any, H: Any) -> None:
+    """Fill H (c, q, 3, 3) with du_s/dX_i of cells of nodes (c, n) at u (n_nodes, dim); L (c, q, rows, n)."""
+    for e in range(len(nodes)):
+        for q in range(L.shape[1]):
+            h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
+            for a in range(nodes.shape[1]):
+                p = nodes[e, a]
+                u0, u1, g0, g1 = u[p, 0], u[p, 1], L[e, q, 0, a], L[e, q, 1, a]
+                h00 += u0 * g0
+                h01 += u0 * g1
+                h10 += u1 * g0
+                h11 += u1 * g1
+                if kind.dim == 3:
+                    u2, g2 = u[p, 2], L[e, q, 2, a]
+                    h02 += u0 * g2
+                    h12 += u1 * g2
+                    h20 += u2 * g0
+                    h21 += u2 * g1
+                    h22 += u2 * g2
+                elif kind.axisymmetric:
+                    h22 += u0 * L[e, q, 2, a]
+            H[e, q, 0, 0], H[e, q, 0, 1], H[e, q, 0, 2] = h00, h01, h02
+            H[e, q, 1, 0], H[e, q, 1, 1], H[e, q, 1, 2] = h10, h11, h12
+            H[e, q, 2, 0], H[e, q, 2, 1], H[e, q, 2, 2] = h20, h21, h22
+
+
+@kernel
+def mark_inverted(H: Any, inverted: Any) -> None:
+    """Set `inverted` (c,) for cells where det(I + H), H (c, q, 3, 3), is not above 0 at every point."""
+    for e in range(len(H)):
+        for q in range(H.shape[1]):
+            h = H[e, q]
+            a, b, c = 1.0 + h[0, 0], 1.0 + h[1, 1], 1.0 + h[2, 2]
+            J = a * (b * c - h[1, 2] * h[2, 1]) - h[0, 1] * (h[1, 0] * c - h[1, 2] * h[2, 0])
+            J += h[0, 2] * (h[1, 0] * h[2, 1] - b * h[2, 0])
+            if not J > 0.0:
+                inverted[e] = True

@@ -4,7 +4,7 @@
     CONTACT_LAWS["bond"] = Bond                            type = "bond", constants = { strength = 2.0 }
 
 Each is called with the record's `constants`, and with the density of a material that has one, as keyword arguments.
-What a law has to provide: `lacsolver.bodies.pointwise.PointLaw`, `lacsolver.contact.laws.ContactLaw`.
+What a law has to provide: `lacsolver.bodies.material.PointLaw`, `lacsolver.contact.laws.ContactLaw`.
 """
 
 from __future__ import annotations

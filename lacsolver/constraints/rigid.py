@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
-from lacsolver.bodies.finite.errors import InadmissibleError
+from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Gravity, Rigid
 from lacsolver.case.value import Value

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from lacmesh.errors import DataError
-from lacsolver.bodies.finite.laws import NeoHookean, SaintVenantKirchhoff
+from lacsolver.bodies.hyperelastic import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.locking import nearly_incompressible
 from lacsolver.bodies.material import Elastic, Law, Orthotropic
 from lacsolver.case import Contact, Material, Tie

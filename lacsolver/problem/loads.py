@@ -1,7 +1,7 @@
 """Loads as nodal forces (n_dof,) at a time t, and springs as matrices.
 
 Forces are those of the whole thickness or circle: the weight of a point includes thickness or 2 pi r, here and in
-`bodies.small.gradients`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). The rules
+`bodies.points`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). The rules
 integrate a constant exactly on any cell or face, including curved ones, if the integrand is a polynomial: that of a
 pressure is (the normal is not normalised), that of a traction on a curved face is not, and converges with `degree`.
 """

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite.fields import evaluated
-from lacsolver.bodies.finite.laws import SaintVenantKirchhoff
+from lacsolver.bodies.hyperelastic import SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import Finite
-from lacsolver.bodies.small.gradients import table
+from lacsolver.bodies.points import table
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import State
 
@@ -36,9 +35,7 @@ def most_compressed(problem: Problem, state: State) -> NDArray[np.floating]:
         return out
     theta = body.stretches(state.time)
     most = WARNED * max([1.0, *(part.max(initial=0.0) for part in theta or ())])
-    stretches = evaluated(
-        space, materials, state.u, lambda P, F, w: _least(F, most), stretches=theta, threads=problem.threads
-    )
+    stretches = body.at(state.u, state.time, state.history).evaluated(lambda P, F: _least(F, most))
     for number, (block, stretch) in enumerate(zip(space.blocks, stretches, strict=True)):
         elastic = stretch if theta is None else stretch / theta[number]
         for k in np.flatnonzero(softens):

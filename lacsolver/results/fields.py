@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lacmesh.mesh import Floats
-from lacsolver.bodies.small.fields import Field
+from lacsolver.bodies.points import Field
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress

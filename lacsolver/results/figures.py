@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.bodies.small.fields import Field
+from lacsolver.bodies.points import Field
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures

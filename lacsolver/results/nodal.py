@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.points import Field
 from lacsolver.bodies.small import weights
-from lacsolver.bodies.small.fields import Field, scatter
+from lacsolver.bodies.small.fields import scatter
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
 

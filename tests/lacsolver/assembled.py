@@ -1,17 +1,36 @@
-"""Forces and tangent of bodies at finite strains together, and their first Piola stress."""
+"""What comes of bodies at finite strains at a displacement, each by one call."""
 
 from __future__ import annotations
 
-from lacsolver.bodies import finite
-from lacsolver.bodies.finite.fields import evaluated
+from lacsolver.bodies.pointwise import DisplacedBodies
 
 
-def force_and_tangent(space, materials, u, **options):
+def internal_force(space, materials, u, **options):
+    """Return f_int (n_dof,)."""
+    return DisplacedBodies(space, materials, u, **options).internal_force()
+
+
+def tangent(space, materials, u, *, out=None, **options):
+    """Return K (n_dof, n_dof)."""
+    return DisplacedBodies(space, materials, u, **options).tangent(out)
+
+
+def force_and_tangent(space, materials, u, *, out=None, **options):
     """Return f_int (n_dof,) and K (n_dof, n_dof)."""
-    rest = {name: value for name, value in options.items() if name != "out"}
-    return finite.internal_force(space, materials, u, **rest), finite.tangent(space, materials, u, **options)
+    body = DisplacedBodies(space, materials, u, **options)
+    return body.internal_force(), body.tangent(out)
+
+
+def stored_energy(space, materials, u, **options):
+    """Return the stored energy."""
+    return DisplacedBodies(space, materials, u, **options).energy()
+
+
+def cauchy_stress(space, materials, u, **options):
+    """Return the Cauchy stress (cells, points, 4 or 6) of each block."""
+    return DisplacedBodies(space, materials, u, **options).cauchy_stress()
 
 
 def first_piola(space, materials, u, **options):
     """Return the first Piola stress P_si (cells, points, 3, 3) of each block."""
-    return evaluated(space, materials, u, lambda P, F, w: P, **options)
+    return DisplacedBodies(space, materials, u, **options).evaluated(lambda P, F: P)

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 
 from lacmesh.reference.shapes import gradient, jacobian, shape
-from lacsolver.bodies.finite.laws import NeoHookean
+from lacsolver.bodies.hyperelastic import NeoHookean
 from lacsolver.space.rules import cell_rule
 
 I = np.eye(3)  # noqa: E741

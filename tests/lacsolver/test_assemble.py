@@ -9,9 +9,9 @@ from scipy.sparse.linalg import spsolve
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacsolver.bodies import small as assemble
+from lacsolver.bodies.assembly import matrix, owners
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-from lacsolver.bodies.small import assemble_stiffness, internal_force, matrix, stiffness_values
-from lacsolver.bodies.small.stiffness import owners
+from lacsolver.bodies.small import assemble_stiffness, internal_force, stiffness_values
 from lacsolver.problem.loads import body_force
 from lacsolver.space.space import Space
 from tests.lacsolver import plain

@@ -16,6 +16,7 @@ from lacsolver.case import Material, parse_case
 from lacsolver.problem import acting, loads
 from lacsolver.problem.laws import law_of
 from lacsolver.space.space import MODELS, Space
+from tests.lacsolver.assembled import cauchy_stress, internal_force
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
 from tests.lacsolver.held import with_sides
 from tests.lacsolver.test_finite import by_differences, linearised, shaken
@@ -82,9 +83,9 @@ def test_a_tangent_is_not_written_over_by_the_next_and_stretches_follow_the_time
     assert abs(K - kept).max() == 0
     for t in (2.0, 1.0):
         theta = finite.thermal_stretches(space, materials, WARM, t)
-        f = finite.internal_force(space, materials, u, stretches=theta) + springs @ u
+        f = internal_force(space, materials, u, stretches=theta) + springs @ u
         assert np.array_equal(f, made.internal_force(u, t))
-        sigma = finite.cauchy_stress(space, materials, u, stretches=theta)
+        sigma = cauchy_stress(space, materials, u, stretches=theta)
         assert all(np.array_equal(a, b) for a, b in zip(sigma, made.stress(u, t), strict=True))
 
 

@@ -9,7 +9,6 @@ import pytest
 
 from lacmesh import Mesh, cut_skin
 from lacmesh.errors import DataError, LacmeshWarning
-from lacsolver.bodies import finite
 from lacsolver.bodies import small as assemble
 from lacsolver.bodies.finite import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.kinematics import kinematics_of
@@ -25,6 +24,7 @@ from lacsolver.results.figures import step_figures
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
 from tests.lacsolver import plain
+from tests.lacsolver.assembled import tangent
 from tests.lacsolver.bodies import body, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.mode_cases import block, hold, modes_of, text, waves
 from tests.lacsolver.rings import case_text, exact, ring
@@ -120,7 +120,7 @@ def test_stiffness_is_the_tangent_of_the_neo_hookean_law_at_rest(name, model):
     space = Space.of(distorted(body(name, 2), 0.04), model)
     K = assemble_stiffness(space, Materials.of(space, Elastic(3.0, 0.49, mean_dilatation=True)))
     rubber = Materials.of(space, NeoHookean(3.0, 0.49, mean_dilatation=True))
-    assert abs(K - finite.tangent(space, rubber, np.zeros(space.n_dof))).max() < 1e-14 * abs(K).max()
+    assert abs(K - tangent(space, rubber, np.zeros(space.n_dof))).max() < 1e-14 * abs(K).max()
 
 
 @pytest.mark.parametrize(("name", "model"), TAKES_IT)

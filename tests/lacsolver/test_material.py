@@ -184,7 +184,8 @@ def test_the_terms_rebuild_the_tensor(model):
     for k, one in enumerate((ELASTIC, law)):
         A = np.einsum("kis,km,mjt->sitj", S, plain.constitutive(one, model), S)
         got = np.zeros((model.dim, model.dim, model.rows, model.rows))
-        for (st, ij), v in zip(at[start[k] : start[k + 1]], value[start[k] : start[k + 1]], strict=True):
-            got[st // model.dim, st % model.dim, ij // model.rows, ij % model.rows] += v
+        pairs = np.transpose(np.triu_indices(model.dim))
+        for (pair, ij), v in zip(at[start[k] : start[k + 1]], value[start[k] : start[k + 1]], strict=True):
+            got[*pairs[pair], ij // model.rows, ij % model.rows] += v
         upper = np.triu(np.ones((model.dim, model.dim)))[..., None, None]
         np.testing.assert_allclose(got, A.transpose(0, 2, 1, 3) * upper, atol=1e-14)

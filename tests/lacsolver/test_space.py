@@ -11,8 +11,8 @@ from lacmesh.errors import DataError, GroupNotFoundError, RequestError
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.points import table
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.bodies.small.gradients import table
 from lacsolver.space.rules import _PYRAMID, SOLID_CELLS, _pyramid, cell_rule
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain

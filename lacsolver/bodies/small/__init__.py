@@ -1,6 +1,5 @@
-"""Assembly: stiffness, strain and stress at integration points, internal forces.
+"""Small strains: stiffness, strain and stress at integration points, internal forces.
 
-L, W = generalised gradients and weights at a cell's points    (gradients)
 K = int L^T A L, summed directly into block-CSR                (stiffness)
 strain and stress at the same points, and f_int from stress    (fields)
 """
@@ -8,22 +7,19 @@ strain and stress at the same points, and f_int from stress    (fields)
 from lacsolver.bodies.small.fields import (
     displacement,
     displacement_gradient,
-    forces,
     internal_force,
     points,
     strain,
     stress,
     weights,
 )
-from lacsolver.bodies.small.stiffness import assemble_stiffness, matrix, stiffness_values
+from lacsolver.bodies.small.stiffness import assemble_stiffness, stiffness_values
 
 __all__ = [
     "assemble_stiffness",
     "displacement",
     "displacement_gradient",
-    "forces",
     "internal_force",
-    "matrix",
     "points",
     "stiffness_values",
     "strain",

@@ -13,25 +13,20 @@ projection that takes this mean.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
-from lacmesh.kernels.threads import worthwhile
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.small.gradients import Piece, coordinates, nodal, piece, spans
+from lacsolver.bodies.points import Field, Piece, checked, coordinates, gathered, mapped, nodal
 from lacsolver.space.space import Space
 from lacsolver.space.values import ScalarField, evaluate
 
-T = TypeVar("T")
-#: an array (cells, points, ...) for each block of a space
-Field = tuple[NDArray[np.floating], ...]
 #: a temperature of the whole body, or (temperature, cells) pairs, where None means all cells and later pairs override
 #: earlier ones
 TemperatureField = ScalarField | Sequence[tuple[ScalarField, Ints | None]]
@@ -39,18 +34,18 @@ TemperatureField = ScalarField | Sequence[tuple[ScalarField, Ints | None]]
 
 def points(space: Space, degree: int | None = None) -> Field:
     """Return the coordinates of the integration points, (cells, points, 3)."""
-    return gathered(space, degree, lambda part: coordinates(space, part))
+    return gathered(space, lambda part: coordinates(space, part), degree=degree)
 
 
 def weights(space: Space, degree: int | None = None) -> Field:
     """Return the weights of the integration points, thickness or 2 pi r included, (cells, points)."""
-    return gathered(space, degree, lambda part: part.W)
+    return gathered(space, lambda part: part.W, degree=degree)
 
 
 def displacement(space: Space, u: Floats, degree: int | None = None) -> Field:
     """Return the displacement u (n_dof,) at the integration points, (cells, points, dim)."""
     u = checked(space, u)
-    return gathered(space, degree, lambda part: part.N @ nodal(u, part, space.dim))
+    return gathered(space, lambda part: part.N @ nodal(u, part, space.dim), degree=degree)
 
 
 def displacement_gradient(space: Space, u: Floats, degree: int | None = None) -> Field:
@@ -66,7 +61,7 @@ def displacement_gradient(space: Space, u: Floats, degree: int | None = None) ->
             made[:, :, 1, 2] = 0.0
         return made
 
-    return gathered(space, degree, gradient)
+    return gathered(space, gradient, degree=degree)
 
 
 def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
@@ -75,7 +70,7 @@ def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
     In plane stress zz is not known and is set to 0.
     """
     u = checked(space, u)
-    return gathered(space, degree, lambda part: _strain(space, part, u))
+    return gathered(space, lambda part: _strain(space, part, u), degree=degree)
 
 
 def stress(
@@ -94,10 +89,16 @@ def stress(
     of no pair.
     Raises RequestError for a law of finite strains.
     """
-    materials.check_small("lacsolver.bodies.finite.cauchy_stress")
+    materials.check_small()
     u = checked(space, u)
     given = temperatures(space, temperature)
-    return gathered(space, degree, lambda part: _stress(space, materials, part, u, given, t), threads)
+    return gathered(
+        space,
+        lambda part: _stress(space, materials, part, u, given, t),
+        laws=materials.law,
+        degree=degree,
+        threads=threads,
+    )
 
 
 def internal_force(
@@ -115,27 +116,18 @@ def internal_force(
 
     Raises RequestError for a law of finite strains.
     """
-    materials.check_small("lacsolver.bodies.finite.internal_force")
+    materials.check_small()
     u = checked(space, u)
-    given = temperatures(space, temperature)
-
-    def stress(part: Piece) -> NDArray[np.floating]:
-        return _dilated(space, materials, part, _stress(space, materials, part, u, given, t))
-
-    return forces(space, stress, threads)
-
-
-def forces(space: Space, stress: Callable[[Piece], Floats], threads: int = 1) -> NDArray[np.floating]:
-    """Return int B^T stress dV (n_dof,), for a function that gives the stress (c, q, 4 or 6) of one piece of cells."""
-    slots = np.array(space.model.slots)
+    given, slots = temperatures(space, temperature), np.array(space.model.slots)
 
     def cell_forces(part: Piece) -> tuple[Ints, NDArray[np.floating]]:
+        stress = _dilated(space, materials, part, _stress(space, materials, part, u, given, t))
         f = np.zeros((*part.nodes.shape, space.dim))
-        add_nodal_forces(part.L, part.W, stress(part), slots, f)
+        add_nodal_forces(part.L, part.W, stress, slots, f)
         return part.nodes, f
 
     out = np.zeros((space.mesh.n_nodes, space.dim))
-    for nodes, f in mapped(space, None, cell_forces, threads):
+    for nodes, f in mapped(space, cell_forces, laws=materials.law, threads=threads):
         scatter(out, nodes, f)
     return out.ravel()
 
@@ -225,50 +217,17 @@ def _stress(
     t: float,
 ) -> NDArray[np.floating]:
     temperature = temperature_at(space, part, given, t)
-    elastic = materials.elastic_strain(part.block, part.cells, _strain(space, part, u), temperature)
-    return materials.stress(part.block, part.cells, _dilated(space, materials, part, elastic))
+    elastic = materials.elastic_strain(part.law, _strain(space, part, u), temperature)
+    elastic = _dilated(space, materials, part, elastic)
+    return np.asarray((elastic.reshape(-1, elastic.shape[2]) @ materials.tables[0][part.law]).reshape(elastic.shape))
 
 
 def _dilated(space: Space, materials: Materials, part: Piece, values: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return strains or stresses (c, q, n); in cells with mean dilatation their trace is its mean over the cell."""
-    mean = materials.mean[materials.law[part.block][part.cells]]
-    if not (mean.any() and may_take_the_mean(space, part.block)):
+    if not (materials.mean[part.law] and may_take_the_mean(space, part.block)):
         return values
-    trace, W = values[mean, :, :3].sum(axis=2), part.W[mean]
+    trace, W = values[..., :3].sum(axis=2), part.W
     change = ((W * trace).sum(axis=1) / W.sum(axis=1))[:, None] - trace
     out = values.copy()
-    out[mean, :, :3] += change[..., None] / 3
+    out[..., :3] += change[..., None] / 3
     return out
-
-
-def gathered(
-    space: Space, degree: int | None, make: Callable[[Piece], NDArray[np.floating]], threads: int = 1
-) -> Field:
-    """Return the arrays that `make` gives for the pieces, concatenated block by block."""
-    made: list[list[NDArray[np.floating]]] = [[] for _ in space.blocks]
-    for number, values in mapped(space, degree, lambda part: (part.block, make(part)), threads):
-        made[number].append(values)
-    return tuple(np.concatenate(parts) for parts in made)
-
-
-def mapped(space: Space, degree: int | None, make: Callable[[Piece], T], threads: int) -> Iterator[T]:
-    """Yield the result of `make` for every piece of the space, in order."""
-    if threads < 1:
-        raise ValueError(f"threads is 1 or more, not {threads}")
-
-    def run(span: tuple[int, slice]) -> T:
-        return make(piece(space, *span, degree))
-
-    if worthwhile(threads, space.mesh.n_cells) == 1:
-        yield from map(run, spans(space, degree))
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(run, spans(space, degree))
-
-
-def checked(space: Space, u: Floats) -> NDArray[np.floating]:
-    """Return u as an array. Raises ValueError if its shape is not (n_dof,)."""
-    u = np.asarray(u, dtype=float)
-    if u.shape != (space.n_dof,):
-        raise ValueError(f"a displacement must be ({space.n_dof},), not {u.shape}")
-    return u

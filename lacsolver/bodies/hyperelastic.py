@@ -1,8 +1,26 @@
-"""A law at a point: stress, and the terms of its tangent, from the gradient of displacement.
+"""Laws of finite strains: hyperelastic, isotropic, with the constants of `Elastic`.
 
-H_si = du_s/dX_i is (3, 3) in every model: H_22 is 0 in plane strain, and the hoop u_x / r in axisymmetry; in plane
-stress it is solved for here from P_22 = 0. Under thermal expansion the reference is the warm, stress-free body: L and W
-are taken on it (`apply_thermal_stretch`), and F stands for F_e. The tangents of both laws have one form,
+For small strains they agree with `Elastic`.
+
+| law | energy per reference volume |
+|---|---|
+| Saint Venant-Kirchhoff | lambda/2 (tr E)^2 + mu E:E |
+| neo-Hookean, compressible | mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2 |
+
+F = I + du/dX, C = F^T F, E = (C - I)/2, J = det F. The neo-Hookean law is that of Bonet and Wood, Nonlinear continuum
+mechanics for finite element analysis, 1997, section 5.4.3: of the several laws of that name, one whose stress is
+unbounded in compression, J -> 0, and that needs no constants beyond young and poisson. Saint Venant-Kirchhoff softens
+in compression (the force in a bar is largest at a length of 1/sqrt 3 = 58 % and 0 at a length of 0): it is meant for
+large rotations with small strains.
+
+Nearly incompressible bodies lock in linear cells (`bodies.locking`). With `mean_dilatation` a linear cell of several
+points of neo-Hookean law has one constraint, on the mean of J over the cell (`dilatation`).
+
+Thermal expansion splits F = F_e theta, theta = 1 + expansion (T - T0). The energy above is a function of F_e, per
+volume of the warm, stress-free body: W = theta^3 W_e(F / theta).
+
+At a point, H_si = du_s/dX_i is (3, 3) in every model: H_22 is 0 in plane strain, and the hoop u_x / r in axisymmetry;
+in plane stress it is solved for here from P_22 = 0. The tangents of both laws have one form,
 
     A_sitj = dP_si/dF_tj = lam Y_si Y_tj + m Y_sj Y_ti + delta_st X_ij + Z_st delta_ij
 
@@ -20,20 +38,50 @@ their digits and a rotation causes no stress.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.finite.laws import NEO_HOOKEAN
+from lacsolver.bodies.material import Elastic, PointResponse
 
 #: Newton's method for the stretch across plane stress: relative tolerance of ln F_22, largest number of iterations
 _CLOSE, _STEPS = 1e-15, 60
 
 
-class Work(NamedTuple):
-    """Arrays (3, 3) that `stress_and_tangent` fills: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
+class Hyperelastic(Elastic):
+    """A law of finite strains with the constants of `Elastic`. Raises DataError as that does."""
+
+    finite = True
+    n_history: ClassVar[int] = 0
+
+    def respond(self, H: Floats, history: Floats, *, plane_stress: bool = False, tangent: bool = True) -> PointResponse:
+        """Return the response to gradients H (k, 3, 3), with an empty tangent unless it is asked for.
+
+        In plane stress H_22 is filled in, and the tangent is without the direction 22.
+        """
+        stress, energy = np.empty(H.shape), np.empty(len(H))
+        A = np.empty((len(H) if tangent else 0, 3, 3, 3, 3))
+        _respond(isinstance(self, NeoHookean), *self.lame, plane_stress, H, stress, A, energy)
+        return PointResponse(stress, A, energy, history)
+
+
+@dataclass(frozen=True)
+class SaintVenantKirchhoff(Hyperelastic):
+    """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. It has no mean dilatation."""
+
+    takes_mean = False
+
+
+@dataclass(frozen=True)
+class NeoHookean(Hyperelastic):
+    """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1."""
+
+
+class _Work(NamedTuple):
+    """Arrays (3, 3) of a point: `F`, `E`, first Piola stress `P`, and Y, X, Z of the tangent."""
 
     F: Floats
     E: Floats
@@ -44,73 +92,68 @@ class Work(NamedTuple):
 
 
 @kernel
-def work() -> Any:
-    """Allocate the arrays for `stress_and_tangent`."""
-    F, E, P = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    return Work(F, E, P, np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)))
+def _respond(
+    neo_hookean: bool, lam: float, mu: float, plane_stress: bool, H: Any, stress: Any, A: Any, energy: Any
+) -> None:
+    """Fill stress (k, 3, 3), energy (k,), A (k, 3, 3, 3, 3) unless it is empty, and H_22 of plane stress."""
+    F, E, P = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    work = _Work(F, E, P, np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)))
+    for k in range(len(H)):
+        for s in range(3):
+            for i in range(3):
+                F[s, i] = H[k, s, i]
+        lam_k, m, energy[k] = _stress_and_tangent(neo_hookean, lam, mu, plane_stress, work)
+        if plane_stress:
+            H[k, 2, 2] = F[2, 2] - 1.0
+        for s in range(3):
+            for i in range(3):
+                stress[k, s, i] = P[s, i]
+        if len(A):
+            _put_tangent(lam_k, m, work, A[k])
 
 
 @kernel
-def apply_thermal_stretch(theta: Any, L: Any, W: Any) -> None:
-    """Scale gradients L (q, rows, n) and weights W (q,) of a cell, in place, to the warm, stress-free cell.
-
-    theta (q,): thermal stretch, the same in every direction.
-    """
-    for q in range(len(W)):
-        for i in range(L.shape[1]):
-            for a in range(L.shape[2]):
-                L[q, i, a] /= theta[q]
-        W[q] *= theta[q] ** 3
-
-
-@kernel
-def gradient(nodes: Any, e: int, u: Any, L: Any, dim: int, axisymmetric: bool, theta: float, H: Any) -> None:
-    """Fill H (3, 3) with F_e - I in cell e of nodes (c, n), displaced by u (n_nodes, dim); L (rows, n) at the point."""
-    h00 = h01 = h02 = h10 = h11 = h12 = h20 = h21 = h22 = 0.0
-    for a in range(nodes.shape[1]):
-        p = nodes[e, a]
-        u0, u1, g0, g1 = u[p, 0], u[p, 1], L[0, a], L[1, a]
-        h00 += u0 * g0
-        h01 += u0 * g1
-        h10 += u1 * g0
-        h11 += u1 * g1
-        if dim == 3:
-            u2, g2 = u[p, 2], L[2, a]
-            h02 += u0 * g2
-            h12 += u1 * g2
-            h20 += u2 * g0
-            h21 += u2 * g1
-            h22 += u2 * g2
-        elif axisymmetric:
-            h22 += u0 * L[2, a]
-    less = (1.0 - theta) / theta
-    H[0, 0], H[0, 1], H[0, 2] = h00 + less, h01, h02
-    H[1, 0], H[1, 1], H[1, 2] = h10, h11 + less, h12
-    H[2, 0], H[2, 1], H[2, 2] = h20, h21, h22 + less
+def _put_tangent(lam: float, m: float, work: Any, A: Any) -> None:
+    """Fill A (3, 3, 3, 3) from Y, X and Z."""
+    _, _, _, Y, X, Z = work
+    for s in range(3):
+        for i in range(3):
+            y = lam * Y[s, i]
+            for t in range(3):
+                z = m * Y[t, i]
+                for j in range(3):
+                    A[s, i, t, j] = y * Y[t, j] + z * Y[s, j]
+                A[s, i, t, i] += Z[s, t]
+            for j in range(3):
+                A[s, i, s, j] += X[i, j]
 
 
 @kernel
-def stress_and_tangent(kind: int, lam: float, mu: float, plane_stress: bool, work: Any) -> Any:
-    """Fill `work`, whose F comes in as F - I; return (lam, m, energy per volume, True if J > 0)."""
+def _stress_and_tangent(neo_hookean: bool, lam: float, mu: float, plane_stress: bool, work: Any) -> Any:
+    """Fill `work`, whose F comes in as F - I; return (lam, m, energy per volume). Where J <= 0 all are 0."""
     F, E, P, Y, X, Z = work
     if plane_stress:
         F[2, 2] = 0.0
     strain(F, E)
     if plane_stress:
-        E[2, 2], F[2, 2] = _across(E, kind, lam, mu)
+        E[2, 2], F[2, 2] = _across(E, neo_hookean, lam, mu)
     for s in range(3):
         F[s, s] += 1.0
     J = cofactors(F, Y)
     if not J > 0.0:
-        return lam, mu, 0.0, False
-    if kind == NEO_HOOKEAN:
+        P[:] = 0.0
+        X[:] = 0.0
+        Y[:] = 0.0
+        Z[:] = 0.0
+        return 0.0, 0.0, 0.0
+    if neo_hookean:
         m, energy = _neo_hookean(E, J, lam, mu, P, Y, X, Z)
     else:
         m, energy = _kirchhoff(F, E, lam, mu, P, Y, X, Z)
     if plane_stress:
         y = Y[2, 2]
         lam -= (lam * y) ** 2 / ((lam + m) * y * y + X[2, 2] + Z[2, 2])
-    return lam, m, energy, True
+    return lam, m, energy
 
 
 @kernel
@@ -136,14 +179,14 @@ def _change(E: Any) -> float:
 
 
 @kernel
-def _across(E: Any, kind: int, lam: float, mu: float) -> Any:
+def _across(E: Any, neo_hookean: bool, lam: float, mu: float) -> Any:
     """Return E_22 and H_22 of plane stress, for an E with 0 there; NaN where no stretch gives P_22 = 0.
 
     Saint Venant-Kirchhoff: lam tr E + 2 mu E_22 = 0. Neo-Hookean, with F_22 = e^x: mu (e^2x - 1) + lam (ln J_2 + x) =
     0, with J_2 of the plane. The left side is convex in x and increasing at 0, so that Newton's iterates descend
     monotonically to the root after the first, whatever the sign of lam.
     """
-    if kind != NEO_HOOKEAN:
+    if not neo_hookean:
         across = -lam / (lam + 2.0 * mu) * (E[0, 0] + E[1, 1])
         return across, 2.0 * across / (1.0 + np.sqrt(1.0 + 2.0 * across))
     plane, x = 0.5 * np.log1p(_change(E)), 0.0
