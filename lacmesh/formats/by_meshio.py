@@ -100,12 +100,12 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
         _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why))
     back = _guarded(lambda: meshio.read(path, file_format=name), lambda why: WriteError(path, why))
     _as_ours(back, name)
-    found = _guarded(lambda: from_meshio(back), lambda why: WriteError(path, why))
-    where = match(mesh, found)
+    reread = _guarded(lambda: from_meshio(back), lambda why: WriteError(path, why))
+    where = match(mesh, reread)
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = round_trip_losses(without_records(mesh), found, where)
+    lost = round_trip_losses(without_records(mesh), reread, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 

@@ -230,12 +230,12 @@ def _every_node(mesh: Mesh, node: Ints, cell: Ints, dims: list[int]) -> Ints:
     lost = node < 0
     if not lost.any():
         return node
-    found = np.full(mesh.n_nodes, dims.index(max(dims)), np.int32)
+    rows = np.full(mesh.n_nodes, dims.index(max(dims)), np.int32)
     for block, a, b in sorted(_spans(mesh), key=lambda span: -ALL_CELLS[span[0]].dim):
         row = cell[a:b]
         for column in mesh.block(block).T:
-            found[column] = row
-    return np.where(lost, found, node)
+            rows[column] = row
+    return np.where(lost, rows, node)
 
 
 def _boundary(
@@ -253,13 +253,13 @@ def _boundary(
     for (dim, tag), signed in mesh.model.boundary.items():
         if (dim, tag) not in before:
             continue
-        found: list[int] = []
+        bounds: list[int] = []
         for s in signed if dim else ():
             sign, bound, below = (1 if s > 0 else -1), abs(s), dim - 1
             if (below, bound) in before:
                 more = parts.get((below, bound), []) if below else []  # a curve has two ends, no more
-                found += [sign * t for t in (bound, *more)]
+                bounds += [sign * t for t in (bound, *more)]
             elif (below, bound - was[below]) in before:
-                found.append(sign * (bound - was[below] + now[below]))
-        kept[dim, tag] = tuple(found)
+                bounds.append(sign * (bound - was[below] + now[below]))
+        kept[dim, tag] = tuple(bounds)
     return kept

@@ -59,16 +59,16 @@ class Index:
     @classmethod
     def counting(cls, n: int) -> Index:
         """Return the map from 1, 2, ... n to 0, 1, ... n - 1."""
-        made = cls(np.empty(0, np.int64))
-        made.n = n
-        return made
+        index = cls(np.empty(0, np.int64))
+        index.n = n
+        return index
 
     @classmethod
     def of_places(cls, numbers: Ints, places: Ints, n: int) -> Index:
         """Return the map from some numbers (k,) to their places (k,), indices below n, or -1."""
-        made = cls(numbers, table=False)
-        made.n, made._places = n, places
-        return made
+        index = cls(numbers, table=False)
+        index.n, index._places = n, places
+        return index
 
     @cached_property
     def _up(self) -> bool:

@@ -62,7 +62,7 @@ class OutputFolder:
         """
         try:
             for path in leftovers_in(self.path):
-                if is_abandoned(path, held=True):
+                if is_abandoned(path, locked=True):
                     path.unlink()
             for path in results_in(self.path):
                 if self.restart is None or _later(path, self.restart):

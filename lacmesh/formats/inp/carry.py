@@ -68,11 +68,11 @@ def _line(card: DeckCard, line: DataLine, followed: Followed, complaints: Compla
         yield line.text
         return
     try:
-        made = REWRITTEN[card.key](card, line._replace(text=stripped), followed)
+        texts = REWRITTEN[card.key](card, line._replace(text=stripped), followed)
     except RefusedError as error:
         complaints.add(card, line.file, line.line, str(error), "the line is left out")
-        made = []
-    yield from [line.text] if made is None else (text + "\n" for text in made)
+        texts = []
+    yield from [line.text] if texts is None else (text + "\n" for text in texts)
 
 
 def _load(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
@@ -85,15 +85,15 @@ def _load(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:
     elif on_face is None:  # the whole elements: their set has the children
         return None
     else:
-        found = followed.members(fields[0])
-        numbers = [] if found is None else found.tolist()
+        members = followed.members(fields[0])
+        numbers = [] if members is None else members.tolist()
     if not any(map(followed.is_changed, numbers)):
         return None
-    made = []
+    lines = []
     for number in numbers:
         sides = _sides(number, on_face, label, followed)
-        made += [", ".join([str(element), new, *fields[2:]]) for element, new in sides]
-    return made
+        lines += [", ".join([str(element), new, *fields[2:]]) for element, new in sides]
+    return lines
 
 
 def _sides(number: int, on_face: re.Match[str] | None, label: str, followed: Followed) -> list[tuple[int, str]]:
@@ -139,11 +139,11 @@ def _elements(card: DeckCard, line: DataLine, followed: Followed) -> Replacement
     numbers = [int(f) for f in line.fields if NUMBER.fullmatch(f)]
     if not any(map(followed.is_changed, numbers)):
         return None
-    made = []
+    members = []
     for f in line.fields:
         known = NUMBER.fullmatch(f) and followed.is_changed(int(f))
-        made += [str(child) for child in followed.children(int(f))] if known else [f]
-    return [", ".join(made[k : k + _PER_LINE]) for k in range(0, len(made), _PER_LINE)]
+        members += [str(child) for child in followed.children(int(f))] if known else [f]
+    return [", ".join(members[k : k + _PER_LINE]) for k in range(0, len(members), _PER_LINE)]
 
 
 def _of_each(card: DeckCard, line: DataLine, followed: Followed) -> Replacement:

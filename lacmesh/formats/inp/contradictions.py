@@ -79,8 +79,8 @@ class _Names:
         self.deck = deck
         self.given = {key: _names_of(deck, key) for key in set(_BY_PARAMETER.values())}
         self._nodes = np.sort(deck.mesh.node_number)
-        made = [card.numbers for card in deck.named("ELEMENT") if card.numbers is not None]
-        self._elements = np.sort(np.concatenate([np.empty(0, np.int64), *made]))
+        numbers = [card.numbers for card in deck.named("ELEMENT") if card.numbers is not None]
+        self._elements = np.sort(np.concatenate([np.empty(0, np.int64), *numbers]))
         self.all_cells = all(card.numbers is not None for card in deck.named("ELEMENT"))
 
     def missing(self, kind: str, name: str) -> str:
@@ -112,10 +112,10 @@ def _twice(card: DeckCard) -> Iterator[Contradiction]:
     """Find parameters that stand twice in a keyword line, with different values."""
     text = "".join(card.head.split("\n")).partition(",")[2]
     values: dict[str, str] = {}
-    for found in _PARAMETER.finditer(text):
-        name = "".join(found[1].split()).upper()
-        if key_of(values.setdefault(name, found[2])) != key_of(found[2]):
-            yield _at(card, f"{name} is both {values[name]} and {found[2]}; take one out")
+    for parameter in _PARAMETER.finditer(text):
+        name = "".join(parameter[1].split()).upper()
+        if key_of(values.setdefault(name, parameter[2])) != key_of(parameter[2]):
+            yield _at(card, f"{name} is both {values[name]} and {parameter[2]}; take one out")
 
 
 def _parameters(card: DeckCard, names: _Names) -> Iterator[Contradiction]:

@@ -326,9 +326,9 @@ class _Reader:
         prefix = f"{shown}." if self.prefixed else ""
         whole.add(scope, prefix, *by)
         turned = len([row for row in begin.text().splitlines() if row.strip()]) > 1
-        made = DeckInstance(shown, begin.parameters.get("PART", ""), prefix, *by, turned)
-        self.instances[key(shown)] = made
-        self.model.instances.append(made)
+        instance = DeckInstance(shown, begin.parameters.get("PART", ""), prefix, *by, turned)
+        self.instances[key(shown)] = instance
+        self.model.instances.append(instance)
         if len(self.instances) > 1 or any(by):
             self.model.apart = f"there are {len(self.instances)} instances of parts"
         elif begin.text().strip():

@@ -31,13 +31,13 @@ class DeckSets:
 
 def sets_of(followed: Followed, plan: Plan) -> DeckSets:
     """Find what the sets of nodes and of elements of a deck need."""
-    found = DeckSets()
+    sets = DeckSets()
     for of, groups in (("NSET", followed.deck.node_sets), ("ELSET", followed.deck.element_sets)):
         cards = _cards_of(followed, of)
         for key, group in groups.items():
             if key in cards and not _as_it_was(of, group, followed):
-                _add(found, of, key, group, cards[key], followed, plan)
-    return found
+                _add(sets, of, key, group, cards[key], followed, plan)
+    return sets
 
 
 def _as_it_was(of: str, group: str, followed: Followed) -> bool:
@@ -50,15 +50,15 @@ def _as_it_was(of: str, group: str, followed: Followed) -> bool:
 
 def _cards_of(followed: Followed, of: str) -> dict[str, list[int]]:
     """Indices of the cards that name each set, by its name for comparison."""
-    found: dict[str, list[int]] = {}
+    cards: dict[str, list[int]] = {}
     maker = "NODE" if of == "NSET" else "ELEMENT"
     for k, card in enumerate(followed.deck.cards):
         if card.key in (of, maker) and card.options.get(of):
-            found.setdefault(key_of(card.options[of]), []).append(k)
-    return found
+            cards.setdefault(key_of(card.options[of]), []).append(k)
+    return cards
 
 
-def _add(found: DeckSets, of: str, key: str, group: str, cards: list[int], followed: Followed, plan: Plan) -> None:
+def _add(sets: DeckSets, of: str, key: str, group: str, cards: list[int], followed: Followed, plan: Plan) -> None:
     """Note what one set needs."""
     deck = followed.deck
     now, before, written = _members(of, group, cards, followed, plan)
@@ -68,15 +68,15 @@ def _add(found: DeckSets, of: str, key: str, group: str, cards: list[int], follo
     if lost or any(_catches(deck.cards[k], of, followed) for k in cards):
         for k in cards:
             if deck.cards[k].key == of:
-                found.dropped.add(k)
+                sets.dropped.add(k)
             else:
-                card = found.heads.get(id(deck.cards[k]), deck.cards[k])
-                found.heads[id(deck.cards[k])] = replace(without_option(card, of), options=card.options)
+                card = sets.heads.get(id(deck.cards[k]), deck.cards[k])
+                sets.heads[id(deck.cards[k])] = replace(without_option(card, of), options=card.options)
         more = now
     else:
         more = np.setdiff1d(now, np.union1d(before, written), assume_unique=True)
     if len(more):
-        found.after.setdefault(first, []).append((head, more))
+        sets.after.setdefault(first, []).append((head, more))
 
 
 def _members(of: str, group: str, cards: list[int], followed: Followed, plan: Plan) -> tuple[Ints, Ints, Ints]:

@@ -61,7 +61,7 @@ def _labels(groups: Mapping[str, None]) -> dict[str, str]:
     plain = {group: group.replace(".", "_") for group in groups}
     fitting = {text for text in plain.values() if _PLAIN.fullmatch(text)}
     others = labels((text for text in plain.values() if text not in fitting), "A-Za-z0-9_-", NAME)
-    found: dict[str, str] = {}
+    label_of: dict[str, str] = {}
     taken: set[str] = set()
     for group, text in sorted(plain.items(), key=lambda item: "." in item[0]):  # sets of the assembly keep their names
         label, k = others.get(text, text), 1
@@ -69,5 +69,5 @@ def _labels(groups: Mapping[str, None]) -> dict[str, str]:
             k += 1
             label = f"{others.get(text, text)[: NAME - len(str(k)) - 1]}_{k}"
         taken.add(label.upper())
-        found[group] = label
-    return found
+        label_of[group] = label
+    return label_of

@@ -52,9 +52,9 @@ def added_lines(card: DeckCard, followed: Followed) -> list[str]:
     for line in card.data:
         nodes, in_set = _nodes(line, followed, number)
         for kind, values in _kinds(card, line):
-            found = conditions.setdefault(kind, _none(followed.mesh.n_nodes))
-            found.add(nodes, values)
-            found.by_set[in_set] = True
+            of_kind = conditions.setdefault(kind, _none(followed.mesh.n_nodes))
+            of_kind.add(nodes, values)
+            of_kind.by_set[in_set] = True
     return [text for kind, condition in conditions.items() for text in _lines(kind, condition, followed)]
 
 
@@ -67,8 +67,8 @@ def _nodes(line: DataLine, followed: Followed, number: Index) -> tuple[Ints, Int
     none = np.empty(0, np.int64)
     name = line.fields[0]
     if _NUMBER.fullmatch(name):
-        found = number.places(np.array([int(name)]))
-        return found[found >= 0], none
+        places = number.places(np.array([int(name)]))
+        return places[places >= 0], none
     group = followed.deck.node_group(name)
     if group is None:
         return none, none

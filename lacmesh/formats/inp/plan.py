@@ -69,7 +69,7 @@ def _cards(
 ) -> dict[tuple[str, bool], str]:
     """Element for each type of cell of some cells, skin or not. Raises WriteError if the target has none."""
     flat = plane if is_plane(mesh) else None
-    found = {}
+    skins = {}
     for block, (lo, hi) in zip(mesh.blocks, pairwise(mesh.offsets), strict=True):
         for skin in (False, True):
             n = int((which[lo:hi] & (roles.skin[lo:hi] == skin)).sum())
@@ -77,8 +77,8 @@ def _cards(
             if n and name is None:
                 raise no_element(path, block.type, target, n, bool(flat))
             if n and name is not None:
-                found[block.type, skin] = name
-    return found
+                skins[block.type, skin] = name
+    return skins
 
 
 def no_element(path: Path, cell_type: str, target: str, n: int, flat: bool) -> WriteError:
@@ -90,20 +90,20 @@ def no_element(path: Path, cell_type: str, target: str, n: int, flat: bool) -> W
 
 def _nodes_of_groups(mesh: Mesh, roles: Roles) -> dict[str, Ints]:
     """Nodes of the cells in each group that are skin, or no elements."""
-    found = {}
+    nodes_of = {}
     for name, members in mesh.cell_groups.items():
         some = members[roles.skin[members] | ~roles.element[members]]
         if len(some):
-            found[name] = _nodes_of(mesh, some)
-    return found
+            nodes_of[name] = _nodes_of(mesh, some)
+    return nodes_of
 
 
 def _labels(mesh: Mesh, target: str, said: list[str]) -> dict[str, str]:
     """Name of each group in the file; a group of cells and one of nodes may share a name."""
-    made = labels(_names(mesh), _ALLOWED[target], NAME)
-    if changed := changes(made):
+    label_of = labels(_names(mesh), _ALLOWED[target], NAME)
+    if changed := changes(label_of):
         said.append(f"names of groups that an .inp file cannot hold: {changed}")
-    return _quoted(made, target)
+    return _quoted(label_of, target)
 
 
 def _labels_apart(mesh: Mesh, target: str, of_cells: dict[str, Ints], said: list[str]) -> dict[str, str]:
@@ -111,8 +111,8 @@ def _labels_apart(mesh: Mesh, target: str, of_cells: dict[str, Ints], said: list
     own = mesh.node_groups
     clash = [n for n in of_cells if len(own.get(n, ())) and not np.array_equal(own[n], of_cells[n])]
     taken = labels(_names(mesh), _ALLOWED[target], NAME).values()
-    made = labels((f"{name}_nodes" for name in clash), _ALLOWED[target], NAME, reserved=taken)
-    apart = dict(zip(clash, made.values(), strict=True))
+    label_of = labels((f"{name}_nodes" for name in clash), _ALLOWED[target], NAME, reserved=taken)
+    apart = dict(zip(clash, label_of.values(), strict=True))
     if apart:
         shown = ", ".join(f"those of {name!r} are {label}" for name, label in apart.items())
         said.append(f"groups of cells and of other nodes have the same name; the sets of the cells' nodes: {shown}")
@@ -123,11 +123,11 @@ def _names(mesh: Mesh) -> dict[str, None]:
     return dict.fromkeys([*mesh.cell_groups, *mesh.node_groups])
 
 
-def _quoted(made: dict[str, str], target: str) -> dict[str, str]:
+def _quoted(label_of: dict[str, str], target: str) -> dict[str, str]:
     """Put labels for Abaqus between quotes if they are more than a plain word."""
     if target != "abaqus":
-        return made
-    return {name: text if _PLAIN.fullmatch(text) else f'"{text}"' for name, text in made.items()}
+        return label_of
+    return {name: text if _PLAIN.fullmatch(text) else f'"{text}"' for name, text in label_of.items()}
 
 
 def _numbers(numbers: Ints, which: NDArray[np.bool_], what: str, said: list[str]) -> Ints:

@@ -29,9 +29,9 @@ def deck_of(path: Path, model: InputDeck, mesh: Mesh) -> Deck:
         cards,
         mesh,
         places.lines(model.start),
-        {key: found.shown for key, found in scope.node_sets.items()},
-        {key: found.shown for key, found in scope.element_sets.items()},
-        {key: found.shown for key, found in scope.surfaces.items()},
+        {key: one.shown for key, one in scope.node_sets.items()},
+        {key: one.shown for key, one in scope.element_sets.items()},
+        {key: one.shown for key, one in scope.surfaces.items()},
         model.apart,
         tuple(model.instances),
         _placed(model) if model.instances else (),
@@ -67,21 +67,21 @@ class _Places:
 
     def lines(self, spans: list[Span]) -> tuple[Lines, ...]:
         """Spans as text, each with the file and the number of its first line; every line ends with a line end."""
-        found = []
+        lines = []
         for span in spans:
             text = bytes(span.source.data[span.begin : span.end]).decode(errors="surrogateescape")
             ended = text if text.endswith("\n") else text + "\n"
-            found.append(Lines(ended, str(span.source.path), self._line(span.source, span.begin)))
-        return tuple(found)
+            lines.append(Lines(ended, str(span.source.path), self._line(span.source, span.begin)))
+        return tuple(lines)
 
     def comments(self, card: Card) -> tuple[Lines, ...]:
         """The comments of a card alone: what its body has beside its data."""
-        found: list[Span] = []
+        spans: list[Span] = []
         for part in card.body:
             data = [s for s in card.spans if s.source is part.source and part.begin <= s.begin < part.end]
             edges = [part.begin, *(edge for s in data for edge in (s.begin, s.end)), part.end]
-            found += [Span(part.source, a, b) for a, b in list(pairwise(edges))[::2] if b > a]
-        return self.lines(found)
+            spans += [Span(part.source, a, b) for a, b in list(pairwise(edges))[::2] if b > a]
+        return self.lines(spans)
 
     def _line(self, source: SourceFile, at: int) -> int:
         _, begin, line = self._reached.get(id(source), (source, 0, 1))

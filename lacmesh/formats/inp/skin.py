@@ -124,12 +124,12 @@ class Skin:
             new.append((FACE_TYPES[code], distinct.nodes[rows][:, : N_NODES[code]]))
             cell[rows] = n + np.arange(len(rows))
             n += len(rows)
-        found = []
+        groups = []
         for s, old in enumerate(self.existing):
             mine = label[of_surface == s]
             there = repeats.face[np.isin(repeats.cell, members[s])]
-            found.append(np.append(old, cell[mine[~np.isin(mine, there)]]))
-        return new, found
+            groups.append(np.append(old, cell[mine[~np.isin(mine, there)]]))
+        return new, groups
 
 
 def _facet(cell: str, kind: int, label: str) -> int | None:

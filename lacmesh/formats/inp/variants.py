@@ -41,5 +41,5 @@ def variant(name: str, cell_type: str, target: str, plane: str | None = None) ->
     number = re.search(r"\d+(?=\D*$)", plain)
     letters = "".join(c for c in parts[3] if cell_type in _SHAPES.get(c, (cell_type,)))
     new = f"{parts[1]}{number[0] if number else ''}{letters}"
-    found = element(new)
-    return new if found is not None and found.type == cell_type else plain
+    known = element(new)
+    return new if known is not None and known.type == cell_type else plain

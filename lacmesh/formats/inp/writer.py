@@ -76,8 +76,8 @@ def _followed(deck: Deck, mesh: Mesh, with_parts: bool, complaints: Complaints, 
     flat, refused = flattened(deck)
     without_parts = Followed(flat, mesh)
     if not without_parts.misfit():
-        for found in refused:
-            complaints.add(found.card, found.file, found.line, found.why, "it is left out")
+        for refusal in refused:
+            complaints.add(refusal.card, refusal.file, refusal.line, refusal.why, "it is left out")
         names = ", whose names stand before those of their sets" if any(one.prefix for one in deck.instances) else ""
         said.append(f"the deck is written without parts and instances{names}")
     return without_parts
@@ -100,15 +100,15 @@ def _write_deck(
     )
     chosen = plane or mesh.plane or "CPS"
     plan = plan_of(path, mesh, roles, target, chosen, [], of_deck)
-    for found in contradictions(deck):
-        complaints.add(found.card, found.file, found.line, found.why, "carried as it stands")
+    for one in contradictions(deck):
+        complaints.add(one.card, one.file, one.line, one.why, "carried as it stands")
     with path.open("wb") as file:
         rest_plan = plan_of(path, rest, roles, target, chosen, said, of_deck)
         DeckWriter(path, plan, rest_plan, followed, plane, complaints).write(file)
-    held = roles.element.copy()
+    in_group = roles.element.copy()
     for name in known & set(mesh.cell_groups):
-        held[mesh.cell_groups[name]] = True
-    said += losses_of_groups(rest, replace(roles, element=held))
+        in_group[mesh.cell_groups[name]] = True
+    said += losses_of_groups(rest, replace(roles, element=in_group))
     said += complaints.said
 
 

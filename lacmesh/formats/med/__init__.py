@@ -36,10 +36,10 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     Raises ReadError for a file that is damaged or holds what a Mesh cannot (polygons, grids); RequestError for the
     choice of the mesh. What is left out is named in one LacmeshWarning.
     """
-    made = reader.slice_of(path, mesh=mesh)
-    for message in made.said:
+    content = reader.slice_of(path, mesh=mesh)
+    for message in content.said:
         warnings.warn(message, LacmeshWarning, stacklevel=2)
-    return reader.with_zones(made).mesh()
+    return reader.with_zones(content).mesh()
 
 
 def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:

@@ -31,11 +31,11 @@ def derive(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str,
     combined: list[tuple[str, ...]] = [()]
     for name, members in groups.items():
         before = family[members]
-        found = np.flatnonzero(np.bincount(before))
+        families = np.flatnonzero(np.bincount(before))
         after = np.zeros(int(before.max(initial=0)) + 1, np.int32)
-        after[found] = len(combined) + np.arange(len(found))
+        after[families] = len(combined) + np.arange(len(families))
         family[members] = after[before]
-        combined += [(*combined[k], name) for k in found]
+        combined += [(*combined[k], name) for k in families]
     split = np.where(family > 0, 4 * family + dim, 0)
     used = np.union1d(0, np.flatnonzero(np.bincount(split)))
     number = np.zeros(4 * len(combined), np.int32)

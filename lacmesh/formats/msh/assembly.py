@@ -27,10 +27,10 @@ from lacmesh.mesh import Ints, Mesh, Model, Periodic
 
 def to_mesh(content: Content) -> Mesh:
     """Convert the content of a whole file to a mesh. Raises ReadError."""
-    made = to_slice(content)
-    for message in made.said:
+    whole = to_slice(content)
+    for message in whole.said:
         warnings.warn(LacmeshWarning(message), stacklevel=4)
-    return made.mesh()
+    return whole.mesh()
 
 
 def to_slice(content: Content, comm: Communicator = SERIAL) -> MeshSlice:
@@ -107,10 +107,10 @@ def _fitting(content: Content, n_nodes: int, said: list[str]) -> Notes:
     return notes
 
 
-def _say_lost(content: Content, notes: Notes, found: int, comm: Communicator, said: list[str]) -> None:
-    """Say how many values and members of node groups have no place; `found`: those in the slice that have one."""
+def _say_lost(content: Content, notes: Notes, n_placed: int, comm: Communicator, said: list[str]) -> None:
+    """Say how many values and members of node groups have no place; `n_placed`: those in the slice that have one."""
     there = sum(len(r.number) for r in content.rows) + sum(map(len, notes.node_groups.values()))
-    lost = there - int(comm.total(np.array(found)))
+    lost = there - int(comm.total(np.array(n_placed)))
     if lost:
         said.append(f"{lost} values or members belong to nodes or cells that the file does not hold: left out")
 
@@ -118,8 +118,8 @@ def _say_lost(content: Content, notes: Notes, found: int, comm: Communicator, sa
 def _space_dim(content: Content, whole: msh_cells.AllCells, notes: Notes, comm: Communicator) -> int:
     """The dimension of the space: that of our notes, else 3 if there are solids or points out of the plane."""
     least = max((ALL_CELLS[name].dim for name in whole.sizes), default=0)
-    found = int(comm.greatest(np.array(max(least, Mesh.create(content.points, []).space_dim))))
-    return found if notes.space_dim is None else notes.space_dim
+    dim = int(comm.greatest(np.array(max(least, Mesh.create(content.points, []).space_dim))))
+    return dim if notes.space_dim is None else notes.space_dim
 
 
 def _node_entity(content: Content, notes: Notes) -> Ints | None:

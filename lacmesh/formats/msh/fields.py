@@ -87,7 +87,7 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
     times: dict[str, set[tuple[int, float]]] = {}
     for head in heads:
         times.setdefault(head.name, set()).add((head.step, head.time))
-    place = {name: {when: k for k, when in enumerate(sorted(found))} for name, found in times.items()}
+    place = {name: {when: k for k, when in enumerate(sorted(steps))} for name, steps in times.items()}
     used: dict[tuple[str, str], None] = {(on, key): None for on in SECTIONS.values() for key in RESERVED}
     said: dict[str, Step | None] = {}
     result: list[tuple[str, Step | None]] = []
@@ -215,14 +215,14 @@ def to_rows(
     for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
         there, values, integer = _as_reals(path, key, np.asarray(array))
         width = next((w for w in _WIDTHS if w >= values.shape[1]), values.shape[1])
-        held = () if width == 1 else (width,)
+        trailing = () if width == 1 else (width,)
         truth = meant[key]
         note = FieldNote(
             key,
             truth.field,
             truth.number,
             truth.order,
-            None if array.shape[1:] == held else array.shape[1:],
+            None if array.shape[1:] == trailing else array.shape[1:],
             integer and not key.startswith("lac_"),
         )
         plain = step or Step(default, 0, -1, 0.0)
@@ -254,8 +254,8 @@ def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]
         raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
     integer = array.dtype.kind in "iub"
     rows = array.reshape(len(array), -1) if array.size else np.empty((len(array), int(np.prod(array.shape[1:]))))
-    held = (rows != -1) if integer else ~np.isnan(rows)
-    there = np.flatnonzero(held[:, 0] if held.shape[1] == 1 else held.any(axis=1))
+    given = (rows != -1) if integer else ~np.isnan(rows)
+    there = np.flatnonzero(given[:, 0] if given.shape[1] == 1 else given.any(axis=1))
     values = rows[there].astype(np.float64)
     if integer and (np.abs(values) > 2.0**53).any():
         raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")

@@ -45,12 +45,12 @@ def cell_groups(
             name += "'"
         group_tags.setdefault(name, []).append(group)
         groups.setdefault(name, []).extend(members.get(group, []))
-    found = 0
+    n_placed = 0
     for name, number in notes.cell_groups.items():
         here = known(index, number)
         groups.setdefault(name, []).append(here)
-        found += len(here)
-    lost = sum(map(len, notes.cell_groups.values())) - int(comm.total(np.array(found)))
+        n_placed += len(here)
+    lost = sum(map(len, notes.cell_groups.values())) - int(comm.total(np.array(n_placed)))
     if lost:
         said.append(f"{lost} members of groups are cells that the file does not hold: left out")
     joined = {name: parts[0] if len(parts) == 1 else _joined(parts) for name, parts in groups.items()}

@@ -53,11 +53,11 @@ def slice_of(path: Path, comm: Communicator = SERIAL) -> MeshSlice | None:
             return None
         return _read_content(source, Slice(comm.rank, comm.size))
 
-    found = comm.on_each(content)
-    if found is None or found[0].notes.extra_cells:
+    read = comm.on_each(content)
+    if read is None or read[0].notes.extra_cells:
         return None
-    made = to_slice(found[0], comm)
-    return replace(made, said=(*found[1], *made.said))
+    part = to_slice(read[0], comm)
+    return replace(part, said=(*read[1], *part.said))
 
 
 def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:

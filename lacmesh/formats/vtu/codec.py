@@ -136,7 +136,7 @@ def from_text(text: str, dtype: np.dtype) -> NDArray:
     if dtype.kind == "f":
         return np.array(words, np.float64).astype(dtype)
     values: Ints = np.array(words, np.uint64 if dtype == np.uint64 else np.int64)
-    held = values.astype(dtype)
-    if not (held == values).all():
+    typed = values.astype(dtype)
+    if not (typed == values).all():
         raise ValueError(f"a number is too large for {dtype}")
-    return held
+    return typed

@@ -63,15 +63,15 @@ def _piece(document: Document, element: XmlElement, said: list[str]) -> _Piece:
 
 def _cells(document: Document, element: XmlElement, n_points: int, k: int) -> VtkCells:
     arrays = {array.get("Name"): array for array in element.findall("Cells/DataArray")}
-    found: dict[str, Ints] = {}
+    read: dict[str, Ints] = {}
     for name in ("offsets", "types", "connectivity"):
         if name in arrays:
-            most = k + 1 if name != "connectivity" else _last(found.get("offsets"))
-            found[name] = document.array(arrays[name], most)
-            if found[name].dtype.kind not in "iu":
+            most = k + 1 if name != "connectivity" else _last(read.get("offsets"))
+            read[name] = document.array(arrays[name], most)
+            if read[name].dtype.kind not in "iu":
                 raise document.error(f"{name} should be integers", "<Cells>")
     none = np.empty(0, np.int64)
-    cells = VtkCells(*(found.get(name, none) for name in ("connectivity", "offsets", "types")))
+    cells = VtkCells(*(read.get(name, none) for name in ("connectivity", "offsets", "types")))
     if len(cells.ends) == len(cells.types) + 1 and len(cells.ends) and cells.ends[0] == 0:
         cells = cells._replace(ends=cells.ends[1:])
     if len(cells.ends) != k or len(cells.types) != k:
@@ -165,10 +165,10 @@ def blocks_of(source: Any, cells: VtkCells, old: bool) -> tuple[dict[str, Ints],
         nodes[:, cell.nodes] = rows
         parts.setdefault(cell.type, []).append((here, nodes))
     blocks, places = {}, [np.empty(0, np.int64)]
-    for name, found in parts.items():
-        here = np.concatenate([h for h, _ in found])
-        order = np.argsort(here, kind="stable") if len(found) > 1 else slice(None)
-        blocks[name] = np.concatenate([n for _, n in found])[order]
+    for name, pieces in parts.items():
+        here = np.concatenate([h for h, _ in pieces])
+        order = np.argsort(here, kind="stable") if len(pieces) > 1 else slice(None)
+        blocks[name] = np.concatenate([n for _, n in pieces])[order]
         places.append(here[order])
     return blocks, np.concatenate(places)
 

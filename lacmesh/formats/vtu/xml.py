@@ -99,15 +99,15 @@ def opened(path: Path) -> Document:
     except OSError as error:
         raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
     head, appended, base64 = data, memoryview(b""), False
-    found = _APPENDED.search(data)
-    if found:
-        start = data.index(b"<AppendedData", found.start())
-        encoding = _ENCODING.search(found.group())
+    appended_section = _APPENDED.search(data)
+    if appended_section:
+        start = data.index(b"<AppendedData", appended_section.start())
+        encoding = _ENCODING.search(appended_section.group())
         base64 = bool(encoding) and encoding.group(1).lower() == b"base64" if encoding else False
         head = data[:start] + b"</VTKFile>"
-        appended = memoryview(data)[found.end() :]
+        appended = memoryview(data)[appended_section.end() :]
         if base64:
-            appended = memoryview(b"".join(data[found.end() :].split(b"<", 1)[0].split()))
+            appended = memoryview(b"".join(data[appended_section.end() :].split(b"<", 1)[0].split()))
     root = parsed(path, head)
     if root.tag != "VTKFile" or root.get("type") != "UnstructuredGrid":
         raise ReadError(
