@@ -26,7 +26,6 @@ from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import (
     FreeMotion,
-    bodies,
     body_names,
     describe,
     free_motions,
@@ -172,7 +171,7 @@ class ReducedProblem:
         node, axis = divmod(int(np.abs(u).argmax()), space.dim)
         place = ", ".join(space.told(space.mesh.points[node]))
         who = f"node {space.mesh.node_number[node]} ({place}) along {'xyz'[axis]}"
-        of_node = bodies(space)
+        of_node = space.bodies
         body = "a body" if space.share.size > 1 else body_names(space, of_node)[of_node[node]]
         message = f"the stiffness is singular: a part of {body} can move without any force, most of all {who}"
         advice = "look how it hangs on the rest there, or hold it by a displacement or a spring"
@@ -187,7 +186,7 @@ class ReducedProblem:
         space, c = self.problem.space, self.problem.constraints
         if not c.is_selection:
             return None
-        modes = rigid_modes(space, bodies(space))
+        modes = rigid_modes(space, space.bodies)
         modes[np.setdiff1d(np.arange(space.n_dof), c.free, assume_unique=True)] = 0.0
         return NodalEmbedding(c.free, space.n_dof, space.dim, modes)
 

@@ -24,7 +24,7 @@ from lacsolver.constraints import Constraints
 from lacsolver.constraints.rigid import RigidBody, moments
 from lacsolver.contact import Zone
 from lacsolver.problem.massless import Massless, massless_nodes
-from lacsolver.problem.rigid_modes import bodies, body_names, centres
+from lacsolver.problem.rigid_modes import body_names, centres
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
@@ -164,7 +164,7 @@ class Inertia:
 
         In axisymmetry, that along the axis about the centre.
         """
-        space, of_node, n = self.space, bodies(self.space), self.space.n_dof
+        space, of_node, n = self.space, self.space.bodies, self.space.n_dof
         if not self.massless.nodes.any():
             return {}
         centre, _ = centres(space, of_node)
@@ -184,7 +184,7 @@ class Inertia:
         worst = max(moved, key=lambda body: abs(moved[body]), default=-1)
         said = list(self.massless.told)
         if worst >= 0 and abs(moved[worst]) > LARGE:
-            name = body_names(self.space, bodies(self.space))[worst]
+            name = body_names(self.space, self.space.bodies)[worst]
             advice = 'refine the cells at the contact, or take massless = "internal"'
             said.append(f"massless nodes change the inertia of {name} by {moved[worst]:+.2%}; {advice}")
         return said

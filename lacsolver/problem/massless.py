@@ -24,7 +24,7 @@ from scipy.sparse import coo_array, csr_array, diags_array, eye_array
 from lacmesh.cutting.records import NODE_RECORD
 from lacmesh.mesh import Ints
 from lacsolver.contact import Zone
-from lacsolver.problem.rigid_modes import bodies, body_names
+from lacsolver.problem.rigid_modes import body_names
 from lacsolver.space.cut_nodes import inside_children
 from lacsolver.space.space import Space
 
@@ -53,7 +53,7 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     rigid_node[rigid] = True
     attached = space.agreed(space.attached)
     movable, levels = attached & ~space.agreed(rigid_node), _levels(space, zones)
-    wanted, sentences, of_node = levels[choice] & movable, [], bodies(space)
+    wanted, sentences, of_node = levels[choice] & movable, [], space.bodies
     for fallback, words in (("slave", "all but its master skins"), ("internal", "its internal nodes alone")):
         if choice in (fallback, "internal", "none"):
             continue

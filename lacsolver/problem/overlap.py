@@ -21,7 +21,6 @@ from lacmesh.topology.skin import Faces
 from lacsolver.contact import Interface
 from lacsolver.contact.interface import positions
 from lacsolver.problem.pair import ContactPair
-from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
@@ -145,7 +144,7 @@ def _met(slave: Surface, skin: Surface, macro: Ints, n: int) -> Coverage:
 
 def _skin_behind(face: Interface, space: Space) -> Surface | None:
     """Return the deformed skin of the bodies that the master is on; None if it is on none, or on the slave's."""
-    body = bodies(space)
+    body = space.bodies
     theirs, ours = (np.unique(body[s.faces.nodes[:, 0]]) for s in (face.master, face.slave))
     theirs = theirs[theirs >= 0]
     if not len(theirs) or np.intersect1d(theirs, ours).size:

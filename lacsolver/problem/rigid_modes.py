@@ -18,7 +18,6 @@ from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names as names_of
 from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
@@ -26,7 +25,7 @@ from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
 
-__all__ = ["Body", "FreeMotion", "bodies", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
+__all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
 
 #: root mean square of a unit motion on the rows of its system, below which the motion is free
 _STOPPED = 1e-9
@@ -34,20 +33,10 @@ _STOPPED = 1e-9
 STOPPED_BY_CONTACT = 1e-8
 
 
-def bodies(space: Space) -> Ints:
-    """Return the connected body of each node, (n_nodes,), counted from 0 by their first nodes; -1 for nodes of no cell.
-
-    Cells that share a node belong to the same body.
-    """
-    if space.share.body is not None:
-        return space.share.body
-    return label_bodies((block.nodes for block in space.blocks), space.mesh.n_nodes)
-
-
 def rigid_modes(space: Space, of_node: Ints) -> NDArray[np.floating]:
     """Return the rigid-body modes (n_dof, r) of all bodies: 6 in 3D, 3 in a plane, the one along y in axisymmetry.
 
-    `of_node` (n_nodes,): the result of `bodies`. The modes of each body are orthonormal, and all bodies share the same
+    `of_node` (n_nodes,): `Space.bodies`. The modes of each body are orthonormal, and all bodies share the same
     columns, so that memory does not grow with the number of bodies; nodes of no body have 0. Translations come first,
     then rotations about the principal axes through the mean of a body's nodes. A rotation that moves none of the nodes,
     about a line on which all of them lie, is left out.
@@ -161,7 +150,7 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
 class _Frame(NamedTuple):
     """The bodies, `n_connected` connected ones and then rigid groups, and the amplitudes of their motions.
 
-    `of_node` (n_nodes,): the result of `bodies`. `block` (a,): body of each amplitude; `twists` (a, 6): unit motion of
+    `of_node` (n_nodes,): `Space.bodies`. `block` (a,): body of each amplitude; `twists` (a, 6): unit motion of
     each amplitude, scaled so that a rotation displaces nodes by about 1.
     """
 
@@ -173,7 +162,7 @@ class _Frame(NamedTuple):
 
 
 def _frame(space: Space, constraints: Constraints) -> _Frame:
-    of_node = bodies(space)
+    of_node = space.bodies
     connected = _connected(space, of_node)
     model = _unit_twists(space)
     if space.model.axisymmetric:
@@ -203,7 +192,7 @@ def _connected(space: Space, of_node: Ints) -> list[Body]:
 def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return the mean (n, 3) of the nodes of each connected body, and the mean square (n,) of their distances from it.
 
-    `of_node` (n_nodes,): the result of `bodies`. The nodes are those of all processes.
+    `of_node` (n_nodes,): `Space.bodies`. The nodes are those of all processes.
     """
     n, share = int(space.share.largest(float(of_node.max(initial=-1)))) + 1, space.share
     own, x = space.own(of_node).ravel(), space.own(space.local.points.ravel())
@@ -220,7 +209,7 @@ def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[
 def body_names(space: Space, of_node: Ints) -> list[str]:
     """Return the name of each body, by its groups or its place: `lacmesh.topology.body_names`.
 
-    `of_node` (n_nodes,): the result of `bodies`. All processes call it at the same time.
+    `of_node` (n_nodes,): `Space.bodies`. All processes call it at the same time.
     """
     share = space.share
     n = int(share.largest(float(of_node.max(initial=-1)))) + 1

@@ -24,7 +24,7 @@ from lacsolver.linear.multigrid.factor import Hierarchy
 from lacsolver.linear.multigrid.halo import BlockRows, SharedHalo
 from lacsolver.linear.petsc import PetscCycle, petsc_errors, petsc_matrix, set_up
 from lacsolver.linear.vectors import Vectors
-from lacsolver.problem.rigid_modes import bodies, centres
+from lacsolver.problem.rigid_modes import centres
 from lacsolver.saddle.bordered import bordered
 from lacsolver.saddle.node_blocks import add_to_diagonal, only_rows, submatrix
 from lacsolver.saddle.operator import Operator
@@ -255,7 +255,7 @@ def _own_rows(K: csr_array, constraints: Constraints, own: Ints) -> csr_array:
 
 def rigid_body_modes(space: Space) -> NDArray[np.floating]:
     """Return the rigid-body modes (n_dof, r) of all bodies in the same columns, about each body's own centre."""
-    body = bodies(space)
+    body = space.bodies
     centre, _ = centres(space, body)
     arm = np.where(body[:, None] >= 0, space.local.points - centre[body], 0.0)
     straight = np.tile(np.eye(space.dim), (len(arm), 1, 1))

@@ -27,6 +27,7 @@ from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, fixed
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
+from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import lacking
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.cut_nodes import made_by_cut
@@ -214,6 +215,16 @@ class Space:
         for block in self.blocks:
             attached[block.nodes] = True
         return attached
+
+    @cached_property
+    def bodies(self) -> Ints:
+        """Connected body of each node, (n_nodes,), counted from 0 by their first nodes; -1 for nodes of no cell.
+
+        Cells that share a node belong to the same body.
+        """
+        if self.share.body is not None:
+            return self.share.body
+        return label_bodies((block.nodes for block in self.blocks), self.mesh.n_nodes)
 
     @cached_property
     def made_by_cut(self) -> NDArray[np.bool_]:

@@ -16,7 +16,7 @@ from lacsolver.case import Displacement, Rigid
 from lacsolver.constraints.local import combine
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.problem import loads
-from lacsolver.problem.rigid_modes import bodies, describe, free_motions, rigid_modes
+from lacsolver.problem.rigid_modes import describe, free_motions, rigid_modes
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, distorted, mixture, plane_mixture, square
 from tests.lacsolver.held import held, joined, moved, ring, turn, two, with_sides
@@ -61,7 +61,7 @@ def test_bodies_are_counted_by_their_first_nodes():
         [*((t, place[nodes]) for t, nodes in mesh.blocks), ("POI1", [[mesh.n_nodes]])],
         cell_groups=mesh.cell_groups,
     )
-    label = bodies(Space.of(mixed, "3d"))
+    label = Space.of(mixed, "3d").bodies
     assert label[-1] == -1
     owner = np.repeat([0, 1, 2], [8, 20, 20])[order]
     for k in range(3):
@@ -75,7 +75,7 @@ def test_bodies_are_counted_by_their_first_nodes():
 def test_rigid_modes_cost_no_energy(model):
     mesh = distorted(mixture("2"), 0.05) if model == "3d" else distorted(plane_mixture("2"), 0.05)
     space = Space.of(mesh, model)
-    R = rigid_modes(space, bodies(space))
+    R = rigid_modes(space, space.bodies)
     assert R.shape == (space.n_dof, {"3d": 6, "axisymmetric": 1}.get(model, 3))
     np.testing.assert_allclose(R.T @ R, np.eye(R.shape[1]), atol=1e-13)
     np.testing.assert_allclose(stiffness(space) @ R, 0, atol=1e-12)

@@ -12,7 +12,6 @@ from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import distribute_nodes, part_of
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.problem.rigid_modes import bodies
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
 from tests.meshes import random_mesh
@@ -111,7 +110,7 @@ def test_own_rows_of_the_stiffness_are_those_of_the_whole_mesh(name, model, make
     """To the last bit, with the origin of the whole mesh."""
     mesh = dressed(distorted(make(), 0.04, seed=4), 1e3)
     space, K = stiffness(mesh, model)
-    K, of_body = K.tocsr(), bodies(space)
+    K, of_body = K.tocsr(), space.bodies
     for n in PARTS:
         for part in parts_of(mesh, n):
             _, small = stiffness(part.mesh, model, space.origin)
