@@ -71,7 +71,7 @@ class Small:
     @property
     def linear(self) -> bool:
         """True without laws that are evaluated at points."""
-        return not self.materials.pointwise
+        return not any(self.materials.pointwise)
 
     @cached_property
     def _K(self) -> bsr_array:

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,7 +249,9 @@ def reduced(law: Law, model: ModellingHypothesis) -> tuple[NDArray[np.floating],
     with shear across its plane.
     """
     n = model.n_stress
-    if not hasattr(law, "elasticity"):  # evaluated at points
+    if hasattr(law, "respond") and not (
+        getattr(law, "finite", False) and hasattr(law, "elasticity")
+    ):  # evaluated at points
         return np.zeros((n, n)), np.zeros(n)
     C, alpha = law.elasticity(), law.thermal_strain()
     if n < 6 and (np.abs(C[:n, n:]).max() > _ROUNDING * np.abs(C).max() or np.any(np.abs(alpha[n:]) > _ROUNDING)):
@@ -371,9 +373,9 @@ class Materials:
         return start, np.stack([d * s + t - s * (s + 1) // 2, rows * i + j], axis=1), A[used]
 
     @cached_property
-    def pointwise(self) -> tuple[Any, ...]:
-        """Laws that are evaluated at points at small strains (`bodies.pointwise`); their C is 0 in the tables."""
-        return tuple(law for law in self.laws if not hasattr(law, "elasticity"))
+    def pointwise(self) -> tuple[bool, ...]:
+        """True for each law that is evaluated at points (`bodies.pointwise`); if it is of small strains, its C is 0."""
+        return tuple(hasattr(law, "respond") for law in self.laws)
 
     def check_small(self) -> None:
         """Raise RequestError if a law is one of finite strains."""

@@ -191,7 +191,7 @@ class DisplacedBodies:
 
     def _is_by_points(self, part: Piece) -> bool:
         """True for a piece of cells whose law is evaluated at points."""
-        return len(part.cells) > 0 and (self.finite or self.materials.laws[part.law] in self.materials.pointwise)
+        return len(part.cells) > 0 and self.materials.pointwise[part.law]
 
     def _respond(self, part: Piece, tangent: bool = False) -> _Response:
         """Return the response in a piece, whose L and W become those of the warm, stress-free cells."""

@@ -7,6 +7,7 @@ import pytest
 
 from lacmesh import Mesh
 from lacmesh.errors import DataError, GroupNotFoundError
+from lacsolver.bodies.hyperelastic import NeoHookean
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic, reduced
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
@@ -189,3 +190,17 @@ def test_the_terms_rebuild_the_tensor(model):
             got[*pairs[pair], ij // model.rows, ij % model.rows] += v
         upper = np.triu(np.ones((model.dim, model.dim)))[..., None, None]
         np.testing.assert_allclose(got, A.transpose(0, 2, 1, 3) * upper, atol=1e-14)
+
+
+def test_a_law_that_answers_at_points_has_no_stiffness_of_its_own_even_if_it_has_the_constants_of_another():
+    class Yielding(Elastic):
+        n_history = 1
+
+        def respond(self, H, history):
+            raise NotImplementedError
+
+    space = Space.of(square("QUAD4", 1), "plane_strain")
+    for law, by_points in ((Yielding(200.0, 0.3), True), (ELASTIC, False), (NeoHookean(200.0, 0.3), True)):
+        materials = Materials.of(space, law)
+        assert materials.pointwise == (by_points,)
+        assert materials.tables[0].any() == (not isinstance(law, Yielding))
