@@ -8,6 +8,7 @@ from scipy.spatial import Delaunay
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
+from verification.meshes import blocks
 
 
 def pad(points):
@@ -61,14 +62,7 @@ def rotate(nodes, face, rotation, inward):
 
 def box(n=2, size=1.0):
     """(points, hexahedra) of a cube of n^3 HEXA8."""
-    g = np.arange((n + 1) ** 3).reshape((n + 1,) * 3)
-    points = np.stack(np.meshgrid(*[np.linspace(0, size, n + 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
-
-    def corner(i, j, k):
-        return g[i : i + n, j : j + n, k : k + n].ravel()
-
-    places = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    return points, np.stack([corner(*p) for p in places], axis=1)
+    return blocks.grid((n,) * 3, (0.0,) * 3, (size,) * 3)
 
 
 def grid(rng, nx, ny):

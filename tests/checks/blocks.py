@@ -6,60 +6,28 @@ import numpy as np
 
 from lacmesh import Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
+from tests.meshes import pad
+from verification.meshes.blocks import SPLITS, grid
 
-#: six tetrahedra and two prisms of a hexahedron, and its six pyramids' bases (the apex is its centre)
-KUHN = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
-PRISMS = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
-
+#: cells with all nodes that a raised cell may have
+FULL = ("TRIA7", "QUAD9", "HEXA27", "PENTA18", "PYRAM14")
 #: cell type of a body -> (linear type, order asked of raise_order)
 SOLIDS = {
-    "TRIA3": ("TRIA3", None),
-    "TRIA6": ("TRIA3", "2"),
-    "TRIA7": ("TRIA3", "2-full"),
-    "QUAD4": ("QUAD4", None),
-    "QUAD8": ("QUAD4", "2"),
-    "QUAD9": ("QUAD4", "2-full"),
-    "TETRA4": ("TETRA4", None),
-    "TETRA10": ("TETRA4", "2"),
-    "HEXA8": ("HEXA8", None),
-    "HEXA20": ("HEXA8", "2"),
-    "HEXA27": ("HEXA8", "2-full"),
-    "PENTA6": ("PENTA6", None),
-    "PENTA15": ("PENTA6", "2"),
-    "PENTA18": ("PENTA6", "2-full"),
-    "PYRAM5": ("PYRAM5", None),
-    "PYRAM13": ("PYRAM5", "2"),
-    "PYRAM14": ("PYRAM5", "2-full"),
+    name: (cell.linear, None if cell.order == 1 else "2-full" if name in FULL else "2")
+    for name, cell in CELLS.items()
+    if cell.dim > 1
 }
 
 
 def block(shape, low, high, kind="HEXA8"):
     """(points, {type: nodes}) of a block of cells of one linear type, `shape` of them a direction."""
-    low, high = np.asarray(low, float), np.asarray(high, float)
-    axes = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, shape, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(shape))
-    g = np.arange(len(points)).reshape([n + 1 for n in shape])
-    if len(shape) == 2:
-        nx, ny = shape
-        corner = lambda i, j: g[i : i + nx, j : j + ny].ravel()  # noqa: E731
-        quads = np.stack([corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)], axis=1)
-        points = np.pad(points, ((0, 0), (0, 1)))
-        return points, {kind: quads if kind == "QUAD4" else quads[:, [(0, 1, 2), (0, 2, 3)]].reshape(-1, 3)}
-    nx, ny, nz = shape
-    places = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    hexa = np.stack([g[i : i + nx, j : j + ny, k : k + nz].ravel() for i, j, k in places], axis=1)
-    if kind == "TETRA4":
-        return points, {kind: hexa[:, KUHN].reshape(-1, 4)}
-    if kind == "PENTA6":
-        return points, {kind: hexa[:, PRISMS].reshape(-1, 6)}
+    points, boxes = grid(shape, low, high)
     if kind == "PYRAM5":
-        centre = len(points) + np.arange(len(hexa))
-        bases = hexa[:, [f.nodes[::-1] for f in CELLS["HEXA8"].facets]]
-        apex = np.broadcast_to(centre[:, None, None], (*bases.shape[:2], 1))
-        return np.vstack([points, points[hexa].mean(axis=1)]), {
-            kind: np.concatenate([bases, apex], axis=2).reshape(-1, 5)
-        }
-    return points, {kind: hexa}
+        centres = points[boxes].mean(axis=1)
+        boxes = np.column_stack([boxes, len(points) + np.arange(len(boxes))])
+        points = np.vstack([points, centres])
+    corners = [nodes for _, nodes in SPLITS[kind]]
+    return pad(points), {kind: boxes[:, corners].reshape(-1, len(corners[0]))}
 
 
 def skin(points, cells, on):
