@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
         (place / name).mkdir()
         solved(name, place / name / "one")
     spread(place / "blocks")
-    printed(3, "restarts", place)
+    printed(3, "restarts", place, timeout=450)
     for name in MIDDLE:
         solved(name, place / name / "one_after_three", place / name / "three")
     blocks, mesh = place / "blocks", place / "blocks" / "blocks.med"
