@@ -31,7 +31,7 @@ from lacsolver.space.pattern import Pattern
 from lacsolver.space.space import Space
 
 
-class Rows(NamedTuple):
+class OwnedRows(NamedTuple):
     """Sums that one thread adds to: the rows of nodes whose `owner` (n_nodes,) is `mine`.
 
     `f` (n_nodes, dim): forces; `K` (n_blocks, dim, dim): values in the pattern, empty where K is not asked for.
@@ -59,7 +59,7 @@ NO_MEAN = MeanTerms(np.empty((0, 0, 3, 3)), np.empty((0, 0, 3, 3)), np.empty(0))
 def assemble(
     space: Space,
     laws: Sequence[Ints],
-    add: Callable[[Span, Rows], None],
+    add: Callable[[Span, OwnedRows], None],
     f: NDArray[np.floating],
     K: NDArray[np.floating],
     threads: int = 1,
@@ -71,7 +71,7 @@ def assemble(
     owner = owners(space, threads)
 
     def run(mine: int) -> None:
-        rows = Rows(owner, mine, space.pattern, f, K)
+        rows = OwnedRows(owner, mine, space.pattern, f, K)
         for span in spans(space, laws, select=lambda nodes: touching(owner, nodes, mine, threads)):
             add(span, rows)
 

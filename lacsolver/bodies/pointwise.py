@@ -28,7 +28,7 @@ from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, Rows, add_cells, assemble, block_values, matrix
+from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, OwnedRows, add_cells, assemble, block_values, matrix
 from lacsolver.bodies.dilatation import mean_response
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.hyperelastic import Hyperelastic, NeoHookean
@@ -164,7 +164,7 @@ class DisplacedBodies:
         space = self.space
         f = np.zeros((space.mesh.n_nodes, space.dim))
 
-        def add(span: Span, rows: Rows) -> None:
+        def add(span: Span, rows: OwnedRows) -> None:
             part = piece(space, span)
             if self._is_by_points(part):
                 response = self._respond(part, tangent=len(K) > 0)

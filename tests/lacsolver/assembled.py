@@ -1,4 +1,4 @@
-"""What comes of bodies at finite strains at a displacement, each by one call."""
+"""Forces, tangent, energy and stress of bodies at finite strains at a displacement, each by one call."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
-from lacsolver.bodies.assembly import Rows, add_mean, add_row, assemble, block_values, matrix, sort_places
+from lacsolver.bodies.assembly import OwnedRows, add_mean, add_row, assemble, block_values, matrix, sort_places
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import Span, at_points, kind, table
@@ -52,7 +52,7 @@ def stiffness_values(
     materials.check_small()
     K = block_values(space, out)
 
-    def add(span: Span, rows: Rows) -> None:
+    def add(span: Span, rows: OwnedRows) -> None:
         block, law, cells = span
         name, nodes, _ = space.blocks[block]
         terms = materials.mean_terms if may_take_the_mean(space, block) else materials.terms
