@@ -149,10 +149,6 @@ def _friction(case: Case) -> Iterator[Issue]:
 
 def _unavailable(case: Case, record: Contact) -> Iterator[str]:
     """Yield what friction cannot be computed with."""
-    if case.kinematics == "finite":
-        yield 'kinematics = "finite"'
-    elif record.geometry == "current":
-        yield 'geometry = "current"'
     if case.dynamics is not None:
         yield "[dynamics]"
 

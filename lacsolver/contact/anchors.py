@@ -69,12 +69,14 @@ class Anchors(NamedTuple):
 class Slip(NamedTuple):
     """Slip of each macro-element: its integral `S` (m, d - 1), the derivative `D_T` (m (d - 1), n_dof) of that.
 
-    `w` (m,): measure that S is integrated over; S / w is the mean slip.
+    `w` (m,): measure that S is integrated over; S / w is the mean slip. `entered` (m,): True for macro-elements that
+    the master has just entered, whose anchors do not count.
     """
 
     S: Floats
     D_T: csr_array
     w: Floats
+    entered: NDArray[np.bool_]
 
 
 class _Directions(NamedTuple):
@@ -114,11 +116,11 @@ def slip(anchors: Anchors, face: Interface, pairing: Pairing, before: Floats, sh
     w = share.total(np.bincount(anchors.macro, anchors.weight, m).astype(float))
     entered = w < _LEAST * face.w
     if not entered.any():
-        return Slip(S, D_T, w)
+        return Slip(S, D_T, w, entered)
     since = share.total(_since(face, pairing, before))
     keep, take = (diags_array(np.repeat(rows, k).astype(float)) for rows in (~entered, entered))
     D_T = csr_array(keep @ D_T + take @ face.B_T)
-    return Slip(np.where(entered[:, None], since, S), D_T, np.where(entered, face.w, w))
+    return Slip(np.where(entered[:, None], since, S), D_T, np.where(entered, face.w, w), entered)
 
 
 def _since(face: Interface, pairing: Pairing, before: Floats) -> NDArray[np.floating]:

@@ -132,7 +132,7 @@ class LoadStep:
         histories, model = self.state.histories, self.model
         materials = model.problem.kinematics.commit(self.u(q), self.t, histories.materials)
         scheme = model.scheme.commit(self, q, p)
-        return Histories(materials, contact.commit(p, active), scheme)
+        return Histories(materials, contact.commit(p, active), scheme, contact.anchors(active))
 
     def linearize(self, q: Floats) -> Linearization:
         """Return forces and contact at q, with their derivatives. Raises InadmissibleError."""
@@ -145,7 +145,7 @@ class LoadStep:
 
         Forces and gaps are those at u, plus their linear change on the way to u(q, t) at pressures p (m,).
         """
-        nodal = contact_system(self.model.problem, self._paired(u), u, self.state.histories.contact, self.t)
+        nodal = self._system(self._paired(u), u)
         return Linearization(self, q, u, nodal, (self.u(q) - u, p))
 
     def internal_force(self, u: Floats) -> NDArray[np.floating]:
@@ -173,9 +173,20 @@ class LoadStep:
         if self._last is None or not (self.model.linear or np.array_equal(self._last[0], q)):
             u = self.u(q)
             faces = self._paired(u)
-            nodal = contact_system(self.model.problem, faces, u, self.state.histories.contact, self.t)
-            self._last = q.copy(), faces, nodal
+            self._last = q.copy(), faces, self._system(faces, u)
         return self._last[1:]
+
+    def _system(self, faces: tuple[Interface, ...], u: Floats) -> ContactSystem:
+        """Return the contact rows of some interfaces at u (n_dof,), on the unknowns of all nodes."""
+        return contact_system(self.model.problem, faces, u, self.state.histories, self.t, self._u_before)
+
+    @cached_property
+    def _u_before(self) -> NDArray[np.floating]:
+        """Displacement (n_dof,) at the start of the step."""
+        state = self.state
+        if state.iterate is None:
+            return np.zeros_like(self.u0)
+        return self.model.problem.constraints.displacement(state.iterate.q, state.time)
 
     def _paired(self, u: Floats) -> tuple[Interface, ...]:
         return tuple(self.model.interface(pair, u, self.t) for pair in self.model.problem.joints)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
+from lacsolver.contact.anchors import Anchors
 from lacsolver.contact.laws import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.motion import MotionState
 
@@ -42,12 +43,13 @@ class Histories(NamedTuple):
 
     `materials`: an array (cells, points, n) for each block of the space, () if no law has a history. `contact`: an
     array (rows, n) for each contact pair, () at the start. `scheme`: arrays of the time scheme, such as velocities, by
-    name.
+    name. `anchors`: those of the friction of each contact pair, () at the start.
     """
 
     materials: tuple[NDArray[np.floating], ...] = ()
     contact: tuple[NDArray[np.floating], ...] = ()
     scheme: Mapping[str, NDArray[np.floating]] = {}
+    anchors: tuple[Anchors, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)

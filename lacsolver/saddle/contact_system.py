@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
+from lacsolver.contact.anchors import Anchors, Slip, renewed, slip
 from lacsolver.contact.friction import Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
@@ -30,6 +32,7 @@ from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
+from lacsolver.results.state import Histories
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_set import IN, OUT, LinearRows, RowSet, ShearRows, Slides, combined
 
@@ -72,13 +75,21 @@ class Rows:
         return rows
 
 
+class Since(NamedTuple):
+    """Start of the slip of a pair that moves: its anchors, and coordinates x (n_nodes, 3) in the last state."""
+
+    anchors: Anchors
+    x: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class RowGroup:
     """Rows of one contact pair: its `law`, the `rows` that obey it, and their `history` (rows, n_history).
 
     `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
     `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
-    of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`.
+    of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`; `since`: what the slip is
+    counted from where the pair moves.
     """
 
     law: ContactLaw
@@ -89,6 +100,7 @@ class RowGroup:
     symmetric: bool = True
     share: Share = ALONE
     shear: ShearRows | None = None
+    since: Since | None = None
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -113,7 +125,24 @@ class RowGroup:
         if self.shear is None:
             return self._gaps(u)
         assert self.face is not None and self.face.B_T is not None
-        return np.concatenate([self._gaps(u), self.kept.anchor.ravel() - self.face.B_T @ u])
+        slip = self.face.B_T @ u - self.kept.anchor.ravel() if self.slip is None else self.slip.S.ravel()
+        return np.concatenate([self._gaps(u), -slip])
+
+    @cached_property
+    def slip(self) -> Slip | None:
+        """Slip of a pair with friction that moves, None for others, where it is linear in u."""
+        if self.since is None or self.pair is None or self.face is None:
+            return None
+        return slip(self.since.anchors, self.face, self.pair.pairing, self.since.x, self.share)
+
+    @property
+    def measure(self) -> Floats:
+        """Measure that each row is integrated over, 0 where nothing is covered."""
+        assert self.face is not None
+        w = self.on_rows(self.face.w)
+        if self.slip is not None and self.shear is not None:
+            w[self.shear.n_rows :] = np.repeat(self.slip.w, self.shear.n_tangents)
+        return w
 
     @property
     def kept(self) -> Kept:
@@ -136,8 +165,17 @@ class RowGroup:
     def derivative(self) -> csr_array:
         """Return -d`gaps`/du (rows, n_dof), summed over all processes."""
         assert self.pair is not None and self.face is not None
-        if self.motion is None:
+        if self.motion is None and self.slip is None:
             return self.face.all_rows
+        if self.slip is not None:
+            return csr_array(vstack([self._derivative(), self.slip.D_T]))
+        return self._derivative()
+
+    def _derivative(self) -> csr_array:
+        """Return the derivative of rows along normals."""
+        assert self.pair is not None and self.face is not None
+        if self.motion is None:
+            return self.face.B
         out = gap_derivative(self.motion)
         if self.pair.one_sided:
             fading = diags_array(allowed_overlap(self.face, self.pair.pairing)[1])
@@ -329,14 +367,28 @@ class ContactSystem:
         assert group.shear is not None
         shear, kept = group.shear, group.kept
         S, w = -shear.vectors(self.G), self.rows.w[shear.normal]
+        mean = S / shear.vectors(self.rows.w)
         closed, sticks = active[shear.normal], np.asarray(shear.vectors(active).any(axis=1))
         t = np.where(closed[:, None], shear.vectors(p), 0.0)
         slides = closed & ~sticks & shear.bounds.any
-        slip = np.where(slides[:, None], S / w[:, None], 0.0)
+        slip = np.where(slides[:, None], mean, 0.0)
         energy = w * (t * slip).sum(axis=1)
         anchor = np.where(sticks[:, None], kept.anchor, kept.anchor + S)
         now = Kept(anchor, kept.path + np.linalg.norm(slip, axis=1), kept.dissipation + energy)
         return Slid(t, slip, energy, slides, shear.bounds.at(p[shear.normal])[0], now)
+
+    def anchors(self, active: Bools) -> tuple[Anchors, ...]:
+        """Return the anchors of each pair at the end of a step: kept where it sticks, renewed elsewhere."""
+        out: list[Anchors] = []
+        if all(group.since is None for group in self.groups):
+            return ()
+        for group in self.groups:
+            if group.since is None or group.shear is None or group.face is None or group.slip is None:
+                out.append(Anchors.none())
+                continue
+            sticks = active[group.shear.normal] & group.shear.vectors(active).any(axis=1)
+            out.append(renewed(group.since.anchors, group.face, ~sticks | group.slip.entered))
+        return tuple(out)
 
     @property
     def exact(self) -> bool:
@@ -360,12 +412,15 @@ class ContactSystem:
 
 
 def contact_system(
-    problem: Problem, interfaces: Sequence[Interface], u: Floats, history: Sequence[Floats] = (), t: float = 1.0
-) -> ContactSystem:
+    problem: Problem, interfaces: Sequence[Interface], u: Floats, histories: Histories | None = None, t: float = 1.0,
+    before: Floats | None = None,
+) -> ContactSystem:  # fmt: skip
     """Return the contact rows of all pairs at u (n_dof,) and time t, on the unknowns of all nodes.
 
-    `history`: that of each pair's law and friction.
+    `histories`: those of the last state; `before` (n_dof,): its displacement, 0 by default.
     """
+    histories = Histories() if histories is None else histories
+    history = histories.contact
     n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
     groups, first = [], 0
     G: list[Floats] = [np.empty(0)]
@@ -376,16 +431,23 @@ def contact_system(
         shear = None if face.B_T is None or bounds is None else ShearRows.after(own, face.B_T.shape[0], bounds)
         columns = pair.law.n_history + (0 if shear is None else Kept.n_columns(shear.n_tangents))
         memory = history[k] if history else np.zeros((own.stop - first, columns))
-        group = RowGroup(pair.law, own, memory, pair, face, symmetric or not pair.moving, problem.space.share, shear)
+        since = None
+        if shear is not None and pair.moving:
+            anchors = histories.anchors[k] if histories.anchors else Anchors.none()
+            since = Since(anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before))
+        fixed = symmetric or not pair.moving
+        group = RowGroup(pair.law, own, memory, pair, face, fixed, problem.space.share, shear, since)
         groups.append(group)
         first = group.every.stop
         G.append(group.gaps(u))
-        w.append(group.on_rows(face.w))
+        w.append(group.measure)
         covered.append(group.on_rows(pair.above_threshold(face)))
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *(face.all_rows for face in interfaces)]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
-    rows = Rows(B, w_or_1, None if all(g.symmetric for g in groups) else lambda: _derivatives(groups, n))
+    rows = Rows(
+        B, w_or_1, None if all(g.symmetric and g.since is None for g in groups) else lambda: _derivatives(groups, n)
+    )
     return ContactSystem(rows, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
 
 

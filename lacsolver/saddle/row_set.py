@@ -95,9 +95,14 @@ class ShearRows(NamedTuple):
         return cls(normal, slice(normal.stop, normal.stop + n), bounds)
 
     @property
+    def n_rows(self) -> int:
+        """Number of macro-elements."""
+        return self.normal.stop - self.normal.start
+
+    @property
     def n_tangents(self) -> int:
         """Tangents of a macro-element: 1 in the plane, 2 in space."""
-        return (self.tangential.stop - self.tangential.start) // max(self.normal.stop - self.normal.start, 1)
+        return (self.tangential.stop - self.tangential.start) // max(self.n_rows, 1)
 
     @property
     def at(self) -> Ints:

@@ -92,7 +92,7 @@ class _Base:
             iterate, histories, t = at.step.iterate, at.step.histories, at.time
             q, u = iterate.q, constraints.displacement(iterate.q, t)
         faces = [pair.integrate(space, u, t) for pair in problem.joints]
-        contact = contact_system(problem, faces, u, histories.contact, t)
+        contact = contact_system(problem, faces, u, histories, t, u)
         p = np.zeros(len(contact.G)) if iterate is None else iterate.p
         active = contact.start_active(p > 0) if iterate is None else iterate.active
         return cls(problem, q, p, t, u, histories, contact, active)
