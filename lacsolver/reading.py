@@ -24,9 +24,10 @@ from lacmesh.formats import read
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.surface import Surface
 from lacsolver.output.names import HISTORY, MED, RESULTS, SOLID, contact_stems
-from lacsolver.output.tables import CONTACT_COLUMNS, same_time
+from lacsolver.output.tables import CONTACT_COLUMNS, FRICTION_COLUMNS, same_time
 from lacsolver.output.vtu import read_pvd
 from lacsolver.results.results import Fields, ZoneFields
+from lacsolver.results.state import ZoneFriction
 from lacsolver.solution import Solution
 
 
@@ -225,8 +226,24 @@ def _zone(surface: Surface, macro: Ints, rows: Mapping[str, NDArray], force: Flo
     pressure, recovered, gap, status, coverage, area = (rows[name] for name in columns)
     return ZoneFields(
         surface, macro, rows["macro"].astype(int), pressure, recovered, gap, status.astype(np.int8), coverage, area,
-        centre, normal, force, nodal,
+        centre, normal, force, nodal, _friction(rows, axes, area * coverage),
     )  # fmt: skip
+
+
+def _friction(rows: Mapping[str, NDArray], axes: str, w: Floats) -> ZoneFriction | None:
+    """Return the friction of a zone from the rows of its table, with the covered areas w (m,); None without it.
+
+    Energies of the step are not known.
+    """
+    if "shear_1" not in rows:
+        return None
+    count = range(1, len(axes))
+    tangents = np.stack([np.stack([rows[f"tangent_{k}_{a}"] for a in axes], axis=1) for k in count], axis=1)
+    shear, slip = (np.stack([rows[f"{name}_{k}"] for k in count], axis=1) for name in ("shear", "slip"))
+    taken = float((rows["dissipation"] * w).sum())
+    resultant = -np.einsum("n,nk,nkd->d", w, shear, tangents)
+    named = (rows[name] for name in FRICTION_COLUMNS)
+    return ZoneFriction(tangents, shear, slip, *named, (np.nan, taken), resultant)
 
 
 def _places(wanted: NDArray, among: NDArray) -> Ints:

@@ -133,7 +133,8 @@ class Solution(Described):
         """Return a `pyvista.UnstructuredGrid` of the undeformed mesh with the fields of the solution.
 
         On points: `displacement` and `reaction` (n, 3), `stress`, `von_mises`; on cells: `pressure`, `gap` and `status`
-        of the contacts, NaN (status -2) on cells that are not their slave faces. Raises RequestError without pyvista.
+        of the contacts, NaN (status -2) on cells that are not their slave faces; `shear` and `slip` (n, 3) of contacts
+        with friction. Raises RequestError without pyvista.
         """
         from lacmesh.exchange.libraries import to_pyvista
 
@@ -149,6 +150,15 @@ class Solution(Described):
                 on = zone.macro >= 0
                 out[zone.surface.cell[on]] = getattr(zone, name)[zone.macro[on]]
             grid.cell_data[name] = out[order]
+        for name in ("shear", "slip"):
+            vectors = np.full((self.mesh.n_cells, 3), np.nan)
+            for zone in self.contact.values():
+                if name in zone.of_friction:
+                    on = zone.macro >= 0
+                    vectors[zone.surface.cell[on], : zone.normal.shape[1]] = zone.of_friction[name][zone.macro[on]]
+                    vectors[zone.surface.cell[on], zone.normal.shape[1] :] = 0.0
+            if not np.isnan(vectors).all():
+                grid.cell_data[name] = vectors[order]
         return grid
 
     def plot(self, path: str | Path | None = None, *, zoom: bool = False) -> Picture:

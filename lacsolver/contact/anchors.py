@@ -35,7 +35,7 @@ from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import normals_of
 from lacsolver.contact.faces import by_type, dual_vectors, places, tangents, unit
-from lacsolver.contact.interface import Interface, Pairing
+from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
 from lacsolver.contact.shear import frames, integrals
@@ -93,6 +93,25 @@ class _Directions(NamedTuple):
     J: Floats
     nodal: NodalNormals | None
     size: Floats
+
+
+def own_anchors(anchors: Anchors, zone: Zone, share: Share) -> Anchors:
+    """Return those of the macro-elements that this process pairs, of the anchors of all of them."""
+    if share.own is None:
+        return anchors
+    own = np.zeros(zone.n_macros, bool)
+    macro = own_macros(zone, share)
+    own[macro[macro >= 0]] = True
+    return Anchors._make(values[own[anchors.macro]] for values in anchors)
+
+
+def all_anchors(anchors: Anchors, share: Share) -> Anchors:
+    """Return the anchors of all processes, by macro-element, of those of this one."""
+    if share.own is None:
+        return anchors
+    joined = [share.gather(values) for values in anchors]
+    order = np.argsort(joined[0], kind="stable")
+    return Anchors._make(values[order] for values in joined)
 
 
 def renewed(anchors: Anchors, face: Interface, which: NDArray[np.bool_]) -> Anchors:

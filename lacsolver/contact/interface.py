@@ -145,13 +145,13 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved
     if deepest is None and moved:  # during the iterations skins overlap by more than cells are deep
         deepest = distance
     return contact_points(
-        slave, master, macro=_own_macros(zone, share), normals=pairing.normals, crease_angle=pairing.crease_angle,
+        slave, master, macro=own_macros(zone, share), normals=pairing.normals, crease_angle=pairing.crease_angle,
         search_distance=distance, max_penetration=deepest,
         axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
     )  # fmt: skip
 
 
-def _own_macros(zone: Zone, share: Share) -> Ints:
+def own_macros(zone: Zone, share: Share) -> Ints:
     """Return the macro-element (faces,) of each face, -1 for those of other processes.
 
     A macro-element is of the process that has the first node of its first face.

@@ -118,6 +118,9 @@ def _zone_fields(
         ("coverage", zone.coverage),
     ):
         yield _Field(f"{name}.{what}", (what,), False, on_faces(np.asarray(values, float), zone.macro, np.nan), faces)
+    for what, values in zone.of_friction.items():
+        components = (what,) if values.ndim == 1 else tuple(f"D{a}" for a in axes)
+        yield _Field(f"{name}.{what}", components, False, on_faces(values, zone.macro, np.nan), faces)
     status = on_faces(np.asarray(zone.status, np.int32), zone.macro, -1)
     yield _Field(f"{name}.status", ("status",), False, status, faces)
     yield _Field(f"{name}.contact_force", tuple(f"D{a}" for a in axes), True, zone.contact_force, everywhere)

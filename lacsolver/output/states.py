@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError, ReadError, RequestError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint, fingerprint_as
+from lacsolver.contact.anchors import Anchors
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.output.arrays import StoredRows, rows_in, rows_of, write_arrays
 from lacsolver.output.names import state_file, states_in
@@ -87,6 +88,8 @@ def _arrays(state: Restart, prints: Mapping[str, str]) -> dict[str, NDArray]:
         arrays |= {f"earlier_{name}": values for name, values in step.earlier[1]._asdict().items()}
     arrays |= {f"materials_{k}": values for k, values in enumerate(histories.materials)}
     arrays |= {f"contact_{k}": values for k, values in enumerate(histories.contact)}
+    for k, anchors in enumerate(histories.anchors):
+        arrays |= {f"anchors_{k}_{name}": values for name, values in anchors._asdict().items()}
     return arrays | {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
 
 
@@ -203,7 +206,7 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
     zones = list(enumerate(about["zones"]))
     earlier = None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier"))
     scheme = {name: file[f"scheme_{k}"] for k, name in enumerate(about.get("scheme", ()))}
-    histories = Histories(_numbered(file, "materials"), _numbered(file, "contact"), scheme)
+    histories = Histories(_numbered(file, "materials"), _numbered(file, "contact"), scheme, _anchors(file))
     return Restart(
         step=StepState(about["time"], _iterate(file, "now"), earlier, about["step_size"], histories),
         number=about["number"],
@@ -218,6 +221,12 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
 
 def _iterate(file: Mapping[str, NDArray], when: str) -> Iterate:
     return Iterate(*(file[f"{when}_{name}"] for name in Iterate._fields))
+
+
+def _anchors(file: Mapping[str, NDArray]) -> tuple[Anchors, ...]:
+    """Return the anchors of the friction of each pair; none in files of cases without it."""
+    count = sum(name.startswith("anchors_") for name in file) // len(Anchors._fields)
+    return tuple(Anchors(*(file[f"anchors_{k}_{name}"] for name in Anchors._fields)) for k in range(count))
 
 
 def _numbered(file: Mapping[str, NDArray], what: str) -> tuple[NDArray, ...]:

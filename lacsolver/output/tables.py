@@ -22,6 +22,7 @@ from lacmesh.mesh import Floats
 from lacsolver.output.files import append
 from lacsolver.output.names import HISTORY
 from lacsolver.results.results import StepFigures, ZoneFields
+from lacsolver.results.state import ZoneFriction
 
 #: two times are the same if they differ by less than this, relative to the larger
 SAME_TIME = 1e-9
@@ -30,6 +31,9 @@ CONTACT_COLUMNS = (
     *("time", "macro", "x", "y", "z", "nx", "ny", "nz", "area"),
     *("pressure", "pressure_recovered", "gap", "status", "coverage"),
 )
+#: its further columns with friction, and those of each tangent
+FRICTION_COLUMNS = ("path", "use", "dissipation")
+TANGENT_COLUMNS = ("tangent_{}_x", "tangent_{}_y", "tangent_{}_z", "shear_{}", "slip_{}")
 _AXES = "xyz"
 
 
@@ -105,21 +109,45 @@ def _along_axes(start: str, vector: Floats) -> dict[str, float]:
 def add_contact(path: Path, time: float, zone: ZoneFields) -> None:
     """Append the rows of a zone's macro-elements to its table. Raises WriteError."""
     if not path.exists():
-        replace_file(path, _lines([CONTACT_COLUMNS]))
+        replace_file(path, _lines([contact_columns(zone)]))
     append(path, _lines(_contact_rows(time, zone)))
+
+
+def contact_columns(zone: ZoneFields) -> tuple[str, ...]:
+    """Return the columns of a zone's table."""
+    if zone.friction is None:
+        return CONTACT_COLUMNS
+    tangents = [name.format(k + 1) for k in range(zone.friction.shear.shape[1]) for name in TANGENT_COLUMNS]
+    return (*CONTACT_COLUMNS, *tangents, *FRICTION_COLUMNS)
 
 
 def cut_off(path: Path, end: float) -> None:
     """Remove the rows of a table after the time `end`. Raises ReadError, WriteError."""
     rows = list(_rows_until(path, end))
-    replace_file(path, _lines([CONTACT_COLUMNS, *(list(row.values()) for row in rows)]))
+    columns = list(rows[0]) if rows else _first_line(path)
+    replace_file(path, _lines([columns, *(list(row.values()) for row in rows)]))
+
+
+def _first_line(path: Path) -> list[str]:
+    """Return the columns of a table that `_rows_until` has read."""
+    with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
+        return next(csv.reader(file))
 
 
 def _contact_rows(time: float, zone: ZoneFields) -> Iterator[Sequence[Any]]:
     plane = zone.surface.x[zone.surface.faces.nodes[0, 0], 2] if len(zone.surface) else 0.0
     places = [*_columns(zone.centre, plane), *_columns(zone.normal, 0.0)]
     reals = [_blank(values) for values in (*places, zone.area, zone.pressure, zone.recovered, zone.gap)]
-    return zip(repeat(time), zone.number.tolist(), *reals, zone.status.tolist(), _blank(zone.coverage), strict=False)
+    friction = [] if zone.friction is None else [_blank(values) for values in _of_friction(zone.friction)]
+    last = zone.status.tolist(), _blank(zone.coverage), *friction
+    return zip(repeat(time), zone.number.tolist(), *reals, *last, strict=False)
+
+
+def _of_friction(friction: ZoneFriction) -> Iterator[NDArray]:
+    """Yield the columns of friction."""
+    for k in range(friction.shear.shape[1]):
+        yield from (*_columns(friction.tangents[:, k], 0.0), friction.shear[:, k], friction.slip[:, k])
+    yield from (friction.path, friction.use, friction.dissipation)
 
 
 def _columns(vectors: Floats, z: float) -> list[NDArray]:

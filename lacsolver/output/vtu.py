@@ -107,6 +107,7 @@ def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:
 
 def _by_face(zone: ZoneFields) -> dict[str, NDArray]:
     reals = {"pressure": zone.pressure, "gap": zone.gap, "coverage": zone.coverage, "normal": wide(zone.normal, 3)}
+    reals |= {name: values if values.ndim == 1 else wide(values, 3) for name, values in zone.of_friction.items()}
     fields = {name: on_faces(np.asarray(values, float), zone.macro, np.nan) for name, values in reals.items()}
     whole = {"status": zone.status, "macro": zone.number}
     return fields | {name: on_faces(np.asarray(values, np.int32), zone.macro, -1) for name, values in whole.items()}

@@ -232,6 +232,14 @@ class ZoneFields(Described):
         return None if self.friction is None else self.friction.dissipation
 
     @property
+    def of_friction(self) -> dict[str, Floats]:
+        """Values of friction by name, a row for each macro-element, vectors in space; {} without friction."""
+        if self.friction is None:
+            return {}
+        vectors = {name: self.friction.in_space(getattr(self.friction, name)) for name in ("shear", "slip")}
+        return vectors | {name: getattr(self.friction, name) for name in ("path", "use", "dissipation")}
+
+    @property
     def force(self) -> Floats:
         """Contact force (n_nodes, d) on each node of slave and master: `contact_force`."""
         return self.contact_force

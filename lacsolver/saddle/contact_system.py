@@ -24,7 +24,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact import Interface
-from lacsolver.contact.anchors import Anchors, Slip, renewed, slip
+from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
 from lacsolver.contact.friction import Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
@@ -387,7 +387,8 @@ class ContactSystem:
                 out.append(Anchors.none())
                 continue
             sticks = active[group.shear.normal] & group.shear.vectors(active).any(axis=1)
-            out.append(renewed(group.since.anchors, group.face, ~sticks | group.slip.entered))
+            own = renewed(group.since.anchors, group.face, ~sticks | group.slip.entered)
+            out.append(all_anchors(own, group.share))
         return tuple(out)
 
     @property
@@ -434,6 +435,7 @@ def contact_system(
         since = None
         if shear is not None and pair.moving:
             anchors = histories.anchors[k] if histories.anchors else Anchors.none()
+            anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = Since(anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before))
         fixed = symmetric or not pair.moving
         group = RowGroup(pair.law, own, memory, pair, face, fixed, problem.space.share, shear, since)
