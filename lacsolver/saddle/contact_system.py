@@ -402,12 +402,13 @@ class ContactSystem:
         return any(not group.symmetric for group in self.groups)
 
     def geometric_stiffness(self, p: Floats) -> csr_array:
-        """Return d(B^T p)/du (n_dof, n_dof) at pressures p (m,), on the unknowns of all nodes."""
+        """Return d(B^T p)/du (n_dof, n_dof) at pressures and tractions p (m,), on the unknowns of all nodes."""
         n = (self.nodal or self.rows).B.shape[1]
         total = csr_array((n, n))
         for group in self.groups:
             if group.motion is not None:
-                own = tangent(group.motion, p[group.rows])
+                t = None if group.shear is None else group.shear.vectors(p)
+                own = tangent(group.motion, p[group.rows], t)
                 total = csr_array(total + group.share.add_matrices(own, (True, True)))
         return total
 
