@@ -11,7 +11,7 @@ from lacsolver.case.errors import Issue
 
 if TYPE_CHECKING:
     from lacsolver.case.case import Case
-    from lacsolver.case.records import Contact, Material
+    from lacsolver.case.records import Material
 
 #: the linear solvers of each engine, beside `auto`
 BACKENDS_OF = {
@@ -143,14 +143,6 @@ def _friction(case: Case) -> Iterator[Issue]:
             yield record.wrong(
                 "has no meaning with friction = inf, with which nothing slides; leave it out", "cohesion"
             )
-        for what in _unavailable(case, record):
-            yield record.wrong(f"is not available yet with {what}", source)
-
-
-def _unavailable(case: Case, record: Contact) -> Iterator[str]:
-    """Yield what friction cannot be computed with."""
-    if case.dynamics is not None:
-        yield "[dynamics]"
 
 
 def _names(case: Case) -> Iterator[Issue]:

@@ -89,7 +89,6 @@ MISTAKES = [
     (BODY + PAIR + "shear_limit = 2 #!\n", "contact.shear_limit means something only with friction or cohesion"),
     (BODY + PAIR + "friction = inf\ncohesion = 1 #!\n", "contact.cohesion has no meaning with friction = inf"),
     (BODY + PAIR + 'type = "bilateral"\nfriction = 0.1 #!\n', "contact.friction is of contact that can open"),
-    (BODY + PAIR + 'geometry = "current"\nfriction = 0.1 #!\n', 'contact.friction is not available yet with geometry'),
     (BODY + PAIR + "friction = true #!\n", "contact.friction is true; it takes a number"),
     (BODY + PAIR + 'hexa = "hex" #!\n', 'contact.hexa is "hex"; did you mean hexa?'),
     (BODY + PAIR + 'surface = "faces"\ncrease_angle = 30.0 #!\n', 'contact.crease_angle means something only with surface = "smooth"'),

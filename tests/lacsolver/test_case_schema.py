@@ -60,7 +60,6 @@ BEYOND = (
     "means something only",
     "no meaning with",
     "of contact that can open",
-    "not available yet",
     "is inf",
     "is nan",
     "twice",
