@@ -242,8 +242,8 @@ def _friction(rows: Mapping[str, NDArray], axes: str, w: Floats) -> ZoneFriction
     shear, slip = (np.stack([rows[f"{name}_{k}"] for k in count], axis=1) for name in ("shear", "slip"))
     taken = float((rows["dissipation"] * w).sum())
     resultant = -np.einsum("n,nk,nkd->d", w, shear, tangents)
-    named = (rows[name] for name in FRICTION_COLUMNS)
-    return ZoneFriction(tangents, shear, slip, *named, (np.nan, taken), resultant)
+    path, use, dissipation = (rows[name] for name in FRICTION_COLUMNS)
+    return ZoneFriction(tangents, shear, slip, path, use, dissipation, (np.nan, taken), resultant)
 
 
 def _places(wanted: NDArray, among: NDArray) -> Ints:

@@ -11,10 +11,12 @@ import pytest
 
 from lacmesh import read
 from lacsolver.output.summary import STEP_KEYS
-from lacsolver.output.tables import CONTACT_COLUMNS
-from lacsolver.results.results import STATUSES, ZoneFigures
+from lacsolver.output.tables import CONTACT_COLUMNS, FRICTION_COLUMNS, TANGENT_COLUMNS
+from lacsolver.results.results import STATUSES, FrictionFigures, ZoneFigures
 from tests.lacsolver.written import ZONES, made_up
 
+#: fields with friction: tests/lacsolver/friction/test_output.py writes them
+OF_FRICTION = ("shear", "slip", "path", "use", "dissipation")
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "output.md").read_text(encoding="utf-8")
 
 
@@ -37,14 +39,15 @@ def run(tmp_path_factory):
 
 def test_keys_of_results(run):
     told = json.loads((run.folder / "results.json").read_text())
-    figures = [f.name for f in record_fields(ZoneFigures)]
+    figures = [f.name for f in record_fields(ZoneFigures) if f.name != "friction"] + list(FrictionFigures._fields)
     zone = ["slave", "master", "why", *figures, "overlap_at_start"]
     assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", *list(told)[2:], *zone]
     assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))
 
 
 def test_columns_of_the_contact_table():
-    assert tuple(first_cells(part(r"contact_NAME\.csv"))) == CONTACT_COLUMNS
+    tangent = [name.format(1) for name in TANGENT_COLUMNS]
+    assert first_cells(part(r"contact_NAME\.csv")) == [*CONTACT_COLUMNS, *tangent, *FRICTION_COLUMNS]
 
 
 def test_examples_read_the_tables_of_a_run(tmp_path, monkeypatch):
@@ -68,7 +71,7 @@ def test_arrays_of_vtu(run):
     for stem in ("solid", f"contact_{ZONES[0]}"):
         mesh = read(run.folder / "fields" / f"{stem}_0001.vtu")
         there |= {*mesh.cell_data, *mesh.node_data}
-    assert listed == there | {"cell_number", "node_number", "group:NAME"}
+    assert listed == there | {"cell_number", "node_number", "group:NAME", *OF_FRICTION}
 
 
 def test_fields_of_med(tmp_path):
@@ -76,7 +79,9 @@ def test_fields_of_med(tmp_path):
     run.steps(run.writer(), 1)
     mesh = read(run.folder / "results.med")
     ours = {n for n in (*mesh.cell_data, *mesh.node_data) if not n.startswith(("lac_", ZONES[1].replace("/", "_")))}
-    assert {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))} == ours
+    assert {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))} == ours | {
+        f"{ZONES[0]}.{name}" for name in OF_FRICTION
+    }
 
 
 def test_files_of_a_folder(run):
