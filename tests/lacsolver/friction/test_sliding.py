@@ -95,6 +95,6 @@ def test_a_thrown_block_stops():
     )  # fmt: skip
     *_, last = ls.march(case, mesh)
     zone = last.contact["joint"]
-    top = mesh.points[:, 1] > 0.74
+    top = last.mesh.points[:, 1] > 0.74
     assert last.u[top, 0].mean() == pytest.approx(speed**2 / (2 * MU * g), rel=0.005)
     assert (zone.status == 1).all() and zone.friction.energy[1] == pytest.approx(0.5 * 0.5 * speed**2, rel=0.02)
