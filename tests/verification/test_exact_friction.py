@@ -13,6 +13,7 @@ from verification.exact import half_space
 from verification.exact.cattaneo import Cylinders, pressure, shear
 from verification.exact.crack import Crack
 from verification.exact.fits import SlidingFit, capstan
+from verification.exact.half_plane import Ellipse
 from verification.exact.lame import Fit, Shell
 from verification.exact.spence import stick_edge, tractions, uncoupled_edge
 from verification.exact.spheres import LikeSpheres
@@ -66,6 +67,17 @@ def test_half_planes_under_pressure_are_those_of_hertz(inside):
     x, z = inside.T
     hertz = half_space.strains(half_space.plane(x, z, 1.0, CYLINDERS.peak), z, CYLINDERS.young, CYLINDERS.poisson)
     apart = CYLINDERS.body(1).displacement(inside, CYLINDERS.sheared()) - np.stack([hertz.u_r, hertz.u_z], axis=1)
+    assert np.ptp(apart, axis=0).max() < 1e-14
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_displacement_of_half_planes_is_that_of_the_forces_on_them(side, inside):
+    """An ellipse of tractions as many forces, by Gauss's rule."""
+    body, x = CYLINDERS.body(side), inside[inside[:, 1] > 0.8] * [1, side]
+    s, w = np.polynomial.legendre.leggauss(80)
+    w = w * np.pi / 2 * np.cos(np.pi / 2 * s) ** 2
+    force = np.stack([-side * 0.3 * w, side * 0.7 * w], axis=1)
+    apart = body.under_forces(x, np.sin(np.pi / 2 * s), force) - body.displacement(x, [Ellipse(1.0, 0.7, 0.3)])
     assert np.ptp(apart, axis=0).max() < 1e-14
 
 

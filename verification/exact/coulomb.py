@@ -63,9 +63,12 @@ class Condensed:
         return float(max(np.abs(off_n).max(), np.abs(off_t).max()) / size)
 
 
-def condensed(K: object, f: Floats, rows: tuple[Floats, Floats], gap: Floats, friction: float | Floats) -> Condensed:
-    """The condensed problem of dense or sparse K (n, n) and loads f (n,), rows B_N (m, n) and B_T (m (d - 1), n),
-    gaps (m,) of the undeformed bodies.
+def condensed(
+    K: object, f: Floats, rows: tuple[Floats, Floats], gap: Floats, friction: float | Floats, slip: Floats | float = 0.0
+) -> Condensed:
+    """The condensed problem of dense or sparse K (n, n) and loads f (n,), rows B_N (m, n) and B_T (m (d - 1), n).
+
+    `gap` (m,) and `slip` (m, d - 1): without displacement.
     """
     dense = K.toarray() if hasattr(K, "toarray") else np.asarray(K)
     normal, tangential = (B.toarray() if hasattr(B, "toarray") else np.asarray(B) for B in rows)
@@ -74,7 +77,10 @@ def condensed(K: object, f: Floats, rows: tuple[Floats, Floats], gap: Floats, fr
     solution = np.linalg.solve(dense, np.column_stack([f, B.T]))
     values = B @ solution
     return Condensed(
-        values[:, 1:], gap - values[:m, 0], values[m:, 0].reshape(m, -1), np.broadcast_to(friction, (m,)).astype(float)
+        values[:, 1:],
+        gap - values[:m, 0],
+        values[m:, 0].reshape(m, -1) + slip,
+        np.broadcast_to(friction, (m,)).astype(float),
     )
 
 

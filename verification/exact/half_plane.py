@@ -60,6 +60,19 @@ class HalfPlane:
         total /= self.young / (1 + self.poisson)
         return np.stack([total.real, self.side * total.imag], axis=1)
 
+    def under_forces(self, x: Floats, place: Floats, force: Floats) -> Floats:
+        """Displacement (n, 2) at points (n, 2) off the surface under forces (k, 2), along x and y, at its places (k,).
+
+        With the body above, the integral of N - i T over a force F is -F_y + i F_x.
+        """
+        z: Complex = np.asarray(x[:, 0] + 1j * np.maximum(self.side * x[:, 1], 0.0))
+        factor = -self.side * force[:, 1] + 1j * force[:, 0]
+        phi, across = (-(np.log(p[:, None] - place) @ factor) / (2j * np.pi) for p in (z, z.conj()))
+        slope = (1 / (place - z[:, None])) @ factor / (2j * np.pi)
+        total = (3 - 4 * self.poisson) * phi + across - (z - z.conj()) * slope.conj()
+        total /= self.young / (1 + self.poisson)
+        return np.stack([total.real, self.side * total.imag], axis=1)
+
     def stress(self, x: Floats, loads: Sequence[Ellipse]) -> Floats:
         """Stress (n, 3): xx, yy, xy, at points (n, 2) of the body under tractions on its surface."""
         total, along = np.zeros(len(x)), np.zeros(len(x), complex)

@@ -43,6 +43,21 @@ def half_spaces(kind: str, k: int, fraction: float, *, rigid: bool = False) -> M
     return joined([slave, (lower, _roles(lower, "lower", {f"{up}1": "master"}))])
 
 
+def half_planes(kind: str, k: int, fraction: float) -> Mesh:
+    """Two half-planes without a plane of symmetry, 4 wide and 2 deep each, about k slave cells to the half-width.
+
+    Groups: `upper`, `lower`, `slave`, `master`, `far_upper`, `far_lower`.
+    """
+    aside, even, deep = edge_lines(k, fraction), np.linspace(-REACH, REACH, 3 * k + 1), depth_lines(k)
+    upper = piece(kind, [np.concatenate([-aside[:0:-1], aside]), deep])
+    lower = piece(kind, [even, -deep[::-1]])
+    roles = (("upper", "y0", "slave"), ("lower", "y1", "master"))
+    return joined([
+        (mesh, {"": body} | {side: f"far_{body}" for side in ("x0", "x1", "y0", "y1")} | {surface: role})
+        for mesh, (body, surface, role) in zip((upper, lower), roles, strict=True)
+    ])  # fmt: skip
+
+
 def edge_lines(k: int, fraction: float) -> Floats:
     """Lines from 0 to REACH: k + 1 even steps, the last around the edge of contact at 1, then half as many as k.
 

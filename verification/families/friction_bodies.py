@@ -1,0 +1,424 @@
+"""**Sticks or slides.** A pad under its weight on an incline, whose slope is just below and just above mu; a shaft in a
+hub, pulled or turned by a load just below and just above what friction carries (Lame's pressure).
+
+**Belt.** A belt of thickness h around a rigid cylinder: T2 / T1 tends to e^(mu theta) as h falls.
+
+**Crack.** A closed crack under inclined compression that slides: p and t are uniform, slip is an ellipse (Phan and
+others). **Punch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
+equations. **Plate.** code_aster's ssnv128: a plate pressed on a rigid plane and pushed from the side.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacmesh
+import lacsolver
+from lacsolver.case import Displacement, Value
+from verification.exact import spence
+from verification.exact.crack import Crack
+from verification.exact.fits import SlidingFit, capstan
+from verification.exact.half_plane import HalfPlane
+from verification.exact.lame import Fit, Shell
+from verification.measures.edge import edge_of_contact
+from verification.measures.norms import pressure_errors
+from verification.meshes import friction as meshes
+from verification.records import Case, Outcome, Published, Result, at_most, equal, informative, rate
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+
+Floats = NDArray[np.floating]
+#: T = mu N, to rounding
+ROUNDING = 1e-10
+_MESHES = Path(os.environ.get("LACMESH_SHARED") or Path(__file__).parents[3] / "shared") / "reference" / "meshes"
+
+
+def moved_by(case: lacsolver.Case, motions: dict[str, Callable[[Floats, float], Floats]]) -> lacsolver.Case:
+    """The case with groups that are moved by functions of place and time, (n, 2) at points (n, 3)."""
+
+    def component(motion: Callable[[Floats, float], Floats], k: int) -> Value:
+        return Value.of(lambda x, t: motion(x, t)[:, k])
+
+    more = (Displacement(group=group, ux=component(u, 0), uy=component(u, 1)) for group, u in motions.items())
+    return replace(case, displacement=(*case.displacement, *more))
+
+
+def shear(one: Solved) -> Floats:
+    """Traction on the master (m, d) in space."""
+    return np.asarray(one.zone.friction.in_space(one.zone.friction.shear))
+
+
+# ---- a pad on an incline
+
+
+@dataclass(frozen=True)
+class Incline:
+    """A pad on a plane whose slope is `part` of mu, held by a soft spring; the spring takes what friction does not."""
+
+    cell: str
+    part: float
+    friction: float = 0.3
+    weight: float = 2.0
+
+
+def solve_incline(case: Case, levels: int) -> Outcome:
+    """The pad under its weight."""
+    given: Incline = case.parameters
+    slope = np.arctan(given.part * given.friction)
+    force = given.weight / 0.2
+    text = case_text(
+        "plane_strain",
+        entry("material", young=1e4, poisson=0.3),
+        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("rigid", group="master"),
+        entry("spring", group="right", kx=1e-4),
+        entry("body_force", fx=float(force * np.sin(slope)), fy=float(-force * np.cos(slope))),
+    )
+    one = solve(text, meshes.pad(given.cell, 16))
+    zone = one.zone
+    N, T = zone.pressure @ zone.area, shear(one)[:, 0] @ zone.area
+    pull = given.weight * np.sin(slope)
+    sliding, closed = int((zone.status == 2).sum()), int((zone.pressure > 0).sum())
+    if given.part < 1:
+        results = [
+            equal(
+                "force of friction over the pull",
+                T / pull,
+                1.0,
+                1e-3,
+                source="balance; tan theta = 0.99 mu",
+                reason="the soft spring takes some of it",
+            ),
+            at_most("macro-elements that slide, part of those in contact", sliding / closed, 0.99, source="it sticks"),
+            at_most(
+                "displacement, of what it takes the spring to hold it",
+                np.abs(one.u).max() * 1e-4 / pull,
+                1e-3,
+                source="it sticks",
+            ),
+        ]
+    else:
+        results = [
+            equal(
+                "force of friction over mu N",
+                T / (given.friction * N),
+                1.0,
+                ROUNDING,
+                source="Coulomb's law",
+                reason="rounding",
+            ),
+            at_most("macro-elements that stick", closed - sliding, 0, source="it slides: tan theta = 1.01 mu"),
+        ]
+    return Outcome((*results, *balanced([one])))  # fmt: skip
+
+
+# ---- a shaft in a hub
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A shaft in a hub, pulled along the axis or turned, to `part` of what friction carries."""
+
+    cell: str
+    way: Literal["pulled", "turned"]
+    part: float
+    fit: SlidingFit
+
+
+def solve_fit(case: Case, levels: int) -> Outcome:
+    """Press, then pull or turn by the exact displacement of the far sides, above the bound with a slip."""
+    given: Pull = case.parameters
+    exact, sliding = given.fit, given.part > 1
+    slip = 0.5 * exact.fit.interference if sliding else 0.0
+    stress = min(given.part, 1.0) * exact.bound
+    c = exact.fit.within.outer
+
+    def motion(body: Literal["within", "around"]) -> Callable[[Floats, float], Floats]:
+        def u(x: Floats, t: float) -> Floats:
+            x = x[:, :2]
+            r = x[:, 0] if given.way == "pulled" else np.linalg.norm(x, axis=1)
+            place = np.minimum(r, c * (1 - 1e-12)) if body == "within" else np.maximum(r, c)
+            radial = exact.fit.displacement(place[:, None], body)[:, 0] * min(t, 1.0)
+            aside = getattr(exact, given.way)(place, stress, slip) * max(t - 1.0, 0.0)
+            if given.way == "pulled":
+                return np.stack([radial, aside], axis=1)
+            return (
+                np.stack([radial * x[:, 0] - aside * x[:, 1], radial * x[:, 1] + aside * x[:, 0]], axis=1) / r[:, None]
+            )
+
+        return u
+
+    text = case_text(
+        "axisymmetric" if given.way == "pulled" else "plane_strain",
+        *(entry("material", groups=[name], young=shell.young, poisson=shell.poisson)
+          for name, shell in (("within", exact.fit.within), ("around", exact.fit.around))),
+        entry("contact", slave="slave", master="master", friction=exact.friction, clearance=-exact.fit.interference),
+        entry("steps", times=[1.0, 2.0]),
+    )  # fmt: skip
+    mesh = (meshes.pulled_fit if given.way == "pulled" else meshes.turned_fit)(given.cell, 16)
+    one = solve(moved_by(lacsolver.parse_case(text), {f"far_{b}": motion(b) for b in ("within", "around")}), mesh)
+    zone = one.zone
+    if given.way == "pulled":
+        total, whole = shear(one)[:, 1] @ zone.area, exact.pull_out
+    else:
+        way = np.stack([-zone.centre[:, 1], zone.centre[:, 0]], axis=1)
+        total, whole = 4 * zone.area @ (shear(one) * way).sum(axis=1), exact.torque
+    asked = equal(
+        "force over the pull-out force of Lame's pressure" if given.way == "pulled" else "moment over the torque",
+        total / whole, min(given.part, 1.0), 2e-3, source="mu p 2 pi r L; Lame", reason="that of p_m in a press fit",
+    )  # fmt: skip
+    slides = zone.status == 2
+    state = at_most(
+        f"macro-elements that {'stick' if sliding else 'slide'}", int((~slides if sliding else slides).sum()), 0,
+        source="just above the bound" if sliding else "just below the bound",
+    )  # fmt: skip
+    law = at_most(
+        "largest deviation of t_m from mu p_m, of mu p", float(np.abs(np.abs(zone.friction.shear[:, 0])
+        - exact.friction * zone.pressure).max() / exact.bound), ROUNDING, source="Coulomb's law", reason="rounding",
+    )  # fmt: skip
+    return Outcome((asked, state, *([law] if sliding else []), *balanced([one])))
+
+
+# ---- a belt
+
+
+@dataclass(frozen=True)
+class Belt:
+    """A belt of QUAD8 around a cylinder. `angle`: degrees; `thickness`: over the radius, of each level."""
+
+    angle: float
+    friction: float = 0.3
+    thickness: tuple[float, ...] = (0.04, 0.02)
+
+
+def solve_belt(case: Case, levels: int) -> Outcome:
+    """Belts of several thicknesses; their exponents are extrapolated to none."""
+    given: Belt = case.parameters
+    angle = np.radians(given.angle)
+    found = [_belt(given, h) for h in given.thickness]
+    exponents = [np.log(ratio) / (given.friction * angle) for _, ratio in found]
+    (h, thin), (thick, last) = given.thickness, exponents
+    extrapolated = last + (last - thick) * thin / (h - thin)
+    ratio = float(np.exp(given.friction * angle * extrapolated)) / capstan(given.friction, angle)
+    return Outcome(
+        (
+            equal("T2 / T1, extrapolated to no thickness, over e^(mu theta)", ratio, 1.0, 0.005, source="Euler",
+                  reason="what extrapolation from two thicknesses leaves"),
+            *(informative(f"exponent over mu theta, h / R = {t}", e,
+                          reason=f"about 1 - h / 2R (1 + mu^2) = {1 - t / 2 * (1 + given.friction**2):.4f}")
+              for t, e in zip(given.thickness, exponents, strict=True)),
+            informative("iterations", max(one.iterations for one, _ in found), reason="all slides, from sticking"),
+            *balanced([solved for solved, _ in found]),
+        )
+    )  # fmt: skip
+
+
+def _belt(given: Belt, h: float) -> tuple[Solved, float]:
+    """Solution, and T2 / T1: T1 is a dead load, the other end is turned until all slides."""
+    angle, young, tension = np.radians(given.angle), 1e4, 1.0
+    most = tension * capstan(given.friction, angle) / (young * h) * angle
+    text = case_text(
+        "plane_stress",
+        entry("material", young=young, poisson=0.0),
+        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("rigid", group="master"),
+        entry("traction", group="first", ty=-tension / h),
+    )
+    end = np.array([-np.sin(angle), np.cos(angle)]) * 2 * most
+
+    def motion(x: Floats, t: float) -> Floats:
+        return np.linalg.norm(x[:, :2], axis=1)[:, None] * end
+
+    case = lacsolver.parse_case(text)
+    tangent = motion
+    case = moved_by(case, {"last": tangent})
+    one = solve(case, meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3)))
+    last = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in one.mesh.select(one.mesh.cell_groups["last"])]))
+    pull = one.state.reaction.reshape(-1, 2)[last].sum(axis=0) @ np.array([-np.sin(angle), np.cos(angle)])
+    return one, float(pull / tension)
+
+
+# ---- a crack
+
+
+@dataclass(frozen=True)
+class Slit:
+    """A closed crack in a plane of cells of a type, as many to its half as `levels` say."""
+
+    cell: str
+    exact: Crack
+    levels: tuple[int, ...] = (4, 8, 16, 32)
+
+
+def solve_crack(case: Case, levels: int) -> Outcome:
+    """The crack on so many meshes."""
+    given: Slit = case.parameters
+    found = [_crack(given, n) for n in given.levels[:levels]]
+    finest = found[-1].errors
+    results: list[Result] = [
+        rate(
+            "slip, L2",
+            convergence(found, "slip"),
+            0.85,
+            source="square-root tips",
+            reason="0.91 to 0.93 on a prototype",
+        )
+    ]
+    for name in ("p", "t"):
+        quantity = f"largest relative error of {name}_m"
+        if given.cell == "QUAD8":
+            results.append(at_most(quantity, max(one.errors[name] for one in found), 1e-10, source="uniform"))
+        else:
+            results.append(informative(quantity, finest[name], reason="tips: linear cells have 36 % there"))
+    results.append(informative("iterations", found[-1].solved.iterations, reason="2 to 4 on a prototype"))
+    return Outcome((*results, *balanced([one.solved for one in found])))
+
+
+def _crack(given: Slit, n: int) -> LevelSolution:
+    exact = given.exact
+    text = case_text(
+        "plane_strain",
+        entry("material", young=exact.young, poisson=exact.poisson),
+        entry("contact", slave="slave", master="master", friction=exact.friction),
+    )
+    case = moved_by(lacsolver.parse_case(text), {"far": lambda x, t: exact.displacement(x[:, :2])})
+    one = solve(case, meshes.cracked(given.cell, n))
+    zone = one.fields.zones["slave"]
+    slip = pressure_errors(one.mesh, np.asarray(zone.slip_vector)[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
+    errors = {
+        "slip": slip.exact,
+        "p": float(np.abs(zone.pressure / exact.pressure - 1).max()),
+        "t": float(np.abs(np.asarray(zone.shear_vector)[:, 0] / exact.shear - 1).max()),
+    }
+    return LevelSolution(one, 1 / n, errors)
+
+
+# ---- a punch
+
+
+@dataclass(frozen=True)
+class Punch:
+    """A flat punch on a half-plane of QUAD8, n cells to the half-width."""
+
+    poisson: float
+    friction: float
+    n: int = 64
+
+
+def solve_punch(case: Case, levels: int) -> Outcome:
+    """Press by a force; far off, the displacements of the half-plane under the tractions of the integral equations."""
+    given: Punch = case.parameters
+    nu = given.poisson
+    edge = spence.stick_edge(nu, given.friction)
+    count = 400
+    x, p, q = spence.tractions(
+        (1 - 2 * nu) / (2 * (1 - nu)), given.friction, round(count * np.arcsin(edge) / (np.pi / 2)), True, count
+    )
+    width = np.diff(np.sin(np.linspace(0, np.pi / 2, count + 1)))
+    place = np.concatenate([-x[::-1], x])
+    aside, down = np.concatenate([-(q * width)[::-1], q * width]), np.concatenate([(p * width)[::-1], p * width])
+    force, below = np.stack([aside, -down], axis=1), HalfPlane(-1, 1.0, nu)
+    still = below.under_forces(np.array([[0.0, -meshes.REACH]]), place, force)
+    text = case_text(
+        "plane_strain",
+        entry("material", young=1.0, poisson=nu),
+        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("displacement", group="axis", ux=0.0),
+        entry("rigid", group="master", fy=-0.5),
+    )
+    far = {"far": lambda x, t: below.under_forces(x[:, :2], place, force) - still}
+    one = solve(moved_by(lacsolver.parse_case(text), far), meshes.punched_half("QUAD8", given.n))
+    zone = one.zone
+    on = zone.status == 1
+    left = 1 - np.abs(shear(one)[on, 0]) / (given.friction * zone.pressure[on])
+    found = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
+    sticks = int((zone.status == 1).sum()) / given.n
+    return Outcome(
+        (
+            equal("edge of stick over the half-width", found, edge, 0.03 * edge, source="Spence's integral equations",
+                  reason="3 %: elements of 1/64 of the half-width"),
+            informative("part of the half-width that sticks", sticks, reason="a whole number of macro-elements"),
+            informative("closed form that leaves out the coupling", spence.uncoupled_edge(nu, given.friction),
+                        reason="of textbooks; not exact"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
+# ---- code_aster's plate
+
+
+@dataclass(frozen=True)
+class Plate:
+    """ssnv128: places along the plane, and what code_aster has there with CONTINUE (m)."""
+
+    place: tuple[float, ...] = (0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3)
+    aster: tuple[float, ...] = (2.84594e-5, 2.70792e-5, 2.27403e-5, 1.97271e-5, 1.53642e-5)
+    greco: tuple[float, ...] = (2.86e-5, 2.72e-5, 2.28e-5, 1.98e-5, 1.50e-5)
+
+
+def solve_plate(case: Case, levels: int) -> Outcome:
+    """The plate on code_aster's own mesh."""
+    given: Plate = case.parameters
+    text = case_text(
+        "plane_strain",
+        entry("material", young=1.3e11, poisson=0.2),
+        entry("contact", slave="LCONTA", master="LBATI", friction=1.0),
+        entry("displacement", group="SBATI", ux=0.0, uy=0.0),
+        entry("displacement", group="LBLOCX", ux=0.0),
+        entry("pressure", group="LPRESV", value=5e7),
+        entry("pressure", group="LPRESH", value=15e7),
+    )
+    one = solve(text, lacmesh.read(_MESHES / "ssnv128m.med"))
+    mesh = one.mesh
+    nodes = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups["LCONTA"])]))
+    order = nodes[np.argsort(mesh.points[nodes, 0])]
+    along = np.interp(given.place, mesh.points[order, 0], one.u[order, 0])
+    source = "code_aster, ssnv128, CONTINUE, the same mesh"
+    return Outcome(
+        (
+            *(
+                equal(f"u_x at {1e3 * x:g} mm", u, right, 0.005 * right, source=source, reason="two methods, one mesh",
+                      published=(Published("GRECO, mean of several codes", greco, "Feijoo, Barbosa, Zouain"),))
+                for x, u, right, greco in zip(given.place, along, given.aster, given.greco, strict=True)
+            ),
+            at_most("iterations", one.iterations, 26, source="a prototype"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
+_FIT = SlidingFit(
+    Fit(Shell("plane_strain", 0.5, 1.0, 3.0, 0.2), Shell("plane_strain", 1.0, 2.0, 1.0, 0.3), interference=0.01), 0.3
+)
+_PUNCHES = ((0.3, 0.2), (0.3, 0.4), (0.0, 0.4), (0.45, 0.1))
+
+
+def cases(family: str) -> Iterator[Case]:
+    """Incline, fits, belts, crack, punches, plate."""
+    for part in (0.99, 1.01):
+        word = "below" if part < 1 else "above"
+        for cell in ("TRIA3", "QUAD8"):
+            description = f"a pad on a slope of {part} mu, {cell}"
+            yield Case(family, f"incline-{word}-{cell}", description, Incline(cell, part), {"quick": 1}, 2.0)
+        pulled, turned = Pull("QUAD8", "pulled", part, _FIT), Pull("QUAD8", "turned", part, _FIT)
+        description = f"a shaft in a hub, {part} of what friction carries"
+        yield Case(family, f"pull-out-{word}", f"{description}, along the axis", pulled, {"quick": 1}, 3.0)
+        yield Case(family, f"torque-{word}", f"{description}, by a moment", turned, {"quick": 1}, 3.0)
+    for angle in (90.0, 180.0, 270.0):
+        suite = "quick" if angle == 90 else "full"
+        yield Case(family, f"belt-{angle:g}", f"a belt around {angle:g} degrees", Belt(angle), {suite: 1}, 20.0)
+    for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8"):
+        description = f"a closed crack that slides, {cell}"
+        yield Case(family, f"crack-{cell}", description, Slit(cell, Crack()), {"quick": 3, "full": 4}, 10.0)
+    for poisson, friction in _PUNCHES:
+        name, description = f"punch-{poisson:g}-{friction:g}", f"Spence's punch, nu {poisson:g}, mu {friction:g}"
+        yield Case(family, name, description, Punch(poisson, friction), {"full": 1}, 30.0)
+    if _MESHES.is_dir():
+        yield Case(family, "ssnv128", "a plate on a rigid plane, code_aster's mesh", Plate(), {"quick": 1}, 3.0)

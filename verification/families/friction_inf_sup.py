@@ -1,0 +1,105 @@
+"""**Inf-sup.** The constant of (p, t) and of t alone beside that of p, on the blocks of the family `inf-sup`: the cut
+that is stable for pressures is stable for tractions with as many components as the space has, since normal and tangents
+are at right angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+from scipy.sparse.linalg import splu
+
+import lacmesh
+from lacsolver.contact import Pairing, Zone, integrate
+from verification.families.inf_sup import SIDES, STAYS, Skin, block_of
+from verification.measures.inf_sup import held, norm
+from verification.measures.rates import fitted
+from verification.meshes import stacks
+from verification.records import Case, Level, Outcome, Result, at_most, informative, levels_of
+
+Floats = NDArray[np.floating]
+
+#: of the constant of t and of (p, t), the difference from that of p, of it
+SAME = 0.02
+_THEORY = "v = sum of h psi_m (p_m n + t_m e): normal and tangents are at right angles"
+_NAMES = ("p", "t", "both")
+
+
+@dataclass(frozen=True)
+class Tractions:
+    """A block on a fixed plane or another block, as `inf_sup.Skin`."""
+
+    skin: Skin
+
+
+def constants(skin: Skin, n: int) -> tuple[dict[str, float], int]:
+    """beta of p, t and both, the slave's rim fixed; number of free unknowns."""
+    dim = skin.dim
+    slave = f"{'xyz'[dim - 1]}0"
+    mesh = lacmesh.cut_skin(block_of(skin, n), slave, hexa=skin.hexa).mesh
+    face = integrate(Zone.of(mesh, slave, "master"), dim, Pairing(friction=True))
+    x = mesh.points[:, :dim]
+    sides = ((x[:, :-1] < 1e-9) | (x[:, :-1] > 1 - 1e-9)).any(axis=1)
+    ends = (x[:, -1] > 1 - 1e-9) | (x[:, -1] < -1 + 1e-9)
+    moving = np.flatnonzero(~sides & ~ends & held(mesh))
+    solve = splu(norm(mesh)[moving][:, moving], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}).solve
+    weight = face.area ** (-0.5 * dim / (dim - 1))
+    rows = {"p": face.B, "t": face.B_T, "both": vstack([face.B, face.B_T])}
+    weights = {
+        "p": weight,
+        "t": np.repeat(weight, dim - 1),
+        "both": np.concatenate([weight, np.repeat(weight, dim - 1)]),
+    }
+    found = {name: _least(csr_array(B), moving, dim, solve, weights[name]) for name, B in rows.items()}
+    return found, dim * len(moving)
+
+
+def _least(B: csr_array, moving: NDArray[np.integer], dim: int, solve: object, weight: Floats) -> float:
+    S = np.zeros((B.shape[0],) * 2)
+    for axis in range(dim):
+        own = B[:, dim * moving + axis]
+        S += own @ solve(own.toarray().T)  # type: ignore[operator]
+    return float(np.sqrt(max(np.linalg.eigvalsh(weight[:, None] * S * weight)[0], 0.0)))
+
+
+def solve_case(case: Case, levels: int) -> Outcome:
+    """The constants on so many meshes."""
+    skin: Skin = case.parameters.skin
+    sides = SIDES[skin.dim][:levels]
+    found = [constants(skin, n) for n in sides]
+    h, unknowns = [1 / n for n in sides], [count for _, count in found]
+    table = {name: levels_of(h, unknowns, [own[name] for own, _ in found]) for name in _NAMES}
+    apart = max(abs(own[name] / own["p"] - 1) for own, _ in found for name in ("t", "both"))
+    return Outcome(
+        (
+            *(_stays(name, table[name]) for name in _NAMES),
+            at_most("largest difference of the constants, of that of p", apart, SAME, source=_THEORY),
+        )
+    )
+
+
+def _stays(name: str, table: tuple[Level, ...]) -> Result:
+    """The exponent of h of a constant: 0."""
+    quantity = {"p": "beta of p", "t": "beta of t", "both": "beta of (p, t)"}[name]
+    if len(table) < 3:
+        return informative(quantity, table[-1].error, reason="an exponent takes three levels", levels=table)
+    exponent = fitted([level.h for level in table], [level.error for level in table], 3)
+    return at_most(f"{quantity}, exponent of h", exponent, STAYS, source=_THEORY, levels=table)
+
+
+def cases(family: str) -> Iterator[Case]:
+    """Every kind of cell, and a few on another block."""
+    for dim, kinds in ((2, stacks.PLANE_KINDS), (3, stacks.SOLID_KINDS)):
+        for kind in kinds:
+            name = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-")
+            levels = {"full": 4 if dim == 2 else 3} | ({"quick": 3} if kind in ("TRIA3", "TETRA4") else {})
+            yield Case(
+                family, f"inf-sup-{name}", f"{kind}: beta of p, t and both", Tractions(Skin(kind, dim)), levels, 4.0
+            )
+    for slave, master, dim in (("TRIA3", "QUAD4", 2), ("HEXA8", "TETRA4", 3)):
+        given = Tractions(Skin(slave, dim, master=master))
+        yield Case(family, f"inf-sup-{slave}-on-{master}", f"{slave} on a block of {master}", given, {"full": 3}, 4.0)

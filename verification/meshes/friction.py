@@ -1,0 +1,132 @@
+"""Meshes of problems with friction: a plane with a crack, a shaft in a hub, a belt around a cylinder, a block under a
+punch, a pad.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import Mesh
+from verification.meshes import rings
+from verification.meshes.blocks import assembled, bent, joined, rows_of, with_skin
+from verification.meshes.half_spaces import depth_lines, piece
+
+Floats = NDArray[np.floating]
+Ints = NDArray[np.integer]
+
+#: how far the plane around a crack reaches, in half-lengths; the block around a punch, in its half-widths
+REACH = 3.0
+
+
+def cracked(kind: str, n: int) -> Mesh:
+    """A square from -REACH to REACH with a crack |x| < 1 on y = 0 of n cells to its half, the bodies one beyond it.
+
+    Groups: `slave` (the upper face), `master`, `far`, and `upper`, `lower` (cells).
+    """
+    near, out = np.linspace(0, 1, n + 1), np.linspace(1, REACH, n + 1)[1:]
+    half = np.concatenate([near, out])
+    along = np.concatenate([-half[:0:-1], half])
+    parts = []
+    for body, lines, face in (("upper", half, "y0"), ("lower", -half[::-1], "y1")):
+        mesh = piece(kind, [along, lines])
+        parts.append((mesh, {"": body, face: f"face_{body}"} | dict.fromkeys({"x0", "x1", "y0", "y1"} - {face}, "far")))
+    made = joined(parts)
+    whole = _glued(made, np.flatnonzero((made.points[:, 1] == 0) & (np.abs(made.points[:, 0]) > 1 - 1e-9)))
+    rows: dict[tuple[str, str], Ints] = {}
+    for (cell, name), nodes in rows_of(whole).items():
+        if name.startswith("face_"):
+            inside = np.abs(whole.points[nodes, 0]).max(axis=1) < 1 + 1e-9
+            name, nodes = {"face_upper": "slave", "face_lower": "master"}[name], nodes[inside]
+        rows[cell, name] = nodes
+    return assembled(whole.points, rows, 2)
+
+
+def _glued(mesh: Mesh, which: Ints) -> Mesh:
+    """The mesh with nodes at the same place made one, of those that are named."""
+    new = np.arange(mesh.n_nodes)
+    first: dict[float, int] = {}
+    for node in which:
+        new[node] = first.setdefault(round(float(mesh.points[node, 0]), 9), int(node))
+    rows = {key: new[nodes] for key, nodes in rows_of(mesh).items()}
+    used = np.unique(np.concatenate([nodes.ravel() for nodes in rows.values()]))
+    return assembled(mesh.points[used], {key: np.searchsorted(used, nodes) for key, nodes in rows.items()}, 2)
+
+
+def pulled_fit(kind: str, n: int) -> Mesh:
+    """A shaft 0.5 < r < 1 in a hub up to 2, r along x and 1 high; n cells along the shaft, n + 1 along the hub.
+
+    Groups: `within`, `around` (cells), `slave` (of the shaft), `master`, `far_within`, `far_around`.
+    """
+    parts = []
+    for body, r, along, face, role in (
+        ("within", np.linspace(0.5, 1, n // 2 + 1), n, "x1", "slave"),
+        ("around", np.linspace(1, 2, n // 2 + 1), n + 1, "x0", "master"),
+    ):
+        mesh = piece(kind, [r, np.linspace(0, 1, along + 1)])
+        far = dict.fromkeys({"x0", "x1", "y0", "y1"} - {face}, f"far_{body}")
+        parts.append((mesh, {"": body, face: role} | far))
+    return joined(parts)
+
+
+def turned_fit(kind: str, n: int) -> Mesh:
+    """A quarter of a shaft 0.5 < r < 1 in a hub up to 2; groups as those of `pulled_fit`."""
+    parts = []
+    for body, radii, around, face, role in (
+        ("within", (0.5, 1.0), n, "high", "slave"),
+        ("around", (1.0, 2.0), n + 1, "low", "master"),
+    ):
+        mesh = rings.ring(kind, (n // 2, around), radii)
+        far = dict.fromkeys({"x0", "y0", "low", "high"} - {face}, f"far_{body}")
+        parts.append((mesh, {"": body, face: role} | far))
+    return joined(parts)
+
+
+def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
+    """A belt around a rigid cylinder of radius 1, from the angle 0 to `angle` (radians), n cells along it, 2 across.
+
+    Groups: `belt` (cells), `slave` (its inner face), `master` (the cylinder, a bare skin), `first`, `last` (its ends).
+    """
+    flat = piece(kind, [np.linspace(1, 1 + thickness, 3), np.linspace(0, angle, n + 1)])
+    names = {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}
+
+    def around(x: Floats) -> Floats:
+        return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
+
+    made = bent(joined([(flat, names)]), around)
+    wide = np.linspace(-0.5 * angle / n, angle * (1 + 0.5 / n), 2 * (2 * n + 1) + 1)
+    points = np.stack([np.cos(wide), np.sin(wide)], axis=1)
+    start = np.arange(0, len(wide) - 2, 2)
+    faces = np.stack([start, start + 2, start + 1], axis=1)  # normals outwards, to the belt
+    return with_skin(made, "SEG3", points, faces, "master")
+
+
+def punched_half(kind: str, n: int) -> Mesh:
+    """Half of a block under a flat rigid punch |x| < 1 on y = 0, n cells to its half-width.
+
+    The block goes down. Groups: `block` (cells), `slave` (its top under the punch), `master` (the punch, a bare skin),
+    `axis`, `far`.
+    """
+    near, out = np.linspace(0, 1, n + 1), 1 + (REACH - 1) * np.linspace(0, 1, n // 2 + 1)[1:] ** 1.5
+    deep = np.concatenate([depth_lines(n), 2 + (REACH - 2) * np.linspace(0, 1, max(n // 4, 2) + 1)[1:]])
+    mesh = joined([(piece(kind, [np.concatenate([near, out]), -deep[::-1]]),
+                    {"": "block", "x0": "axis", "x1": "far", "y0": "far", "y1": "top"})])  # fmt: skip
+    rows: dict[tuple[str, str], list[Ints]] = defaultdict(list)
+    for (cell, name), nodes in rows_of(mesh).items():
+        if name == "top":
+            under = mesh.points[nodes, 0].max(axis=1) < 1 + 1e-9
+            rows[cell, "slave"].append(nodes[under])
+        else:
+            rows[cell, name].append(nodes)
+    made = assembled(mesh.points, {key: np.concatenate(nodes) for key, nodes in rows.items()}, 2)
+    return with_skin(made, "SEG2", np.array([[-0.5, 0.0], [1.0, 0.0]]), np.array([[0, 1]]), "master")
+
+
+def pad(kind: str, n: int) -> Mesh:
+    """A pad 1 long and 0.2 high on a longer rigid plane. Groups: `pad`, `slave`, `top`, `left`, `right`, `master`."""
+    names = {"": "pad", "y0": "slave", "y1": "top", "x0": "left", "x1": "right"}
+    made = joined([(piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.2, max(n // 4, 2) + 1)]), names)])
+    plane = np.array([[2.0, 0.0], [-1.0, 0.0]])
+    return with_skin(made, "SEG2", plane, np.array([[0, 1]]), "master")
