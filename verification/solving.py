@@ -19,7 +19,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.fields import state_fields
 from lacsolver.results.figures import step_figures
 from lacsolver.results.results import Fields, Restart, StepFigures
-from lacsolver.results.state import State, ZoneState
+from lacsolver.results.state import State, ZoneFriction, ZoneState
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 
@@ -57,6 +57,23 @@ class Solved:
         """State of the one zone at the end."""
         (zone,) = self.state.zones
         return zone
+
+    @property
+    def friction(self) -> ZoneFriction:
+        """Friction of the one zone at the end. Raises ValueError without any."""
+        if self.zone.friction is None:
+            raise ValueError("the contact has no friction")
+        return self.zone.friction
+
+    @property
+    def shear(self) -> NDArray[np.floating]:
+        """Traction of friction on the master (m, d), along the slave's slip."""
+        return self.friction.in_space(self.friction.shear)
+
+    @property
+    def slip(self) -> NDArray[np.floating]:
+        """Mean slip (m, d) of the last step."""
+        return self.friction.in_space(self.friction.slip)
 
     @property
     def recovered(self) -> NDArray[np.floating]:

@@ -32,7 +32,7 @@ NAMES = {
     *(("lacsolver.output", name) for name in ("OutputFolder", "create_output", "read_state")),
     *(("lacsolver.results.fields", name) for name in ("point_stress", "state_fields")),
     *(("lacsolver.results.figures", name) for name in ("step_figures",)),
-    *(("lacsolver.results.state", name) for name in ("State", "ZoneState")),
+    *(("lacsolver.results.state", name) for name in ("State", "ZoneFriction", "ZoneState")),
     *(("lacsolver.results.results", name) for name in ("Fields", "Restart", "Results", "StepFigures", "ZoneFields")),
     *(("lacsolver.space.space", name) for name in ("Space",)),
     *(("lacsolver.bodies.material", name) for name in ("Elastic", "Materials", "Orthotropic")),

@@ -18,6 +18,7 @@ MODULES = {
     "curved": "curved",
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
+    "friction": "friction",
     "sliding": "sliding",
     "punches": "punches",
     "impact": "impact",

@@ -22,7 +22,7 @@ from verification.solving import Solved, balanced, case_text, entry, solve
 
 Floats = NDArray[np.floating]
 CellPairs = tuple[tuple[str, str], ...]
-Keys = tuple[tuple[str, str], ...]
+Keys = tuple[tuple[str, object], ...]
 
 YOUNG, POISSON = 1e3, 0.3
 #: how far the top comes down, and goes aside

@@ -11,7 +11,7 @@ equations. **Plate.** code_aster's ssnv128: a plate pressed on a rigid plane and
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -39,7 +39,7 @@ ROUNDING = 1e-10
 _MESHES = Path(os.environ.get("LACMESH_SHARED") or Path(__file__).parents[3] / "shared") / "reference" / "meshes"
 
 
-def moved_by(case: lacsolver.Case, motions: dict[str, Callable[[Floats, float], Floats]]) -> lacsolver.Case:
+def moved_by(case: lacsolver.Case, motions: Mapping[str, Callable[[Floats, float], Floats]]) -> lacsolver.Case:
     """The case with groups that are moved by functions of place and time, (n, 2) at points (n, 3)."""
 
     def component(motion: Callable[[Floats, float], Floats], k: int) -> Value:
@@ -47,11 +47,6 @@ def moved_by(case: lacsolver.Case, motions: dict[str, Callable[[Floats, float], 
 
     more = (Displacement(group=group, ux=component(u, 0), uy=component(u, 1)) for group, u in motions.items())
     return replace(case, displacement=(*case.displacement, *more))
-
-
-def shear(one: Solved) -> Floats:
-    """Traction on the master (m, d) in space."""
-    return np.asarray(one.zone.friction.in_space(one.zone.friction.shear))
 
 
 # ---- a pad on an incline
@@ -82,7 +77,7 @@ def solve_incline(case: Case, levels: int) -> Outcome:
     )
     one = solve(text, meshes.pad(given.cell, 16))
     zone = one.zone
-    N, T = zone.pressure @ zone.area, shear(one)[:, 0] @ zone.area
+    N, T = float(zone.pressure @ zone.area), float(one.shear[:, 0] @ zone.area)
     pull = given.weight * np.sin(slope)
     sliding, closed = int((zone.status == 2).sum()), int((zone.pressure > 0).sum())
     if given.part < 1:
@@ -165,10 +160,10 @@ def solve_fit(case: Case, levels: int) -> Outcome:
     one = solve(moved_by(lacsolver.parse_case(text), {f"far_{b}": motion(b) for b in ("within", "around")}), mesh)
     zone = one.zone
     if given.way == "pulled":
-        total, whole = shear(one)[:, 1] @ zone.area, exact.pull_out
+        total, whole = float(one.shear[:, 1] @ zone.area), exact.pull_out
     else:
         way = np.stack([-zone.centre[:, 1], zone.centre[:, 0]], axis=1)
-        total, whole = 4 * zone.area @ (shear(one) * way).sum(axis=1), exact.torque
+        total, whole = float(4 * zone.area @ (one.shear * way).sum(axis=1)), exact.torque
     asked = equal(
         "force over the pull-out force of Lame's pressure" if given.way == "pulled" else "moment over the torque",
         total / whole, min(given.part, 1.0), 2e-3, source="mu p 2 pi r L; Lame", reason="that of p_m in a press fit",
@@ -179,7 +174,7 @@ def solve_fit(case: Case, levels: int) -> Outcome:
         source="just above the bound" if sliding else "just below the bound",
     )  # fmt: skip
     law = at_most(
-        "largest deviation of t_m from mu p_m, of mu p", float(np.abs(np.abs(zone.friction.shear[:, 0])
+        "largest deviation of t_m from mu p_m, of mu p", float(np.abs(np.abs(one.friction.shear[:, 0])
         - exact.friction * zone.pressure).max() / exact.bound), ROUNDING, source="Coulomb's law", reason="rounding",
     )  # fmt: skip
     return Outcome((asked, state, *([law] if sliding else []), *balanced([one])))
@@ -235,10 +230,9 @@ def _belt(given: Belt, h: float) -> tuple[Solved, float]:
     def motion(x: Floats, t: float) -> Floats:
         return np.linalg.norm(x[:, :2], axis=1)[:, None] * end
 
-    case = lacsolver.parse_case(text)
-    tangent = motion
-    case = moved_by(case, {"last": tangent})
-    one = solve(case, meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3)))
+    one = solve(
+        moved_by(lacsolver.parse_case(text), {"last": motion}), meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3))
+    )
     last = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in one.mesh.select(one.mesh.cell_groups["last"])]))
     pull = one.state.reaction.reshape(-1, 2)[last].sum(axis=0) @ np.array([-np.sin(angle), np.cos(angle)])
     return one, float(pull / tension)
@@ -290,11 +284,11 @@ def _crack(given: Slit, n: int) -> LevelSolution:
     case = moved_by(lacsolver.parse_case(text), {"far": lambda x, t: exact.displacement(x[:, :2])})
     one = solve(case, meshes.cracked(given.cell, n))
     zone = one.fields.zones["slave"]
-    slip = pressure_errors(one.mesh, np.asarray(zone.slip_vector)[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
+    slip = pressure_errors(one.mesh, one.slip[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
     errors = {
         "slip": slip.exact,
         "p": float(np.abs(zone.pressure / exact.pressure - 1).max()),
-        "t": float(np.abs(np.asarray(zone.shear_vector)[:, 0] / exact.shear - 1).max()),
+        "t": float(np.abs(one.shear[:, 0] / exact.shear - 1).max()),
     }
     return LevelSolution(one, 1 / n, errors)
 
@@ -336,7 +330,7 @@ def solve_punch(case: Case, levels: int) -> Outcome:
     one = solve(moved_by(lacsolver.parse_case(text), far), meshes.punched_half("QUAD8", given.n))
     zone = one.zone
     on = zone.status == 1
-    left = 1 - np.abs(shear(one)[on, 0]) / (given.friction * zone.pressure[on])
+    left = 1 - np.abs(one.shear[on, 0]) / (given.friction * zone.pressure[on])
     found = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
     sticks = int((zone.status == 1).sum()) / given.n
     return Outcome(

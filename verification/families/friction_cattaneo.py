@@ -10,7 +10,7 @@ sticks moves to the leading edge, and the far bodies creep.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,7 +83,7 @@ class Pressed:
 
 
 def case_of(
-    contact: dict[str, object], bodies: dict[str, tuple[float, float]], motions: dict[str, Motion],
+    contact: Mapping[str, object], bodies: Mapping[str, tuple[float, float]], motions: Mapping[str, Motion],
     times: tuple[float, ...], *more: str,
 ) -> lacsolver.Case:  # fmt: skip
     """A case of two half-spaces with these elastic constants, whose groups far_... are moved by functions."""
@@ -116,15 +116,9 @@ def solved(given: Pressed, k: int) -> Solved:
     return solve(case_of(contact, bodies, motions, given.times), half_planes(given.cell, k, FRACTION))
 
 
-def shear_of(one: Solved) -> Floats:
-    """Component along x of the traction on the lower body, of each macro-element."""
-    zone = one.fields.zones["slave"]
-    return np.asarray(zone.shear_vector[:, 0])
-
-
 def shear_errors(one: Solved, loads: tuple[Ellipse, ...]) -> PressureErrors:
     """Errors of t in L2, relative to the exact shear stress."""
-    return pressure_errors(one.mesh, shear_of(one), lambda x: cattaneo.shear(x[:, 0], loads)[:, None])
+    return pressure_errors(one.mesh, one.shear[:, 0], lambda x: cattaneo.shear(x[:, 0], loads)[:, None])
 
 
 def solve_level(given: Pressed, level: int) -> LevelSolution:
@@ -134,7 +128,7 @@ def solve_level(given: Pressed, level: int) -> LevelSolution:
     zone = one.fields.zones["slave"]
     p = pressure_errors(one.mesh, zone.pressure, lambda x: cattaneo.pressure(x[:, 0], loads)[:, None])
     t, c = shear_errors(one, loads), exact.stick(given.turns[0])
-    total = one.zone.friction.energy[1] / exact.dissipation(given.turns[0])
+    total = one.friction.energy[1] / exact.dissipation(given.turns[0])
     turns = 2 * len(given.turns) - 1  # every reversal takes twice what the first load does
     errors = {
         "p_m": p.exact,
@@ -149,7 +143,7 @@ def solve_level(given: Pressed, level: int) -> LevelSolution:
 def stick_of(one: Solved, exact: Cylinders | LikeSpheres) -> float:
     """Half-width of what sticks: mu p - |t| falls there as a Hertzian pressure does."""
     zone = one.fields.zones["slave"]
-    left = exact.friction * zone.pressure - np.linalg.norm(zone.shear_vector, axis=1)
+    left = exact.friction * zone.pressure - np.linalg.norm(one.shear, axis=1)
     c = exact.stick(LOAD)
     return edge_of_contact(np.linalg.norm(zone.centre[:, :-1], axis=1), left, exact.friction * exact.peak * c, 0.5 * c)
 
@@ -190,7 +184,7 @@ def profile(given: Pressed, one: LevelSolution) -> Plot:
     lines = (
         line("exact", x, cattaneo.shear(x, loads)),
         line("bound mu p, exact", x, given.exact.friction * cattaneo.pressure(x, loads)),
-        line("t_m", zone.centre[near, 0], shear_of(one.solved)[near], "points"),
+        line("t_m", zone.centre[near, 0], one.solved.shear[:, 0][near], "points"),
     )
     return Plot("shear", f"shear stress, h = {one.h:.3g} a", "x / a", "t / E", lines)
 
@@ -211,10 +205,10 @@ def solve_steps(case: Case, levels: int) -> Outcome:
     """All numbers of steps, against one step."""
     own: Steps = case.parameters
     each = [solved(replace(own.given, steps=n), own.k) for n in own.counts]
-    size = np.abs(shear_of(each[0])).max()
-    apart = max(float(np.abs(shear_of(one) - shear_of(each[0])).max() / size) for one in each)
+    size = np.abs(each[0].shear[:, 0]).max()
+    apart = max(float(np.abs(one.shear[:, 0] - each[0].shear[:, 0]).max() / size) for one in each)
     errors = [shear_errors(one, own.given.loads(own.given.times[-1])).exact for one in each]
-    work = [one.zone.friction.energy[1] for one in each]
+    work = [one.friction.energy[1] for one in each]
     last = float(np.mean([state.iterations for state in each[-1].states[1:]]))
     return Outcome(
         (
@@ -299,17 +293,23 @@ def _ball(given: Balls, k: int) -> LevelSolution:
     more = entry("displacement", group="axis_y", uy=0.0)
     one = solve(case_of(contact, bodies, motions, (1.0, 2.0), more), balls(given.cell, k))
     zone = one.fields.zones["slave"]
-    t = pressure_errors(one.mesh, shear_of(one), lambda x: exact.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None])
+    t = pressure_errors(
+        one.mesh, one.shear[:, 0], lambda x: exact.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None]
+    )
     p = pressure_errors(one.mesh, zone.pressure, lambda x: exact.pressure(np.linalg.norm(x[:, :2], axis=1))[:, None])
     errors = {
         "p_m": p.exact,
         "t_m": t.exact,
         "best": t.best,
         "c": abs(stick_of(one, exact) / exact.stick(LOAD) - 1),
-        "work": abs(2 * one.zone.friction.energy[1] / exact.dissipation(LOAD) - 1),
-        "across": float(np.abs(zone.shear_vector[:, 1]).max() / np.abs(shear_of(one)).max()),
+        "work": abs(2 * one.friction.energy[1] / exact.dissipation(LOAD) - 1),
+        "across": float(np.abs(one.shear[:, 1]).max() / np.abs(one.shear[:, 0]).max()),
     }
     return LevelSolution(one, 1 / (k + FRACTION), errors)
+
+
+def _from_axis(x: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(x[:, :2], axis=1))
 
 
 # ---- rolling
@@ -367,18 +367,17 @@ def solve_rolling(case: Case, levels: int) -> Outcome:
 
         return u
 
-    contact = {"clearance": Value.of(lambda x, t: (x[:, 0] - at(t)) ** 2 / (2 * exact.radius))}
-    text = {"friction": exact.friction}
+    gap = Value.of(lambda x, t: (x[:, 0] - at(t)) ** 2 / (2 * exact.radius))
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
-    made = case_of(text, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
-    made = replace(made, contact=(replace(made.contact[0], **contact),))
+    made = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
+    made = replace(made, contact=(replace(made.contact[0], clearance=gap),))
     one = solve(made, rolled(given.cell, given.k, given.way))
     loads = exact.rolling(given.load, given.way)
     zone = one.fields.zones["slave"]
     t = shear_errors(one, loads)
-    total = float((shear_of(one) * zone.area).sum() / (exact.friction * exact.force))
+    total = float((one.shear[:, 0] * zone.area).sum() / (exact.friction * exact.force))
     x = zone.centre[:, 0] - given.way
-    slides = np.abs(np.asarray(zone.slip_vector)[:, 0]) > 0.02 * creep * given.way / n
+    slides = np.abs(one.slip[:, 0]) > 0.02 * creep * given.way / n
     slides &= zone.pressure > 0
     edge = float(x[slides].max() + 0.5 / given.k)
     return Outcome(

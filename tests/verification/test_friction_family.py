@@ -1,0 +1,180 @@
+"""The family friction: its cases are what they say, meet their figures, and miss them where the solver is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lacsolver
+from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
+from verification.exact.coulomb import gauss_seidel, lemke, tresca
+from verification.families import family
+from verification.families import friction_bank as bank
+from verification.families import friction_bodies as bodies
+from verification.families import friction_cattaneo as cattaneo
+from verification.families import friction_inf_sup as inf_sup
+from verification.families import friction_patch as patch
+from verification.families.inf_sup import Skin
+from verification.families.patch import STRESS
+
+CASES = {case.name: case for case in family("friction").cases}
+
+
+def missed(outcome):
+    """Names of the results that fall short."""
+    assert not outcome.failure
+    return [result.quantity for result in outcome.results if not result.passed]
+
+
+def test_names_are_different_and_every_case_is_in_a_suite():
+    assert len(CASES) == len(family("friction").cases) and all(case.levels for case in CASES.values())
+
+
+def test_the_bank_has_the_steps_that_are_asked_for():
+    steps = {2: 0, 3: 0}
+    for case in CASES.values():
+        if isinstance(case.parameters, bank.Bank):
+            each = case.levels["full"] * len(bank.FRICTION) * len(bank.SEVERITY) * bank.STEPS
+            steps[case.parameters.dim] += each
+    assert steps == {2: 960, 3: 480}
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_blocks_stick_and_slide(slides):
+    given = patch.Sheared((("QUAD4", "TRIA6"),), 2, slides, tilted=True)
+    case = replace(CASES["patch-few-2d-sticks"], parameters=given)
+    assert missed(patch.solve_case(case, 1)) == []
+
+
+def test_blocks_without_enough_friction_do_not_pass():
+    given = patch.Sheared((("QUAD4", "QUAD4"),), 2, False, keys=(("friction", 0.19),))
+    case = replace(CASES["patch-few-2d-sticks"], parameters=given)
+    assert STRESS in missed(patch.solve_case(case, 1))
+
+
+def test_cylinders_meet_their_figures_on_a_coarse_mesh():
+    """With 8 macro-elements to the half-width the edge of stick is known to a macro-element alone."""
+    one = cattaneo.solve_level(cattaneo.Pressed("QUAD4"), 0)
+    assert one.errors["t_m"] < 1.5 * one.errors["best"]
+    assert one.errors["c"] < 0.06 and one.errors["work"] < 0.02
+
+
+def test_cylinders_go_back_and_forth_as_they_should():
+    for turns in ((0.6, -0.6), (0.6, -0.6, 0.6)):
+        given = cattaneo.Pressed("QUAD4", turns)
+        one = cattaneo.solved(given, 8)
+        errors = cattaneo.shear_errors(one, given.loads(given.times[-1]))
+        assert errors.exact < 1.5 * errors.best
+
+
+def test_loads_and_times_of_cylinders():
+    given = cattaneo.Pressed("QUAD4", (0.6, -0.6), steps=4)
+    assert given.times == (1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
+    for t, turns in ((1.0, ()), (1.5, (0.3,)), (2.0, (0.6,)), (2.5, (0.6, 0.0)), (3.0, (0.6, -0.6))):
+        loads = given.loads(t), given.exact.sheared(*turns)
+        x = np.linspace(-1, 1, 11)
+        shears = [cattaneo.cattaneo.shear(x, each) for each in loads]
+        np.testing.assert_allclose(*shears, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["incline-below-TRIA3", "incline-above-TRIA3", "pull-out-below", "torque-above"])
+def test_bodies_stick_below_and_slide_above(name):
+    assert missed(family("friction").solve(CASES[name], 1)) == []
+
+
+def test_a_fit_with_less_friction_slides():
+    case = CASES["pull-out-below"]
+    given = case.parameters
+    exact = replace(given.fit, friction=0.9 * given.fit.friction)
+    assert missed(bodies.solve_fit(replace(case, parameters=replace(given, part=1.0 / 0.9, fit=exact)), 1)) == []
+    assert missed(bodies.solve_fit(replace(case, parameters=replace(given, part=1.0)), 1)) in (
+        [],
+        ["macro-elements that slide"],
+    )
+
+
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")  # its faces share the nodes of the tips
+def test_a_crack_of_quadratic_cells_is_exact():
+    assert missed(bodies.solve_crack(CASES["crack-QUAD8"], 1)) == []
+
+
+@pytest.mark.shared
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")  # the file names single nodes
+def test_code_asters_plate(shared):
+    del shared
+    assert missed(bodies.solve_plate(CASES["ssnv128"], 1)) == []
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_constant_of_tractions_is_that_of_pressures(dim):
+    constants, _ = inf_sup.constants(Skin({2: "QUAD4", 3: "TETRA4"}[dim], dim), 4)
+    assert constants["p"] > 0.1
+    assert constants["t"] == pytest.approx(constants["p"], rel=1e-10)
+    assert constants["both"] == pytest.approx(constants["p"], rel=1e-10)
+
+
+# ---- the robustness bank, against Lemke's method and Tresca's fixed point
+
+
+@pytest.mark.parametrize("cell", ["TRIA3", "QUAD8"])
+@pytest.mark.parametrize("friction", [0.1, 0.6, 1.5])
+def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
+    own = bank.Bank(cell, 2)
+    mesh = bank.mesh_of(own)
+    for severity in bank.SEVERITY:
+        run = bank.run(own, mesh, friction, severity, seed=100)
+        assert run.lost == run.oracle_lost == 0
+        assert len(run.apart) == 2 * bank.STEPS and max(run.apart) < bank.SAME
+        assert max(run.residual) < bank.SAME
+
+
+def test_a_violent_step_in_space_is_solved_as_by_projections():
+    own = bank.Bank("HEXA8", 3)
+    problem = Problem.of(bank.case_of(own, 0.3, 1.0, seed=100), bank.mesh_of(own))
+    oracle, (state, *_) = bank.Condenser(problem, 0.3), march(problem)
+    (zone,) = state.zones
+    p, t = gauss_seidel(oracle.at(state.time), tolerance=1e-9)
+    np.testing.assert_allclose(zone.pressure, p, atol=1e-7 * p.max())
+    np.testing.assert_allclose(zone.friction.shear, t, atol=1e-7 * p.max())
+
+
+def test_oracles_start_where_the_solver_does():
+    """Slip from an anchor: without it, the later steps would be other problems."""
+    own = bank.Bank("QUAD4", 2)
+    problem = Problem.of(bank.case_of(own, 1.5, 1.0, seed=3), bank.mesh_of(own))
+    oracle, apart, other = bank.Condenser(problem, 1.5), [], []
+    for state in march(problem):
+        (zone,) = state.zones
+        apart += [np.abs(way(oracle.at(state.time))[1] - zone.friction.shear).max() for way in (lemke, tresca)]
+        oracle.commit(state)
+        anchor, oracle.anchor = oracle.anchor, np.zeros_like(oracle.anchor)
+        other.append(np.abs(lemke(oracle.at(state.time))[1] - zone.friction.shear).max())
+        oracle.anchor = anchor
+    assert max(apart) < 1e-8 < 1e-4 < max(other)
+
+
+@pytest.mark.slow
+def test_units_do_not_change_iterations():
+    case = CASES["units-QUAD4"]
+    assert missed(bank.solve_units(case, 1)) == []
+
+
+def test_more_friction_than_lemke_is_told_is_seen():
+    own = bank.Bank("QUAD4", 2)
+    problem = Problem.of(bank.case_of(own, 0.3, 4.0, seed=0), bank.mesh_of(own))
+    oracle, worst = bank.Condenser(problem, 0.33), 0.0
+    for state in march(problem):
+        (zone,) = state.zones
+        worst = max(worst, oracle.at(state.time).residual(zone.pressure, zone.friction.shear))
+        oracle.commit(state)
+    assert worst > 1e-3
+
+
+def test_a_case_of_two_half_planes_is_read():
+    given = cattaneo.Pressed("QUAD4")
+    contact = {"clearance": "x**2 / 10", "friction": 0.4}
+    case = cattaneo.case_of(contact, {"upper": (1.0, 0.3)}, {"upper": given.motion(1)}, given.times)
+    assert isinstance(case, lacsolver.Case) and case.displacement[0].group == "far_upper"
