@@ -71,9 +71,9 @@ class Interface:
     gap, clearance included ((d m,) zeros for a tie); `w`: covered measure; `area`; `gap`: mean gap, integral of the gap
     over w, NaN where nothing is covered; `centre`, `normal` (m, d); `length` (m,): size of each macro-element.
     `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
-    `slave`, `master`: the skins in this configuration. With friction, else None: `B_T` (m (d - 1), n_dof), the slip
-    along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of
-    the `tangents` at the points.
+    `slave`, `master`: the skins in this configuration, at time `t`. With friction, else None: `B_T` (m (d - 1), n_dof),
+    the slip along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of the
+    `tangents` at the points.
     """
 
     zone: Zone
@@ -90,6 +90,7 @@ class Interface:
     centre: Floats
     normal: Floats
     length: Floats
+    t: float = 1.0
     B_T: csr_array | None = None
     frame: Floats | None = None
     tangents: Tangents | None = None
@@ -121,7 +122,7 @@ def integrate(
         weight = weight * stretch(zone, slave, points.slave, points.xi_slave, pairing.axisymmetric)
     n = np.ascontiguousarray(points.normal[:, :dim])
     m = zone.n_macros
-    gap = points.gap + _clearance(zone, points, pairing, t)
+    gap = points.gap + clearance(zone, points.slave, points.xi_slave, pairing, t)
     integral = share.total(np.bincount(points.macro, weight * gap, m).astype(float))
     w = share.total(np.bincount(points.macro, weight, m).astype(float))
     B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
@@ -133,7 +134,7 @@ def integrate(
     G = np.zeros(dim * m) if tie else integral
     centre, normal, length = _places(zone, slave, dim)
     total = zone.sums(area)
-    face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length)
+    face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t)
     return _with_shear(face, share) if pairing.friction else face
 
 
@@ -162,11 +163,11 @@ def own_macros(zone: Zone, share: Share) -> Ints:
     return np.where(share.own[zone.slave.faces.nodes[first, 0]][zone.macro], zone.macro, -1)
 
 
-def _clearance(zone: Zone, points: ContactPoints, pairing: Pairing, t: float) -> Any:
-    """Return the clearance, which is added to the gap, at each point."""
+def clearance(zone: Zone, face: Ints, xi: Floats, pairing: Pairing, t: float) -> Any:
+    """Return the clearance at time t, which is added to the gap, at points xi (n, 2) of slave faces."""
     if not callable(pairing.clearance):
         return pairing.clearance
-    return evaluate(pairing.clearance, positions(zone.slave, points), t, "clearance")
+    return evaluate(pairing.clearance, places(zone.slave, face, xi), t, "clearance")
 
 
 def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:

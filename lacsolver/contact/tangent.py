@@ -47,7 +47,7 @@ from lacsolver.contact.chain import (
 )
 from lacsolver.contact.edges import edges_of
 from lacsolver.contact.faces import tangents
-from lacsolver.contact.interface import Interface, Pairing, stretch
+from lacsolver.contact.interface import Interface, Pairing, clearance, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
@@ -187,19 +187,15 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 def _edges(
     face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None
 ) -> tuple[Loop, Ints]:
-    """Return the points on the moving edges of mortar segments, and their slave faces.
-
-    Their gaps have the mean clearance of the rows.
-    """
+    """Return the points on the moving edges of mortar segments, with the clearance there, and their slave faces."""
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
     weight = edges.weight * pairing.thickness
     if pairing.measure == "reference":
         weight = weight * stretch(face.zone, slave, edges.slave, edges.points.xi_s, pairing.axisymmetric)
-    extra = np.bincount(face.points.macro, face.weight * (face.distance - face.points.gap), len(face.w))
-    clearance = np.divide(extra, face.w, out=np.zeros_like(face.w), where=face.w > 0)
+    distance = edges.gap + clearance(face.zone, edges.slave, edges.points.xi_s, pairing, face.t)
     macro = face.zone.macro[edges.slave]
     runs = runs_of(edges.slave, edges.master, macro, len(face.w))
-    return Loop(edges.points, weight, edges.gap + clearance[macro], runs), edges.slave
+    return Loop(edges.points, weight, distance, runs), edges.slave
 
 
 def tangent(motion: Motion, p: Floats, t: Floats | None = None) -> csr_array:

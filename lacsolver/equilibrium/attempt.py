@@ -17,7 +17,7 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
-from lacsolver.equilibrium.newton import FORCING, FORCING_OF_CONSTANT, newton_iterates
+from lacsolver.equilibrium.newton import LOOSE, LOOSE_OF_CONSTANT, newton_iterates
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
@@ -65,8 +65,8 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
 
     def newton(start: Iterate, most: int, **how: Any) -> Outcome:
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
-        forcing = FORCING_OF_CONSTANT if constant else FORCING
-        return search(newton_iterates(step.linearize, start, limits, forcing=forcing, **how), limits, report)
+        loose = LOOSE_OF_CONSTANT if constant else LOOSE
+        return search(newton_iterates(step.linearize, start, limits, loose=loose, **how), limits, report)
 
     state, constant, outcome = step.state, model.problem.kinematics.linear, None
     first, both = (max(int(share * solver.max_iterations), least) for share, least in (_FIRST, _BOTH))

@@ -11,7 +11,7 @@ again although the merit has not fallen indicates a cycle: then the linear probl
 block pivoting, which is finite, before anything is linearised again.
 
 Linear systems are solved inexactly, to a fraction of the nonlinear residual, so that the last iterations converge
-quadratically.
+quadratically; the last one, whose step should reach the tolerance, to a small part of that.
 """
 
 from __future__ import annotations
@@ -54,11 +54,13 @@ _PROGRESS, _PATIENCE = 0.1, 10
 #: with damping the merit may rise, as a body snaps through; but a search in which it falls and rises again so often
 #: without a new least one goes in circles
 _RISES = 3
-#: largest relative tolerance of a linear solve
-_LOOSE = 1e-4
-#: relative tolerance of a linear solve over the nonlinear residual (Eisenstat, Walker 1996): where each stiffness has
-#: its own factor, and where one factor serves them all, so that a solve costs little beside what it is worth
-FORCING, FORCING_OF_CONSTANT = 0.1, 1e-3
+#: relative tolerance of a linear solve over the nonlinear residual (Eisenstat, Walker 1996)
+_FORCING = 0.03
+#: its largest value: where each stiffness has its own factor, and where one serves them all, so that solves are
+#: most of what an iteration costs
+LOOSE, LOOSE_OF_CONSTANT = 1e-4, 1e-3
+#: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
+_LAST = 1e-4
 #: largest number of active sets of one linear problem
 _MAX_SETS = 20
 
@@ -74,14 +76,13 @@ def newton_iterates(
     *,
     predictor: Linearization | None = None,
     damping: float = 0.0,
-    forcing: float = FORCING,
+    loose: float = LOOSE,
 ) -> Iterator[Trial]:
     """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
     `predictor`: linearisation to use at the start, whose residual is not comparable with others. `damping`: artificial
     viscous damping for a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no
-    line search is made then, and residuals may grow on the way. `forcing`: relative tolerance of linear solves over the
-    relative residual.
+    line search is made then, and residuals may grow on the way. `loose`: largest relative tolerance of a linear solve.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
@@ -91,7 +92,7 @@ def newton_iterates(
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
-        reduction = 0.0 if there.contact.exact else _reduction(now.residual, forcing)
+        reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit)
         worst = np.inf if damping else _acceptable(merits)
@@ -115,9 +116,11 @@ def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance
     return Trial(start, there.contact, _residual_of(there, start, tolerance)), rows
 
 
-def _reduction(residual: Residual, forcing: float) -> float:
-    """Return the reduction that a linear solve is worth at a state."""
-    return min(_LOOSE, forcing * max(residual.balance, residual.gap))
+def _reduction(residual: Residual, loose: float, tolerance: float) -> float:
+    """Return the reduction that a linear solve is worth at a state; a step to below the tolerance is nearly exact."""
+    worst = max(residual.balance, residual.gap)
+    reduction = min(loose, _FORCING * worst)
+    return reduction if reduction * worst > tolerance else min(loose, _LAST * tolerance / max(worst, tolerance))
 
 
 def _damping_of(start: float, merits: list[float]) -> float:
@@ -159,8 +162,10 @@ def _newton_step(
                 problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
                 dq, reduced, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(pressures), goal)
                 pressures, applications = linear.full(reduced), applications + more
+                if solves == limit:
+                    return _Step(dq, pressures, now, solves, applications)
                 wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_rows(now, pressures)
-                if solves == limit or wanted.equals(now):
+                if wanted.equals(now):
                     return _Step(dq, pressures, now, solves, applications)
                 now = pivots.next(now, wanted, exact=True)
     return None

@@ -134,10 +134,11 @@ def test_any_faces_in_front_of_several(pair, options):
     assert errors.max() <= (1e-2 if curved else 1e-4)
 
 
+@pytest.mark.parametrize("clearance", [0.02, lambda x, t: 0.02 + 0.3 * t * x[:, 0] ** 2], ids=["even", "formula"])
 @every([ANY[0], STRAIGHT[1], STRAIGHT[2], STRAIGHT[3]])
-def test_a_master_that_ends_under_its_slave(pair, options):
+def test_a_master_that_ends_under_its_slave(pair, options, clearance):
     """Faces of the slave that the rim crosses gain and lose what is there, with its clearance."""
-    options = {**options, "clearance": 0.02}
+    options = {**options, "clearance": clearance}
     assert Deformed(*pair, options, margin=-0.05).errors().max() <= (EXACT if pair[2] == 2 else 1e-5)
 
 
