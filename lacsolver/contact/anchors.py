@@ -12,9 +12,10 @@ that time: x_bar - x is along n.
 A macro-element that covers ten times as much as its anchors do, or has none, was just entered by the master. Its slip
 is that of the points that are in front of each other now, since the last state u_0,
 
-    S_alpha = -sum w e_alpha(u_0).(x(u_0) - x_bar(u_0)),      D_T = B_T
+    S_alpha = -sum w e_alpha(u_0).(x(u_0) - x_bar(u_0))
+    D_T v = sum w [ e_alpha(u_0).dx_bar/dxi^b(u_0) dxi_bar^b ] + dw s_alpha
 
-With the tangents' change
+as xi_bar moves (`tangent`). With the tangents' change
 
     de_1 = -n (e_1.dn) + e_2 spin,   de_2 = -n (e_2.dn) - e_1 spin,
     spin = e_2.(c^a dv/dxi^a - (n.a_1) dn) / |a_1 - n n.a_1|
@@ -24,6 +25,9 @@ D_T is a sum of products with v - v_bar, with dv/dxi^a, and with dn (`shear`, `c
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,13 +36,14 @@ from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
-from lacmesh.surface import Surface
+from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.normals import normals_of
 from lacsolver.contact.faces import by_type, dual_vectors, places, tangents, unit
 from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
 from lacsolver.contact.shear import frames, integrals
+from lacsolver.contact.tangent import Motion
 from lacsolver.contact.zone import Zone
 from lacsolver.distributed.share import ALONE, Share
 
@@ -66,17 +71,23 @@ class Anchors(NamedTuple):
         return Anchors(no, no, no, points, points, none)
 
 
-class Slip(NamedTuple):
-    """Slip of each macro-element: its integral `S` (m, d - 1), the derivative `D_T` (m (d - 1), n_dof) of that.
+@dataclass(frozen=True, eq=False)
+class Slip:
+    """Slip of each macro-element: its integral `S` (m, d - 1), over the measure `w` (m,); S / w is the mean slip.
 
-    `w` (m,): measure that S is integrated over; S / w is the mean slip. `entered` (m,): True for macro-elements that
-    the master has just entered, whose anchors do not count.
+    `entered` (m,): True for macro-elements that the master has just entered, whose anchors do not count.
+    `derivative()` returns D_T, once it is needed.
     """
 
     S: Floats
-    D_T: csr_array
     w: Floats
     entered: NDArray[np.bool_]
+    derivative: Callable[[], csr_array]
+
+    @cached_property
+    def D_T(self) -> csr_array:
+        """The derivative dS/du (m (d - 1), n_dof)."""
+        return self.derivative()
 
 
 class _Directions(NamedTuple):
@@ -123,40 +134,77 @@ def renewed(anchors: Anchors, face: Interface, which: NDArray[np.bool_]) -> Anch
     return Anchors._make(values[order] for values in joined)
 
 
-def slip(anchors: Anchors, face: Interface, pairing: Pairing, before: Floats, share: Share = ALONE) -> Slip:
+def slip(
+    anchors: Anchors, face: Interface, pairing: Pairing, before: Floats, share: Share = ALONE,
+    motion: Callable[[], Motion | None] = lambda: None,
+) -> Slip:  # fmt: skip
     """Return the slip of a zone in the configuration of an interface.
 
-    `before` (n_nodes, 3): coordinates in the last state, where the anchors were renewed.
+    `before` (n_nodes, 3): coordinates in the last state, where the anchors were renewed. `motion()`: the derivatives of
+    the interface, None if they are left out; then D_T is B_T where the master has entered.
     """
-    assert face.B_T is not None
-    m, k = len(face.w), face.normal.shape[1] - 1
-    S, D_T = _of_anchors(anchors, face, pairing)
-    S, D_T = share.total(S), share.add_matrices(D_T, (False, True))
+    m, d = len(face.w), face.normal.shape[1]
+    at = _directions(face.zone, face.slave, anchors.slave, anchors.xi_slave, pairing, d)
+    y = _apart(face.slave, face.master, anchors)
+    S = share.total(integrals(np.einsum("pas,ps->pa", at.e, y[:, :d]), anchors.macro, anchors.weight, m))
     w = share.total(np.bincount(anchors.macro, anchors.weight, m).astype(float))
     entered = w < _LEAST * face.w
-    if not entered.any():
-        return Slip(S, D_T, w, entered)
-    since = share.total(_since(face, pairing, before))
-    keep, take = (diags_array(np.repeat(rows, k).astype(float)) for rows in (~entered, entered))
-    D_T = csr_array(keep @ D_T + take @ face.B_T)
-    return Slip(np.where(entered[:, None], since, S), D_T, np.where(entered, face.w, w), entered)
+    if entered.any():
+        since = _since(face, pairing, before, face.points)[0]
+        total = share.total(integrals(since, face.points.macro, face.weight, m))
+        S, w = np.where(entered[:, None], total, S), np.where(entered, face.w, w)
+
+    def derivative() -> csr_array:
+        D_T = _derivative(anchors, face, at, y)
+        if not entered.any():
+            return share.add_matrices(D_T, (False, True))
+        assert face.B_T is not None
+        keep, take = (diags_array(np.repeat(rows, d - 1).astype(float)) for rows in (~entered, entered))
+        moved = motion()
+        if moved is None:
+            return csr_array(share.add_matrices(csr_array(keep @ D_T), (False, True)) + take @ face.B_T)
+        D_T = csr_array(keep @ D_T + _derivative_since(face, pairing, before, entered, moved))
+        return share.add_matrices(D_T, (False, True))
+
+    return Slip(S, w, entered, derivative)
 
 
-def _since(face: Interface, pairing: Pairing, before: Floats) -> NDArray[np.floating]:
-    """Return the integrals of the slip since the last state, of the points that are in front of each other now."""
-    points, k = face.points, face.normal.shape[1]
+def _apart(slave: Surface, master: Surface, points: ContactPoints | Anchors) -> NDArray[np.floating]:
+    """Return x - x_bar (points, 3) of pairs of points."""
+    x = places(slave, points.slave, points.xi_slave)
+    return np.asarray(x - places(master, points.master, points.xi_master))
+
+
+def _since(
+    face: Interface, pairing: Pairing, before: Floats, points: ContactPoints | Anchors
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the slip (points, d - 1) of pairs of points since the last state, and its derivative by xi_bar.
+
+    The derivative is (points, d - 1, d - 1).
+    """
+    d = face.normal.shape[1]
     slave, master = face.zone.slave.at(before), face.zone.master.at(before)
-    e = _directions(face.zone, slave, points.slave, points.xi_slave, pairing, k).e
-    y = places(slave, points.slave, points.xi_slave) - places(master, points.master, points.xi_master)
-    return integrals(-np.einsum("pas,ps->pa", e, y[:, :k]), points.macro, face.weight, len(face.w))
+    e = _directions(face.zone, slave, points.slave, points.xi_slave, pairing, d).e
+    J = tangents(master, points.master, points.xi_master)
+    return -np.einsum("pas,ps->pa", e, _apart(slave, master, points)[:, :d]), e @ J[:, :d]
 
 
-def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Floats, csr_array]:
-    """Return S (m, d - 1) of anchors, and its derivative (m (d - 1), n_dof)."""
+def _derivative_since(
+    face: Interface, pairing: Pairing, before: Floats, entered: NDArray[np.bool_], motion: Motion
+) -> csr_array:
+    """Return D_T (m (d - 1), n_dof) of the macro-elements that the master has entered, zeros elsewhere."""
+    assert motion.along is not None
+    slips = []
+    for loop, along in zip(motion.loops, motion.along, strict=True):
+        at, macro = loop.points, face.zone.macro[along.slave]
+        pairs = Anchors(macro, along.slave, along.master, at.xi_s, at.xi_m, loop.weight)
+        slips.append(_since(face, pairing, before, pairs))
+    return motion.slips(entered, slips)
+
+
+def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -> csr_array:
+    """Return D_T (m (d - 1), n_dof) of anchors, with x - x_bar of their points in y (points, 3)."""
     slave, master, d, m = face.slave, face.master, face.normal.shape[1], len(face.w)
-    at = _directions(face.zone, slave, anchors.slave, anchors.xi_slave, pairing, d)
-    y = places(slave, anchors.slave, anchors.xi_slave) - places(master, anchors.master, anchors.xi_master)
-    S = integrals(np.einsum("pas,ps->pa", at.e, y[:, :d]), anchors.macro, anchors.weight, m)
     of_dn = -(at.n * y).sum(axis=1)[:, None, None] * at.e
     arms = np.zeros((len(y), d - 1, d - 1, d))
     if d == 3:
@@ -170,7 +218,7 @@ def _of_anchors(anchors: Anchors, face: Interface, pairing: Pairing) -> tuple[Fl
         across = of_dn - np.einsum("pks,ps->pk", of_dn, at.n[:, :d])[..., None] * at.n[:, None, :d]
         q = weight * across / at.size[:, None, None]
         D_T = csr_array(D_T + normal_rows(anchors, slave, master, at.nodal, q, m))
-    return S, D_T
+    return D_T
 
 
 def _add_spin(at: _Directions, y: Floats, of_dn: Floats, arms: Floats) -> None:

@@ -21,6 +21,7 @@ normal, by dh/du (`normals`):
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -51,7 +52,7 @@ from lacsolver.contact.interface import Interface, Pairing, clearance, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
-from lacsolver.contact.tractions import Shear, add_traction, rests
+from lacsolver.contact.tractions import Shear, add_slip, add_traction, rests
 
 #: what a number of a point costs, in units of what it costs in most kernels
 _WORK = 10
@@ -66,13 +67,21 @@ class Loop(NamedTuple):
     runs: Runs
 
 
+class SlidingPoints(NamedTuple):
+    """Points of a loop (n,) with friction: their faces `slave` and `master`, and the `tangents` of the slave there."""
+
+    slave: Ints
+    master: Ints
+    tangents: Tangents
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Points that the derivatives of an interface are summed over, those on moving edges included.
 
     `skins`: the nodes and normals that the points know; `nodes`: numbers of these nodes in the mesh, of `n_nodes`; `d`:
-    the dimension. `normals`: None if the slave's faces have their own. `frames`: tangents at the points of each loop,
-    None without friction.
+    the dimension. `normals`: None if the slave's faces have their own. `along`: the points of each loop as those of
+    friction, None without.
     """
 
     skins: Skins
@@ -81,19 +90,24 @@ class Motion:
     d: int
     loops: tuple[Loop, Loop]
     normals: NodalNormals | None
-    frames: tuple[Tangents, Tangents] | None = None
+    along: tuple[SlidingPoints, SlidingPoints] | None = None
 
     @cached_property
     def gaps(self) -> tuple[csr_array, csr_array]:
         """The derivatives (m, n_dof) of the integrals of the gap, and of the covered measure."""
-        starts = [loop.runs.start for loop in self.loops]
-        macro = np.concatenate([np.repeat(np.arange(len(start) - 1), np.diff(start)) for start in starts])
-        order = np.argsort(macro, kind="stable")
-        start = np.searchsorted(macro[order], np.arange(len(starts[0])))
-        entries = pattern(self._columns[order], start, self._n_columns)
-        value = self._summed(np.empty(0), entries, 2)
+        entries = self._macro_nodes
+        value = self._summed(np.empty(0), entries, 2, [(), ()])
         dG, dw = (self._on_unknowns(entries, value[:, [row]]) for row in (0, 1))
         return dG, dw
+
+    def slips(self, which: NDArray[np.bool_], slips: Sequence[tuple[Floats, Floats]]) -> csr_array:
+        """Return the derivative (m (d - 1), n_dof) of the integrals of the slip since another state.
+
+        `which` (m,): macro-elements that it is asked for; `slips`: for the points (n,) of each loop the slip (n, d - 1)
+        and its derivative (n, d - 1, d - 1) by the point's coordinates in the master's face.
+        """
+        shear = [Shear.since(which, *slip) for slip in slips]
+        return self._on_unknowns(self._macro_nodes, self._summed(np.empty(0), self._macro_nodes, self.d - 1, shear))
 
     def forces(self, p: Floats, t: Floats | None = None) -> csr_array:
         """Return the derivative (n_dof, n_dof) of the forces B^T p + B_T^T t.
@@ -101,21 +115,21 @@ class Motion:
         `p` (m,): pressures; `t` (m (d - 1),): tractions, None where there are none.
         """
         entries = self._node_pairs
-        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d, t)))
+        shear: list[Any] = [(), ()]
+        if t is not None:
+            assert self.along is not None
+            shear = [Shear.of(t.reshape(-1, self.d - 1), points.tangents) for points in self.along]
+        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d, shear)))
 
-    def _summed(self, p: Floats, entries: csr_array, k: int, t: Floats | None = None) -> NDArray[np.floating]:
-        """Return the blocks (entries, k, d) of the derivatives, those of the forces or without p (0,) of the gaps."""
+    def _summed(self, p: Floats, entries: csr_array, k: int, shear: Sequence[Any]) -> NDArray[np.floating]:
+        """Return the blocks (entries, k, d) of the derivatives: of the forces, or without p (0,) of gaps or slips.
+
+        `shear`: tractions, or slips, of each loop; () without.
+        """
         value, room = np.zeros((entries.nnz, k, self.d)), new_room()
-        for loop, shear in zip(self.loops, self._shear(t), strict=True):
-            _add(loop, self.skins, p, shear, self.d, entries.indptr, entries.indices, value, room)
+        for loop, own in zip(self.loops, shear, strict=True):
+            _add(loop, self.skins, p, own, self.d, entries.indptr, entries.indices, value, room)
         return value
-
-    def _shear(self, t: Floats | None) -> list[Any]:
-        """Return the tractions along the tangents of each loop, () without."""
-        if t is None:
-            return [(), ()]
-        assert self.frames is not None
-        return [Shear.of(t.reshape(-1, self.d - 1), frames) for frames in self.frames]
 
     @property
     def _n_columns(self) -> int:
@@ -131,6 +145,15 @@ class Motion:
         if len(skins.normals):
             known.append(np.where(skins.normal_of >= 0, skins.normal_of + len(self.nodes), -1)[of_s])
         return np.concatenate(known, axis=1)
+
+    @cached_property
+    def _macro_nodes(self) -> csr_array:
+        """Which nodes and normals (columns) the gap and the slip of each macro-element (row) depend on."""
+        starts = [loop.runs.start for loop in self.loops]
+        macro = np.concatenate([np.repeat(np.arange(len(start) - 1), np.diff(start)) for start in starts])
+        order = np.argsort(macro, kind="stable")
+        start = np.searchsorted(macro[order], np.arange(len(starts[0])))
+        return pattern(self._columns[order], start, self._n_columns)
 
     @cached_property
     def _node_pairs(self) -> csr_array:
@@ -175,19 +198,20 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         MovingEdges.none(),
     )  # fmt: skip
     runs = runs_of(points.slave, points.master, points.macro, m)
-    edges, rows = _edges(face, slave, master, pairing, dim, H)
-    loops, directions = (Loop(inside, face.weight, face.distance, runs), edges), None
-    if pairing.friction:
-        assert face.tangents is not None
-        J = tangents(slave, rows, edges.points.xi_s)
-        directions = face.tangents, frames(face.zone, rows, edges.points.xi_s, edges.points.normal, J)
-    return Motion(skins, nodes, slave.x.shape[0], dim, loops, normals, directions)
+    edges, of_edges = _edges(face, slave, master, pairing, dim, H)
+    loops, along = (Loop(inside, face.weight, face.distance, runs), edges), None
+    if face.tangents is not None and of_edges is not None:
+        along = SlidingPoints(points.slave, points.master, face.tangents), of_edges
+    return Motion(skins, nodes, slave.x.shape[0], dim, loops, normals, along)
 
 
 def _edges(
     face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None
-) -> tuple[Loop, Ints]:
-    """Return the points on the moving edges of mortar segments, with the clearance there, and their slave faces."""
+) -> tuple[Loop, SlidingPoints | None]:
+    """Return the points on the moving edges of mortar segments, with the clearance there.
+
+    Beside them they are returned as points of friction, None without.
+    """
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
     weight = edges.weight * pairing.thickness
     if pairing.measure == "reference":
@@ -195,7 +219,12 @@ def _edges(
     distance = edges.gap + clearance(face.zone, edges.slave, edges.points.xi_s, pairing, face.t)
     macro = face.zone.macro[edges.slave]
     runs = runs_of(edges.slave, edges.master, macro, len(face.w))
-    return Loop(edges.points, weight, distance, runs), edges.slave
+    loop = Loop(edges.points, weight, distance, runs)
+    if not pairing.friction:
+        return loop, None
+    J = tangents(slave, edges.slave, edges.points.xi_s)
+    directions = frames(face.zone, edges.slave, edges.points.xi_s, edges.points.normal, J)
+    return loop, SlidingPoints(edges.slave, edges.master, directions)
 
 
 def tangent(motion: Motion, p: Floats, t: Floats | None = None) -> csr_array:
@@ -233,12 +262,12 @@ def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices
     """Add the derivatives of the forces at pressures p (m,), from all points, to blocks `value` (.., d, d).
 
     `shear`: the tractions beside the pressures, or (), for which nothing of them is compiled. Without pressures, add
-    the derivatives of the gaps and of the covered measure to `value` (.., 2, d). One loop does both, as what takes long
-    to compile is the chain of derivatives in it.
+    the derivatives of the gaps and of the covered measure to `value` (.., 2, d), or those of slips to (.., d - 1, d).
+    One loop does all, as what takes long to compile is the chain of derivatives in it.
     """
     runs, of_forces, local, K = loop.runs, len(p) > 0, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
-        if of_forces and rests(shear, p, macro):
+        if rests(shear, p, macro):
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
             sizes = _local(skins, runs.slave[r], runs.master[r], local)
@@ -247,13 +276,16 @@ def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices
             for q in range(runs.first[r], runs.last[r]):
                 w = loop.weight[q]
                 differentiate(skins, loop.points, q, runs.slave[r], runs.master[r], d, room)
-                if not of_forces:
-                    _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
-                elif len(shear) > 0:
-                    load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
-                    add_traction(skins, loop.points, shear, q, runs.slave[r], load, sizes, d, room, K)
-                else:
+                if len(shear) > 0:
+                    if of_forces:
+                        load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
+                        add_traction(skins, loop.points, shear, q, runs.slave[r], load, sizes, d, room, K)
+                    else:
+                        add_slip(shear, q, w, d * sizes[2], d, room.rows, K)
+                elif of_forces:
                     _add_force(loop.points, q, w * p[macro], sizes, d, room, K)
+                else:
+                    _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
             for a in range(n_rows):
                 row = local[a] if of_forces else macro
                 _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)

@@ -26,6 +26,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
@@ -39,22 +40,35 @@ _TRACTION, _ARMS = 0, 3
 class Shear(NamedTuple):
     """Tractions of macro-elements, `t` (m, 2), and at the points of a loop the tangents that they act along.
 
-    `e` (n, 3): e_1; `c` (n, 2): components of a_1. `rows`: room for the derivatives at one point.
+    `e` (n, 3): e_1; `c` (n, 2): components of a_1. `rows`: room for the derivatives at one point. Or, for the slip
+    since another state, `slip` (n, 2), and its derivative `slope` (n, 2, 2) by xi_bar; t is then 0 where none is asked.
     """
 
     t: Floats
     e: Floats
     c: Floats
     rows: Floats
+    slip: Floats
+    slope: Floats
 
     @classmethod
     def of(cls, t: Floats, frames: Tangents) -> Shear:
         """Return tractions t (m, d - 1) along the tangents at the points of a loop."""
-        e, d = np.zeros((len(frames.c), 3)), frames.e.shape[2]
-        e[:, :d] = frames.e[:, 0]
-        padded = np.zeros((len(t), 2))
-        padded[:, : d - 1] = t
-        return cls(padded, e, frames.c, np.empty((9, MOST_UNKNOWNS)))
+        e, c, none = _padded(frames.e[:, 0], 3), _padded(frames.c, 2), np.empty((0, 2))
+        return cls(_padded(t, 2), e, c, np.empty((9, MOST_UNKNOWNS)), none, np.empty((0, 2, 2)))
+
+    @classmethod
+    def since(cls, which: NDArray[np.bool_], slip: Floats, slope: Floats) -> Shear:
+        """Return slips (n, d - 1) since another state, of macro-elements `which` (m,); `slope` (n, d - 1, d - 1)."""
+        none = np.empty((0, 3)), np.empty((0, 2)), np.empty((9, 0))
+        return cls(_padded(which[:, None].astype(float), 2), *none, _padded(slip, 2), _padded(slope, 2))
+
+
+def _padded(values: Floats, k: int) -> NDArray[np.floating]:
+    """Return values (n, ...) with zeros up to k in each of the other dimensions."""
+    out = np.zeros((len(values), *(k,) * (values.ndim - 1)))
+    out[tuple(slice(size) for size in values.shape)] = values
+    return out
 
 
 class _Traction(NamedTuple):
@@ -83,10 +97,24 @@ def _combined(f: float, a: Any, g: float, b: Any) -> Any:
 
 @kernel
 def rests(shear: Any, p: Any, macro: int) -> bool:
-    """Return True for a macro-element without pressure and traction."""
+    """Return True for a macro-element without pressure and traction; without pressures, for one without traction."""
+    pressed = len(p) > 0 and p[macro] != 0.0
     if len(shear) > 0:
-        return p[macro] == 0.0 and shear.t[macro, 0] == 0.0 and shear.t[macro, 1] == 0.0
-    return p[macro] == 0.0
+        return not pressed and shear.t[macro, 0] == 0.0 and shear.t[macro, 1] == 0.0
+    return not pressed and len(p) > 0
+
+
+@kernel
+def add_slip(shear: Any, q: int, w: float, n: int, d: int, rows: Any, K: Any) -> None:
+    """Add what a point of weight w gives to the derivative of the slip since another state, K (d - 1, n)."""
+    for k in range(d - 1):
+        slip = shear.slip[q, k]
+        for j in range(n):
+            K[k, j] += w * slip * rows[STRETCH, j]
+        for c in range(d - 1):
+            slope = shear.slope[q, k, c]
+            for j in range(n):
+                K[k, j] += w * slope * rows[SLIDE + c, j]
 
 
 @kernel

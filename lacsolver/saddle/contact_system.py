@@ -133,7 +133,8 @@ class RowGroup:
         """Slip of a pair with friction that moves, None for others, where it is linear in u."""
         if self.since is None or self.pair is None or self.face is None:
             return None
-        return slip(self.since.anchors, self.face, self.pair.pairing, self.since.x, self.share)
+        since = self.since
+        return slip(since.anchors, self.face, self.pair.pairing, since.x, self.share, lambda: self.motion)
 
     @property
     def measure(self) -> Floats:
