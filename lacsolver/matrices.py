@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from zipfile import BadZipFile
 
@@ -17,6 +18,7 @@ from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact.interface import with_shear
 from lacsolver.space.values import ScalarField
 
 #: names of the arrays of B in a file, those of `scipy.sparse.save_npz`, and of the arrays beside it
@@ -32,6 +34,9 @@ class ContactMatrices(Described):
     the covered part; `area`; `coverage`: w / area. `normal`, `centre` (m, d). `macro` (m,): number of the macro-element
     in the cut; `node` (n_nodes,): node numbers of the file: columns d i .. d i + d - 1 are those of node i. `mesh`: the
     cut mesh. Areas are those of the full circle in axisymmetry, of unit thickness in a plane.
+
+    For friction, computed when it is asked for: `B_T` (m (d - 1), d n_nodes), whose row m (d - 1) + k is the slip
+    integral of macro-element m along its tangent k, and `tangents` (m, d - 1, d), their means.
 
     >>> from lacmesh import read
     >>> matrices = contact_matrices(read("data/two_blocks.msh"), "slave", "master")
@@ -49,6 +54,24 @@ class ContactMatrices(Described):
     macro: Ints
     node: Ints
     mesh: Mesh
+    _interface: Interface | None = None
+
+    @property
+    def B_T(self) -> csr_array | None:
+        """Slip integrals along the tangents (m (d - 1), d n_nodes); None for a tie."""
+        return None if self._sheared is None else self._sheared.B_T
+
+    @property
+    def tangents(self) -> NDArray[np.floating] | None:
+        """Mean tangents (m, d - 1, d); None for a tie."""
+        return None if self._sheared is None else self._sheared.frame
+
+    @cached_property
+    def _sheared(self) -> Interface | None:
+        face = self._interface
+        if face is None or face.B_T is not None or face.B.shape[0] != len(face.w):
+            return face if face is not None and face.B_T is not None else None
+        return with_shear(face)
 
     def _facts(self) -> dict[str, str]:
         on = self.coverage > 0
@@ -64,7 +87,7 @@ class ContactMatrices(Described):
         """Return the contact matrices of an interface of a mesh."""
         names = ("B", "G", "w", "area", "coverage", "normal", "centre")
         of_interface = {name: getattr(interface, name) for name in names}
-        return cls(**of_interface, macro=interface.zone.number, node=mesh.node_number, mesh=mesh)
+        return cls(**of_interface, macro=interface.zone.number, node=mesh.node_number, mesh=mesh, _interface=interface)
 
 
 def contact_matrices(
@@ -103,6 +126,8 @@ def contact_matrices(
 def read_matrices(path: str | Path) -> tuple[csr_array, dict[str, NDArray]]:
     """Return B (m, n) and the other arrays by name from a file of `lacsolver matrices`. Raises ReadError.
 
+    Of a contact with friction also `B_T`, sparse, and `tangents`.
+
     >>> from tempfile import TemporaryDirectory
     >>> from lacmesh import read
     >>> with TemporaryDirectory() as folder:
@@ -117,15 +142,19 @@ def read_matrices(path: str | Path) -> tuple[csr_array, dict[str, NDArray]]:
             names = ("B_data", "B_indices", "B_indptr", "B_shape") if "B_data" in file else _CSR  # of earlier versions
             data, indices, indptr, shape = (file[name] for name in names)
             arrays = {name: file[name] for name in _ARRAYS}
+            if "B_T_data" in file:
+                of_shear = [file[f"B_T_{name}"] for name in _CSR]
+                arrays["B_T"] = csr_array(tuple(of_shear[:3]), shape=tuple(of_shear[3]))
+                arrays["tangents"] = file["tangents"]
         return csr_array((data, indices, indptr), shape=tuple(shape)), arrays
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile) as error:
         raise ReadError(path, f"holds no contact matrices ({getattr(error, 'strerror', None) or error})") from None
 
 
-def write_matrices(path: Path, matrices: ContactMatrices, *, mtx: bool = False) -> None:
+def write_matrices(path: Path, matrices: ContactMatrices, *, mtx: bool = False, friction: bool = False) -> None:
     """Write matrices to `path` (.npz): B as `scipy.sparse.load_npz` reads it, the other arrays beside it by name.
 
-    `mtx`: write B also to a second file, in Matrix Market's format. Raises WriteError.
+    `mtx`: write B also to a second file, in Matrix Market's format; `friction`: write B_T too. Raises WriteError.
 
     >>> from tempfile import TemporaryDirectory
     >>> from lacmesh import read
@@ -141,6 +170,9 @@ def write_matrices(path: Path, matrices: ContactMatrices, *, mtx: bool = False) 
         "data": B.data, "indices": B.indices, "indptr": B.indptr, "shape": np.array(B.shape),
         **{name: getattr(matrices, name) for name in _ARRAYS},
     }  # fmt: skip
+    B_T = matrices.B_T if friction else None
+    if B_T is not None and matrices.tangents is not None:
+        arrays |= {f"B_T_{name}": np.asarray(getattr(B_T, name)) for name in _CSR} | {"tangents": matrices.tangents}
     paths = [path, *([path.with_suffix(".mtx")] if mtx else [])]
     try:
         with replacing(*paths) as beside:

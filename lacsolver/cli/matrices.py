@@ -65,7 +65,8 @@ def run(args: argparse.Namespace) -> None:
         matrices_of = _integrated(case, mesh)
     with stage("write"):
         for name, matrices in matrices_of.items():
-            write_matrices(targets[name], matrices, mtx=args.mtx)
+            rubs = any(record.name == name and record.has_friction for record in case.contact)
+            write_matrices(targets[name], matrices, mtx=args.mtx, friction=rubs)
     if not args.quiet:
         for name, matrices in matrices_of.items():
             rows, columns = matrices.B.shape

@@ -135,7 +135,7 @@ def integrate(
     centre, normal, length = _places(zone, slave, dim)
     total = zone.sums(area)
     face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t)
-    return _with_shear(face, share) if pairing.friction else face
+    return with_shear(face, share) if pairing.friction else face
 
 
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
@@ -200,7 +200,7 @@ def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats
     return csr_array(kron(scalar, np.eye(dim), format="csr"))
 
 
-def _with_shear(face: Interface, share: Share) -> Interface:
+def with_shear(face: Interface, share: Share = ALONE) -> Interface:
     """Return an interface with its tangential rows, and the means of its tangents."""
     points, m = face.points, len(face.w)
     J = tangents(face.slave, points.slave, points.xi_slave)

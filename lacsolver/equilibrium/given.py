@@ -9,7 +9,7 @@ saddle-point problem and its tolerances are those of a case (`active_set`, `sadd
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,16 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from lacmesh.errors import DataError, RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
-from lacsolver.contact.laws import CONTACT, ContactLaw, Unilateral
+from lacsolver.contact.friction import Bounds
+from lacsolver.contact.laws import CONTACT, SLIDES, ContactLaw, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.search import search
 from lacsolver.linear import SingularError
 from lacsolver.linear.vectors import WHOLE
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_set import ShearRows
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 
@@ -45,7 +47,8 @@ class ContactSolution(Described):
     """Solution of contact on given matrices, with n displacements and m macro-elements of each pair.
 
     `u` (n,). `pressure`, `status` (1 closed, 0 open), `gap` integral G - B u: (m,) each, or a tuple of them where
-    several pairs were given. `iterations`: number of active sets that were solved.
+    several pairs were given. `iterations`: number of active sets that were solved. With friction `status` is 2 where
+    it slides, and `shear`, the traction on the master, and the `slip` integral B_T u are (m, k) each; else None.
 
     >>> found = solve_contact([[2.0]], [6.0], [[1.0]], [1.0])
     >>> found.u.tolist(), found.pressure.tolist()
@@ -57,13 +60,15 @@ class ContactSolution(Described):
     gap: Any
     status: Any
     iterations: int
+    shear: Any = None
+    slip: Any = None
 
     def _facts(self) -> dict[str, str]:
         pairs = zip(_listed(self.status), _listed(self.pressure), strict=True)
         facts = {"u": f"({len(self.u)},), at most {np.abs(self.u).max(initial=0.0):.6g}"}
         for k, (status, p) in enumerate(pairs):
             name = f"pair {k}" if isinstance(self.status, tuple) else "pressure"
-            facts[name] = f"{int((status == CONTACT).sum())} of {len(p)} closed, at most {p.max(initial=0.0):.6g}"
+            facts[name] = f"{int((status >= CONTACT).sum())} of {len(p)} closed, at most {p.max(initial=0.0):.6g}"
         return facts | {"iterations": str(self.iterations)}
 
 
@@ -82,6 +87,8 @@ def solve_contact(
     backend: str = "auto",
     tolerance: float = 1e-10,
     max_iterations: int = 50,
+    B_T: Any = None,
+    friction: Any = 0.0,
 ) -> ContactSolution:
     """Solve K u + Bᵀ p = f with 0 ≤ p, 0 ≤ G − B u, p (G − B u) = 0 by active sets (Semi-smooth Newton, theory.md).
 
@@ -91,7 +98,9 @@ def solve_contact(
     unknowns with prescribed displacements, `u0` (n,): their values. `w` (m,): measure of each row, needed for laws with
     a compliance; by default what B tells of it, which only scales tolerances. `law`: one for all pairs, or one for each
     (`lacsolver.contact.laws`); `Unilateral()` by default. `solve`: applies K⁻¹ on the unknowns that are not fixed, in
-    their order, in place of a factor made here, named by `backend`. `tolerance`: as [solver] of a case.
+    their order, in place of a factor made here, named by `backend`. `tolerance`: as [solver] of a case. `B_T` (m k, n):
+    rows along k tangents, those of `contact_matrices`, and `friction`, its coefficient, a number, (m,), or
+    `lacsolver.contact.friction.Bounds`; or a list of each. Slips are counted from u = 0.
 
     Raises RequestError for arguments that do not fit together, SingularError, DataError if no active set is found
     in `max_iterations`.
@@ -105,11 +114,13 @@ def solve_contact(
     """
     several = _several(B)
     pairs = _pairs(B, G, w, law) if several else _pairs([B], [G], None if w is None else [w], law)
+    if B_T is not None:
+        pairs = _with_friction(pairs, B_T if several else [B_T], friction if isinstance(friction, list) else [friction])
     K, f = csr_array(K), np.asarray(f, float)
     n = len(f)
     u0 = np.zeros(n) if u0 is None else np.asarray(u0, float)
     free = _free_unknowns(fixed, n)
-    _check_shapes(K, u0, [pair.B for pair in pairs], modes, n)
+    _check_shapes(K, u0, [pair.matrix for pair in pairs], modes, n)
     u = u0.copy()
     u[free] = 0.0
     R = None if modes is None else np.linalg.qr(np.asarray(modes, float)[free])[0]
@@ -140,6 +151,18 @@ class _Pair:
     G: Floats
     w: Floats
     law: ContactLaw
+    B_T: csr_array | None = None
+    bounds: Bounds | None = None
+
+    @property
+    def matrix(self) -> csr_array:
+        """B, and below it B_T with friction."""
+        return self.B if self.B_T is None else csr_array(vstack([self.B, self.B_T]))
+
+    @property
+    def n_tangents(self) -> int:
+        """Tangents of a macro-element, 0 without friction."""
+        return 0 if self.B_T is None else self.B_T.shape[0] // max(len(self.G), 1)
 
 
 def _listed(given: Any) -> tuple[Any, ...]:
@@ -169,6 +192,28 @@ def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
         measure = _measures(one) if measure is None else np.asarray(measure, float)
         pairs.append(_Pair(one, gap, np.where(measure > 0, measure, 1.0), obeyed))
     return pairs
+
+
+def _with_friction(pairs: Sequence[_Pair], B_T: Sequence[Any], friction: Sequence[Any]) -> list[_Pair]:
+    """Return pairs with their rows along tangents and their bounds. Raises RequestError if they do not fit."""
+    friction = [*friction] * (len(pairs) if len(friction) == 1 else 1)
+    if not len(B_T) == len(pairs) == len(friction):
+        raise RequestError(
+            f"there are {len(pairs)} pairs, {len(B_T)} B_T and {len(friction)} friction; give one of each"
+        )
+    out = []
+    for k, (pair, rows, mu) in enumerate(zip(pairs, B_T, friction, strict=True)):
+        own, m = csr_array(np.asarray(rows) if isinstance(rows, list) else rows), len(pair.G)
+        if own.shape[0] not in (m, 2 * m):
+            raise RequestError(
+                f"pair {k}: B has {m} rows and B_T {own.shape[0]}; it takes one or two tangents for each"
+            )
+        none = np.zeros(m), np.full(m, np.inf)
+        bounds = mu if isinstance(mu, Bounds) else Bounds(np.broadcast_to(np.asarray(mu, float), (m,)).copy(), *none)
+        if min(values.min(initial=0.0) for values in bounds) < 0:
+            raise RequestError(f"pair {k}: friction is {min(values.min() for values in bounds):g}; it must be >= 0")
+        out.append(replace(pair, B_T=own, bounds=bounds))
+    return out
 
 
 def _measures(B: csr_array) -> NDArray[np.floating]:
@@ -273,16 +318,21 @@ def _check_inverse(K: csr_array, applied: _Applied) -> None:
 
 def _system(pairs: Sequence[_Pair], K: Operator, u: Floats, free: Ints) -> ContactSystem:
     """Return the contact rows of all pairs on the free unknowns, with their gaps at the prescribed displacements u."""
-    B = csr_array(vstack([pair.B for pair in pairs]))
-    groups, first = [], 0
+    B, groups, first = csr_array(vstack([pair.matrix for pair in pairs])), [], 0
+    G, w, yields = ([np.empty(0)] for _ in range(3))
     for pair in pairs:
-        last = first + len(pair.G)
-        groups.append(RowGroup(pair.law, slice(first, last), np.zeros((last - first, pair.law.n_history))))
-        first = last
-    rows = Rows(csr_array(B[:, free]), np.concatenate([pair.w for pair in pairs]))
-    moved, yields = np.diff(rows.B.indptr) > 0, np.concatenate([np.full(len(p.G), p.law.yields) for p in pairs])
-    G = np.concatenate([pair.G for pair in pairs]) - B @ u
-    return ContactSystem(rows, G, tuple(groups), np.ones(len(G), bool), moved | yields, skin_stiffness(K, rows))
+        own, k = slice(first, first + len(pair.G)), pair.n_tangents
+        shear = None if pair.bounds is None else ShearRows.after(own, k * len(pair.G), pair.bounds)
+        groups.append(RowGroup(pair.law, own, np.zeros((len(pair.G), pair.law.n_history)), shear=shear))
+        first = groups[-1].every.stop
+        G.append(np.pad(pair.G, (0, k * len(pair.G))))
+        w.append(groups[-1].on_rows(pair.w))
+        yields.append(np.repeat([float(pair.law.yields), 0.0], [len(pair.G), k * len(pair.G)]))
+    rows = Rows(csr_array(B[:, free]), np.concatenate(w))
+    moves = (np.diff(rows.B.indptr) > 0) | (np.concatenate(yields) > 0)
+    gaps = np.concatenate(G) - B @ u
+    system = ContactSystem(rows, gaps, tuple(groups), np.ones(len(gaps), bool), moves, np.ones(len(gaps)))
+    return replace(system, skin_stiffness=system.skin_stiffness_of(K, rows))
 
 
 def _answer(u: Floats, now: Iterate, contact: ContactSystem, iterations: int, several: bool) -> ContactSolution:
@@ -290,6 +340,18 @@ def _answer(u: Floats, now: Iterate, contact: ContactSystem, iterations: int, se
     pressure = tuple(rows.pressure for _, rows in states)
     status = tuple(group.law.status(rows) for group, rows in states)
     gap = tuple(contact.G[group.rows] for group, _ in states)
+    shear = tuple(None if group.shear is None else group.shear.vectors(now.p) for group, _ in states)
+    slip = tuple(None if group.shear is None else -group.shear.vectors(contact.G) for group, _ in states)
+    status = tuple(
+        own if group.shear is None else _slides(group.shear, now, own)
+        for (group, _), own in zip(states, status, strict=True)
+    )
     if several:
-        return ContactSolution(u, pressure, gap, status, iterations)
-    return ContactSolution(u, pressure[0], gap[0], status[0], iterations)
+        return ContactSolution(u, pressure, gap, status, iterations, shear, slip)
+    return ContactSolution(u, pressure[0], gap[0], status[0], iterations, shear[0], slip[0])
+
+
+def _slides(shear: ShearRows, now: Iterate, status: Ints) -> Ints:
+    """Return the status of macro-elements with friction: SLIDES for closed ones that do not stick."""
+    sticks = shear.vectors(now.active).any(axis=1)
+    return np.where((status == CONTACT) & ~sticks & shear.bounds.any, SLIDES, status).astype(np.int8)

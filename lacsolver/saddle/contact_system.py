@@ -214,13 +214,13 @@ class ContactSystem:
     def reduced(self, T: csr_array, K: Operator) -> ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
-        made = replace(self, rows=rows, skin_stiffness=self._skin_stiffness(K, rows), nodal=self.rows)
+        made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
         moved, yields = np.diff(rows.B.indptr) > 0, np.zeros(len(self.G), bool)
         for group in self.groups:
             yields[group.rows] = group.law.yields
         return replace(made, enforceable=self.above_threshold & (moved | yields))
 
-    def _skin_stiffness(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
+    def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
         """Return the stiffness (m,) of each row's skin, for rows along tangents the mean of their macro-element's."""
         out = skin_stiffness(K, rows)
         for shear in self.sheared:

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+import lacsolver as ls
+from lacmesh.errors import RequestError
+from lacsolver.case import Steps
 from lacsolver.contact.friction import Bounds, defect
+from lacsolver.matrices import read_matrices, write_matrices
 from tests.lacsolver.friction.lemke import plane_friction
 from tests.lacsolver.friction.small import coulomb, half_space, solve
+from tests.lacsolver.friction.test_output import rubbed
 
 POINTS = 12
 
@@ -56,3 +63,45 @@ def test_units_do_not_matter(seed, tangents):
     other = solve(K * 1e-9, B, f * 1e-6, G * 1e3, coulomb(mu, POINTS), tangents, slip=slip * 1e3)
     assert len(one.residuals) == len(other.residuals)
     np.testing.assert_allclose(other.iterate.p, one.iterate.p * 1e-6, atol=1e-16)
+
+
+@pytest.mark.parametrize("model", ["plane_strain", "3d"])
+def test_given_matrices_are_solved_as_a_case(tmp_path, model):
+    """`contact_matrices` and `solve_contact` come to what a case does; `lacsolver matrices` writes the same rows."""
+    case, mesh = rubbed(model, "small")
+    case = replace(case, steps=Steps(end=1.0, count=1))
+    solution = ls.solve(case, mesh)
+    zone = solution.contact["joint"]
+    system = ls.assemble(case, mesh, t=1.0)
+    pair = ls.contact_matrices(system.mesh, "slave", "master")
+    given = ls.solve_contact(
+        system.K, system.f, pair.B, pair.G, w=pair.w, fixed=system.fixed, u0=system.u0, B_T=pair.B_T, friction=0.4
+    )
+    np.testing.assert_allclose(given.pressure, zone.pressure, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(given.shear, zone.shear, rtol=1e-6, atol=1e-8)
+    np.testing.assert_array_equal(given.status, zone.status)
+    np.testing.assert_allclose(pair.tangents, zone.friction.tangents, atol=1e-12)
+    write_matrices(tmp_path / "joint.npz", pair, friction=True)
+    arrays = read_matrices(tmp_path / "joint.npz")[1]
+    assert (arrays["B_T"] != pair.B_T).nnz == 0 and arrays["tangents"].shape == pair.tangents.shape
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"B_T": [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], "friction": 0.1}, "one or two tangents"),
+        ({"B_T": [[0.0, 1.0]], "friction": -0.1}, "must be >= 0"),
+    ],
+)
+def test_matrices_that_do_not_fit(given, words):
+    with pytest.raises(RequestError, match=words):
+        ls.solve_contact([[2.0, 0.0], [0.0, 2.0]], [6.0, 1.0], [[1.0, 0.0]], [1.0], **given)
+
+
+def test_one_point_sticks_or_slides():
+    for push, status, shear in ((1.0, 1, 1.0), (5.0, 2, 2.0)):
+        found = ls.solve_contact(
+            [[2.0, 0.0], [0.0, 2.0]], [6.0, push], [[1.0, 0.0]], [1.0], B_T=[[0.0, 1.0]], friction=0.5
+        )
+        assert found.pressure == pytest.approx([4.0]) and found.status.tolist() == [status]
+        assert found.shear[0] == pytest.approx([shear]) and found.slip[0] == pytest.approx([(push - shear) / 2])
