@@ -35,6 +35,7 @@ from lacsolver.results.faceted import faceted
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
+from lacsolver.results.new_contact import closed_at_start, sliding_since_contact
 from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
@@ -130,6 +131,8 @@ class RunOutput:
         self._compressed: Floats | None = None
         #: largest covered fraction of each zone so far, 1 once it has been in contact
         self._covered: dict[str, float] = {}
+        #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
+        self._touched, self._way = closed_at_start(problem), ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -143,6 +146,7 @@ class RunOutput:
         Raises DataError for a state of another case or mesh.
         """
         problem, self._number = self._problem, start.number
+        self._touched = {name: status >= CONTACT for name, status in start.status.items()}
         problem.space.share.on_first(lambda: check_same(start, problem.case, mesh, self._prints))
         return scatter_state(start, problem.space.share, self._orders) if self._orders else start
 
@@ -155,6 +159,8 @@ class RunOutput:
             touches = (zone.status >= CONTACT).any()
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
+        self._way = self._way or next(sliding_since_contact(state, self._touched), "")
+        self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         stress = point_stress(problem, state)
         steps, ranges = (*self.results.steps, step_figures(problem, state)), stress_ranges(problem.space, stress)
         self.results = replace(self.results, steps=steps, stress=ranges, **self._spent())
@@ -222,6 +228,7 @@ class RunOutput:
         yield from doubts(problem)
         yield from _doubtful_energy(problem.case, self.results)
         yield from self._softened()
+        yield from filter(None, [self._way])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)

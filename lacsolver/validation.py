@@ -6,7 +6,7 @@ depend on what failed, so that one validation reports all mistakes; then come lo
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,10 +30,13 @@ from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
-from lacsolver.problem.rigid_modes import describe, free_motions, still_free
+from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
+
+#: a motion that the pressures of contact do not resist
+_FRICTION_ALONE = "{}, which friction alone resists"
 
 
 @dataclass(frozen=True)
@@ -205,9 +208,29 @@ def _look_at_motions(
         message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
         validation.problems.append(Issue(message))
     else:
-        validation.held = [describe(motion) for motion in motions]
+        by_friction = _by_friction(space, faces, motions)
+        words = [describe(motion) for motion in motions]
+        validation.held = [*(w for w in words if w not in by_friction), *map(_FRICTION_ALONE.format, by_friction)]
+
+
+def _by_friction(
+    space: Space, faces: Sequence[tuple[ContactPair, Interface]], motions: Sequence[FreeMotion]
+) -> list[str]:
+    """Return the rigid-body motions, in words, that friction alone resists."""
+    if all(face.B_T is None for _, face in faces):
+        return []
+    pressing = csr_array(vstack([csr_array((0, space.n_dof)), *(_normal_rows(*one) for one in faces)]))
+    return [describe(motion) for motion in still_free(pressing, motions)]
 
 
 def _paired_rows(joint: ContactPair, face: Interface) -> csr_array:
+    rows = _normal_rows(joint, face)
+    if face.B_T is None:
+        return rows
+    on = np.repeat(joint.above_threshold(face), face.B_T.shape[0] // len(face.w))
+    return csr_array(vstack([rows, face.B_T[np.flatnonzero(on)]]))
+
+
+def _normal_rows(joint: ContactPair, face: Interface) -> csr_array:
     on = joint.above_threshold(face)
     return csr_array(face.B[np.flatnonzero(np.repeat(on, len(face.G) // len(on)))])

@@ -146,6 +146,8 @@ def why(step: LoadStep, outcome: Outcome) -> str:
         along = problem.constraints.unknowns(motion.field)
         left = model.vectors.dots(along[None], pushed)[0]
         whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
+        if abs(left) > _UNCARRIED * whole and (slides := _sliding(outcome, along, pushed)):
+            return f"{message}: {describe(motion).replace(' moves ', ' slides ')}: {slides}"
         if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
             return f"{message}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
@@ -156,6 +158,30 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     message += f"; in the last iterations {what}" if what else ""
     message += f"; {advice}; or" if advice else ";"
     return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+
+
+def _sliding(outcome: Outcome, along: Floats, pushed: Floats) -> str:
+    """Say what part of the pressure friction carries along a motion (n_q,) in which all slides, and what is asked.
+
+    `pushed` (n_q,): unbalanced forces. '' where nothing slides, or something sticks.
+    """
+    contact, p = outcome.contact, outcome.iterate.p
+    for group in contact.groups:
+        if group.shear is None or group.pair is None:
+            continue
+        rows = np.abs(group.shear.vectors(contact.rows.B @ along))
+        closed = outcome.iterate.active[group.rows] & (rows > 0).any(axis=1)
+        if not closed.any() or group.shear.vectors(outcome.iterate.active)[closed].any():
+            continue
+        pressure = float(np.abs(p[group.rows][closed]) @ np.linalg.norm(rows[closed], axis=1))
+        own = np.where(contact.along_tangents, p, 0.0)
+        carried = float(along @ (contact.rows.B_T @ own))
+        asked = abs(float(along @ pushed) - carried)
+        return (
+            f"friction of {group.pair.name!r} carries {abs(carried) / pressure:.3f} of its pressure, and "
+            f"{asked / pressure:.3f} is asked; hold it, or raise friction"
+        )
+    return ""
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

@@ -30,6 +30,7 @@ def block_on_block(lower, upper):
     ends = len(quads) + np.cumsum([0, *map(len, sides)])
     names = ("bottom", "below", "above", "top")
     groups = {name: np.arange(a, b) for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+    groups["lower"] = np.arange(len(parts[0][1]))
     groups["upper"] = np.arange(len(parts[0][1]), len(quads))
     blocks = [("QUAD4", quads), ("SEG2", np.concatenate(sides))]
     return Mesh.create(np.concatenate([p[0] for p in parts]), blocks, cell_groups=groups, space_dim=2)

@@ -1,0 +1,70 @@
+"""What is said about friction: what it alone resists, what slides away, and that it depends on the steps."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+
+import lacsolver as ls
+from lacmesh.errors import LacmeshWarning
+from lacsolver.case import BodyForce, Case, Contact, Displacement, Material, Steps
+from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.validation import validate
+from tests.lacsolver.friction.test_sliding import block_on_block
+
+MU = 0.3
+
+
+def pad(part, **options):
+    """A pad under its weight, that a part of mu N pushes along a plane; nothing else holds it."""
+    mesh = block_on_block(((0, 4), (0, 1), 12, 3), ((1.0, 2.0), (1, 1.5), 5, 3))
+    return Case(
+        model="plane_strain", mesh=mesh, material=[Material(young=1000.0, poisson=0.3)],
+        contact=[Contact(name="joint", slave="above", master="below", friction=MU)],
+        displacement=[Displacement(group="bottom", ux=0, uy=0)],
+        body_force=[BodyForce(groups=["upper"], fx=MU * part * 2.0, fy=-2.0)], steps=Steps(end=1.0, count=1), **options,
+    )  # fmt: skip
+
+
+def test_a_pad_sticks_below_the_bound():
+    case = pad(0.99)
+    zone = ls.solve(case).contact["joint"]
+    assert (zone.shear[:, 0] @ zone.area) / (zone.pressure @ zone.area) == pytest.approx(0.99 * MU, rel=1e-9)
+    assert (zone.status == 1).any()
+
+
+def test_a_pad_slides_away_above_it():
+    words = r"'upper' slides along x: friction of 'joint' carries 0.300 of its pressure, and 0.303 is asked; hold it"
+    with pytest.raises(NotConvergedError, match=words):
+        ls.solve(pad(1.01))
+
+
+def test_validate_says_what_friction_alone_resists():
+    held = validate(pad(0.5)).held
+    assert "'upper' moves along x, which friction alone resists" in held and "'upper' moves along x" not in held
+    assert "'upper' moves along y" in held
+
+
+def test_bodies_that_meet_and_slide_in_one_step(tmp_path):
+    """Unlike bodies pressed together over a gap: said in one step, with the count, and not where they touch before."""
+
+    def told(gap, count):
+        mesh = block_on_block(((0, 3), (0, 1), 12, 3), ((1.0, 2.0), (1 + gap, 2 + gap), 5, 4))
+        case = Case(
+            model="plane_strain", material=[Material(groups=["upper"], young=1.0, poisson=0.4),
+                                            Material(groups=["lower"], young=100.0, poisson=0.3)],
+            contact=[Contact(name="joint", slave="above", master="below", friction=0.1)],
+            displacement=[
+                Displacement(group="bottom", ux=0, uy=0), Displacement(group="top", ux=0, uy=f"-{0.05 + gap} * t"),
+            ],
+            steps=Steps(end=1.0, count=count),
+        )  # fmt: skip
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", LacmeshWarning)
+            ls.run(case, tmp_path / f"{gap}-{count}", mesh=mesh)
+        return [str(one.message) for one in caught if "depends on the way" in str(one.message)]
+
+    (message,) = told(0.01, 1)
+    assert "friction of 'joint' depends on the way: " in message and "compare with twice as many steps" in message
+    assert told(0.0, 1) == []
