@@ -116,6 +116,19 @@ def test_the_constant_of_tractions_is_that_of_pressures(dim):
     assert constants["both"] == pytest.approx(constants["p"], rel=1e-10)
 
 
+@pytest.mark.parametrize("name", ["dragged-QUAD8-lower", "dragged-QUAD4-upper"])
+def test_a_block_is_pulled_far_in_four_steps(name):
+    """The first step over a node of the other body takes more iterations where the lower one is the slave."""
+    allowed = {"iterations of a step of sliding, mean"} if name.endswith("lower") else set()
+    assert set(missed(family("friction").solve(CASES[name], 1))) <= allowed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["carried-24", "cycled-2d", "thrown"])
+def test_what_sticks_does_not_drift(name):
+    assert missed(family("friction").solve(CASES[name], 1)) == []
+
+
 # ---- the robustness bank, against Lemke's method and Tresca's fixed point
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from verification.families import balance, friction_bank, friction_bodies, friction_cattaneo, friction_inf_sup
+from verification.families import friction_moving as moving
 from verification.families import friction_patch as patch
 from verification.records import Case, Family, Outcome
 
@@ -25,6 +26,13 @@ _SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
     friction_bodies.Slit: friction_bodies.solve_crack,
     friction_bodies.Punch: friction_bodies.solve_punch,
     friction_bodies.Plate: friction_bodies.solve_plate,
+    moving.Dragged: moving.solve_dragged,
+    moving.Carried: moving.solve_carried,
+    moving.Cycled: moving.solve_cycled,
+    moving.Roller: moving.solve_roller,
+    moving.RoundedPunch: moving.solve_rounded,
+    moving.Ironing: moving.solve_ironing,
+    moving.Thrown: moving.solve_thrown,
     friction_bank.Bank: friction_bank.solve_bank,
     friction_bank.Units: friction_bank.solve_units,
 }
@@ -35,7 +43,7 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return _SOLVERS[type(case.parameters)](case, levels)
 
 
-_PROBLEMS = (patch, friction_inf_sup, friction_cattaneo, friction_bodies, friction_bank)
+_PROBLEMS = (patch, friction_inf_sup, friction_cattaneo, friction_bodies, moving, friction_bank)
 FAMILY = Family(
     NAME,
     "Friction",

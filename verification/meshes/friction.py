@@ -130,3 +130,36 @@ def pad(kind: str, n: int) -> Mesh:
     made = joined([(piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.2, max(n // 4, 2) + 1)]), names)])
     plane = np.array([[2.0, 0.0], [-1.0, 0.0]])
     return with_skin(made, "SEG2", plane, np.array([[0, 1]]), "master")
+
+
+def slider(kind: str, n: int, below: bool) -> Mesh:
+    """A block 1 long and 0.5 high at x = 0 on one 4 long and 1 high from x = -0.5, n cells along the upper one.
+
+    `below`: the slave is the top of the lower one. Groups: `upper`, `lower` (cells), `slave`, `master`, `top`,
+    `bottom`.
+    """
+    aside = 0.5 * np.linspace(-1, 7, 3 * n + 1)
+    roles = ("master", "slave") if below else ("slave", "master")
+    upper = piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.5, n // 2 + 1)])
+    lower = piece(kind, [aside, np.linspace(-1, 0, n // 2 + 1)])
+    return joined([
+        (upper, {"": "upper", "y0": roles[0], "y1": "top"}), (lower, {"": "lower", "y1": roles[1], "y0": "bottom"}),
+    ])  # fmt: skip
+
+
+def ring_on_hub(kind: str, n: int) -> Mesh:
+    """A whole ring 1 < r < 1.5, n cells around, on a hub, a bare skin of radius 1: `ring`, `slave`, `master`."""
+    flat = piece(kind, [np.linspace(1, 1.5, 3), np.linspace(0, 1, n + 1)])
+
+    def around(x: Floats) -> Floats:
+        angle = 2 * np.pi * x[:, 1]
+        return np.stack([x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]], axis=1)
+
+    made = bent(joined([(flat, {"": "ring", "x0": "slave"})]), around)
+    _, first, new = np.unique(made.points.round(9) + 0.0, axis=0, return_index=True, return_inverse=True)
+    rows = {key: new.ravel()[nodes] for key, nodes in rows_of(made).items() if key[1]}
+    whole = assembled(made.points[first], rows, 2)
+    angle = 2 * np.pi * (np.arange(2 * (n + 3)) + 0.3) / (2 * (n + 3))
+    start = np.arange(0, len(angle), 2)
+    faces = np.stack([start, (start + 2) % len(angle), start + 1], axis=1)
+    return with_skin(whole, "SEG3", np.stack([np.cos(angle), np.sin(angle)], axis=1), faces, "master")
