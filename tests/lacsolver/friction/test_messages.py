@@ -1,4 +1,4 @@
-"""What is said about friction: what it alone resists, what slides away, and that it depends on the steps."""
+"""Messages about friction: what it alone resists, what slides away, and that it depends on the steps."""
 
 from __future__ import annotations
 
