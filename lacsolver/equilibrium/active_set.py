@@ -36,6 +36,9 @@ from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residu
 
 #: reduction of the residual in an inexact solve, and largest number of such solves
 _LOOSE, _LOOSE_SOLVES = 0.2, 16
+#: residual, relative to the tolerance, above which directions of slides in space take one more solve: they converge
+#: quadratically, and tractions change by more than gaps
+_TURNED = 1e-3
 #: reduction with friction, where the size of a traction decides
 _LOOSE_WITH_FRICTION = 0.01
 #: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
@@ -69,6 +72,7 @@ def active_set_iterates(
     contact = contact_at(q)
     rows = contact.first_rows(start.active, p)
     p = np.where(rows.state, p, 0.0)
+    turned = False
     pivots = Pivots(_LOOSE_WITH_FRICTION if contact.sheared else _LOOSE)
     while True:
         if free.shape[1]:
@@ -89,8 +93,10 @@ def active_set_iterates(
         off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
         gap = float(np.abs(contact.residuals(p, rows.active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
-        yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0)
         done = tolerance.fulfilled(residual, q)
+        again = done and linear.turns and not turned and gap > _TURNED * tolerance.tolerance
+        yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0 and not again)
+        turned = turned or (again and reduction == 0)
         rows = wanted if done else pivots.next(rows, wanted, reduction == 0)
 
 

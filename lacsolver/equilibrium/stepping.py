@@ -159,6 +159,7 @@ def _marched(
                 continue
             q, p, active = outcome.iterate
             _check_prescribed_gaps(step, q, outcome.contact)
+            _check_prescribed_slips(step, outcome)
             histories = step.commit(q, p, active, outcome.contact)
             if attempts.refined < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
                 attempts.refined += 1
@@ -219,6 +220,21 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             message = f"{len(bad)} macro-elements {what} by up to {wrong_way.max():.6g} at time {step.t:.6g}"
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
             raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
+
+
+def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
+    """Raise CaseError if prescribed displacements on both sides fix the slip of macro-elements with friction."""
+    contact, p = outcome.contact, outcome.iterate.p
+    slip = np.where(contact.above_threshold & ~contact.enforceable, contact.G / contact.rows.w, 0.0)
+    least = TOUCHING * step.model.problem.space.largest(step.u(outcome.iterate.q))
+    for group in contact.groups:
+        if group.shear is None or group.pair is None:
+            continue
+        slips = (np.abs(group.shear.vectors(slip)) > least).any(axis=1) & (p[group.rows] > 0)
+        if slips.any():
+            message = f"{int(slips.sum())} macro-elements slip at time {step.t:.6g}, and all nodes of both skins are "
+            message += "prescribed along them there"
+            raise wrong(group.pair.record, f"{message}; friction with that is not available yet: leave some free")
 
 
 def step_end_times(case: Case) -> list[float]:

@@ -144,6 +144,11 @@ class LinearRows(NamedTuple):
     turn: csr_array | None = None
     offset: NDArray[np.floating] = np.empty(0)
 
+    @property
+    def turns(self) -> bool:
+        """True if macro-elements slide in directions that a solve changes, in space."""
+        return self.turn is not None and self.turn.nnz > self.turn.shape[0]
+
     def full(self, p: Floats) -> NDArray[np.floating]:
         """Return the pressures and tractions (m,) for the unknowns (m,) of the system."""
         return p if self.combine is None else self.combine @ p + self.offset

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import pytest
 
 import lacsolver as ls
 from lacmesh.errors import LacmeshWarning
-from lacsolver.case import BodyForce, Case, Contact, Displacement, Material, Steps
+from lacsolver.case import BodyForce, Case, CaseError, Contact, Displacement, Material, Steps
 from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.validation import validate
+from tests.lacsolver.friction.test_output import rubbed
 from tests.lacsolver.friction.test_sliding import block_on_block
 
 MU = 0.3
@@ -68,3 +70,11 @@ def test_bodies_that_meet_and_slide_in_one_step(tmp_path):
     (message,) = told(0.01, 1)
     assert "friction of 'joint' depends on the way: " in message and "compare with twice as many steps" in message
     assert told(0.0, 1) == []
+
+
+def test_a_slip_that_is_prescribed_everywhere_is_refused():
+    case, mesh = rubbed("plane_strain", "small")
+    held = [Displacement(group="lower", ux=0), Displacement(group="upper", ux="0.01 * t")]
+    held += [Displacement(group="bottom", uy=0), Displacement(group="top", uy="-0.03 * t")]
+    with pytest.raises(CaseError, match="3 macro-elements slip at time 0.25.*not available yet"):
+        ls.solve(replace(case, displacement=held), mesh)
