@@ -37,7 +37,9 @@ def test_the_bank_has_the_steps_that_are_asked_for():
     steps = {2: 0, 3: 0}
     for case in CASES.values():
         if isinstance(case.parameters, bank.Bank):
-            each = case.levels["full"] * len(bank.FRICTION) * len(bank.SEVERITY) * bank.STEPS
+            each = (
+                case.levels["full"] * len(case.parameters.cells) * len(bank.FRICTION) * len(bank.SEVERITY) * bank.STEPS
+            )
             steps[case.parameters.dim] += each
     assert steps == {2: 960, 3: 480}
 
@@ -135,8 +137,8 @@ def test_what_sticks_does_not_drift(name):
 @pytest.mark.parametrize("cell", ["TRIA3", "QUAD8"])
 @pytest.mark.parametrize("friction", [0.1, 0.6, 1.5])
 def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
-    own = bank.Bank(cell, 2)
-    mesh = bank.mesh_of(own)
+    own = bank.Bank((cell,), 2)
+    mesh = bank.mesh_of(own, own.cells[0])
     for severity in bank.SEVERITY:
         run = bank.run(own, mesh, friction, severity, seed=100)
         assert run.lost == run.oracle_lost == 0
@@ -145,8 +147,8 @@ def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
 
 
 def test_a_violent_step_in_space_is_solved_as_by_projections():
-    own = bank.Bank("HEXA8", 3)
-    problem = Problem.of(bank.case_of(own, 0.3, 1.0, seed=100), bank.mesh_of(own))
+    own = bank.Bank(("HEXA8",), 3)
+    problem = Problem.of(bank.case_of(own, 0.3, 1.0, seed=100), bank.mesh_of(own, own.cells[0]))
     oracle, (state, *_) = bank.Condenser(problem, 0.3), march(problem)
     (zone,) = state.zones
     p, t = gauss_seidel(oracle.at(state.time), tolerance=1e-9)
@@ -156,8 +158,8 @@ def test_a_violent_step_in_space_is_solved_as_by_projections():
 
 def test_oracles_start_where_the_solver_does():
     """Slip from an anchor: without it, the later steps would be other problems."""
-    own = bank.Bank("QUAD4", 2)
-    problem = Problem.of(bank.case_of(own, 1.5, 1.0, seed=3), bank.mesh_of(own))
+    own = bank.Bank(("QUAD4",), 2)
+    problem = Problem.of(bank.case_of(own, 1.5, 1.0, seed=3), bank.mesh_of(own, own.cells[0]))
     oracle, apart, other = bank.Condenser(problem, 1.5), [], []
     for state in march(problem):
         (zone,) = state.zones
@@ -176,8 +178,8 @@ def test_units_do_not_change_iterations():
 
 
 def test_more_friction_than_lemke_is_told_is_seen():
-    own = bank.Bank("QUAD4", 2)
-    problem = Problem.of(bank.case_of(own, 0.3, 4.0, seed=0), bank.mesh_of(own))
+    own = bank.Bank(("QUAD4",), 2)
+    problem = Problem.of(bank.case_of(own, 0.3, 4.0, seed=0), bank.mesh_of(own, own.cells[0]))
     oracle, worst = bank.Condenser(problem, 0.33), 0.0
     for state in march(problem):
         (zone,) = state.zones

@@ -228,7 +228,7 @@ def _belt(given: Belt, h: float) -> tuple[Solved, float]:
     end = np.array([-np.sin(angle), np.cos(angle)]) * 2 * most
 
     def motion(x: Floats, t: float) -> Floats:
-        return np.linalg.norm(x[:, :2], axis=1)[:, None] * end
+        return t * np.linalg.norm(x[:, :2], axis=1)[:, None] * end
 
     one = solve(
         moved_by(lacsolver.parse_case(text), {"last": motion}), meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3))
