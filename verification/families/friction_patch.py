@@ -68,7 +68,7 @@ class Sheared:
 
     @property
     def gradient(self) -> Floats:
-        """(dim, 3): of the displacement, so that nodes of the lower face would move up or down alone."""
+        """(dim, 3): of the displacement of both blocks, without rotation."""
         sigma = self.stress
         strain = ((1 + POISSON) * sigma - POISSON * np.trace(sigma) * np.eye(3)) / YOUNG
         return np.asarray(strain[: self.dim])
@@ -150,13 +150,12 @@ def _wrong(given: Sheared, one: Errors) -> int:
 
 _FEW_PLANE = (("TRIA3", "QUAD8"), ("QUAD4", "TRIA7"), ("QUAD9", "mixed 1"), ("TRIA6", "TRIA3"))
 _FEW = (("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("PENTA15 quadrangle", "HEXA27"), ("mixed 2", "mixed 1"))
-#: other laws with the same bound: words of the case's name, keys
+#: other laws with the same bound, on blocks paired once (in the deformed geometry one would slide off the other's edge)
 _LAWS: tuple[tuple[str, tuple[tuple[str, object], ...]], ...] = (
     ("tresca", (("cohesion", FRICTION),)),
     ("limited", (("friction", 1.0), ("shear_limit", FRICTION))),
     ("both", (("friction", 0.2), ("cohesion", 0.1))),
     ("smoothed", (("friction", FRICTION), ("normals", "smoothed"))),
-    ("current", (("friction", FRICTION), ("geometry", "current"))),
 )
 
 
