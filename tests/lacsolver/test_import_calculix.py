@@ -18,19 +18,18 @@ from tests.samples import samples
 PROGRAM = shutil.which("ccx")
 pytestmark = pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 #: Decks of CalculiX's own tests that lacsolver takes; all others name the card that it has no place for.
-TAKEN = {"achtelp", "axial", "beamcontact", "beamd", "beamp", "contact13", "dloadlinI", "plate", "ring1"}
+TAKEN = {
+    *("achtelp", "axial", "beamcontact", "beamd", "beamp", "beamptied5", "contact13", "contact5", "cubes", "dloadlinI"),
+    *("friction1", "plate", "ring1"),
+}
 REFUSED = {
     "aniso": "ELASTIC",
     "ball": "SHELL SECTION",
     "beam_sens_freq_coord1": "SENSITIVITY",
-    "beamptied5": "CONTACT PAIR",
     "bolt": "SURFACE BEHAVIOR",
     "contact1": "EQUATION",
     "contact12": "DYNAMIC",
     "contact3": "EQUATION",
-    "contact5": "CONTACT PAIR",
-    "cubes": "CONTACT PAIR",
-    "friction1": "CONTACT PAIR",
     "lin_stat_cooks_beam_128": "USER ELEMENT",
     "load1": "SHELL SECTION",
     "swing": "BEAM SECTION",
@@ -94,6 +93,31 @@ def test_full_integration_gives_the_digits_of_calculix(shared, tmp_path, name, r
     assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < rel
 
 
+@pytest.mark.shared
+@pytest.mark.calculix
+@pytest.mark.parametrize(
+    ("name", "slope", "rel"),
+    [
+        ("beamptied5", "1.E5", 1e-2),
+        ("friction1", "1.E7", 2e-2),  # 6 % with its own slope of 47000, on which the nodes of CalculiX's slave slip
+        ("cubes", "1.E5", 5e-2),  # one face on one, which is one pressure here and a dozen springs there
+        ("contact5", "1.E5", 8e-2),
+    ],
+)
+def test_decks_with_friction(shared, tmp_path, name, slope, rel):
+    """Friction of CalculiX's tests, with elements that are integrated in full in both programs."""
+    text = whole((shared / "reference" / "decks" / f"{name}.inp").read_text())
+    text = re.sub(r"(?i)(\*FRICTION\n[^,]*,).*", rf"\g<1>{slope}", text)
+    text = re.split(r"(?i)\*END STEP", text)[0] + "*NODE PRINT, NSET=PRINTED\nU\n*END STEP\n"
+    made = imported(tmp_path, text.replace("PRINTED", "NALL"))
+    mesh = made.mesh
+    nodes = np.concatenate([part.ravel() for _, _, part in mesh.select(np.arange(mesh.n_cells))])
+    used = mesh.node_number[np.unique(nodes)]
+    text = text.replace("*STEP", "*NSET, NSET=PRINTED\n" + "\n".join(listed(used.tolist())) + "\n*STEP", 1)
+    found = solved(tmp_path, text)
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < rel
+
+
 @pytest.mark.fuzz
 @pytest.mark.parametrize("name", samples(["C3D8", "C3D10", "CPE4", "CAX4"], OWN))
 def test_pressed_blocks(tmp_path, name):
@@ -105,7 +129,7 @@ def test_pressed_blocks(tmp_path, name):
     assert np.allclose(found.u(top)[:, found.problem.space.dim - 1], -P * (2 / E + 1 / K), rtol=1e-8)
 
 
-def bent(element, options=""):
+def bent(element, options="", friction="", push=""):
     """Two blocks that do not match, the upper one bent by a pressure along one edge besides that on its top."""
     low = Block("B", cells=(3, 3, 3), element=element)
     high = Block("C", (0, 0, 1), (1, 1, 2), (4, 4, 4), element, first=10000)
@@ -115,9 +139,9 @@ def bent(element, options=""):
     text += "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.3\n"
     text += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
     text += "*BOUNDARY\nB_Z0, 1, 3\nC_Z1, 1, 2\n*SURFACE INTERACTION, NAME=SI\n"
-    text += "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n1e6\n"
+    text += f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n1e6\n{friction}"
     text += "*CONTACT PAIR, INTERACTION=SI, TYPE=SURFACE TO SURFACE\nU, L\n"
-    loads = "*DLOAD\nC_EZ1, P2, 20.\nC_EX0Z1, P2, 20.\n"
+    loads = "*DLOAD\nC_EZ1, P2, 20.\nC_EX0Z1, P2, 20.\n" + push
     return text + f"*STEP{options}\n*STATIC\n1., 1.\n{loads}*NODE PRINT, NSET=C_N\nU\n*END STEP\n"
 
 
@@ -129,6 +153,16 @@ def test_contact_that_is_not_uniform(tmp_path, element, rel):
     found = solved(tmp_path, bent(element))
     assert np.ptp(found.zone.pressure) > 5
     assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < rel
+
+
+@pytest.mark.calculix
+@pytest.mark.parametrize(("coefficient", "status"), [(5.0, {1}), (0.1, {2})])
+def test_friction_that_is_not_uniform(tmp_path, coefficient, status):
+    """A block on another one that is bent and pushed, which sticks or slides: as with springs of CalculiX, to 1 %."""
+    friction = f"*FRICTION\n{coefficient}, 1e6\n"
+    found = solved(tmp_path, bent("C3D8", friction=friction, push="*BOUNDARY\nC_Z1, 1, 1, 0.1\n"))
+    assert set(found.zone.status.tolist()) == status
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < 1e-2
 
 
 @pytest.mark.calculix
