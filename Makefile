@@ -21,6 +21,7 @@ QUICK := \
   $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
     contact_held.py contact_ties.py) \
+  $(addprefix tests/lacsolver/friction/test_,rules.py) \
   $(addprefix tests/lacsolver/distributed/test_,launch.py) \
   $(addprefix tests/verification/test_,norms.py records.py imports.py)
 

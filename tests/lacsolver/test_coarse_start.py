@@ -77,7 +77,7 @@ def test_the_first_set_is_near_the_last_and_the_state_is_the_same(hertz, monkeyp
 
 
 def test_bodies_on_contact_alone_and_laws_with_a_history_start_as_they_are(hertz):
-    floating = moment(6, "multigrid", free=True)
+    floating = moment(6, backend="multigrid", free=True)
     start = first_iterate(floating)
     given = floating.reference, floating.f, floating.contact(start.q)
     assert coarse_start(*given, start, TOLERANCE) is start

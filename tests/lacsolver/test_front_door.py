@@ -141,7 +141,7 @@ def test_another_load_takes_the_cut_the_pairing_and_the_factor_again(mesh, monke
     monkeypatch.setattr(ReducedProblem, "_factorised", lambda self, *a: made.append(1) or real(self, *a))
     monkeypatch.setattr("lacsolver.problem.problem.prepared", lambda *a: made.append("cut"))
     monkeypatch.setattr("lacsolver.problem.pair.ContactPair.of", lambda *a: made.append("pair"))
-    monkeypatch.setattr("lacsolver.bodies.kinematics.assemble_stiffness", lambda *a: made.append("K"))
+    monkeypatch.setattr("lacsolver.bodies.small.assemble_stiffness", lambda *a: made.append("K"))
     doubled = ls.solve(case_of(50.0), mesh)
     monkeypatch.undo()
     assert made == []

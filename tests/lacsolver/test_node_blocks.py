@@ -25,7 +25,7 @@ from meshes import blocks
 
 def problem_of(floating):
     """Two blocks, the upper one held, or on contact alone along z."""
-    return moment(6, "multigrid").model.problem if floating else pressed(blocks(9, 6, 4), "multigrid")
+    return moment(6, backend="multigrid").model.problem if floating else pressed(blocks(9, 6, 4), "multigrid")
 
 
 def some_unknowns(K, part):
@@ -86,7 +86,7 @@ def test_blocks_and_entries_are_one_stiffness(floating):
 
 def test_memory_of_a_stiffness_and_its_hierarchy():
     """Beside K as blocks: its copy for the free unknowns, and a hierarchy in single precision."""
-    model = moment(20, "multigrid").model
+    model = moment(20, backend="multigrid").model
     blocks = model.K.data.nbytes
     _ = model.factors, model._whole
     tracemalloc.start()
