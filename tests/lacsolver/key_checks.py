@@ -279,10 +279,10 @@ def check_consistent(ran):
 
 
 def check_halved(ran):
-    """A quarter of the step converges; the steps after it stay as long as that."""
-    assert ran.times == [k / 4 for k in range(1, 5)]
-    assert [step["halvings"] for step in ran.steps] == [2] + 3 * [0]
-    assert ran.steps[0]["iterations"] == 2 * 4 + len([told for told in ran.told if told.time == 1 / 4])
+    """An eighth of the step converges; the steps after it stay as long as that."""
+    assert ran.times == [k / 8 for k in range(1, 9)]
+    assert [step["halvings"] for step in ran.steps] == [3] + 7 * [0]
+    assert ran.steps[0]["iterations"] == 3 * 4 + len([told for told in ran.told if told.time == 1 / 8])
     assert max(told.number for told in ran.told) == 4
 
 
