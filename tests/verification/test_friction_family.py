@@ -36,7 +36,7 @@ def test_names_are_different_and_every_case_is_in_a_suite():
 def test_the_bank_has_the_steps_that_are_asked_for():
     steps = {2: 0, 3: 0}
     for case in CASES.values():
-        if isinstance(case.parameters, bank.Bank):
+        if isinstance(case.parameters, bank.FrictionBank):
             each = (
                 case.levels["full"] * len(case.parameters.cells) * len(bank.FRICTION) * len(bank.SEVERITY) * bank.STEPS
             )
@@ -59,21 +59,21 @@ def test_blocks_without_enough_friction_do_not_pass():
 
 def test_cylinders_meet_their_figures_on_a_coarse_mesh():
     """With 8 macro-elements to the half-width the edge of stick is known to a macro-element alone."""
-    one = cattaneo.solve_level(cattaneo.Pressed("QUAD4"), 0)
+    one = cattaneo.solve_level(cattaneo.PressedCylinders("QUAD4"), 0)
     assert one.errors["t_m"] < 1.5 * one.errors["best"]
     assert one.errors["c"] < 0.06 and one.errors["work"] < 0.02
 
 
 def test_cylinders_go_back_and_forth_as_they_should():
     for turns in ((0.6, -0.6), (0.6, -0.6, 0.6)):
-        given = cattaneo.Pressed("QUAD4", turns)
+        given = cattaneo.PressedCylinders("QUAD4", turns)
         one = cattaneo.solved(given, 8)
         errors = cattaneo.shear_errors(one, given.loads(given.times[-1]))
         assert errors.exact < 1.5 * errors.best
 
 
 def test_loads_and_times_of_cylinders():
-    given = cattaneo.Pressed("QUAD4", (0.6, -0.6), steps=4)
+    given = cattaneo.PressedCylinders("QUAD4", (0.6, -0.6), steps=4)
     assert given.times == (1.0, 1.25, 1.5, 1.75, 2.0, 2.25, 2.5, 2.75, 3.0)
     for t, turns in ((1.0, ()), (1.5, (0.3,)), (2.0, (0.6,)), (2.5, (0.6, 0.0)), (3.0, (0.6, -0.6))):
         loads = given.loads(t), given.exact.sheared(*turns)
@@ -137,7 +137,7 @@ def test_what_sticks_does_not_drift(name):
 @pytest.mark.parametrize("cell", ["TRIA3", "QUAD8"])
 @pytest.mark.parametrize("friction", [0.1, 0.6, 1.5])
 def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
-    own = bank.Bank((cell,), 2)
+    own = bank.FrictionBank((cell,), 2)
     mesh = bank.mesh_of(own, own.cells[0])
     for severity in bank.SEVERITY:
         run = bank.run(own, mesh, friction, severity, seed=100)
@@ -147,7 +147,7 @@ def test_violent_steps_are_solved_as_by_lemke_and_tresca(cell, friction):
 
 
 def test_a_violent_step_in_space_is_solved_as_by_projections():
-    own = bank.Bank(("HEXA8",), 3)
+    own = bank.FrictionBank(("HEXA8",), 3)
     problem = Problem.of(bank.case_of(own, 0.3, 1.0, seed=100), bank.mesh_of(own, own.cells[0]))
     oracle, (state, *_) = bank.Condenser(problem, 0.3), march(problem)
     (zone,) = state.zones
@@ -158,7 +158,7 @@ def test_a_violent_step_in_space_is_solved_as_by_projections():
 
 def test_oracles_start_where_the_solver_does():
     """Slip from an anchor: without it, the later steps would be other problems."""
-    own = bank.Bank(("QUAD4",), 2)
+    own = bank.FrictionBank(("QUAD4",), 2)
     problem = Problem.of(bank.case_of(own, 1.5, 1.0, seed=3), bank.mesh_of(own, own.cells[0]))
     oracle, apart, other = bank.Condenser(problem, 1.5), [], []
     for state in march(problem):
@@ -178,7 +178,7 @@ def test_units_do_not_change_iterations():
 
 
 def test_more_friction_than_lemke_is_told_is_seen():
-    own = bank.Bank(("QUAD4",), 2)
+    own = bank.FrictionBank(("QUAD4",), 2)
     problem = Problem.of(bank.case_of(own, 0.3, 4.0, seed=0), bank.mesh_of(own, own.cells[0]))
     oracle, worst = bank.Condenser(problem, 0.33), 0.0
     for state in march(problem):
@@ -189,7 +189,7 @@ def test_more_friction_than_lemke_is_told_is_seen():
 
 
 def test_a_case_of_two_half_planes_is_read():
-    given = cattaneo.Pressed("QUAD4")
+    given = cattaneo.PressedCylinders("QUAD4")
     contact = {"clearance": "x**2 / 10", "friction": 0.4}
     case = cattaneo.case_of(contact, {"upper": (1.0, 0.3)}, {"upper": given.motion(1)}, given.times)
     assert isinstance(case, lacsolver.Case) and case.displacement[0].group == "far_upper"

@@ -39,7 +39,7 @@ _SOURCE = {2: "measured on a prototype: 4.2, at most 57", 3: "measured on a prot
 
 
 @dataclass(frozen=True)
-class Bank:
+class FrictionBank:
     """Random problems on blocks of each of some cells, for every mu and severity."""
 
     cells: tuple[str, ...]
@@ -51,14 +51,14 @@ class Bank:
         return (8, 7) if self.dim == 2 else (4, 3)
 
 
-def mesh_of(bank: Bank, cell: str, unit: float = 1.0) -> Mesh:
+def mesh_of(bank: FrictionBank, cell: str, unit: float = 1.0) -> Mesh:
     """The blocks, the lower one with the slave."""
-    made = stack(cell, cell, bank.dim, counts=bank.counts, bend=0.3, skew=0.1 if bank.dim == 3 else 0.0)
-    return bent(made, lambda x: unit * x)
+    mesh = stack(cell, cell, bank.dim, counts=bank.counts, bend=0.3, skew=0.1 if bank.dim == 3 else 0.0)
+    return bent(mesh, lambda x: unit * x)
 
 
 def case_of(
-    bank: Bank, friction: float, severity: float, seed: int, unit: float = 1.0, stress: float = 1.0
+    bank: FrictionBank, friction: float, severity: float, seed: int, unit: float = 1.0, stress: float = 1.0
 ) -> lacsolver.Case:
     """The case: STEPS steps, the top moved in each by a random rigid motion."""
     axes = "xyz"[: bank.dim]
@@ -138,7 +138,7 @@ class Condenser:
 
 
 @dataclass
-class Run:
+class BankRun:
     """A problem of the bank: its states, and how far tractions are from others' and from the conditions."""
 
     states: list[State]
@@ -148,11 +148,11 @@ class Run:
     oracle_lost: int
 
 
-def run(bank: Bank, mesh: Mesh, friction: float, severity: float, seed: int) -> Run:
+def run(bank: FrictionBank, mesh: Mesh, friction: float, severity: float, seed: int) -> BankRun:
     """Solve one problem, and each of its steps by the oracles from the same start."""
     problem = Problem.of(case_of(bank, friction, severity, seed), mesh)
     oracle = Condenser(problem, friction)
-    out = Run([], 0, [], [], 0)
+    out = BankRun([], 0, [], [], 0)
     steps = march(problem)
     try:
         for state in steps:
@@ -164,7 +164,7 @@ def run(bank: Bank, mesh: Mesh, friction: float, severity: float, seed: int) -> 
     return out
 
 
-def _compare(bank: Bank, oracle: Condenser, state: State, out: Run) -> None:
+def _compare(bank: FrictionBank, oracle: Condenser, state: State, out: BankRun) -> None:
     given, (zone,) = oracle.at(state.time), state.zones
     assert zone.friction is not None
     p, t = zone.pressure, zone.friction.shear
@@ -181,7 +181,7 @@ def _compare(bank: Bank, oracle: Condenser, state: State, out: Run) -> None:
 
 def solve_bank(case: Case, levels: int) -> Outcome:
     """So many problems for every mu and severity."""
-    bank: Bank = case.parameters
+    bank: FrictionBank = case.parameters
     runs, own_means = [], {}
     for cell in bank.cells:
         mesh = mesh_of(bank, cell)
@@ -217,7 +217,7 @@ def solve_bank(case: Case, levels: int) -> Outcome:
 class Units:
     """Problems of a bank in other units of length and of stress."""
 
-    bank: Bank
+    bank: FrictionBank
     unit: float = 1e3
     stress: float = 1e-6
 
@@ -235,22 +235,24 @@ def solve_units(case: Case, levels: int) -> Outcome:
     return Outcome((at_most(f"problems with other iterations, of {count}", changed, 0, source="units are arbitrary"),))
 
 
-def _iterations(bank: Bank, friction: float, severity: float, seed: int, unit: float, stress: float) -> list[int]:
+def _iterations(
+    bank: FrictionBank, friction: float, severity: float, seed: int, unit: float, stress: float
+) -> list[int]:
     mesh = mesh_of(bank, bank.cells[0], unit)
     problem = Problem.of(case_of(bank, friction, severity, seed, unit, stress), mesh)
-    found: list[int] = []
+    iterations: list[int] = []
     try:
-        found.extend(state.iterations for state in march(problem))
+        iterations.extend(state.iterations for state in march(problem))
     except NotConvergedError:
-        found.append(-1)
-    return found
+        iterations.append(-1)
+    return iterations
 
 
 def cases(family: str) -> Iterator[Case]:
     """960 steps in the plane, 480 in space."""
     plane, space = ("TRIA3", "QUAD4", "TRIA6", "QUAD8"), ("TETRA4", "HEXA8")
-    yield Case(family, "bank-plane", "random steps of blocks", Bank(plane, 2), {"quick": 1, "full": 6}, 150.0)
-    yield Case(family, "bank-space", "random steps of blocks", Bank(space, 3), {"full": 6}, 300.0)
+    yield Case(family, "bank-plane", "random steps of blocks", FrictionBank(plane, 2), {"quick": 1, "full": 6}, 150.0)
+    yield Case(family, "bank-space", "random steps of blocks", FrictionBank(space, 3), {"full": 6}, 300.0)
     for cell, dim in (("QUAD4", 2), ("HEXA8", 3)):
         description = "lengths times 1e3, stresses times 1e-6"
-        yield Case(family, f"units-{cell}", description, Units(Bank((cell,), dim)), {"full": 2}, 20.0)
+        yield Case(family, f"units-{cell}", description, Units(FrictionBank((cell,), dim)), {"full": 2}, 20.0)

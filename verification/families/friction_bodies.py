@@ -4,7 +4,7 @@ hub, pulled or turned by a load just below and just above what friction carries 
 **Belt.** A belt of thickness h around a rigid cylinder: T2 / T1 tends to e^(mu theta) as h falls.
 
 **Crack.** A closed crack under inclined compression that slides: p and t are uniform, slip is an ellipse (Phan and
-others). **Punch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
+others). **SpencePunch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
 equations. **Plate.** code_aster's ssnv128: a plate pressed on a rigid plane and pushed from the side.
 """
 
@@ -196,8 +196,8 @@ def solve_belt(case: Case, levels: int) -> Outcome:
     """Belts of several thicknesses; their exponents are extrapolated to none."""
     given: Belt = case.parameters
     angle = np.radians(given.angle)
-    found = [_belt(given, h) for h in given.thickness]
-    exponents = [np.log(ratio) / (given.friction * angle) for _, ratio in found]
+    solutions = [_belt(given, h) for h in given.thickness]
+    exponents = [np.log(ratio) / (given.friction * angle) for _, ratio in solutions]
     (h, thin), (thick, last) = given.thickness, exponents
     extrapolated = last + (last - thick) * thin / (h - thin)
     ratio = float(np.exp(given.friction * angle * extrapolated)) / capstan(given.friction, angle)
@@ -208,8 +208,8 @@ def solve_belt(case: Case, levels: int) -> Outcome:
             *(informative(f"exponent over mu theta, h / R = {t}", e,
                           reason=f"about 1 - h / 2R (1 + mu^2) = {1 - t / 2 * (1 + given.friction**2):.4f}")
               for t, e in zip(given.thickness, exponents, strict=True)),
-            informative("iterations", max(one.iterations for one, _ in found), reason="all slides, from sticking"),
-            *balanced([solved for solved, _ in found]),
+            informative("iterations", max(one.iterations for one, _ in solutions), reason="all slides, from sticking"),
+            *balanced([solved for solved, _ in solutions]),
         )
     )  # fmt: skip
 
@@ -253,12 +253,12 @@ class Slit:
 def solve_crack(case: Case, levels: int) -> Outcome:
     """The crack on so many meshes."""
     given: Slit = case.parameters
-    found = [_crack(given, n) for n in given.levels[:levels]]
-    finest = found[-1].errors
+    solutions = [_crack(given, n) for n in given.levels[:levels]]
+    finest = solutions[-1].errors
     results: list[Result] = [
         rate(
             "slip, L2",
-            convergence(found, "slip"),
+            convergence(solutions, "slip"),
             0.85,
             source="square-root tips",
             reason="0.91 to 0.93 on a prototype",
@@ -267,11 +267,11 @@ def solve_crack(case: Case, levels: int) -> Outcome:
     for name in ("p", "t"):
         quantity = f"largest relative error of {name}_m"
         if given.cell == "QUAD8":
-            results.append(at_most(quantity, max(one.errors[name] for one in found), 1e-10, source="uniform"))
+            results.append(at_most(quantity, max(one.errors[name] for one in solutions), 1e-10, source="uniform"))
         else:
             results.append(informative(quantity, finest[name], reason="tips: linear cells have 36 % there"))
-    results.append(informative("iterations", found[-1].solved.iterations, reason="2 to 4 on a prototype"))
-    return Outcome((*results, *balanced([one.solved for one in found])))
+    results.append(informative("iterations", solutions[-1].solved.iterations, reason="2 to 4 on a prototype"))
+    return Outcome((*results, *balanced([one.solved for one in solutions])))
 
 
 def _crack(given: Slit, n: int) -> LevelSolution:
@@ -297,7 +297,7 @@ def _crack(given: Slit, n: int) -> LevelSolution:
 
 
 @dataclass(frozen=True)
-class Punch:
+class SpencePunch:
     """A flat punch on a half-plane of QUAD8, n cells to the half-width."""
 
     poisson: float
@@ -307,7 +307,7 @@ class Punch:
 
 def solve_punch(case: Case, levels: int) -> Outcome:
     """Press by a force; far off, the displacements of the half-plane under the tractions of the integral equations."""
-    given: Punch = case.parameters
+    given: SpencePunch = case.parameters
     nu = given.poisson
     edge = spence.stick_edge(nu, given.friction)
     count = 400
@@ -331,11 +331,12 @@ def solve_punch(case: Case, levels: int) -> Outcome:
     zone = one.zone
     on = zone.status == 1
     left = 1 - np.abs(one.shear[on, 0]) / (given.friction * zone.pressure[on])
-    found = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
+    stick_edge = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
     sticks = int((zone.status == 1).sum()) / given.n
     return Outcome(
         (
-            equal("edge of stick over the half-width", found, edge, 0.03 * edge, source="Spence's integral equations",
+            equal("edge of stick over the half-width", stick_edge, edge, 0.03 * edge,
+                  source="Spence's integral equations",
                   reason="3 %: elements of 1/64 of the half-width"),
             informative("part of the half-width that sticks", sticks, reason="a whole number of macro-elements"),
             informative("closed form that leaves out the coupling", spence.uncoupled_edge(nu, given.friction),
@@ -413,6 +414,6 @@ def cases(family: str) -> Iterator[Case]:
         yield Case(family, f"crack-{cell}", description, Slit(cell, Crack()), {"quick": 3, "full": 4}, 10.0)
     for poisson, friction in _PUNCHES:
         name, description = f"punch-{poisson:g}-{friction:g}", f"Spence's punch, nu {poisson:g}, mu {friction:g}"
-        yield Case(family, name, description, Punch(poisson, friction), {"full": 1}, 30.0)
+        yield Case(family, name, description, SpencePunch(poisson, friction), {"full": 1}, 30.0)
     if _MESHES.is_dir():
         yield Case(family, "ssnv128", "a plate on a rigid plane, code_aster's mesh", Plate(), {"quick": 1}, 3.0)

@@ -50,7 +50,7 @@ _STEPS = "like bodies: t does not depend on the number of steps"
 
 
 @dataclass(frozen=True)
-class Pressed:
+class PressedCylinders:
     """Cylinders of cells of a type, pressed in one step, then sheared to each of `turns` in `steps` steps."""
 
     cell: str
@@ -107,7 +107,7 @@ def _moved(group: str, motion: Motion, dim: int) -> Displacement:
     return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if dim == 3 else None)
 
 
-def solved(given: Pressed, k: int) -> Solved:
+def solved(given: PressedCylinders, k: int) -> Solved:
     """Solve with about k macro-elements to the half-width."""
     exact = given.exact
     contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": exact.friction}
@@ -121,7 +121,7 @@ def shear_errors(one: Solved, loads: tuple[Ellipse, ...]) -> PressureErrors:
     return pressure_errors(one.mesh, one.shear[:, 0], lambda x: cattaneo.shear(x[:, 0], loads)[:, None])
 
 
-def solve_level(given: Pressed, level: int) -> LevelSolution:
+def solve_level(given: PressedCylinders, level: int) -> LevelSolution:
     """Solve on one level; errors relative to the exact values."""
     k = given.levels[level]
     one, loads, exact = solved(given, k), given.loads(given.times[-1]), given.exact
@@ -150,32 +150,32 @@ def stick_of(one: Solved, exact: Cylinders | LikeSpheres) -> float:
 
 def solve_pressed(case: Case, levels: int) -> Outcome:
     """Cylinders on so many levels."""
-    given: Pressed = case.parameters
-    found = [solve_level(given, level) for level in range(levels)]
-    at_32 = found[min(2, levels - 1)]
-    most = max(state.iterations for one in found for state in one.solved.states[1:])
-    ratios = [one.errors["t_m"] / one.errors["best"] for one in found]
+    given: PressedCylinders = case.parameters
+    solutions = [solve_level(given, level) for level in range(levels)]
+    at_32 = solutions[min(2, levels - 1)]
+    most = max(state.iterations for one in solutions for state in one.solved.states[1:])
+    ratios = [one.errors["t_m"] / one.errors["best"] for one in solutions]
     return Outcome(
         (
-            rate("t_m, L2", convergence(found, "t_m"), 0.8, source=_SOURCE, reason=_RATE),
-            rate("p_m, L2", convergence(found, "p_m"), None, source="", reason="asked for in the family hertz"),
+            rate("t_m, L2", convergence(solutions, "t_m"), 0.8, source=_SOURCE, reason=_RATE),
+            rate("p_m, L2", convergence(solutions, "p_m"), None, source="", reason="asked for in the family hertz"),
             at_most("error of t_m over that of the best constants, finest level", ratios[-1], BEST[given.cell],
                     source="measured on a prototype: 1.09 to 1.45, TRIA3 1.9"),
             informative("error of t_m over that of the best constants, worst level", max(ratios),
                         reason="a kink in a macro-element of a coarse mesh weighs more"),
             at_most(f"half-width of stick, relative error, k = {given.levels[min(2, levels - 1)]}", at_32.errors["c"],
-                    0.02, source=_SOURCE, levels=convergence(found, "c")),
+                    0.02, source=_SOURCE, levels=convergence(solutions, "c")),
             at_most(f"dissipation, relative error, k = {given.levels[min(2, levels - 1)]}", at_32.errors["work"], 0.01,
-                    source="slip in closed form times mu p", levels=convergence(found, "work")),
+                    source="slip in closed form times mu p", levels=convergence(solutions, "work")),
             at_most("iterations of a step of shear", most, ITERATIONS, source="k = 8 ... 64"),
-            informative("halved steps", sum(one.solved.halvings for one in found), reason="no bound"),
-            *balanced([one.solved for one in found]),
+            informative("halved steps", sum(one.solved.halvings for one in solutions), reason="no bound"),
+            *balanced([one.solved for one in solutions]),
         ),
         (profile(given, at_32),),
     )  # fmt: skip
 
 
-def profile(given: Pressed, one: LevelSolution) -> Plot:
+def profile(given: PressedCylinders, one: LevelSolution) -> Plot:
     """Exact and computed shear stress along the contact."""
     x = np.linspace(-1.2, 1.2, 241)
     loads, zone = given.loads(given.times[-1]), one.solved.fields.zones["slave"]
@@ -196,7 +196,7 @@ def profile(given: Pressed, one: LevelSolution) -> Plot:
 class Steps:
     """Cylinders sheared in several numbers of steps, k macro-elements to the half-width."""
 
-    given: Pressed
+    given: PressedCylinders
     counts: tuple[int, ...] = (1, 2, 4, 8, 16)
     k: int = 16
 
@@ -253,21 +253,21 @@ def balls(cell: str, k: int) -> Mesh:
 def solve_balls(case: Case, levels: int) -> Outcome:
     """Spheres on so many levels."""
     given: Balls = case.parameters
-    found = [_ball(given, k) for k in given.levels[:levels]]
-    most = max(state.iterations for one in found for state in one.solved.states[1:])
+    solutions = [_ball(given, k) for k in given.levels[:levels]]
+    most = max(state.iterations for one in solutions for state in one.solved.states[1:])
     return Outcome(
         (
-            rate("t_m, L2", convergence(found, "t_m"), None, source=_SOURCE, reason="few and coarse levels"),
+            rate("t_m, L2", convergence(solutions, "t_m"), None, source=_SOURCE, reason="few and coarse levels"),
             informative("error of t_m over that of the best constants, finest level",
-                        found[-1].errors["t_m"] / found[-1].errors["best"], reason="2 and 0.8 on a prototype"),
-            informative("t_m across the load, of its largest", found[-1].errors["across"], reason="0: nu is 0"),
-            informative("radius of stick, relative error, finest level", found[-1].errors["c"],
+                        solutions[-1].errors["t_m"] / solutions[-1].errors["best"], reason="2 and 0.8 on a prototype"),
+            informative("t_m across the load, of its largest", solutions[-1].errors["across"], reason="0: nu is 0"),
+            informative("radius of stick, relative error, finest level", solutions[-1].errors["c"],
                         reason="5 % with k = 12 on a prototype of linear cells, 0.9 % with k = 6 of quadratic ones",
-                        levels=convergence(found, "c")),
-            informative("dissipation, relative error, finest level", found[-1].errors["work"], reason="no bound",
-                        levels=convergence(found, "work")),
+                        levels=convergence(solutions, "c")),
+            informative("dissipation, relative error, finest level", solutions[-1].errors["work"], reason="no bound",
+                        levels=convergence(solutions, "work")),
             at_most("iterations of the step of shear", most, ITERATIONS, source="as in the plane"),
-            *balanced([one.solved for one in found]),
+            *balanced([one.solved for one in solutions]),
         )
     )  # fmt: skip
 
@@ -369,9 +369,9 @@ def solve_rolling(case: Case, levels: int) -> Outcome:
 
     gap = Value.of(lambda x, t: (x[:, 0] - at(t)) ** 2 / (2 * exact.radius))
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
-    made = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
-    made = replace(made, contact=(replace(made.contact[0], clearance=gap),))
-    one = solve(made, rolled(given.cell, given.k, given.way))
+    case = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
+    case = replace(case, contact=(replace(case.contact[0], clearance=gap),))
+    one = solve(case, rolled(given.cell, given.k, given.way))
     loads = exact.rolling(given.load, given.way)
     zone = one.fields.zones["slave"]
     t = shear_errors(one, loads)
@@ -400,12 +400,12 @@ def cases(family: str) -> Iterator[Case]:
     for cell in BEST:
         quick = {"quick": 3} if cell in ("TRIA3", "QUAD8") else {}
         description = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation"
-        yield Case(family, f"cattaneo-{cell}", description, Pressed(cell), {**quick, "full": 4}, 60.0)
+        yield Case(family, f"cattaneo-{cell}", description, PressedCylinders(cell), {**quick, "full": 4}, 60.0)
     for name, turns in (("back", (LOAD, -LOAD)), ("loop", (LOAD, -LOAD, LOAD))):
-        given = Pressed("QUAD8", turns)
+        given = PressedCylinders("QUAD8", turns)
         yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", given, {"full": 3}, 40.0)
     for cell in ("QUAD4", "QUAD8"):
-        given = Pressed(cell)
+        given = PressedCylinders(cell)
         yield Case(
             family,
             f"steps-{cell}",
@@ -414,7 +414,7 @@ def cases(family: str) -> Iterator[Case]:
             {"quick" if cell == "QUAD4" else "full": 1},
             15.0,
         )
-        loop = Steps(Pressed(cell, (LOAD, -LOAD)), (1, 16))
+        loop = Steps(PressedCylinders(cell, (LOAD, -LOAD)), (1, 16))
         yield Case(family, f"steps-reversed-{cell}", "there and back in 1 and 16 steps", loop, {"full": 1}, 20.0)
     for cell, counts in (("HEXA8", (4, 6, 8)), ("HEXA20", (4, 6))):
         yield Case(

@@ -54,8 +54,8 @@ def constants(skin: Skin, n: int) -> tuple[dict[str, float], int]:
         "t": np.repeat(weight, dim - 1),
         "both": np.concatenate([weight, np.repeat(weight, dim - 1)]),
     }
-    found = {name: _least(csr_array(B), moving, dim, solve, weights[name]) for name, B in rows.items()}
-    return found, dim * len(moving)
+    constants_of = {name: _least(csr_array(B), moving, dim, solve, weights[name]) for name, B in rows.items()}
+    return constants_of, dim * len(moving)
 
 
 def _least(B: csr_array, moving: NDArray[np.integer], dim: int, solve: object, weight: Floats) -> float:
@@ -70,10 +70,10 @@ def solve_case(case: Case, levels: int) -> Outcome:
     """The constants on so many meshes."""
     skin: Skin = case.parameters.skin
     sides = SIDES[skin.dim][:levels]
-    found = [constants(skin, n) for n in sides]
-    h, unknowns = [1 / n for n in sides], [count for _, count in found]
-    table = {name: levels_of(h, unknowns, [own[name] for own, _ in found]) for name in _NAMES}
-    apart = max(abs(own[name] / own["p"] - 1) for own, _ in found for name in ("t", "both"))
+    constants_of = [constants(skin, n) for n in sides]
+    h, unknowns = [1 / n for n in sides], [count for _, count in constants_of]
+    table = {name: levels_of(h, unknowns, [own[name] for own, _ in constants_of]) for name in _NAMES}
+    apart = max(abs(own[name] / own["p"] - 1) for own, _ in constants_of for name in ("t", "both"))
     return Outcome(
         (
             *(_stays(name, table[name]) for name in _NAMES),

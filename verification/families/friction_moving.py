@@ -41,7 +41,7 @@ def _nodes(one: Solved, group: str) -> NDArray[np.integer]:
 
 
 @dataclass(frozen=True)
-class Dragged:
+class PulledBlock:
     """A block that is pressed on another and pulled by 1.2 of its length. `below`: the lower one is the slave."""
 
     cell: str
@@ -52,7 +52,7 @@ class Dragged:
 
 def solve_dragged(case: Case, levels: int) -> Outcome:
     """Press in one step, pull in others."""
-    given: Dragged = case.parameters
+    given: PulledBlock = case.parameters
     times = [1.0, *(1 + (k + 1) / given.steps for k in range(given.steps))]
     text = case_text(
         "plane_strain",
@@ -181,7 +181,7 @@ class Roller:
 def solve_roller(case: Case, levels: int) -> Outcome:
     """With friction and without, small strains in the deformed geometry."""
     given: Roller = case.parameters
-    results, found = [], []
+    results, solutions = [], []
     for friction, right in zip((0.1, 0.0), given.expected, strict=True):
         text = case_text(
             "plane_strain",
@@ -195,13 +195,13 @@ def solve_roller(case: Case, levels: int) -> Outcome:
         )
         one = solve(text, lacmesh.read(_MESHES / "ssnp154a.med"))
         (b,) = one.mesh.node_groups["B"]
-        found.append(one)
+        solutions.append(one)
         published = Published("Abaqus, Marc, quadratic", -1.3026 if friction else -1.3069, "NAFEMS, FENET")
         results.append(equal(
             f"u_y of B, mu = {friction:g}", float(one.u[b, 1]), right, 0.005 * abs(right),
             source="code_aster, ssnp154a", reason="two methods, one mesh", published=(published,),
         ))  # fmt: skip
-    return Outcome((*results, *balanced(found)))
+    return Outcome((*results, *balanced(solutions)))
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ class RoundedPunch:
 def solve_rounded(case: Case, levels: int) -> Outcome:
     """With friction and without; what friction takes off."""
     given: RoundedPunch = case.parameters
-    u, found = [], []
+    u, solutions = [], []
     for friction in (0.0, 0.1):
         text = case_text(
             "axisymmetric",
@@ -229,7 +229,7 @@ def solve_rounded(case: Case, levels: int) -> Outcome:
         )
         one = solve(text, lacmesh.read(_MESHES / "ssna122a.med"))
         (m,) = one.mesh.node_groups["M"]
-        found.append(one)
+        solutions.append(one)
         u.append(float(one.u[m, 1]))
     part, right = 1 - u[1] / u[0], 1 - given.expected[1] / given.expected[0]
     source = "code_aster, ssna122a"
@@ -242,7 +242,7 @@ def solve_rounded(case: Case, levels: int) -> Outcome:
                             published=(Published("code_aster", theirs, source),))
                 for mu, own, theirs in zip((0.0, 0.1), u, given.expected, strict=True)
             ),
-            *balanced(found),
+            *balanced(solutions),
         )
     )  # fmt: skip
 
@@ -339,7 +339,7 @@ def cases(family: str) -> Iterator[Case]:
             name = f"dragged-{cell}-{'lower' if below else 'upper'}"
             description = f"a block pulled over another, {'the lower' if below else 'it'} is the slave"
             suite = "quick" if cell == "QUAD4" else "full"
-            yield Case(family, name, description, Dragged(cell, below), {suite: 1}, 5.0)
+            yield Case(family, name, description, PulledBlock(cell, below), {suite: 1}, 5.0)
     for steps in (24, 48):
         description = f"a ring on a hub, a turn in {steps} steps"
         yield Case(family, f"carried-{steps}", description, Carried("QUAD4", steps), {"full": 1}, 20.0)

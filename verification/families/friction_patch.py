@@ -103,14 +103,14 @@ def errors(given: Sheared, slave: str, master: str, slave_below: bool) -> Errors
     shear = side * given.along[:d] * (FRICTION * PRESSURE if given.slides else STICKS)
     slip = side * given.along[:d] * (SLIP if given.slides else 0.0)
     moved_by = SLIP if given.slides else PRESSURE / YOUNG
-    found = {
+    errors = {
         STRESS: float(np.abs(sigma - exact).max() / PRESSURE),
         PRESSURES: float(np.abs(zone.pressure / PRESSURE - 1).max()),
         SHEAR: float(np.abs(solved.shear - shear).max() / PRESSURE),
         SLIPS: float(np.abs(solved.slip - slip).max() / moved_by),
         DISPLACEMENT: float(np.abs(solved.u - right).max() / np.abs(right).max()),
     }
-    return Errors(f"{slave} {'under' if slave_below else 'on'} {master}", found, solved)
+    return Errors(f"{slave} {'under' if slave_below else 'on'} {master}", errors, solved)
 
 
 def text(given: Sheared) -> str:

@@ -33,8 +33,8 @@ def cracked(kind: str, n: int) -> Mesh:
     for body, lines, face in (("upper", half, "y0"), ("lower", -half[::-1], "y1")):
         mesh = piece(kind, [along, lines])
         parts.append((mesh, {"": body, face: f"face_{body}"} | dict.fromkeys({"x0", "x1", "y0", "y1"} - {face}, "far")))
-    made = joined(parts)
-    whole = _glued(made, np.flatnonzero((made.points[:, 1] == 0) & (np.abs(made.points[:, 0]) > 1 - 1e-9)))
+    mesh = joined(parts)
+    whole = _glued(mesh, np.flatnonzero((mesh.points[:, 1] == 0) & (np.abs(mesh.points[:, 0]) > 1 - 1e-9)))
     rows: dict[tuple[str, str], Ints] = {}
     for (cell, name), nodes in rows_of(whole).items():
         if name.startswith("face_"):
@@ -95,12 +95,12 @@ def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
     def around(x: Floats) -> Floats:
         return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
 
-    made = bent(joined([(flat, names)]), around)
+    mesh = bent(joined([(flat, names)]), around)
     wide = np.linspace(-0.5 * angle / n, angle * (1 + 0.5 / n), 2 * (2 * n + 1) + 1)
     points = np.stack([np.cos(wide), np.sin(wide)], axis=1)
     start = np.arange(0, len(wide) - 2, 2)
     faces = np.stack([start, start + 2, start + 1], axis=1)  # normals outwards, to the belt
-    return with_skin(made, "SEG3", points, faces, "master")
+    return with_skin(mesh, "SEG3", points, faces, "master")
 
 
 def punched_half(kind: str, n: int) -> Mesh:
@@ -120,16 +120,16 @@ def punched_half(kind: str, n: int) -> Mesh:
             rows[cell, "slave"].append(nodes[under])
         else:
             rows[cell, name].append(nodes)
-    made = assembled(mesh.points, {key: np.concatenate(nodes) for key, nodes in rows.items()}, 2)
-    return with_skin(made, "SEG2", np.array([[-0.5, 0.0], [1.0, 0.0]]), np.array([[0, 1]]), "master")
+    mesh = assembled(mesh.points, {key: np.concatenate(nodes) for key, nodes in rows.items()}, 2)
+    return with_skin(mesh, "SEG2", np.array([[-0.5, 0.0], [1.0, 0.0]]), np.array([[0, 1]]), "master")
 
 
 def pad(kind: str, n: int) -> Mesh:
     """A pad 1 long and 0.2 high on a longer rigid plane. Groups: `pad`, `slave`, `top`, `left`, `right`, `master`."""
     names = {"": "pad", "y0": "slave", "y1": "top", "x0": "left", "x1": "right"}
-    made = joined([(piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.2, max(n // 4, 2) + 1)]), names)])
+    mesh = joined([(piece(kind, [np.linspace(0, 1, n + 1), np.linspace(0, 0.2, max(n // 4, 2) + 1)]), names)])
     plane = np.array([[2.0, 0.0], [-1.0, 0.0]])
-    return with_skin(made, "SEG2", plane, np.array([[0, 1]]), "master")
+    return with_skin(mesh, "SEG2", plane, np.array([[0, 1]]), "master")
 
 
 def slider(kind: str, n: int, below: bool) -> Mesh:
@@ -155,10 +155,10 @@ def ring_on_hub(kind: str, n: int) -> Mesh:
         angle = 2 * np.pi * x[:, 1]
         return np.stack([x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]], axis=1)
 
-    made = bent(joined([(flat, {"": "ring", "x0": "slave"})]), around)
-    _, first, new = np.unique(made.points.round(9) + 0.0, axis=0, return_index=True, return_inverse=True)
-    rows = {key: new.ravel()[nodes] for key, nodes in rows_of(made).items() if key[1]}
-    whole = assembled(made.points[first], rows, 2)
+    mesh = bent(joined([(flat, {"": "ring", "x0": "slave"})]), around)
+    _, first, new = np.unique(mesh.points.round(9) + 0.0, axis=0, return_index=True, return_inverse=True)
+    rows = {key: new.ravel()[nodes] for key, nodes in rows_of(mesh).items() if key[1]}
+    whole = assembled(mesh.points[first], rows, 2)
     angle = 2 * np.pi * (np.arange(2 * (n + 3)) + 0.3) / (2 * (n + 3))
     start = np.arange(0, len(angle), 2)
     faces = np.stack([start, (start + 2) % len(angle), start + 1], axis=1)
