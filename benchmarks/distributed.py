@@ -39,7 +39,7 @@ from contact import pressed, pressed_case
 from large import Clock, side
 from meshes import blocks
 
-import lacsolver.bodies.kinematics
+import lacsolver.bodies.small
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
@@ -113,7 +113,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
         return noted
 
     places = [
-        (lacsolver.bodies.kinematics, "assemble_stiffness", "assembly", None),
+        (lacsolver.bodies.small, "assemble_stiffness", "assembly", None),
         (lacsolver.problem.pair, "integrate", "pairing", None),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),

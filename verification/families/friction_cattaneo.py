@@ -369,9 +369,9 @@ def solve_rolling(case: Case, levels: int) -> Outcome:
 
     gap = Value.of(lambda x, t: (x[:, 0] - at(t)) ** 2 / (2 * exact.radius))
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
-    case = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
-    case = replace(case, contact=(replace(case.contact[0], clearance=gap),))
-    one = solve(case, rolled(given.cell, given.k, given.way))
+    rolling = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
+    rolling = replace(rolling, contact=(replace(rolling.contact[0], clearance=gap),))
+    one = solve(rolling, rolled(given.cell, given.k, given.way))
     loads = exact.rolling(given.load, given.way)
     zone = one.fields.zones["slave"]
     t = shear_errors(one, loads)
