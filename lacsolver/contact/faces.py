@@ -49,6 +49,6 @@ def dual_vectors(J: Floats) -> NDArray[np.floating]:
 
 
 def unit(v: Floats) -> NDArray[np.floating]:
-    """Return vectors (n, 3) over their lengths; 0 for those without one."""
+    """Return vectors (n, k) over their lengths; 0 for those without one."""
     size = np.linalg.norm(v, axis=1, keepdims=True)
     return np.divide(v, size, out=np.zeros_like(v), where=size > 0)

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
+from lacsolver.contact.faces import unit
 from lacsolver.contact.laws import Bools
 
 
@@ -148,12 +149,6 @@ def _closing(now: States, solved: Solved, bounds: Bounds) -> States:
 
 def _column(mask: Bools, like: NDArray) -> Bools:
     return mask.reshape(-1, *(1,) * (like.ndim - 1))
-
-
-def unit(v: Floats) -> NDArray[np.floating]:
-    """Return vectors (m, k) of length 1, zeros where they are zero."""
-    size = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.divide(v, size, out=np.zeros_like(v), where=size > 0)
 
 
 def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.floating]:

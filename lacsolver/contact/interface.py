@@ -32,6 +32,8 @@ from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.space import Space
 from lacsolver.space.values import ScalarField, evaluate
 
+#: gap, relative to the macro-element's size, below which bodies touch: a mesh has such gaps by round-off
+TOUCHING = 1e-6
 #: polynomial degree to which a clearance that is a formula is integrated, in addition to the shape functions
 _CLEARANCE = 4
 #: a gap across a tie below this, relative to the size of the faces, is round-off
@@ -99,6 +101,11 @@ class Interface:
     def all_rows(self) -> csr_array:
         """B, and below it B_T with friction."""
         return self.B if self.B_T is None else csr_array(vstack([self.B, self.B_T]))
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """True for macro-elements (m,) without a gap, up to round-off."""
+        return np.asarray(self.gap <= TOUCHING * self.length)
 
     @property
     def coverage(self) -> NDArray[np.floating]:

@@ -27,8 +27,6 @@ from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.space.space import Space
 
-#: gap, relative to the macro-element's size, below which a row is closed in the initial status
-TOUCHING = 1e-6
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
 _DAMPING = 1.0
 #: iterations of the first search, and of both, as fractions of `max_iterations`, and how many each may take in any case
@@ -125,13 +123,8 @@ def first_iterate(step: LoadStep) -> Iterate:
 def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
     """Return a mask (rows,), True for rows of a pair that are closed at the start."""
     if pair.initial == "gap":
-        return touching(face)
+        return face.touching
     return np.full(face.B.shape[0], pair.initial == "all")
-
-
-def touching(face: Interface) -> NDArray[np.bool_]:
-    """Return a mask (rows,), True for rows of a pair without a gap, up to round-off."""
-    return np.asarray(face.gap <= TOUCHING * face.length)
 
 
 def why(step: LoadStep, outcome: Outcome) -> str:

@@ -353,5 +353,4 @@ def _answer(u: Floats, now: Iterate, contact: ContactSystem, iterations: int, se
 
 def _slides(shear: ShearRows, now: Iterate, status: Ints) -> Ints:
     """Return the status of macro-elements with friction: SLIDES for closed ones that do not stick."""
-    sticks = shear.vectors(now.active).any(axis=1)
-    return np.where((status == CONTACT) & ~sticks & shear.bounds.any, SLIDES, status).astype(np.int8)
+    return np.where((status == CONTACT) & ~shear.sticks(now.active) & shear.bounds.any, SLIDES, status).astype(np.int8)

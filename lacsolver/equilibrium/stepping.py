@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacsolver.case import Case
+from lacsolver.contact.interface import TOUCHING
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import TOUCHING, Progress, attempt, touching, why
+from lacsolver.equilibrium.attempt import Progress, attempt, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
@@ -316,6 +317,6 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     reached = np.zeros(len(active), bool)
     for group, face in zip(outcome.contact.groups, step.interfaces(q), strict=True):
         if group.law.compressive:  # without pressure, round-off alone decides which of them are active
-            reached[group.rows] = touching(face)
+            reached[group.rows] = face.touching
     closed = active | (reached & outcome.contact.enforceable)
     return holdings(model.motions, step.closed_rows(q, closed), u, x=x)

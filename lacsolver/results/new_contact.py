@@ -16,8 +16,6 @@ from lacsolver.results.state import CONTACT, SLIDES, State
 
 #: part of the friction of a zone that such macro-elements carry
 _MUCH = 0.25
-#: gap, relative to the macro-element's size, below which bodies touch before the first step
-_TOUCHING = 1e-6
 
 
 def closed_at_start(problem: Problem) -> dict[str, NDArray[np.bool_]]:
@@ -25,8 +23,7 @@ def closed_at_start(problem: Problem) -> dict[str, NDArray[np.bool_]]:
     out = {}
     for pair in problem.joints:
         if pair.pairing.friction:
-            face = pair.integrate(problem.space, np.zeros(problem.space.n_dof), 0.0)
-            out[pair.name] = np.asarray(face.gap <= _TOUCHING * face.length)
+            out[pair.name] = pair.integrate(problem.space, np.zeros(problem.space.n_dof), 0.0).touching
     return out
 
 

@@ -233,8 +233,7 @@ class ContactSystem:
 
     def states(self, p: Floats, active: Bools) -> Iterator[tuple[RowGroup, RowState]]:
         """Yield the groups and the states of their rows at pressures p (m,), zeros where a row is not enforceable."""
-        gap = np.where(self.enforceable, self.G / self.rows.w, 0.0)
-        p = np.where(self.enforceable, p, 0.0)
+        gap, p = self._mean_gaps, np.where(self.enforceable, p, 0.0)
         for group in self.groups:
             own = group.rows
             kept = group.history[:, : group.law.n_history]
@@ -268,8 +267,7 @@ class ContactSystem:
             return RowSet.of(closed)
 
         def states(shear: ShearRows) -> States:
-            sticks = np.asarray(shear.vectors(active).any(axis=1))
-            return States.of(closed[shear.normal], sticks, shear.vectors(p), shear.bounds)
+            return States.of(closed[shear.normal], shear.sticks(active), shear.vectors(p), shear.bounds)
 
         return self._row_set(closed, states)
 
@@ -307,15 +305,16 @@ class ContactSystem:
 
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
-        t, slip = shear.vectors(p), -shear.vectors(self._mean(self.G))
-        overlap = np.maximum(-self._mean(self.G)[shear.normal], 0.0)
+        t, slip = shear.vectors(p), -shear.vectors(self._mean_gaps)
+        overlap = np.maximum(-self._mean_gaps[shear.normal], 0.0)
         pressing, stiffness = self.skin_stiffness[shear.normal] * overlap, self.skin_stiffness[shear.tangential]
         step = max(shear.n_tangents, 1)
         return Solved(p[shear.normal], t, slip, pressing, presses[shear.normal], stiffness[::step])
 
-    def _mean(self, G: Floats) -> NDArray[np.floating]:
-        """Return the means (m,) of integrals G, 0 in rows that are not enforceable."""
-        return np.where(self.enforceable, G / self.rows.w, 0.0)
+    @cached_property
+    def _mean_gaps(self) -> NDArray[np.floating]:
+        """The mean gaps (m,), along tangents slips with the sign changed; 0 in rows that are not enforceable."""
+        return np.where(self.enforceable, self.G / self.rows.w, 0.0)
 
     def start_active(self, closed: Bools) -> Bools:
         """Return the active set (m,) to start from: the rows `closed`, and those that the laws always close."""
@@ -369,7 +368,7 @@ class ContactSystem:
         shear, kept = group.shear, group.kept
         S, w = -shear.vectors(self.G), self.rows.w[shear.normal]
         mean = S / shear.vectors(self.rows.w)
-        closed, sticks = active[shear.normal], np.asarray(shear.vectors(active).any(axis=1))
+        closed, sticks = active[shear.normal], shear.sticks(active)
         t = np.where(closed[:, None], shear.vectors(p), 0.0)
         slides = closed & ~sticks & shear.bounds.any
         slip = np.where(slides[:, None], mean, 0.0)
@@ -387,7 +386,7 @@ class ContactSystem:
             if group.since is None or group.shear is None or group.face is None or group.slip is None:
                 out.append(Anchors.none())
                 continue
-            sticks = active[group.shear.normal] & group.shear.vectors(active).any(axis=1)
+            sticks = active[group.shear.normal] & group.shear.sticks(active)
             own = renewed(group.since.anchors, group.face, ~sticks | group.slip.entered)
             out.append(all_anchors(own, group.share))
         return tuple(out)

@@ -113,11 +113,14 @@ class ShearRows(NamedTuple):
         """Return the values (macro-elements, tangents) of tangential rows, of those (m,) of all rows."""
         return rows[self.tangential].reshape(-1, max(self.n_tangents, 1))
 
+    def sticks(self, active: Bools) -> Bools:
+        """Return which macro-elements stick, of the `active` rows (m,): those with a row along a tangent."""
+        return np.asarray(self.vectors(active).any(axis=1))
+
     def states(self, rows: RowSet) -> States:
         """Return the states of the macro-elements in a set."""
-        turned = self.vectors(rows.turned)[:, 0]
-        sticks = (self.vectors(rows.state) == IN).any(axis=1)
-        return States(rows.state[self.normal] == IN, sticks, self.vectors(rows.direction), turned)
+        turned, active = self.vectors(rows.turned)[:, 0], rows.active
+        return States(active[self.normal], self.sticks(active), self.vectors(rows.direction), turned)
 
     def put(self, rows: RowSet, states: States, enforceable: Bools) -> None:
         """Write the states of the macro-elements into a set."""

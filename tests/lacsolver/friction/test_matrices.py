@@ -12,9 +12,9 @@ from lacmesh.errors import RequestError
 from lacsolver.case import Steps
 from lacsolver.contact.friction import Bounds, defect
 from lacsolver.matrices import read_matrices, write_matrices
-from tests.lacsolver.friction.lemke import plane_friction
 from tests.lacsolver.friction.small import coulomb, half_space, solve
 from tests.lacsolver.friction.test_output import rubbed
+from verification.exact.coulomb import condensed, lemke
 
 POINTS = 12
 
@@ -32,9 +32,9 @@ def problem(seed, tangents):
 def test_plane_is_as_lemke_finds_it(seed):
     K, B, f, G, slip, mu = problem(seed, 1)
     outcome = solve(K, B, f, G, coulomb(mu, POINTS), 1, slip=slip)
-    expected = plane_friction(B @ np.linalg.solve(K, B.T), B @ np.linalg.solve(K, f), G, slip, mu)
-    assert outcome.converged and len(outcome.residuals) <= 12 and expected is not None
-    np.testing.assert_allclose(outcome.iterate.p, np.concatenate(expected), atol=1e-10)
+    p, t = lemke(condensed(K, f, (B[:POINTS], B[POINTS:]), G, mu, -slip[:, None]))
+    assert outcome.converged and len(outcome.residuals) <= 12
+    np.testing.assert_allclose(outcome.iterate.p, np.concatenate([p, t.ravel()]), atol=1e-10)
 
 
 @pytest.mark.parametrize("limit", [np.inf, 0.2])
