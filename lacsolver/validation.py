@@ -19,7 +19,8 @@ from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.case import Case, CaseError, Issue, as_case
-from lacsolver.constraints import Constraints
+from lacsolver.constraints import Constraints, equalities_of
+from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
@@ -201,7 +202,12 @@ def _look_at_motions(
     motions = free_motions(space, constraints, springs)
     if not motions:
         return
-    B = csr_array(vstack([csr_array((0, space.n_dof)), *(_paired_rows(joint, face) for joint, face in faces)]))
+    equalities: tuple[EqualityRows, ...] = ()
+    with validation.looking():
+        equalities = equalities_of(space, case)
+    nothing = np.zeros(space.n_dof)
+    rows = [one.at(nothing, 0.0).C for one in equalities]
+    B = csr_array(vstack([csr_array((0, space.n_dof)), *rows, *(_paired_rows(joint, face) for joint, face in faces)]))
     free = still_free(B, motions)
     if free:
         said = "; ".join(describe(motion) for motion in free)

@@ -24,6 +24,7 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
+from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.matrix import nodal_map, with_motions
 from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
@@ -38,7 +39,8 @@ class Constraints:
 
     `T` (n_dof, n_q): its columns at the nodes' own unknowns are orthonormal. `local`: the prescribed displacements;
     `rigid`: the rigid bodies, in the case's order. `names`: each displacement's conditions (rows of `local`), by the
-    name of its reaction: its group, or `at [x, y, z]`.
+    name of its reaction: its group, or `at [x, y, z]`. `equations`: those that have eliminated some of the unknowns
+    (`equated`), none here.
     """
 
     space: Space
@@ -46,6 +48,7 @@ class Constraints:
     local: LocalBases
     rigid: tuple[RigidBody, ...]
     names: Mapping[str, Ints]
+    equations: tuple[Equations, ...] = ()
 
     @classmethod
     def of(cls, space: Space, case: Case) -> Constraints:
@@ -66,7 +69,7 @@ class Constraints:
         nodal = nodal_map(space, local, rigid)
         rigid = numbered(rigid, nodal.shape[1])
         constraints = cls(space, with_motions(space, nodal, rigid), local, rigid, _names(local))
-        for t in _probed(case):
+        for t in probed_times(case):
             constraints.u0(t)
         return constraints
 
@@ -179,6 +182,31 @@ class Constraints:
         n, T = self.n_nodal, self.nodal.T
         return np.append(T.T @ self.space.updated(T @ q[:n]), q[n:])
 
+    @property
+    def plain(self) -> Constraints:
+        """These constraints without equations."""
+        return self
+
+    def before_equations(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return the unknowns of prescribed displacements and rigid bodies alone, which are q without equations."""
+        return q
+
+    def through_equations(self, rows: csr_array) -> csr_array:
+        """Return rows (k, n) on these unknowns as rows (k, n_q) on q."""
+        return rows
+
+    def further(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Return the further unknowns of equations, by name: none here."""
+        return {}
+
+    def equation_forces(self, reaction: Floats, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Return the forces of equations in the reactions (n_dof,), by name: none here."""
+        return {}
+
+    def of_supports(self, reaction: Floats, forces: Mapping[str, Floats]) -> NDArray[np.floating]:
+        """Return reactions (n_dof,) without the `forces` of equations."""
+        return reaction
+
     def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces and moments on the free motions of rigid bodies at time t, 0 elsewhere, (n_q,).
 
@@ -235,12 +263,17 @@ class Constraints:
             raise ValueError("q are no unknowns of u: multiply with T")
         return self.T.tocsc().indices
 
-    def reactions(self, reaction: Floats) -> dict[str, NDArray[np.floating]]:
+    def reactions(
+        self, reaction: Floats, equations: Mapping[str, Floats] = MappingProxyType({})
+    ) -> dict[str, NDArray[np.floating]]:
         """Return the share (dim,) of each displacement and rigid body in the reactions (n_dof,) at the nodes.
+
+        `equations`: the forces of equations, by name, of which the reactions are freed before (`equation_forces`).
 
         If two conditions at a node are dependent, the earlier one carries the force, so that the shares add up to the
         whole. The share of a rigid body is that of all forces on its nodes, including the loads on its free motions.
         """
+        reaction = self.of_supports(reaction, equations)
         own, share = self.local.forces(reaction), self.space.share
         shares = {name: share.total(own[rows].sum(axis=0)) for name, rows in self.names.items()}
         return shares | {name: m[: self.space.dim] for name, m in self.rigid_reactions(reaction).items()}
@@ -278,7 +311,7 @@ def _names(local: LocalBases) -> Mapping[str, Ints]:
     return MappingProxyType({name: np.concatenate(nodes) for name, nodes in rows.items()})
 
 
-def _probed(case: Case) -> list[float]:
+def probed_times(case: Case) -> list[float]:
     """Return some times of a case: the first, middle and last of its steps, and one in between."""
     planned = case.steps.planned
     return sorted({planned[0], planned[len(planned) // 2], planned[-1], 0.618 * case.steps.last})

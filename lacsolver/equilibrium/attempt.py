@@ -113,9 +113,9 @@ def first_iterate(step: LoadStep) -> Iterate:
     for pair, face in zip(problem.joints, interfaces, strict=True):
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
-    step.model.check_held(interfaces, contact.enforceable)
+    step.model.check_held(step.closed_rows(q, contact.enforceable))
     closed = np.zeros(len(contact.G), bool)
-    for pair, face, group in zip(problem.joints, interfaces, contact.groups, strict=True):
+    for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):
         closed[group.every] = _initial(pair, face) if group.shear is None else group.on_rows(_initial(pair, face))
     return Iterate(q, np.zeros(len(contact.G)), closed & contact.enforceable)
 

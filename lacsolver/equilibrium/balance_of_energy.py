@@ -128,7 +128,7 @@ def _supports(scheme: Newmark, step: LoadStep, q: Floats, after: MotionState, dw
     work = 0.5 * float(step.model.vectors.dots((q - now.q)[None], on_free)[0])
     first, last = inertia.of_own(before.reaction), inertia.of_own(after.reaction)
     for body, at in inertia.turning:
-        start, end = body.motion(now.q, then), body.motion(q, step.t)
+        start, end = (body.motion(constraints.before_equations(*one), one[1]) for one in ((now.q, then), (q, step.t)))
         force = body.moment_arm_at(start).T @ first[at] + body.moment_arm_at(end).T @ last[at]
         sums = inertia.space.share.total(np.append(force, dw[at] @ (first[at] + last[at])))
         turned += 0.5 * float((end - start) @ sums[:-1] - sums[-1])

@@ -119,8 +119,8 @@ class LoadStep:
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
         space, system = self.model.problem.space, self._nodal_contact(q)[1]
-        out = np.zeros((len(system.groups), space.dim))
-        for k, group in enumerate(system.groups):
+        out = np.zeros((len(system.pairs), space.dim))
+        for k, group in enumerate(system.pairs):
             assert group.pair is not None and group.face is not None
             nodes = group.pair.zone.slave.faces.nodes
             force = -(group.face.all_rows.T @ p[group.every]).reshape(-1, space.dim)

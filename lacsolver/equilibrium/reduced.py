@@ -5,13 +5,11 @@ u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array, vstack
+from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
@@ -209,7 +207,9 @@ class ReducedProblem:
     @cached_property
     def linear(self) -> bool:
         """True if forces and gaps are linear in q: linear bodies, and skins that are paired once."""
-        return self.problem.kinematics.linear and not any(pair.moving for pair in self.problem.joints)
+        moving = any(pair.moving for pair in self.problem.joints)
+        rows = all(rows.linear for rows in self.problem.equalities)
+        return self.problem.kinematics.linear and rows and not moving
 
     def check_beside_axis(self, u: Floats) -> None:
         """Raise InadmissibleError if u (n_dof,) moves nodes of an axisymmetric model across the axis.
@@ -224,12 +224,14 @@ class ReducedProblem:
             failed = InadmissibleError(f"nodes {numbers} are taken across the axis; take smaller steps")
             space.share.agree(failed if len(beyond) else None)
 
-    def check_held(self, interfaces: Sequence[Interface], paired: NDArray[np.bool_]) -> None:
-        """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included."""
+    def check_held(self, rows: csr_array) -> None:
+        """Raise DataError, with a description, if a rigid-body motion is constrained by nothing, contact included.
+
+        `rows` (k, n_dof): those of contacts, ties and equalities that may carry a force.
+        """
         if not self.motions or self.scheme.resists_rigid_motion:
             return
-        B = csr_array(vstack([csr_array((0, self.problem.space.n_dof)), *(face.all_rows for face in interfaces)]))
-        free = still_free(csr_array(B[np.flatnonzero(paired)]), self.motions)
+        free = still_free(rows, self.motions)
         if free:
             motions = "; ".join(describe(motion) for motion in free)
             raise DataError(f"nothing holds a part of the model: {motions}; add a displacement, a spring or a contact")

@@ -211,7 +211,7 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
     """Raise CaseError if prescribed displacements on both sides fix a gap and violate the contact law."""
     space, pairs = step.model.problem.space, step.model.problem.joints
     gap = np.where(contact.above_threshold & ~contact.enforceable, contact.G / contact.rows.w, 0.0)
-    for pair, group, face in zip(pairs, contact.groups, step.interfaces(q), strict=True):
+    for pair, group, face in zip(pairs, contact.pairs, step.interfaces(q), strict=True):
         own = gap[group.rows]
         wrong_way = (-own if pair.law.compressive else np.abs(own)).reshape(len(face.area), -1).max(axis=1)
         bad = np.flatnonzero(wrong_way > TOUCHING * face.length)
@@ -221,6 +221,12 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             message = f"{len(bad)} macro-elements {what} by up to {wrong_way.max():.6g} at time {step.t:.6g}"
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
             raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
+    least = _SAME * space.largest(step.u(q))
+    for group in contact.equalities:
+        own = np.abs(gap[group.rows])
+        if own.max(initial=0.0) > least and group.equality is not None:
+            message = f"it is off by {own.max():.6g} at time {step.t:.6g}, and all that it acts on is prescribed"
+            raise wrong(group.equality.record, f"{message}; leave some of its nodes free, or prescribe what fits")
 
 
 def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
@@ -254,11 +260,15 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
         if group.shear is None
         else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space)
         for group, rows in contact.states(p, active)
+        if group.equality is None
     ]
+    reaction, constraints = step.reaction(q, p), problem.constraints
+    rows = {g.equality.name: -p[g.rows] for g in contact.equalities if g.equality is not None}
     return State(
-        step.t, step.u(q), step.reaction(q, p), tuple(zones), problem.constraints.rigid_motion(q, step.t),
+        step.t, step.u(q), reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
         step.state.histories.materials, held, problem.space.largest(step.u0),
+        constraints.equation_forces(reaction, q, step.t) | rows, constraints.further(q, step.t),
     )  # fmt: skip
 
 
@@ -315,7 +325,7 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
         x = space.local.points.copy()
         x[:, : space.dim] += u.reshape(-1, space.dim)
     reached = np.zeros(len(active), bool)
-    for group, face in zip(outcome.contact.groups, step.interfaces(q), strict=True):
+    for group, face in zip(outcome.contact.pairs, step.interfaces(q), strict=True):
         if group.law.compressive:  # without pressure, round-off alone decides which of them are active
             reached[group.rows] = face.touching
     closed = active | (reached & outcome.contact.enforceable)

@@ -70,13 +70,15 @@ class Inertia:
 
     def of_points(self, q: Floats, t: float) -> NDArray[np.floating]:
         """Return the displacements of the points alone."""
-        return np.concatenate([np.empty(0), *(body.displacement(body.motion(q, t)) for body in self.points)])
+        x = self.constraints.before_equations(q, t)
+        return np.concatenate([np.empty(0), *(body.displacement(body.motion(x, t)) for body in self.points)])
 
     def tangent(self, q: Floats, t: float) -> csr_array:
         """Return T_w = dw/dq (n_w, n_q)."""
-        T = self.constraints.tangent(q, t)
-        parts = [_columns(body, body.moment_arm_at(body.motion(q, t)), T.shape[1]) for body in self.points]
-        return T if not parts else csr_array(vstack([T, *parts]))
+        c = self.constraints
+        T, x, n = c.tangent(q, t), c.before_equations(q, t), c.plain.n_q
+        parts = [_columns(body, body.moment_arm_at(body.motion(x, t)), n) for body in self.points]
+        return T if not parts else csr_array(vstack([T, *map(c.through_equations, parts)]))
 
     @cached_property
     def turning(self) -> tuple[tuple[RigidBody, Ints], ...]:
@@ -113,16 +115,18 @@ class Inertia:
 
         Of several processes each has its part.
         """
-        entries, f = [], self.of_own(f)
+        entries, f, c = [], self.of_own(f), self.constraints
+        x = c.before_equations(q, t)
         for body, at in self.turning:
             columns = body.columns[body.free]
-            bent = body.curvature(body.motion(q, t), f[at]) * body.unit * body.unit[:, None]
+            bent = body.curvature(body.motion(x, t), f[at]) * body.unit * body.unit[:, None]
             entries.append((bent[np.ix_(body.free, body.free)].ravel(), np.repeat(columns, len(columns)),
                             np.tile(columns, len(columns))))  # fmt: skip
         if not entries:
             return None
         values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
-        return coo_array((values, (rows, columns)), shape=(len(q), len(q))).tocsr()
+        bent = coo_array((values, (rows, columns)), shape=(c.plain.n_q,) * 2).tocsr()
+        return csr_array(c.through_equations(c.through_equations(bent).T.tocsr()).T)
 
     def of_own(self, f: Floats) -> NDArray[np.floating]:
         """Return forces f (n_w,) with 0 where another process counts them: its nodes, or the points."""
@@ -191,8 +195,9 @@ class Inertia:
 
     def _check_rigid(self) -> None:
         """Raise CaseError for a rigid body that a load moves freely, and that has no mass, or no moment of inertia."""
-        c = self.constraints
-        diagonal = c.summed(self.reduced(self.M, np.zeros(c.n_q), 0.0).diagonal())
+        c = self.constraints.plain
+        alone = self if c is self.constraints else replace(self, constraints=c)
+        diagonal = c.summed(alone.reduced(self.M, np.zeros(c.n_q), 0.0).diagonal())
         for body in self.constraints.rigid:
             free = np.flatnonzero(body.free)
             empty = free[~(diagonal[body.columns[free]] > 0)]

@@ -25,7 +25,8 @@ from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
-from lacsolver.constraints import Constraints
+from lacsolver.constraints import Constraints, constraints_of, equalities_of
+from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.hypothesis import check_hypothesis
@@ -92,6 +93,11 @@ class Problem(Described):
             self.case.kinematics, self.space, self.materials,
             springs=self.springs, temperature=temperature, threads=self.threads,
         )  # fmt: skip
+
+    @cached_property
+    def equalities(self) -> tuple[EqualityRows, ...]:
+        """Rows of equality, with multipliers. Raises CaseError for mistakes in their records."""
+        return equalities_of(self.space, self.case)
 
     @cached_property
     def probes(self) -> dict[str, Ints]:
@@ -241,7 +247,7 @@ def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | No
                 _tell_of_no_body(space, record, there[-1])
     if len(there) == len(placed):
         with attempt(""):
-            return Constraints.of(space, case)
+            return constraints_of(space, case)
     return None
 
 

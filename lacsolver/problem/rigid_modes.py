@@ -21,6 +21,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.body_names import body_names as names_of
 from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
+from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
@@ -175,6 +176,9 @@ def _frame(space: Space, constraints: Constraints) -> _Frame:
         radius = _radius(sums[0] / sums[1])
         frame_bodies.append(Body(f"rigid {rigid.name!r}", bare, rigid.centre - space.origin, radius))
         twists.append(_unit_twists(space)[: len(rigid.free)][rigid.free] / _lengths(frame_bodies[-1]))
+    for one in constraints.equations:  # further unknowns, which no body has
+        frame_bodies += [Body(f"unknown of {one.name!r}", np.empty(0, np.int64), np.zeros(3), 1.0)] * one.n_further
+        twists += [np.zeros((1, 6))] * one.n_further
     block = np.repeat(np.arange(len(frame_bodies)), [len(unit) for unit in twists])
     return _Frame(tuple(frame_bodies), len(connected), of_node, block, np.concatenate(twists))
 
@@ -239,21 +243,40 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     of_bodies = [space.own_nodes(body.nodes) for body in constraints.rigid]
     rigid = np.concatenate([np.empty(0, np.int64), *of_bodies])
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
-    nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung]))
+    equated = np.unique(np.concatenate([np.empty(0, np.int64), *(one.C.indices for one in constraints.equations)]))
+    nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung, equated // space.dim]))
     nodes = nodes[space.attached[nodes]]
     own = _modes(space, frame, nodes, frame.of_node[nodes])
-    n = len(frame.bodies) - len(constraints.rigid)
+    n = frame.n_connected
     group = np.repeat(n + np.arange(len(constraints.rigid)), [len(nodes) for nodes in of_bodies])
     attached = space.attached[rigid]
     shared = space.dofs(rigid[attached]).ravel()
     apart = (own - _modes(space, frame, rigid[attached], group[attached]))[shared]
     rows = [constraints.local.D @ own, apart]
+    alone = _modes(space, frame, rigid[~attached], group[~attached])
+    further = n + len(constraints.rigid)
+    for one in constraints.equations:
+        rows.append(_equation_rows(one, csr_array(own + alone), np.searchsorted(frame.block, further)))
+        further += one.n_further
     if springs is not None:
-        alone = _modes(space, frame, rigid[~attached], group[~attached])
         stiffness = springs.diagonal()
         unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
         rows.append(diags_array(unit) @ springs @ (own + alone))
     return space.share.gather_rows(vstack(rows, format="csr"))
+
+
+def _equation_rows(one: Equations, moved: csr_array, first: int) -> csr_array:
+    """Return equations on the amplitudes, each of size 1; `first`: amplitude of their first further unknown.
+
+    `moved` (n_dof, a): displacements of unit amplitudes.
+    """
+    rows = csr_array(one.C @ moved)
+    size = np.sqrt(np.asarray(one.C.power(2).sum(axis=1)).ravel())
+    if one.E is not None:
+        E = one.E.tocoo()
+        rows = csr_array(rows + coo_array((E.data, (E.row, E.col + first)), shape=rows.shape))
+        size = np.sqrt(size**2 + np.asarray(one.E.power(2).sum(axis=1)).ravel())
+    return csr_array(diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ rows)
 
 
 def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:

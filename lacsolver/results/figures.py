@@ -40,7 +40,7 @@ def step_figures(problem: Problem, state: State) -> StepFigures:
         iterations=state.iterations,
         halvings=state.halvings,
         residuals=state.residuals,
-        reactions=problem.constraints.reactions(state.reaction),
+        reactions=problem.constraints.reactions(state.reaction, state.equations),
         probes={name: probe(space, state.u, nodes) for name, nodes in problem.probes.items()},
         contact={
             zone.name: zone_figures(zone, np.unique(nodes[nodes >= 0]), x + space.origin[: space.dim])

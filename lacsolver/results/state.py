@@ -168,6 +168,8 @@ class State(Described):
     committed, for the next one and for a restart (for a state that did not converge, what it started from); `history`:
     that of the materials before the step, with which stress and energy at u are evaluated. At the last time of a case,
     `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
+    `equations`: forces (k,) of the equations C u = g of each record that has some, by name, which act on the bodies by
+    C^T times them; `further`: values (n_s,) of the further unknowns of equations, by name.
 
     >>> from lacsolver import read_case
     >>> from lacsolver.problem.problem import Problem
@@ -190,3 +192,5 @@ class State(Described):
     history: tuple[NDArray[np.floating], ...] = ()
     held: tuple[Held, ...] = ()
     prescribed: float = 0.0
+    equations: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
+    further: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)

@@ -38,11 +38,11 @@ def coarse_start(
 ) -> Iterate:
     """Return an iterate near the solution of K q = f - B^T p with contact, or `start` where there is no coarser level.
 
-    `contact`: the system at `start`. It is `start` too for bodies that only contact supports, with friction, for laws
-    with a history or that ask for exact solves, and where the coarse problem is not solved.
+    `contact`: the system at `start`. It is `start` too for bodies that only contact supports, with friction, with rows
+    of equality, for laws with a history or that ask for exact solves, and where the coarse problem is not solved.
     """
     laws = [group.law for group in contact.groups]
-    coarse = _CoarseLevel.of(K)
+    coarse = None if contact.equalities else _CoarseLevel.of(K)
     if coarse is None or contact.exact or contact.sheared or any(law.n_history for law in laws):
         return start
     with suppress(LinearError):

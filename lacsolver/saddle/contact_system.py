@@ -1,8 +1,9 @@
 """Contact system: the contact rows of all pairs in one configuration, from their pairing to the report of a step.
 
 B v = int (v(x) - v(x_bar)).n, D = -dG/du; both are the same if a pair is paired only once, or if a symmetric tangent is
-required. A system is made on the unknowns of all nodes and reduced once to the unknowns q, by B T and D T. What the
-rows obey is left to the contact law of their pair (`lacsolver.contact.laws`).
+required. Rows of equality (`constraints.equality_rows`) follow those of all pairs. A system is made on the unknowns of
+all nodes and reduced once to the unknowns q, by B T and D T. What the rows obey is left to the contact law of their
+pair (`lacsolver.contact.laws`).
 
 A pair with friction has rows along its tangents after those along its normals: B_T v = int e . (v(x) - v(x_bar) + g
 dn(v)), D_T = dS/du, and -S in the place of G, with the slip S. Vectors p of pressures have the tractions t there, so
@@ -23,6 +24,7 @@ from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
+from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
 from lacsolver.contact.friction import Kept, Slid, Solved, States, defect, next_states
@@ -89,7 +91,7 @@ class RowGroup:
     `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
     `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
     of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`; `since`: what the slip is
-    counted from where the pair moves.
+    counted from where the pair moves. `equality`: rows of equality, without a pair, at u and t of `here`.
     """
 
     law: ContactLaw
@@ -101,6 +103,8 @@ class RowGroup:
     share: Share = ALONE
     shear: ShearRows | None = None
     since: Since | None = None
+    equality: EqualityRows | None = None
+    here: tuple[Floats, float] = (np.empty(0), 0.0)
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -291,6 +295,16 @@ class ContactSystem:
         return rows._replace(state=state)
 
     @cached_property
+    def pairs(self) -> tuple[RowGroup, ...]:
+        """The groups of contact pairs, in the order of these, without those of equality."""
+        return tuple(group for group in self.groups if group.equality is None)
+
+    @cached_property
+    def equalities(self) -> tuple[RowGroup, ...]:
+        """The groups of rows of equality."""
+        return tuple(group for group in self.groups if group.equality is not None)
+
+    @cached_property
     def sheared(self) -> tuple[ShearRows, ...]:
         """Rows of the pairs with friction."""
         return tuple(group.shear for group in self.groups if group.shear is not None)
@@ -405,6 +419,10 @@ class ContactSystem:
         """Return d(B^T p)/du (n_dof, n_dof) at pressures and tractions p (m,), on the unknowns of all nodes."""
         n = (self.nodal or self.rows).B.shape[1]
         total = csr_array((n, n))
+        for group in self.equalities:
+            assert group.equality is not None
+            bent = group.equality.curvature(*group.here, p[group.rows])
+            total = total if bent is None else csr_array(total + bent)
         for group in self.groups:
             if group.motion is not None:
                 t = None if group.shear is None else group.shear.vectors(p)
@@ -445,18 +463,29 @@ def contact_system(
         G.append(group.gaps(u))
         w.append(group.measure)
         covered.append(group.on_rows(pair.above_threshold(face)))
+    matrices = [face.all_rows for face in interfaces]
+    for k, rows in enumerate(problem.equalities, len(groups)):
+        there, law = rows.at(u, t), rows.law(t)
+        own = slice(first, first + len(there.gap))
+        memory = history[k] if history else np.zeros((len(there.gap), law.n_history))
+        groups.append(RowGroup(law, own, memory, symmetric=rows.linear, equality=rows, here=(u, t)))
+        first = own.stop
+        matrices.append(there.C)
+        G.append(there.gap)
+        w.append(np.ones(len(there.gap)))
+        covered.append(np.ones(len(there.gap), bool))
     on = np.concatenate(covered)
-    B = csr_array(vstack([csr_array((0, n)), *(face.all_rows for face in interfaces)]))
+    B = csr_array(vstack([csr_array((0, n)), *matrices]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
-    rows = Rows(
-        B, w_or_1, None if all(g.symmetric and g.since is None for g in groups) else lambda: _derivatives(groups, n)
-    )
-    return ContactSystem(rows, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
+    moves = any(not (g.symmetric and g.since is None) for g in groups if g.equality is None)
+    made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None)
+    return ContactSystem(made, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
 
 
-def _derivatives(groups: Sequence[RowGroup], n: int) -> csr_array:
-    """Return D (m, n_dof) of all pairs."""
-    return csr_array(vstack([csr_array((0, n)), *(group.derivative() for group in groups)]))
+def _derivatives(groups: Sequence[RowGroup], matrices: Sequence[csr_array], n: int) -> csr_array:
+    """Return D (m, n_dof) of all pairs, and of rows of equality, whose B it is; `matrices`: B of each group."""
+    own = (group.derivative() if group.equality is None else B for group, B in zip(groups, matrices, strict=True))
+    return csr_array(vstack([csr_array((0, n)), *own]))
 
 
 def skin_stiffness(K: Operator, rows: Rows) -> NDArray[np.floating]:

@@ -1,0 +1,73 @@
+"""Rows of equality: equations c(u) = g(t) between displacements that are kept, each with a multiplier.
+
+They stand in the linear system beside the rows of contact (`saddle.contact_system`), so that an equation between many
+nodes leaves the stiffness sparse, and one that is not linear has its own tangent. With the multipliers p (k,) they act
+on the bodies by forces -C^T p, C = dc/du.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from lacmesh.mesh import Floats
+from lacsolver.case.entry import Entry
+from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
+
+
+class EqualityAt(NamedTuple):
+    """Rows of equality at one displacement and time.
+
+    `gap` (k,): g(t) - c(u), lengths; `C` (k, n_dof): dc/du.
+    """
+
+    gap: NDArray[np.floating]
+    C: csr_array
+
+
+class EqualityRows(Protocol):
+    """Rows of equality of one record of a case, under the `name` of their multipliers in the results.
+
+    Equations are of about the size of one displacement each: their coefficients add up to about 1.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name in the results."""
+
+    @property
+    def record(self) -> Entry:
+        """The record of the case, for messages."""
+
+    @property
+    def linear(self) -> bool:
+        """True if c is linear in u."""
+
+    def at(self, u: Floats, t: float) -> EqualityAt:
+        """Return the rows at u (n_dof,) and time t; their number never changes."""
+
+    def curvature(self, u: Floats, t: float, p: Floats) -> csr_array | None:
+        """Return the derivative (n_dof, n_dof) of C^T p by u at multipliers p (k,); None where C is constant."""
+
+    def law(self, t: float) -> ContactLaw:
+        """Return what the rows obey at time t: `Bilateral()` holds them, `Free()` lets them go.
+
+        A law with a history keeps values from step to step.
+        """
+
+
+@dataclass(frozen=True)
+class Free(Bilateral):
+    """No row is held, and none has a force."""
+
+    def next_active(self, rows: RowState) -> NDArray[np.bool_]:
+        """Return no row."""
+        return np.zeros(len(rows.gap), bool)
+
+    def residual(self, rows: RowState) -> Floats:
+        """Return 0."""
+        return np.zeros(len(rows.gap))

@@ -1,0 +1,190 @@
+"""Constraints with linear equations: u = T q + u0(t), where the equations have eliminated unknowns of the others.
+
+The constraints of displacements and rigid bodies alone have the unknowns x, less the further unknowns s of equations,
+which come after them: x = Z q + Y h(t), see `equations`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array, vstack
+from scipy.sparse.linalg import SuperLU
+
+from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case.errors import CaseError, Issue
+from lacsolver.constraints.constraints import Constraints
+from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked
+from lacsolver.linear.direct.superlu import factor_of
+
+
+@dataclass(frozen=True, eq=False)
+class EquatedConstraints(Constraints):
+    """Constraints with equations; built by `EquatedConstraints.with_equations`.
+
+    `before`: the constraints without them; `system`: the equations on the unknowns x.
+    """
+
+    before: Constraints = field(kw_only=True)
+    system: EquationSystem = field(kw_only=True)
+
+    @classmethod
+    def with_equations(cls, plain: Constraints, equations: tuple[Equations, ...], times: list[float]) -> Constraints:
+        """Return constraints with equations, which are the plain ones if there is none.
+
+        Equations that follow from others are warned of. Raises CaseError for those that contradict one another at one
+        of the `times`, or hold a rigid body that turns freely by finite rotations; RequestError in several processes.
+        """
+        if not equations:
+            return plain
+        if plain.space.share.own is not None:
+            raise RequestError(
+                f"{equations[0].said(0)} is an equation, and equations are solved by one process only; run it in one"
+            )
+        _check_turning(plain, equations)
+        system = EquationSystem.of(stacked(equations, plain.T), plain.n_nodal)
+        T = csr_array(plain.T @ system.Z[: plain.n_q])
+        out = cls(plain.space, T, plain.local, plain.rigid, plain.names, equations, before=plain, system=system)
+        for t in times:
+            out.u0(t)
+        for message in following(equations, system):
+            warnings.warn(LacmeshWarning(message), stacklevel=5)
+        return out
+
+    @property
+    def plain(self) -> Constraints:
+        """The constraints without equations."""
+        return self.before
+
+    @cached_property
+    def C(self) -> csr_array:
+        """The coefficients (k, n_dof) of all equations."""
+        return csr_array(vstack([one.C for one in self.equations]))
+
+    @cached_property
+    def n_nodal(self) -> int:
+        """Number of the nodes' own unknowns that are kept."""
+        return int((self.system.kept < self.plain.n_nodal).sum())
+
+    @cached_property
+    def nodal(self) -> Constraints:
+        """The constraints on the nodes' own unknowns."""
+        return replace(self.plain, T=csr_array(self.T[:, : self.n_nodal]), rigid=())
+
+    @cached_property
+    def node_of_unknown(self) -> Ints:
+        """Node (n_nodal,) of each of the nodes' own unknowns."""
+        return self.plain.node_of_unknown[self.system.kept[: self.n_nodal]]
+
+    def before_equations(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return the unknowns x of the plain constraints, then the further unknowns, for q (n_q,) at time t."""
+        return self.system.Z @ q + self._offset(t)
+
+    def through_equations(self, rows: csr_array) -> csr_array:
+        """Return rows (k, plain n_q) on the unknowns of the plain constraints as rows (k, n_q) on q."""
+        return csr_array(rows @ self.system.Z[: self.plain.n_q])
+
+    def u0(self, t: float) -> NDArray[np.floating]:
+        """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
+        return self.plain.displacement(self._offset(t)[: self.plain.n_q], t)
+
+    def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
+        """Return the displacement (n_dof,) at time t with unknowns q (n_q,), exact for finite rotations."""
+        return self.plain.displacement(self.before_equations(q, t)[: self.plain.n_q], t)
+
+    def tangent(self, q: Floats, t: float) -> csr_array:
+        """Return du/dq (n_dof, n_q) at q (n_q,) and time t."""
+        T = self.plain.tangent(self.before_equations(q, t)[: self.plain.n_q], t)
+        return self.T if T is self.plain.T else self.through_equations(T)
+
+    def unknowns(self, u: Floats) -> NDArray[np.floating]:
+        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others."""
+        q = self._normal.solve(self.T.T @ u)
+        return q + self._normal.solve(self.T.T @ (u - self.T @ q))
+
+    def force(self, t: float, q: Floats | None = None) -> NDArray[np.floating]:
+        """Return the loads (n_q,) on free motions and on further unknowns at time t."""
+        return np.asarray(self.system.Z.T @ self._forces(t, q))
+
+    def turning(self, q: Floats, t: float, forces: Floats) -> csr_array | None:
+        """Return the geometric stiffness (n_q, n_q) of rigid bodies that turn."""
+        bent = self.plain.turning(self.before_equations(q, t)[: self.plain.n_q], t, forces)
+        Z = self.system.Z[: self.plain.n_q]
+        return None if bent is None else csr_array(Z.T @ bent @ Z)
+
+    def rigid_motion(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Return each rigid body's displacement of its centre, then its rotation, by group."""
+        return self.plain.rigid_motion(self.before_equations(q, t)[: self.plain.n_q], t)
+
+    def further(self, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Return the further unknowns (n_s,) of each record that has some, by name."""
+        s, out = self.before_equations(q, t)[self.plain.n_q :], {}
+        for one in self.equations:
+            if one.n_further:
+                out[one.name], s = s[: one.n_further], s[one.n_further :]
+        return out
+
+    def equation_forces(self, reaction: Floats, q: Floats, t: float) -> dict[str, NDArray[np.floating]]:
+        """Return the forces (k,) of each record's equations in the reactions (n_dof,) at the nodes, by name.
+
+        Equations C u = g act on the bodies by C^T times them.
+        """
+        r = np.zeros(self.system.Z.shape[0])
+        r[: self.plain.n_q] = self.plain.on_unknowns(reaction, self.plain.tangent(self._plain(q, t), t))
+        forces = self.system.forces(r - self._forces(t, q))
+        parts = np.split(forces, np.cumsum([one.C.shape[0] for one in self.equations])[:-1])
+        return {one.name: part for one, part in zip(self.equations, parts, strict=True)}
+
+    def of_supports(self, reaction: Floats, forces: Mapping[str, Floats]) -> NDArray[np.floating]:
+        """Return reactions (n_dof,) without the `forces` of the equations."""
+        own = [forces[one.name] for one in self.equations if one.name in forces]
+        return reaction if len(own) < len(self.equations) else reaction - self.C.T @ np.concatenate(own)
+
+    def _plain(self, q: Floats, t: float) -> NDArray[np.floating]:
+        return self.before_equations(q, t)[: self.plain.n_q]
+
+    def _forces(self, t: float, q: Floats | None) -> NDArray[np.floating]:
+        """Return the loads (n_x,) on the unknowns of the plain constraints and on the further ones."""
+        plain = self.plain.force(t, None if q is None else self._plain(q, t))
+        return np.concatenate([plain, *(one.load(t) for one in self.equations)])
+
+    def _offset(self, t: float) -> NDArray[np.floating]:
+        """Return Y h(t) (n_x,); that of the last time is kept. Raises CaseError where equations contradict."""
+        if self._last[0] != t:
+            g = np.concatenate([np.asarray(one.values(t), float) for one in self.equations])
+            h = g - self.C @ self.plain.u0(t)
+            error = contradiction(self.equations, self.system, h, t)
+            if error is not None:
+                raise error
+            self._last[:] = [t, self.system.offset(h)]
+        return self._last[1]
+
+    @cached_property
+    def _last(self) -> list:
+        return [None, None]
+
+    @cached_property
+    def _normal(self) -> SuperLU:
+        return factor_of(csc_array(self.T.T @ self.T))
+
+
+def _check_turning(plain: Constraints, equations: tuple[Equations, ...]) -> None:
+    """Raise CaseError for an equation of a rigid body whose displacements are not linear in its free rotation."""
+    dim = plain.space.dim
+    for body in plain.rigid:
+        if not (body.turns and body.free[dim:].any()):
+            continue
+        moved = np.zeros(plain.space.n_dof)
+        moved[plain.space.dofs(body.nodes).ravel()] = 1.0
+        for one in equations:
+            rows = np.flatnonzero(abs(one.C) @ moved)
+            if len(rows):
+                message = f"{one.said(int(rows[0]))} has a node of rigid {body.name!r}, which turns freely"
+                message = f"{message} by finite rotations; prescribe its rotation, or take its nodes out"
+                raise CaseError([Issue(message)])
