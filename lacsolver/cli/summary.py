@@ -58,6 +58,8 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
         yield "strain energy", f"{steps[-1].energy:.6g}"
         if steps[-1].motion is not None:
             yield from _energies(steps)
+        if steps[-1].work is not None:
+            yield "work", ", ".join(f"{name} {value:.6g}" for name, value in steps[-1].work._asdict().items())
         yield "largest displacement", f"{steps[-1].displacement:.6g}"
     for motion in results.held:
         yield "rigid-body mode without support", motion
@@ -73,8 +75,9 @@ def _energies(steps: Sequence[StepFigures]) -> Iterator[tuple[str, str]]:
     table = [step.motion.energies for step in steps if step.motion is not None]
     largest = np.nanmax([energies["kinetic"] + energies["strain"] for energies in table]) or 1.0
     yield "kinetic energy", f"{table[-1]['kinetic']:.6g}"
-    takers = (("damping", "damped"), ("contact", "contact"), ("the time scheme", "numerical"))
-    taken = ", ".join(f"{who} {table[-1][name] / largest:.2%}" for who, name in takers)
+    takers = (("damping", "damped"), ("contact", "contact"), ("friction", "friction"), ("the time scheme", "numerical"))
+    rubs = any(zone.friction is not None for zone in steps[-1].contact.values())
+    taken = ", ".join(f"{who} {table[-1][name] / largest:.2%}" for who, name in takers if rubs or name != "friction")
     yield "energy taken by", f"{taken} (of the largest)"
 
 

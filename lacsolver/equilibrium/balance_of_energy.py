@@ -1,10 +1,12 @@
 """Energies of a motion, and its momentum: an account that closes in every step, if the step fulfils its equations.
 
-    kinetic + strain - external + damped + contact + numerical = 0
+    kinetic + strain - external + damped + contact + friction + numerical = 0
 
-`external`: the energy at the start, and the work of loads, supports and heat since then; `damped`, `contact`: what
-damping and contact have taken. Work is that of mean forces, dw . (F + F') / 2. `numerical`: what the time scheme has
-taken, by its own formula, with d for differences over a step and m for means,
+`external`: the energy at the start, and the work of loads, supports and heat since then; `damped`, `contact`,
+`friction`: what damping, contact and its friction have taken. Work is that of mean forces, dw . (F + F') / 2. Friction
+takes its traction at the end of each step times the slip of that step, and the rest of the work of contact forces is
+`contact`. `numerical`: what the time scheme has taken, by its own formula, with d for differences over a step and m for
+means,
 
     dT = dv . M v_m = dw . M a_m - N,
     N = dt^2 (beta - gamma/2) (d(a . M a) / 2 + (gamma - 1/2) da . M da) - (gamma - 1/2) da . M dw
@@ -60,10 +62,12 @@ def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floatin
     return linear, inertia.total(np.cross(x, mv))
 
 
-def energies(scheme: Newmark, step: LoadStep, q: Floats, dt: float, after: MotionState) -> NDArray[np.floating]:
-    """Return the energies (6,) at the end of a step, in the order of `results.motion.ENERGIES`.
+def energies(
+    scheme: Newmark, step: LoadStep, q: Floats, p: Floats, dt: float, after: MotionState
+) -> NDArray[np.floating]:
+    """Return the energies (7,) at the end of a step, in the order of `results.motion.ENERGIES`.
 
-    The step, of size dt, has converged at q (n_q,) with the motion `after`.
+    The step, of size dt, has converged at q (n_q,), p (m,) with the motion `after`.
     """
     inertia, problem, now, before = scheme.inertia, step.model.problem, step.state.iterate, step.state.motion
     assert now is not None and before is not None
@@ -73,30 +77,31 @@ def energies(scheme: Newmark, step: LoadStep, q: Floats, dt: float, after: Motio
     def work(name: str) -> float:
         return 0.5 * problem.space.dot(du, getattr(before, name) + getattr(after, name))
 
-    stored, heat = strain(step, q, after.internal), _heat(step, q)
+    stored, heat = strain(step, q, after.internal), heat_of(step, q)
     damped = 0.0 if scheme.C is None else 0.5 * inertia.dot(dw, scheme.C @ (before.velocity + after.velocity))
     supports, turned = _supports(scheme, step, q, after, dw)
+    rubbed = step.dissipated(q, p)
     added = [
         work("load") + supports + heat,
         damped,
-        work("contact"),
+        work("contact") - rubbed,
+        rubbed,
         turned + _dissipated(scheme, before, after, dt, dw),
     ]
     if not problem.kinematics.linear:  # what laws with a history do not give back is damped
-        added[1 if step.state.histories.materials else 3] += work("internal") + heat - (stored - before.energies[1])
+        added[1 if step.state.histories.materials else 4] += work("internal") + heat - (stored - before.energies[1])
     return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:] + added)])
 
 
-def _heat(step: LoadStep, q: Floats) -> float:
+def heat_of(step: LoadStep, q: Floats) -> float:
     """Return the energy that bodies get from a change of temperature in a step, the mean of that at both its ends."""
     problem, state = step.model.problem, step.state
     if not any(record.value.depends_on_time for record in problem.case.temperature):
         return 0.0
-    assert state.iterate is not None
-    before, history = problem.constraints.displacement(state.iterate.q, state.time), state.histories.materials
+    history = state.histories.materials
     ends = [
         problem.kinematics.energy(u, step.t, history) - problem.kinematics.energy(u, state.time, history)
-        for u in (before, step.u(q))
+        for u in (step.u_before, step.u(q))
     ]
     return 0.5 * float(problem.space.share.total(np.array(sum(ends))))
 

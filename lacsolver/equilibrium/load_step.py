@@ -116,6 +116,19 @@ class LoadStep:
         u = self.u(q)
         return self.internal_force(u), self.load(u), self._nodal_contact(q)[1].rows.B_T @ p
 
+    def pressing(self, q: Floats, p: Floats) -> NDArray[np.floating]:
+        """Return the contact forces (n_dof,) without those of friction: B^T p of the rows along normals."""
+        system = self._nodal_contact(q)[1]
+        return system.rows.B_T @ np.where(system.along_tangents, 0.0, p)
+
+    def dissipated(self, q: Floats, p: Floats) -> float:
+        """Return the energy that friction takes in the step: t . S of all macro-elements, with t at its end."""
+        u, out = self.u(q), 0.0
+        for group in self._nodal_contact(q)[1].groups:
+            if group.shear is not None:
+                out -= float(p[group.shear.tangential] @ group.gaps(u)[group.shear.n_rows :])
+        return out
+
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
         space, system = self.model.problem.space, self._nodal_contact(q)[1]
@@ -178,10 +191,10 @@ class LoadStep:
 
     def _system(self, faces: tuple[Interface, ...], u: Floats) -> ContactSystem:
         """Return the contact rows of some interfaces at u (n_dof,), on the unknowns of all nodes."""
-        return contact_system(self.model.problem, faces, u, self.state.histories, self.t, self._u_before)
+        return contact_system(self.model.problem, faces, u, self.state.histories, self.t, self.u_before)
 
     @cached_property
-    def _u_before(self) -> NDArray[np.floating]:
+    def u_before(self) -> NDArray[np.floating]:
         """Displacement (n_dof,) at the start of the step."""
         state = self.state
         if state.iterate is None:

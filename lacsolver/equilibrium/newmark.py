@@ -119,7 +119,7 @@ class Newmark:
         )  # fmt: skip
         reaction = inertia.M @ a + (1 - self.alpha) * self.forces(motion) + self.alpha * self.forces(before)
         motion = motion._replace(reaction=reaction)
-        return motion._replace(energies=energies(self, step, q, dt, motion))._asdict()
+        return motion._replace(energies=energies(self, step, q, p, dt, motion))._asdict()
 
     def too_coarse(self, model: ReducedProblem, state: StepState, kept: Mapping[str, NDArray]) -> bool:
         """True in finite kinematics if the contact work of a step is more than one per cent of the energy."""

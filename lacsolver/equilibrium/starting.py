@@ -65,7 +65,7 @@ def start_of_motion(
     whole = kinetic(inertia, v), strain(step, q, internal)
     pushes = step.zone_forces(q, p)
     motion = MotionState(
-        v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole), 0.0, 0.0, 0.0]),
+        v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole), 0.0, 0.0, 0.0, 0.0]),
         *momentum(inertia, inertia.places(q, t), v), np.zeros_like(pushes), np.stack([pushes, pushes], axis=1),
     )  # fmt: skip
     histories = state.histories._replace(scheme=motion._asdict())

@@ -16,6 +16,7 @@ from lacsolver.contact.interface import TOUCHING
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, why
 from lacsolver.equilibrium.holding import holdings
+from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -141,7 +142,7 @@ def _marched(
     model: ReducedProblem, state: StepState, times: Sequence[float], progress: Callable[[Progress], None] | None
 ) -> Iterator[tuple[LoadStep, Outcome, State]]:
     """Yield the converged steps of one time scheme, from a state to the last of some times, and the state of each."""
-    steps, attempts = model.problem.case.steps, _Attempts()
+    steps, attempts, ledger = model.problem.case.steps, _Attempts(), Ledger.of(model, state)
     planned = step_end_times(model.problem.case)
     for target in times:
         began = max((t for t in planned if target - t > _SAME * target), default=0.0)
@@ -167,7 +168,8 @@ def _marched(
                 attempts.halvings += 1
                 state = state.with_step_size((step.t - state.time) / 2)
                 continue
-            state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories)
+            work = None if ledger is None else ledger.add(step, q, p)
+            state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories, work)
             last = steps.last - state.time <= _SAME * steps.last
             yield step, outcome, _state(step, outcome, attempts, state, last)
             attempts = _Attempts()

@@ -31,12 +31,12 @@ from lacsolver.output.tables import same_time
 from lacsolver.problem.roles import with_roles
 from lacsolver.problem.skin import mesh_of
 from lacsolver.results.results import Restart
-from lacsolver.results.state import Histories, Iterate, StepState
+from lacsolver.results.state import Histories, Iterate, StepState, Work
 from lacsolver.results.whole import Order, grows, whole_arrays, with_arrays
 
 #: raised when the meaning of a state's data changes; 3: the mesh in memory, rotations of rigid bodies as lengths
 VERSION = 3
-_ABOUT = "about"
+_ABOUT, _WORK = "about", "work"
 _NONE: Mapping[str, Order] = MappingProxyType({})
 #: errors that numpy raises for a damaged file
 _DAMAGE = (
@@ -90,6 +90,7 @@ def _arrays(state: Restart, prints: Mapping[str, str]) -> dict[str, NDArray]:
     arrays |= {f"contact_{k}": values for k, values in enumerate(histories.contact)}
     for k, anchors in enumerate(histories.anchors):
         arrays |= {f"anchors_{k}_{name}": values for name, values in anchors._asdict().items()}
+    arrays |= {} if step.work is None else {_WORK: np.array(step.work)}
     return arrays | {f"scheme_{k}": values for k, values in enumerate(histories.scheme.values())}
 
 
@@ -207,8 +208,9 @@ def _restart(file: Mapping[str, NDArray], about: Mapping[str, Any], folder: Path
     earlier = None if about["earlier"] is None else (about["earlier"], _iterate(file, "earlier"))
     scheme = {name: file[f"scheme_{k}"] for k, name in enumerate(about.get("scheme", ()))}
     histories = Histories(_numbered(file, "materials"), _numbered(file, "contact"), scheme, _anchors(file))
+    work = Work(*file[_WORK].tolist()) if _WORK in file else None
     return Restart(
-        step=StepState(about["time"], _iterate(file, "now"), earlier, about["step_size"], histories),
+        step=StepState(about["time"], _iterate(file, "now"), earlier, about["step_size"], histories, work),
         number=about["number"],
         u=file["u"],
         multipliers={name: file[f"multipliers_{k}"] for k, name in zones},

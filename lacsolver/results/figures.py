@@ -50,6 +50,7 @@ def step_figures(problem: Problem, state: State) -> StepFigures:
         energy=float(space.share.total(np.array(problem.kinematics.energy(state.u, state.time, state.history)))),
         displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
         motion=None if problem.case.dynamics is None else _motion(problem, state),
+        work=state.step.work,
     )
 
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Self
 
+import numpy as np
+
 from lacmesh.mesh import Floats
 
-#: energies of a state in motion, in their order: kinetic + strain - external + damped + contact + numerical = 0
-ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "numerical")
+#: energies of a state in motion, in their order: kinetic + strain - external + damped + contact + friction + numerical
+#: = 0
+ENERGIES = ("kinetic", "strain", "external", "damped", "contact", "friction", "numerical")
 
 #: arrays of a motion that grow with the model: those with the points of rigid bodies (n_w,), and those without (n_dof,)
 WITH_POINTS, AT_NODES = ("velocity", "acceleration", "reaction"), ("internal", "load", "contact")
 
+_CONTACT, _FRICTION, _NUMERICAL = (ENERGIES.index(name) for name in ("contact", "friction", "numerical"))
 
 #: parts of the largest energy above which a warning is due: what the steps have made, and what rigid contact has taken
 _MADE, _TAKEN = 0.01, 0.05
@@ -24,7 +28,7 @@ class MotionState(NamedTuple):
     `w` are the displacements of all nodes, then of the points that carry the own mass of rigid bodies
     (`problem.inertia`), n_w in all.
     `velocity`, `acceleration`, `reaction` (n_w,): the last are the forces of supports. `internal`, `load`, `contact`
-    (n_dof,): internal forces, loads, and contact forces B^T p. `energies` (6,): see ENERGIES. `linear` (dim,) and
+    (n_dof,): internal forces, loads, and contact forces B^T p. `energies` (7,): see ENERGIES. `linear` (dim,) and
     `angular` (3,) or (): momentum, the angular one about the origin. By zone, `impulse` (n, dim) on the slave since the
     start, and `pushes` (n, 2, dim): the force on it now, and as the time scheme weighs it.
 
@@ -54,31 +58,35 @@ class MotionState(NamedTuple):
 
     @property
     def account(self) -> float:
-        """Sum of the account of energy, kinetic + strain - external + damped + contact + numerical: 0 but round-off."""
+        """Sum of the account of energy, `external` with the other sign: 0 but round-off."""
         return float(self.energies.sum() - 2 * self.energies[ENERGIES.index("external")])
 
     @classmethod
     def of(cls, kept: Mapping[str, Floats]) -> Self | None:
         """Return the motion that a time scheme has kept; None if it has kept none."""
-        return cls(**{name: kept[name] for name in cls._fields}) if set(cls._fields) <= set(kept) else None
+        if not set(cls._fields) <= set(kept):
+            return None
+        energies = kept["energies"]  # of a state that was written before friction was a part of it: none was taken
+        energies = np.insert(energies, _FRICTION, 0.0) if len(energies) < len(ENERGIES) else energies
+        return cls(**{name: kept[name] for name in cls._fields} | {"energies": energies})
 
 
 def doubtful_energy(times: Sequence[float], energies: Floats, rigid: bool) -> str | None:
     """Return a sentence if the steps have made over 1 % of the largest energy, or contact has taken over 5 % of it.
 
-    `times` (n,) and `energies` (n, 6), in the order of ENERGIES, are those of the steps in motion. Contact may take
+    `times` (n,) and `energies` (n, 7), in the order of ENERGIES, are those of the steps in motion. Contact may take
     energy, and keep it, if it is not `rigid`.
 
     >>> import numpy as np
-    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0], [1.5, 0, 1, 0, 0.1, -0.6]]), True)
+    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0, 0], [1.5, 0, 1, 0, 0.1, 0, -0.6]]), True)
     'contact and the time scheme have made 33% of the largest energy out of nothing by time 1'
-    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0], [0.9, 0, 1, 0, 0.1, 0]]), True)
+    >>> doubtful_energy([0.5, 1.0], np.array([[1.0, 0, 1, 0, 0, 0, 0], [0.9, 0, 1, 0, 0.1, 0, 0]]), True)
     'contact has taken 10% of the largest energy by time 1, as steps do not resolve the impact'
     """
     if not len(times):
         return None
     largest = max(energies[:, :2].sum(axis=1).max(), energies[:, 2].max())  # external has that at the start
-    gained, taken = -energies[:, 4:].sum(axis=1), energies[:, 4]
+    gained, taken = -energies[:, [_CONTACT, _NUMERICAL]].sum(axis=1), energies[:, _CONTACT]
     last, most = int(gained.argmax()), int(taken.argmax())
     if gained[last] > _MADE * largest:
         share = f"{gained[last] / largest:.0%} of the largest energy out of nothing by time {times[last]:.6g}"

@@ -19,7 +19,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.problem.resultants import Resultant
-from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, ZoneFriction, ZoneState
+from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 
 #: values of `Results.status`; a run that was killed keeps the first
 STATUSES = ("running", "done", "interrupted", "failed")
@@ -76,8 +76,9 @@ class MotionFigures(Described):
     """Figures of a step in motion (NaN in static steps before the start of [dynamics]).
 
     `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain - external + damped + contact +
-    numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the origin. `impulse`: by zone,
-    that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of each probe, (d,).
+    friction + numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the origin.
+    `impulse`: by zone, that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of
+    each probe, (d,).
 
     >>> from dataclasses import replace
     >>> from lacsolver import read_case
@@ -108,7 +109,8 @@ class StepFigures(Described):
     `reactions`: force (d,) of each displacement condition on the body; `probes`: displacement (d,) of each probe;
     `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
-    energies, velocities and the like of a case with [dynamics], None for others.
+    energies, velocities and the like of a case with [dynamics], None for others. `work`: ledger of a static case with
+    friction so far, None for others.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -129,6 +131,7 @@ class StepFigures(Described):
     energy: float
     displacement: float = float("nan")
     motion: MotionFigures | None = None
+    work: Work | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

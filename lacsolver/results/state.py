@@ -25,6 +25,7 @@ __all__ = [
     "Iterate",
     "State",
     "StepState",
+    "Work",
     "ZoneFriction",
     "ZoneState",
 ]
@@ -52,12 +53,36 @@ class Histories(NamedTuple):
     anchors: tuple[Anchors, ...] = ()
 
 
+class Work(NamedTuple):
+    """Work in static steps with friction, from the undeformed bodies on (`equilibrium.ledger`).
+
+    `external`: of loads, supports and heat; `strain`: energy that bodies and springs store; `dissipation`: what
+    friction has taken; `pressures`: work of contact along normals; `left`: external less all of these.
+    """
+
+    external: float
+    strain: float
+    dissipation: float
+    pressures: float
+    left: float
+
+    @classmethod
+    def of(cls, external: float, strain: float, dissipation: float, pressures: float) -> Work:
+        """Return them with what is left.
+
+        >>> Work.of(3.0, 1.0, 2.0, 0.0).left
+        0.0
+        """
+        return cls(external, strain, dissipation, pressures, external - strain - dissipation - pressures)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class StepState(Described):
     """The state that a step starts from: what the step before has committed, and all that a restart needs.
 
     `iterate`: unknowns, pressures and active set at `time`; None for the undeformed bodies. `earlier`: those of the
-    step before, with their time. `step_size`: size of the next step, unless a planned time is nearer.
+    step before, with their time. `step_size`: size of the next step, unless a planned time is nearer. `work`: that of
+    all steps so far in a static case with friction, else None.
     """
 
     time: float = 0.0
@@ -65,11 +90,14 @@ class StepState(Described):
     earlier: tuple[float, Iterate] | None = None
     step_size: float = np.inf
     histories: Histories = field(default_factory=Histories)
+    work: Work | None = None
 
-    def commit(self, time: float, iterate: Iterate, step_size: float, histories: Histories) -> StepState:
+    def commit(
+        self, time: float, iterate: Iterate, step_size: float, histories: Histories, work: Work | None = None
+    ) -> StepState:
         """Return the state after a converged step."""
         earlier = None if self.iterate is None else (self.time, self.iterate)
-        return StepState(time, iterate, earlier, step_size, histories)
+        return StepState(time, iterate, earlier, step_size, histories, work)
 
     @property
     def motion(self) -> MotionState | None:
