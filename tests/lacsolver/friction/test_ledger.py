@@ -101,5 +101,5 @@ def test_friction_takes_the_energy_of_a_thrown_block():
     assert abs(state.step.motion.account) < 1e-10 * energies["external"]
     assert energies["friction"] == pytest.approx(state.zones[0].friction.energy[1], rel=1e-6)
     assert 0.9 < energies["friction"] / (0.5 * 1000.0 * 0.5) < 1.0  # the block sways for a while
-    assert abs(energies["contact"]) < 0.02 * energies["friction"]
+    assert abs(energies["contact"]) < 0.05 * energies["friction"]
     assert state.step.work is None
