@@ -15,6 +15,7 @@ _PUBLIC = {
     "write": "lacmesh.formats",
     "cut_skin": "lacmesh.cutting.cut",
     "raise_order": "lacmesh.cutting.order",
+    "split": "lacmesh.cutting.split",
     "recognise": "lacmesh.cutting.earlier",
     "orient": "lacmesh.topology.orientation",
     "check": "lacmesh.checks",
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from lacmesh.cutting.earlier import recognise as recognise
     from lacmesh.cutting.order import raise_order as raise_order
     from lacmesh.cutting.records import Cut as Cut
+    from lacmesh.cutting.split import split as split
     from lacmesh.errors import LacmeshError as LacmeshError
     from lacmesh.errors import LacmeshWarning as LacmeshWarning
     from lacmesh.exchange.libraries import from_meshio as from_meshio

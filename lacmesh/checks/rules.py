@@ -117,7 +117,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "interface": Rule(
             "warning",
             "a slave or master face lies between two cells, inside the body, where no gap can open",
-            "separate the bodies (double the nodes), or remove the face from the group",
+            "separate the bodies (double the nodes: lacmesh split), or remove the face from the group",
         ),
         "orientation": Rule(
             "warning",
@@ -156,7 +156,12 @@ RULES: Mapping[str, Rule] = MappingProxyType(
         "shared-nodes": Rule(
             "error",
             "slave and master share nodes, where no gap can open",
-            "double the nodes, or remove the faces that touch from one group",
+            "double the nodes (lacmesh split), or remove the faces that touch from one group",
+        ),
+        "crack-front": Rule(
+            "info",
+            "slave and master share nodes where they lie on each other, at the front of a crack, which stays closed",
+            "nothing, if the skins are the sides of a crack (lacmesh split)",
         ),
         "zones-share-nodes": Rule(
             "warning",

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.orientation import analyse_orientation
 from lacmesh.topology.skin import FACE_TYPES, find_owners, find_repeats
+from lacmesh.topology.winding import face_normals
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 
@@ -202,6 +203,15 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     slave, master = subject.slave, subject.master
     if master is not None:
         common = np.intersect1d(slave.nodes, master.nodes)
+        front = common[_folds(subject, common)]
+        if len(front):
+            message = (
+                f"slave and master are the two sides of a crack, and share {counted(len(front), 'node')} of its front "
+                f"({subject.node_numbers(front)}), which stay closed"
+            )
+            groups = f"{slave.group} / {master.group}"
+            findings.append(subject.found("crack-front", message, nodes=front, group=groups))
+        common = np.setdiff1d(common, front)
         if len(common):
             message = (
                 f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}), where no gap "
@@ -217,6 +227,27 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         message += "between them, or make one zone"
         findings.append(subject.found("zones-share-nodes", message, nodes=shared, group=slave.group))
     return findings, {}
+
+
+def _folds(subject: Subject, nodes: Ints) -> NDArray[np.bool_]:
+    """(k,): True for nodes of both skins where the skins lie on each other: the angle between them is below 60 degrees.
+
+    An angle of 0 is that of a crack, one of 180 degrees that of two skins side by side.
+    """
+    if subject.dim == 1 and subject.mesh.space_dim == 3:  # lines in space have no normals
+        return np.zeros(len(nodes), bool)
+    normals = [_mean_normals(subject, side, nodes) for side in subject.sides]
+    return np.asarray((normals[0] * normals[1]).sum(axis=1) < -0.5)
+
+
+def _mean_normals(subject: Subject, side: CheckedSkin, nodes: Ints) -> Floats:
+    """(k, 3): unit normals of a skin at some of its nodes, the mean of those of the faces there; 0 for none."""
+    listed = side.faces.nodes
+    row, column = np.nonzero(np.isin(listed, nodes) & (listed >= 0))
+    total = np.zeros((subject.mesh.n_nodes, 3))
+    np.add.at(total, listed[row, column], face_normals(subject.mesh, side.faces)[row])
+    size = np.linalg.norm(total[nodes], axis=1)
+    return total[nodes] / np.where(size > 0, size, 1)[:, None]
 
 
 def _shared_by_zones(subject: Subject) -> Ints:

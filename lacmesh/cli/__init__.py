@@ -10,7 +10,20 @@ from lacmesh.cli.program import Program
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
 #: in the order of the help
-COMMANDS = ("cut", "check", "quality", "orient", "view", "mesh", "partition", "info", "convert", "types", "compile")
+COMMANDS = (
+    "cut",
+    "check",
+    "quality",
+    "orient",
+    "split",
+    "view",
+    "mesh",
+    "partition",
+    "info",
+    "convert",
+    "types",
+    "compile",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
-from lacmesh.cutting.subdivide import ChildCells, NewNodes, Subdivision, n_added, node_values
+from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh
 
@@ -40,12 +40,12 @@ class _Layout:
         return self.origin[self.child]
 
 
-def assemble(mesh: Mesh, subdivision: Subdivision, *, extend: bool) -> tuple[Mesh, Origin]:
-    """Build the new mesh, and return it with the origin of its cells and nodes.
+def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], *, extend: bool) -> tuple[Mesh, Origin]:
+    """Build the mesh with new nodes and with the cells that replace others; return it with their origin.
 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
-    layout, new_nodes = _lay_out(mesh, subdivision.children), subdivision.new_nodes
+    layout = _lay_out(mesh, children)
     numbers = _cell_numbers(mesh, layout)
     new = replace(
         mesh,
@@ -62,7 +62,7 @@ def assemble(mesh: Mesh, subdivision: Subdivision, *, extend: bool) -> tuple[Mes
         )
         new = replace(new, deck=deck)
     if "entity" in new.node_data and "entity" in mesh.cell_data:
-        cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in subdivision.children)
+        cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in children)
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
         new = replace(new, node_data={**new.node_data, "entity": entity})
     return new, Origin(layout.origin, _node_origin(mesh, new_nodes), layout.child)

@@ -83,7 +83,7 @@ def cut_skin(
     )
     subdivision = _subdivide(mesh, selection, hexa, skin_only, (ring, depth))
     _warn_of_periodic(mesh, selection, subdivision.cut.patterns)
-    new, origin = assemble(mesh, subdivision, extend=node_groups == "extend")
+    new, origin = assemble(mesh, subdivision.new_nodes, subdivision.children, extend=node_groups == "extend")
     internal = internal_nodes(subdivision.cut, new.n_nodes)
     del subdivision  # a large mesh's records are about to need the room
     return with_macros(mesh, new, origin, selection, internal)

@@ -168,7 +168,7 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
 
     Returns the mesh with the faces as they are cut. Raises CutError for what cannot be cut.
     """
-    _check_numbers(mesh)
+    check_numbers(mesh)
     for refusal in slave.refusals:
         raise refusal
     for remark in slave.remarks:
@@ -190,8 +190,8 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
     return mesh, Selection(faces, slave.names, slave.zone[first], cells[first], skin, parents)
 
 
-def _check_numbers(mesh: Mesh) -> None:
-    """Check that the numbers of cells and of nodes are unique, because the records of a cut refer to them."""
+def check_numbers(mesh: Mesh) -> None:
+    """Check that the numbers of cells and of nodes are unique, because records refer to them. Raises CutError."""
     for what, numbers in (("cells", mesh.cell_number), ("nodes", mesh.node_number)):
         if len(numbers) and (numbers.min() < 0 or not distinct(numbers)):
             raise CutError(f"the numbers of {what} are not distinct, or some are negative: number them again")

@@ -97,15 +97,15 @@ def analyse_orientation(mesh: Mesh, cells: Ints) -> SkinOrientation:
     count = np.bincount(parents.face, minlength=len(faces))
     parentless = np.flatnonzero(count == 0)
     flip, component = np.zeros(len(faces), bool), np.full(len(faces), -1)
-    flip[parentless], component[parentless] = _agree(mesh, faces.take(parentless))
+    flip[parentless], component[parentless], _ = consistent_windings(mesh, faces.take(parentless))
     of_own = component[own.face]
-    inconsistent = (_listed_back(mesh, faces, own) ^ flip[own.face]) & (of_own >= 0) & (of_own != _ONE_SIDED)
+    inconsistent = (_listed_back(mesh, faces, own) ^ flip[own.face]) & (of_own >= 0) & (of_own != ONE_SIDED)
     return SkinOrientation(
         np.union1d(inward(mesh, cells, faces, parents), own.cell[inconsistent]),
         np.sort(own.cell[count[own.face] > 1]),
         np.sort(own.cell[count[own.face] == 0]),
-        np.sort(own.cell[of_own == _OPEN]),
-        np.sort(own.cell[of_own == _ONE_SIDED]),
+        np.sort(own.cell[of_own == OPEN]),
+        np.sort(own.cell[of_own == ONE_SIDED]),
     )
 
 
@@ -190,17 +190,18 @@ def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
 
 # ---- surfaces without parent cells
 
-_CLOSED, _OPEN, _ONE_SIDED = range(3)
+CLOSED, OPEN, ONE_SIDED = range(3)
 
 
-def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
-    """Consistent orientation: faces to flip (f,), and codes for the closed, open or one-sided component of each (f,).
+def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
+    """Consistent orientation: faces to flip (f,), codes CLOSED, OPEN or ONE_SIDED of their components, and these (f,).
 
-    Closed components become outward.
+    Closed components become outward, of open ones the fewer faces are flipped. Components end at edges of more than
+    two faces.
     """
     size = len(faces)
     if not size:
-        return np.zeros(0, bool), np.zeros(0, int)
+        return np.zeros(0, bool), np.zeros(0, int), np.zeros(0, int)
     uses = edge_uses(faces)
     face, edge, forward = uses.face, uses.edge, uses.forward
     order = np.argsort(edge, kind="stable")
@@ -224,7 +225,7 @@ def _agree(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints]:
     few = np.bincount(piece, over, n_pieces) * 2 > np.bincount(piece, minlength=n_pieces)
     over ^= np.where(closed, enclosed < 0, few)[piece]
     over[one_sided[piece]] = False
-    return over, np.where(one_sided, _ONE_SIDED, np.where(closed, _CLOSED, _OPEN))[piece]
+    return over, np.where(one_sided, ONE_SIDED, np.where(closed, CLOSED, OPEN))[piece], piece
 
 
 def _signed_volume(mesh: Mesh, faces: Faces) -> NDArray:

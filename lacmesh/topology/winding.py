@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.reference.quadrature import measure, signed_area
 from lacmesh.topology.skin import N_CORNERS, Faces
 
@@ -49,3 +49,13 @@ def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:
         elif plane:
             wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
     return wrong[cells]
+
+
+def face_normals(mesh: Mesh, faces: Faces) -> Floats:
+    """(f, 3): normals of faces by their corners, as long as the faces' areas; of lines in space, their tangents."""
+    x = mesh.points[faces.corners]
+    line = N_CORNERS[faces.type] == 2
+    t = x[:, 1] - x[:, 0]
+    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1) if mesh.space_dim == 2 else t
+    last = np.where((N_CORNERS[faces.type] == 4)[:, None], x[:, 3], x[:, 0])
+    return np.where(line[:, None], plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]) / 2)

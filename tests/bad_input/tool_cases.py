@@ -16,6 +16,7 @@ CHECK = ("check", "{in}", "--slave")
 QUALITY = ("quality", "{in}")
 VIEW = ("view", "{in}", "-o")
 ORIENT = ("orient", "{in}", "-o", "{out}", "--force", "--group")
+SPLIT = ("split", "{in}", "-o", "{out}", "--force", "--faces")
 CONVERT = ("convert", "{in}", "{out}", "--force")
 
 
@@ -57,6 +58,9 @@ VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ),
     ("cut: CalculiX has no pyramids", GOOD, (*CUT, "--for", "calculix"), "--hexa hexa"),
     ("orient: a group of volumes", GOOD, (*ORIENT, "BODY"), "BODY"),
+    ("split: a group of volumes", GOOD, (*SPLIT, "BODY"), "BODY"),
+    ("split: faces on the surface", GOOD, (*SPLIT, "SLAVE"), "lie on the surface already"),
+    ("split: a face of no cell", _edited(_without_parent), (*SPLIT, "SLAVE"), "are no facets of cells"),
 ]
 REQUESTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("check: no slave group", GOOD, ("check", "{in}"), "give --slave GROUP, or --pair"),
@@ -82,6 +86,8 @@ REQUESTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
     ("quality: nothing to plot", _edited(_lines), (*QUALITY, "--plot", "q.png"), "no surface or solid cell"),
     ("orient: no group", GOOD, ("orient", "{in}", "-o", "{out}"), "required: --group"),
     ("orient: a group that is not there", GOOD, (*ORIENT, "SLAV"), "did you mean SLAVE"),
+    ("split: no group", GOOD, ("split", "{in}", "-o", "{out}"), "required: --faces"),
+    ("split: a group that is not there", GOOD, (*SPLIT, "SLAV"), "did you mean SLAVE"),
     ("view: neither a picture nor a page", GOOD, (*VIEW, "v.jpg"), "nothing is drawn as '.jpg'"),
     ("view: a slave that is not there", GOOD, (*VIEW, "v.html", "--slave", "SLAV"), "did you mean SLAVE"),
     ("view: a direction of no length", GOOD, (*VIEW, "v.png", "--camera", "0", "0", "0"), "0 0 0 is no direction"),
@@ -146,6 +152,7 @@ EVERY: dict[str, tuple[str, ...]] = {
     "quality": (*QUALITY, "--measures", "all", "--json"),
     "quality of a group": (*QUALITY, "--group", "SLAVE"),
     "orient": (*ORIENT, "SLAVE"),
+    "split": (*SPLIT, "SLAVE"),
     "view": (*VIEW, "v.html", "--slave", "SLAVE", "--check", "--quality"),
     "convert": ("convert", "{in}", "new.vtu"),
     "convert --order": (*CONVERT, "--order", "2"),

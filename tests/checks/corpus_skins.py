@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lacmesh import Mesh, cut_skin, raise_order, recognise
+from lacmesh import Mesh, cut_skin, raise_order, recognise, split
 from lacmesh.cells import CELLS
 from tests.checks.blocks import block, cut_blocks, join, skin, two_blocks
 from tests.checks.corpus import at, changed, defect, merged, of_type, reversed_group, without_records
@@ -204,6 +204,13 @@ def plane_slaves_that_cross():
     on = lambda axis, v: lambda x: np.abs(x[..., axis] - v) < 1e-9  # noqa: E731
     mesh = join([(*one, {"slave": skin(*one, on(1, 1.0))}), (*two, {"slave": skin(*two, on(0, 0.45))})])
     return cut_skin(mesh, "slave").mesh
+
+
+@defect("crack-front", slave="G_a", master="G_b", also=["no-internal-dof"])
+def a_crack_that_ends_inside():
+    points = [[x, y] for y in (0, 1, 2) for x in (0, 1, 2)]
+    quads = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]
+    return split(Mesh.create(points, [("QUAD4", quads), ("SEG2", [[3, 4]])], cell_groups={"G": [4]}), "G")
 
 
 @defect("shared-nodes")
