@@ -31,6 +31,8 @@ from lacmesh.kernels.kept import has, save
 KEPT_FROM, COMPILED_FROM = 300, 100_000
 #: numbers in all calls of a process from which a kernel that is not kept is compiled by later ones
 WORTH_KEEPING = 500_000
+#: numbers that a kernel whose other form takes arrays at once does as it stands in the time of one in a loop
+IN_ARRAYS = 10
 
 
 class _Plain(threading.local):
@@ -45,22 +47,21 @@ _plain = _Plain()
 class Kernel:
     """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy.
 
-    `least`: numbers in the arrays of a call below which it runs as it stands in any case. `work`: what it does with a
-    number, in units of what most kernels do; a call of numbers that are worth more is compiled for fewer of them.
+    `least`: numbers in the arrays of a call below which it runs as it stands in any case.
     """
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
     _one_at_a_time: ClassVar[Any] = threading.Lock()
 
-    def __init__(self, function: Callable[..., Any], least: int = 0, work: int = 1) -> None:
+    def __init__(self, function: Callable[..., Any], least: int = 0) -> None:
         functools.update_wrapper(self, function)
         self.__qualname__: str = function.__qualname__
         self.function: Any = function
-        #: what runs as it stands; another function that gives the same may take its place
+        #: what runs as it stands; another function of arrays that gives the same, and much faster, may take its place
         self.plain: Any = function
         self.compiled: Any = None
-        self.least, self._work = least, work
+        self.least = least
         self._done = 0
         Kernel.known.append(self)
 
@@ -70,7 +71,7 @@ class Kernel:
 
     def dispatch(self, *arguments: Any) -> Any:
         """Call the function, compiled or plain, by the size of the arguments."""
-        if self._is_worth_compiling(self._work * _numbers(arguments)):
+        if self._is_worth_compiling(_numbers(arguments)):
             return (self.compiled or self.compile())(*arguments)
         return self.py_func(*arguments)
 
@@ -138,6 +139,7 @@ class Kernel:
         """True if a call with so many numbers runs compiled; if not, count the work for later processes."""
         if numbers < max(KEPT_FROM, self.least) or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return False
+        numbers = numbers if self.plain is self.function else numbers // IN_ARRAYS
         if self._is_kept or numbers >= COMPILED_FROM:
             return True
         before, self._done = self._done, self._done + numbers
@@ -151,16 +153,16 @@ def kernel(function: Callable[..., Any]) -> Any: ...
 
 
 @overload
-def kernel(*, least: int = 0, work: int = 1) -> Callable[[Callable[..., Any]], Any]: ...
+def kernel(*, least: int = 0) -> Callable[[Callable[..., Any]], Any]: ...
 
 
-def kernel(function: Callable[..., Any] | None = None, *, least: int = 0, work: int = 1) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, least: int = 0) -> Any:
     """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles.
 
     `least`: numbers in the arrays of a call below which it runs as it stands in any case; for kernels of commands that
-    otherwise do without numba. `work`: how much more a kernel does with a number than most.
+    otherwise do without numba.
     """
-    return functools.partial(Kernel, least=least, work=work) if function is None else Kernel(function)
+    return functools.partial(Kernel, least=least) if function is None else Kernel(function)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

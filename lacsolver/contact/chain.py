@@ -16,6 +16,9 @@ and in the current measure the weight changes by dw/w = a^k . dv/dxi^k (+ v_r / 
 of a mortar segment, which moves by V (`edges`), has V in place of dw/w, and no other derivative.
 
 Each derivative is a row of coefficients of the local unknowns: components of v_a, then of v_b, then of h_a.
+
+Compiled, the kernels take one point p. As they stand they take an array of points (n,) whose faces are of the same two
+types, too: then every number of a point is an array (n,), and each of its arrays has a last axis (n,).
 """
 
 from __future__ import annotations
@@ -96,7 +99,7 @@ class LoopPoints(NamedTuple):
 class Room(NamedTuple):
     """Arrays for one point: shape functions (9,) and their gradients (9, 2) of both sides, and its rows.
 
-    `N`, `dN`: those at another point of one side.
+    `N`, `dN`: those at another point of one side. `force`: rows of the derivatives of a traction (`tractions`).
     """
 
     N_s: Floats
@@ -106,12 +109,15 @@ class Room(NamedTuple):
     dN_m: Floats
     dN: Floats
     rows: Floats
+    force: Floats
 
 
-def new_room() -> Room:
-    """Return the arrays for one point."""
-    N, dN = np.empty((3, 9)), np.empty((3, 9, 2))
-    return Room(N[0], N[1], N[2], dN[0], dN[1], dN[2], np.empty((N_ROWS, MOST_UNKNOWNS)))
+@kernel
+def new_room(n: Any) -> Any:
+    """Return the arrays for one point, n = (), or for an array of n points, n = (n,)."""
+    N, dN = np.empty((3, 9) + n), np.empty((3, 9, 2) + n)  # noqa: RUF005 (numba unpacks no tuples)
+    rows, force = np.empty((N_ROWS, MOST_UNKNOWNS) + n), np.empty((9, MOST_UNKNOWNS) + n)  # noqa: RUF005
+    return Room(N[0], N[1], N[2], dN[0], dN[1], dN[2], rows, force)
 
 
 @kernel
@@ -184,16 +190,19 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
 
 
 @kernel
-def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room: Any) -> None:
-    """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives."""
-    type_s, type_m = skins.type_s[s], skins.type_m[m]
+def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d: int, room: Any) -> None:
+    """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives.
+
+    `types`: those of the two faces.
+    """
+    type_s, type_m = types
     sizes = (skins.n_nodes[type_s], skins.n_nodes[type_m])
     shapes(skins.bases, type_s, sizes[0], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
     shapes(skins.bases, type_m, sizes[1], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
     smooth = len(skins.normals) > 0
     room.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
     if len(points.edges.nu) > 0:
-        _move(skins.bases, points.edges, p, (type_s, type_m), sizes, d, room)
+        _move(skins.bases, points.edges, p, types, sizes, d, room)
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
     if points.current == 1 or not smooth:
@@ -208,30 +217,27 @@ def differentiate(skins: Any, points: Any, p: int, s: int, m: int, d: int, room:
 
 
 @kernel
-def _move(bases: Any, edges: Any, p: int, types: Any, sizes: Any, d: int, room: Any) -> None:
+def _move(bases: Any, edges: Any, p: Any, types: Any, sizes: Any, d: int, room: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
     (k_s, k_m), rows, N = sizes, room.rows, room.N
     if d == 2:
         for a in range(k_s):
             for j in range(d):
                 rows[STRETCH, d * a + j] -= room.N_s[a] * edges.nu[p, j]
-    for c in range(4):
-        if edges.turned[p, c, 0] != 0.0 or edges.turned[p, c, 1] != 0.0 or edges.turned[p, c, 2] != 0.0:
-            i = edges.patch_s[p]
-            shapes(bases, types[0], k_s, edges.corners_s[i, c, 0], edges.corners_s[i, c, 1], N, room.dN)
-            for a in range(k_s):
-                for j in range(d):
-                    rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
-        if edges.share[p, c] != 0.0:
-            i = edges.patch_m[p]
-            shapes(bases, types[1], k_m, edges.corners_m[i, c, 0], edges.corners_m[i, c, 1], N, room.dN)
-            for b in range(k_m):
-                for j in range(d):
-                    rows[STRETCH, d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]
+    s, m = edges.patch_s[p], edges.patch_m[p]
+    for c in range(2 if d == 2 else 4):
+        shapes(bases, types[0], k_s, edges.corners_s[s, c, 0], edges.corners_s[s, c, 1], N, room.dN)
+        for a in range(k_s):
+            for j in range(d):
+                rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
+        shapes(bases, types[1], k_m, edges.corners_m[m, c, 0], edges.corners_m[m, c, 1], N, room.dN)
+        for b in range(k_m):
+            for j in range(d):
+                rows[STRETCH, d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]
 
 
 @kernel
-def _stretch(skins: Any, radial: int, s: int, k_s: int, d: int, dual: Any, room: Any) -> None:
+def _stretch(skins: Any, radial: int, s: Any, k_s: int, d: int, dual: Any, room: Any) -> None:
     """Write the row of dw / w."""
     N, dN, rows = room.N_s, room.dN_s, room.rows
     r = 0.0
@@ -255,7 +261,7 @@ def _turn(k_s: int, d: int, dual: Any, n: Any, room: Any) -> None:
 
 
 @kernel
-def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, room: Any) -> None:
+def _turn_smoothly(skins: Any, s: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dn, the change of the interpolated nodal normals."""
     N, first = room.N_s, d * (sizes[0] + sizes[1])
     h0 = h1 = h2 = 0.0
@@ -273,7 +279,7 @@ def _turn_smoothly(skins: Any, s: int, sizes: Any, d: int, n: Any, room: Any) ->
 
 
 @kernel
-def _slide(skins: Any, points: Any, p: int, m: int, sizes: Any, d: int, n: Any, room: Any) -> None:
+def _slide(skins: Any, points: Any, p: Any, m: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dxi_bar and dg, from those of dn."""
     k_s, k_m = sizes
     rows = room.rows

@@ -54,8 +54,8 @@ from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
 from lacsolver.contact.tractions import Shear, add_slip, add_traction, rests
 
-#: what a number of a point costs, in units of what it costs in most kernels
-_WORK = 10
+#: runs of points that are taken at once where the loop runs as it stands
+_AT_ONCE = 64
 
 
 class Loop(NamedTuple):
@@ -126,9 +126,9 @@ class Motion:
 
         `shear`: tractions, or slips, of each loop; () without.
         """
-        value, room = np.zeros((entries.nnz, k, self.d)), new_room()
+        value = np.zeros((entries.nnz, k, self.d))
         for loop, own in zip(self.loops, shear, strict=True):
-            _add(loop, self.skins, p, own, self.d, entries.indptr, entries.indices, value, room)
+            _add(loop, self.skins, p, own, self.d, entries.indptr, entries.indices, value)
         return value
 
     @property
@@ -257,42 +257,105 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
     return k_s, k_m, 2 * k_s + k_m
 
 
-@kernel(work=_WORK)
-def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices: Any, value: Any, room: Any) -> None:
+@kernel
+def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices: Any, value: Any) -> None:
     """Add the derivatives of the forces at pressures p (m,), from all points, to blocks `value` (.., d, d).
 
     `shear`: the tractions beside the pressures, or (), for which nothing of them is compiled. Without pressures, add
     the derivatives of the gaps and of the covered measure to `value` (.., 2, d), or those of slips to (.., d - 1, d).
     One loop does all, as what takes long to compile is the chain of derivatives in it.
     """
-    runs, of_forces, local, K = loop.runs, len(p) > 0, np.empty(27, np.int64), np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
+    runs, room, local = loop.runs, new_room(()), np.empty(27, np.int64)
+    of_forces, K = len(p) > 0, np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
         if rests(shear, p, macro):
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
-            sizes = _local(skins, runs.slave[r], runs.master[r], local)
+            s, m = runs.slave[r], runs.master[r]
+            types = (skins.type_s[s], skins.type_m[m])
+            sizes = _local(skins, s, m, local)
             n_rows = sizes[0] + sizes[1] if of_forces else 1
             K[: n_rows * value.shape[1], : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
-                w = loop.weight[q]
-                differentiate(skins, loop.points, q, runs.slave[r], runs.master[r], d, room)
-                if len(shear) > 0:
-                    if of_forces:
-                        load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
-                        add_traction(skins, loop.points, shear, q, runs.slave[r], load, sizes, d, room, K)
-                    else:
-                        add_slip(shear, q, w, d * sizes[2], d, room.rows, K)
-                elif of_forces:
-                    _add_force(loop.points, q, w * p[macro], sizes, d, room, K)
-                else:
-                    _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
+                differentiate(skins, loop.points, q, s, m, types, d, room)
+                _add_point(loop, skins, p, shear, q, macro, s, sizes, d, room, K)
             for a in range(n_rows):
                 row = local[a] if of_forces else macro
                 _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)
 
 
+def _add_arrays(
+    loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, indptr: Ints, indices: Ints, value: Floats
+) -> None:
+    """Do what `_add` does, for arrays of points whose faces have the same types: what runs if it is not compiled."""
+    runs, m = loop.runs, len(loop.runs.start) - 1
+    macro = np.repeat(np.arange(m), np.diff(runs.start))
+    types = np.stack([skins.type_s[runs.slave], skins.type_m[runs.master]], axis=1)
+    moves = np.array([not rests(shear, p, k) for k in range(m)], bool)[macro]
+    n = max(len(skins.x) + len(skins.normals), 1)
+    keys = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)) * n + indices  # ascending
+    for pair in np.unique(types[moves], axis=0):
+        own = np.flatnonzero(moves & (types == pair).all(axis=1))
+        for first in range(0, len(own), _AT_ONCE):
+            some = own[first : first + _AT_ONCE]
+            nodes, K = _sums_of_runs(loop, skins, p, shear, d, tuple(pair), some, macro[some])
+            rows = nodes[:, : K.shape[1]] if len(p) else macro[some, None]
+            np.add.at(value, np.searchsorted(keys, rows[:, :, None] * n + nodes[:, None, :]), K)
+
+
+def _sums_of_runs(
+    loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, types: Any, some: Ints, macro: Ints
+) -> tuple[Ints, NDArray[np.floating]]:
+    """Return the nodes and normals (r, columns) that `some` runs (r,) know, and their sums (r, rows, columns, k, d).
+
+    `types`: those of the faces of all of them; `macro` (r,): their macro-elements.
+    """
+    runs, sizes, nodes = loop.runs, *_known(skins, types, loop.runs.slave[some], loop.runs.master[some])
+    n_rows, k = (sizes[0] + sizes[1], d) if len(p) else (1, d - 1 if len(shear) else 2)
+    count = runs.last[some] - runs.first[some]
+    start = np.cumsum(count) - count
+    q = np.arange(count.sum()) + np.repeat(runs.first[some] - start, count)
+    s, m, of = (np.repeat(values, count) for values in (runs.slave[some], runs.master[some], macro))
+    room, K = new_room((len(q),)), np.zeros((k * n_rows, d * sizes[2], len(q)))
+    differentiate(skins, loop.points, q, s, m, types, d, room)
+    _add_point(loop, skins, p, shear, q, of, s, sizes, d, room, K)
+    sums = np.add.reduceat(K, start, axis=2).reshape(n_rows, k, sizes[2], d, len(some))
+    return nodes, sums.transpose(4, 0, 2, 1, 3)
+
+
+def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, int], Ints]:
+    """Return the sizes of `_local` and what it writes, for arrays of faces of the same types: (faces, columns)."""
+    k_s, k_m = skins.n_nodes[types[0]], skins.n_nodes[types[1]]
+    known = [skins.nodes_s[s, :k_s], skins.nodes_m[m, :k_m]]
+    if len(skins.normals):
+        known.append(len(skins.x) + skins.normal_of[s, :k_s])
+    nodes = np.concatenate(known, axis=1)
+    return (k_s, k_m, nodes.shape[1]), nodes
+
+
+_add.plain = _add_arrays
+
+
 @kernel
-def _add_gap(w: float, g: float, n: int, rows: Any, K: Any) -> None:
+def _add_point(
+    loop: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, sizes: Any, d: int, room: Any, K: Any
+) -> None:
+    """Add what point q of a macro-element, on slave face s, gives to the sums K of its run, by its rows in `room`."""
+    w, points = loop.weight[q], loop.points
+    if len(shear) > 0:
+        if len(p) > 0:
+            load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
+            add_traction(skins, points, shear, q, s, load, sizes, d, room, K)
+        else:
+            add_slip(shear, q, w, d * sizes[2], d, room.rows, K)
+    elif len(p) > 0:
+        _add_force(points, q, w * p[macro], sizes, d, room, K)
+    else:
+        _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
+
+
+@kernel
+def _add_gap(w: Any, g: Any, n: int, rows: Any, K: Any) -> None:
     """Add what a point of weight w and gap g gives to the derivatives of the gaps and of the measure, K (2, n)."""
     for j in range(n):
         K[0, j] += w * (rows[GAP, j] + g * rows[STRETCH, j])
@@ -300,7 +363,7 @@ def _add_gap(w: float, g: float, n: int, rows: Any, K: Any) -> None:
 
 
 @kernel
-def _add_force(points: Any, q: int, load: float, sizes: Any, d: int, room: Any, K: Any) -> None:
+def _add_force(points: Any, q: Any, load: Any, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
     rows, dM = room.rows, room.dN_m

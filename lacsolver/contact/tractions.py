@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacsolver.contact.chain import GAP, MOST_UNKNOWNS, NORMAL, SLIDE, STRETCH, cross, dot, dual_of, tangents_of
+from lacsolver.contact.chain import GAP, NORMAL, SLIDE, STRETCH, cross, dot, dual_of, tangents_of
 from lacsolver.contact.shear import Tangents
 
 #: rows of derivatives: of q, of the arms r m_a
@@ -40,14 +40,13 @@ _TRACTION, _ARMS = 0, 3
 class Shear(NamedTuple):
     """Tractions of macro-elements, `t` (m, 2), and at the points of a loop the tangents that they act along.
 
-    `e` (n, 3): e_1; `c` (n, 2): components of a_1. `rows`: room for the derivatives at one point. Or, for the slip
-    since another state, `slip` (n, 2), and its derivative `slope` (n, 2, 2) by xi_bar; t is then 0 where none is asked.
+    `e` (n, 3): e_1; `c` (n, 2): components of a_1. Or, for the slip since another state, `slip` (n, 2), and its
+    derivative `slope` (n, 2, 2) by xi_bar; t is then 0 where none is asked.
     """
 
     t: Floats
     e: Floats
     c: Floats
-    rows: Floats
     slip: Floats
     slope: Floats
 
@@ -55,12 +54,12 @@ class Shear(NamedTuple):
     def of(cls, t: Floats, frames: Tangents) -> Shear:
         """Return tractions t (m, d - 1) along the tangents at the points of a loop."""
         e, c, none = _padded(frames.e[:, 0], 3), _padded(frames.c, 2), np.empty((0, 2))
-        return cls(_padded(t, 2), e, c, np.empty((9, MOST_UNKNOWNS)), none, np.empty((0, 2, 2)))
+        return cls(_padded(t, 2), e, c, none, np.empty((0, 2, 2)))
 
     @classmethod
     def since(cls, which: NDArray[np.bool_], slip: Floats, slope: Floats) -> Shear:
         """Return slips (n, d - 1) since another state, of macro-elements `which` (m,); `slope` (n, d - 1, d - 1)."""
-        none = np.empty((0, 3)), np.empty((0, 2)), np.empty((9, 0))
+        none = np.empty((0, 3)), np.empty((0, 2))
         return cls(_padded(which[:, None].astype(float), 2), *none, _padded(slip, 2), _padded(slope, 2))
 
 
@@ -105,7 +104,7 @@ def rests(shear: Any, p: Any, macro: int) -> bool:
 
 
 @kernel
-def add_slip(shear: Any, q: int, w: float, n: int, d: int, rows: Any, K: Any) -> None:
+def add_slip(shear: Any, q: Any, w: Any, n: int, d: int, rows: Any, K: Any) -> None:
     """Add what a point of weight w gives to the derivative of the slip since another state, K (d - 1, n)."""
     for k in range(d - 1):
         slip = shear.slip[q, k]
@@ -118,7 +117,7 @@ def add_slip(shear: Any, q: int, w: float, n: int, d: int, rows: Any, K: Any) ->
 
 
 @kernel
-def _traction(skins: Any, points: Any, shear: Any, q: int, s: int, k_s: int, load: Any, d: int, dN: Any) -> Any:
+def _traction(skins: Any, points: Any, shear: Any, q: Any, s: Any, k_s: int, load: Any, d: int, dN: Any) -> Any:
     """Return the traction at point q of slave face s under a `load`: pressure and t_alpha, times the weight."""
     n = (points.normal[q, 0], points.normal[q, 1], points.normal[q, 2])
     e_1 = (shear.e[q, 0], shear.e[q, 1], shear.e[q, 2])
@@ -154,7 +153,7 @@ def _change_of_arm(at: Any, a: Any, dn: Any, dt: Any, dN: Any, dtau: Any) -> Any
 
 
 @kernel
-def _add_change(at: Any, rows: Any, j: int, dt: Any, r: float, d: int, out: Any) -> None:
+def _add_change(at: Any, rows: Any, j: int, dt: Any, r: Any, d: int, out: Any) -> None:
     """Add to column j of the rows `out` what dn, of column j of `rows`, and dt_a add to dq and to r dm_a."""
     dn = (rows[NORMAL, j], rows[NORMAL + 1, j], rows[NORMAL + 2, j])
     dN = _combined(-dot(at.N, dt[0]), at.dual[0], -dot(at.N, dt[1]), at.dual[1])
@@ -170,11 +169,11 @@ def _add_change(at: Any, rows: Any, j: int, dt: Any, r: float, d: int, out: Any)
 
 @kernel
 def add_traction(
-    skins: Any, points: Any, shear: Any, q: int, s: int, load: Any, sizes: Any, d: int, room: Any, K: Any
+    skins: Any, points: Any, shear: Any, q: Any, s: Any, load: Any, sizes: Any, d: int, room: Any, K: Any
 ) -> None:
     """Add what point q of slave face s gives to the derivative of the forces on its nodes, K; `load` of `_traction`."""
     k_s, k_m, k = sizes
-    rows, out, dN, r = room.rows, shear.rows, room.dN_s, points.ray[q]
+    rows, out, dN, r = room.rows, room.force, room.dN_s, points.ray[q]
     at = _traction(skins, points, shear, q, s, k_s, load, d, dN)
     force = _combined(at.p, at.n, 1.0, at.tau)
     for j in range(d * k):
