@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.orientation import analyse_orientation
-from lacmesh.topology.skin import FACE_TYPES, find_owners, find_repeats
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, Faces, find_owners, find_repeats
 from lacmesh.topology.winding import face_normals
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
@@ -203,7 +203,7 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     slave, master = subject.slave, subject.master
     if master is not None:
         common = np.intersect1d(slave.nodes, master.nodes)
-        front = common[_folds(subject, common)]
+        front = _front(subject)
         if len(front):
             message = (
                 f"slave and master are the two sides of a crack, and share {counted(len(front), 'node')} of its front "
@@ -229,15 +229,30 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     return findings, {}
 
 
-def _folds(subject: Subject, nodes: Ints) -> NDArray[np.bool_]:
-    """(k,): True for nodes of both skins where the skins lie on each other: the angle between them is below 60 degrees.
+def _front(subject: Subject) -> Ints:
+    """Nodes where the boundaries of both skins have an edge (in a plane, an end) in common, and lie on each other.
 
-    An angle of 0 is that of a crack, one of 180 degrees that of two skins side by side.
+    The angle between the skins is below 60 degrees there: that of a crack is 0, that of skins side by side 180.
     """
     if subject.dim == 1 and subject.mesh.space_dim == 3:  # lines in space have no normals
-        return np.zeros(len(nodes), bool)
+        return np.empty(0, np.int64)
+    slave, master = (_boundary_edges(side.faces) for side in subject.sides)
+    nodes = np.array(sorted(node for edge in slave.keys() & master.keys() for node in slave[edge]), np.int64)
+    nodes = np.unique(nodes)
     normals = [_mean_normals(subject, side, nodes) for side in subject.sides]
-    return np.asarray((normals[0] * normals[1]).sum(axis=1) < -0.5)
+    return nodes[(normals[0] * normals[1]).sum(axis=1) < -0.5]
+
+
+def _boundary_edges(faces: Faces) -> dict[tuple[int, ...], list[int]]:
+    """Edges that one face has alone, by their corners: their nodes, with the mid-node of quadratic faces."""
+    uses = edge_uses(faces)
+    alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
+    n = N_CORNERS[faces.type[uses.face[alone]]]
+    middle = np.full(len(alone), -1)
+    curved = (_ORDER[faces.type[uses.face[alone]]] == 2) & (n > 2)
+    middle[curved] = faces.nodes[uses.face[alone][curved], (n + uses.place[alone])[curved]]
+    rows = np.column_stack([uses.start[alone], uses.stop[alone], middle]).tolist()
+    return {tuple(sorted(row[:2])): [node for node in row if node >= 0] for row in rows}
 
 
 def _mean_normals(subject: Subject, side: CheckedSkin, nodes: Ints) -> Floats:
