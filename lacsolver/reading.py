@@ -157,7 +157,8 @@ class _VtuSeries:
         stress = solid.node_data["stress"]
         stress = stress[:, :4] if solid.dim == 2 else stress
         moving = (nodal.get("velocity"), nodal.get("acceleration"))
-        return solid, Fields(time, nodal["displacement"], stress, nodal["reaction"], contact, *moving)
+        strain = solid.node_data.get("plastic_strain")
+        return solid, Fields(time, nodal["displacement"], stress, nodal["reaction"], contact, *moving, strain)
 
 
 class _MedSeries:
@@ -187,7 +188,8 @@ class _MedSeries:
             recovered = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
             contact[zone] = _zone(surface, macro, rows, nodal[f"{zone}.contact_force"], recovered)
         moving = (nodal.get("VITE"), nodal.get("ACCE"))
-        return mesh, Fields(time, nodal["DEPL"], names["SIEF_NOEU"], nodal["REAC_NODA"], contact, *moving)
+        strain = names["VARI_NOEU"].reshape(-1) if "VARI_NOEU" in names else None
+        return mesh, Fields(time, nodal["DEPL"], names["SIEF_NOEU"], nodal["REAC_NODA"], contact, *moving, strain)
 
 
 def _vectors(mesh: Mesh, values: Mapping[str, NDArray]) -> dict[str, NDArray[np.floating]]:

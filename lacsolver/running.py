@@ -162,7 +162,10 @@ class RunOutput:
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         stress = point_stress(problem, state)
-        steps, ranges = (*self.results.steps, step_figures(problem, state)), stress_ranges(problem.space, stress)
+        steps, ranges = (
+            (*self.results.steps, step_figures(problem, state, stress)),
+            stress_ranges(problem.space, stress),
+        )
         self.results = replace(self.results, steps=steps, stress=ranges, **self._spent())
         now = most_compressed(problem, state)
         self._compressed = now if self._compressed is None else worse(self._compressed, now)

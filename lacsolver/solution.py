@@ -37,7 +37,7 @@ from lacsolver.problem.skin import mesh_of
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
-from lacsolver.results.results import Fields, Restart, Results, ZoneFields
+from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
 
 _LOG = logging.getLogger("lacsolver")
@@ -129,10 +129,25 @@ class Solution(Described):
         """Return the equivalent stress of von Mises, (n,) at nodes or (k,) of the mean of each cell, see `stress`."""
         return von_mises(self.stress(at))
 
+    @property
+    def plastic_strain(self) -> NDArray[np.floating] | None:
+        """Accumulated plastic strain (n,) at the nodes, extrapolated as a stress is; None if no material yields."""
+        return self.fields.plastic_strain
+
+    @property
+    def figures(self) -> StepFigures:
+        """Figures of the step that led here, such as reactions, and `plastic` where a material yields.
+
+        Raises RequestError for a solution that was read from a folder.
+        """
+        problem, state, _ = self._own("figures of a step")
+        return step_figures(problem, state)
+
     def to_pyvista(self) -> Any:
         """Return a `pyvista.UnstructuredGrid` of the undeformed mesh with the fields of the solution.
 
-        On points: `displacement` and `reaction` (n, 3), `stress`, `von_mises`; on cells: `pressure`, `gap` and `status`
+        On points: `displacement` and `reaction` (n, 3), `stress`, `von_mises`, `plastic_strain` where a material
+        yields; on cells: `pressure`, `gap` and `status`
         of the contacts, NaN (status -2) on cells that are not their slave faces; `shear` and `slip` (n, 3) of contacts
         with friction. Raises RequestError without pyvista.
         """
@@ -143,6 +158,8 @@ class Solution(Described):
         for name, values in (("displacement", self.u), ("reaction", self.reaction)):
             grid.point_data[name] = np.pad(values, ((0, 0), (0, 3 - values.shape[1])))
         grid.point_data["stress"], grid.point_data["von_mises"] = self.stress(), self.von_mises()
+        if self.plastic_strain is not None:
+            grid.point_data["plastic_strain"] = self.plastic_strain
         of_zones = {"pressure": np.nan, "gap": np.nan, "status": -2}
         for name, none in of_zones.items():
             out = np.full(self.mesh.n_cells, none)

@@ -68,6 +68,7 @@ _FINITE = (
     ("plane_strain", "neo_hookean", "QUAD4", 0.49),
     ("plane_strain", "saint_venant_kirchhoff", "QUAD8", 0.3),
     ("axisymmetric", "neo_hookean", "QUAD4", 0.3),
+    ("plane_strain", "plastic", "QUAD4", 0.3),
 )
 _SMALL = (("3d", "HEXA20"), ("plane_stress", "QUAD8"), ("axisymmetric", "TRIA3"))
 
@@ -139,6 +140,7 @@ def _multigrid() -> None:
 def _finite(model: str, law: str, cells: str, poisson: float) -> None:
     head = f'mesh = "blocks.msh"\nmodel = "{model}"\nkinematics = "finite"\n'
     material = f'[[material]]\nlaw = "{law}"\nyoung = 1000.0\npoisson = {poisson}\n'
+    material += "hardening = [[0.5, 0.0]]\n" if law == "plastic" else ""
     _march(model, cells, head + material, 'normals = "smoothed"\n')
 
 

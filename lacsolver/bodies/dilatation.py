@@ -1,4 +1,4 @@
-"""Mean dilatation: a neo-Hookean cell with one volume change, the mean of J over the cell.
+"""Mean dilatation: cells of the neo-Hookean law, and of laws that yield, with one volume change: the mean of J.
 
 With j = ln (v / V), v and V the deformed and undeformed volumes of the cell, F is replaced by F (e^j / J)^(1/3), whose
 determinant is e^j at every point. The energy of a cell is
@@ -15,6 +15,13 @@ deviator, one pressure p for the cell:
     R = 2/3 F^-T 2 mu beta dev E,   G = J Y / v,   b = int 2/9 mu beta tr C + lambda dV - p v
 
 with R, G and b the terms of the whole cell, see `assembly`.
+
+A law whose stress is a deviator and a pressure p = K ln J apart, as that of metals in logarithmic strain
+(`bodies.plastic`), gets K j in place of K ln J, and nothing else changes (`with_mean_pressure`):
+
+    P = P_dev + K j V/v J Y,   A_sitj = dev + K j V/v J (Y_si Y_tj - Y_sj Y_ti),   G = J Y / v,   b = K V (1 - j)
+
+and at small strains, with the mean j of tr H: P = P_dev + K j I, A = dev, G = I / V, b = K V.
 """
 
 from __future__ import annotations
@@ -28,6 +35,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.assembly import NO_MEAN, MeanTerms
 from lacsolver.bodies.hyperelastic import NeoHookean, cofactors, strain
 from lacsolver.bodies.material import PointResponse
+from lacsolver.bodies.plastic import Plastic
 
 
 def mean_response(law: NeoHookean, H: Floats, W: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
@@ -129,3 +137,71 @@ def _change(H: Any) -> float:
         + H[0, 2] * (H[1, 0] * H[2, 1] - H[1, 1] * H[2, 0])
     )
     return trace + pairs + det
+
+
+def with_mean_pressure(
+    law: Plastic, H: Floats, W: Floats, deviator: PointResponse, tangent: bool
+) -> tuple[PointResponse, MeanTerms]:
+    """Add the pressure of the mean change of volume of cells with gradients H (c, q, 3, 3) to a response (c q).
+
+    W (c, q): weights of the points. `deviator`: the response without any pressure, whose arrays are overwritten. The
+    terms of the cells are empty unless the tangent is asked for.
+    """
+    stress, energy = deviator.stress.reshape(H.shape), deviator.energy.reshape(W.shape)
+    A: Floats = np.empty((0, 0, 3, 3, 3, 3))
+    terms = NO_MEAN
+    if tangent:
+        A = deviator.tangent.reshape(*H.shape, 3, 3)
+        terms = MeanTerms(np.zeros(H.shape), np.empty(H.shape), np.empty(len(H)))
+    _add_pressure(law.constants.bulk, law.finite, H, W, stress, A, energy, terms)
+    return deviator, terms
+
+
+@kernel
+def _add_pressure(K: float, finite: bool, H: Any, W: Any, stress: Any, A: Any, energy: Any, terms: Any) -> None:
+    """Add the pressure of the mean change of volume to stress, A and energy; fill the terms of the tangent."""
+    Y = np.empty((3, 3))
+    for e in range(len(H)):
+        V = grown = 0.0
+        for q in range(len(W[e])):
+            V += W[e, q]
+            grown += W[e, q] * (_change(H[e, q]) if finite else H[e, q, 0, 0] + H[e, q, 1, 1] + H[e, q, 2, 2])
+        j = np.log1p(grown / V) if finite else grown / V
+        v = V + grown if finite else V
+        if len(A):
+            terms.b[e] = K * V * (1.0 - j) if finite else K * V
+        for q in range(len(W[e])):
+            for s in range(3):
+                for i in range(3):
+                    Y[s, i] = 1.0 if s == i else 0.0
+            if finite:
+                _cofactors_of_deformed(H[e, q], Y)
+            energy[e, q] += 0.5 * K * j * j
+            p = K * j * V / v
+            for s in range(3):
+                for i in range(3):
+                    stress[e, q, s, i] += p * Y[s, i]
+                    if len(A):
+                        terms.G[e, q, s, i] = Y[s, i] / v
+            if len(A) and finite:
+                _add_change_of_cofactors(p, _change(H[e, q]) + 1.0, Y, A[e, q])
+
+
+@kernel
+def _cofactors_of_deformed(H: Any, Y: Any) -> None:
+    """Fill Y with the cofactors J F^-T of F = I + H."""
+    F = np.empty((3, 3))
+    for s in range(3):
+        for i in range(3):
+            F[s, i] = H[s, i] + (1.0 if s == i else 0.0)
+    cofactors(F, Y)
+
+
+@kernel
+def _add_change_of_cofactors(p: float, J: float, Y: Any, A: Any) -> None:
+    """Add p dY/dF of the cofactors Y of F, whose determinant is J: p (Y_si Y_tj - Y_sj Y_ti) / J."""
+    for s in range(3):
+        for i in range(3):
+            for t in range(3):
+                for j in range(3):
+                    A[s, i, t, j] += p / J * (Y[s, i] * Y[t, j] - Y[s, j] * Y[t, i])

@@ -56,6 +56,22 @@ class Kinematics(Protocol):
         """Return the energy stored in bodies and springs, of this process's own cells and nodes."""
 
 
+@dataclass(eq=False)
+class _Stretches:
+    """Thermal stretches of bodies; those of the last time are kept."""
+
+    space: Space
+    materials: Materials
+    temperature: TemperatureField | None
+    _last: tuple[float, Field | None] | None = None
+
+    def at(self, t: float) -> Field | None:
+        """Return the stretches at time t, None without temperature."""
+        if self._last is None or self._last[0] != t:
+            self._last = t, thermal_stretches(self.space, self.materials, self.temperature, t)
+        return self._last[1]
+
+
 @dataclass(frozen=True, eq=False)
 class Small:
     """Small strains: bodies in balance undeformed, and a constant K of the linear laws."""
@@ -79,22 +95,27 @@ class Small:
         K = small.assemble_stiffness(self.space, self.materials, self.threads)
         return K if self.springs is None else bsr_array(K + self.springs.tobsr(K.blocksize))
 
-    def _by_points(self, u: Floats, history: LawHistory) -> DisplacedBodies:
+    def _by_points(self, u: Floats, t: float, history: LawHistory) -> DisplacedBodies:
         """Return the cells whose laws are evaluated at points."""
-        return DisplacedBodies(self.space, self.materials, u, None, history, self.threads, finite=False)
+        stretches = self._stretches.at(t)
+        return DisplacedBodies(self.space, self.materials, u, stretches, history, self.threads, finite=False)
+
+    @cached_property
+    def _stretches(self) -> _Stretches:
+        return _Stretches(self.space, self.materials, self.temperature)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return K u, and the forces of laws at points."""
         f = np.asarray(self._K @ checked(self.space, u))
-        return f if self.linear else f + self._by_points(u, history).internal_force()
+        return f if self.linear else f + self._by_points(u, t, history).internal_force()
 
     def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> Matrix:
         """Return K, as blocks, and the tangent of laws at points."""
-        return self._K if self.linear else csr_array(self._K + self._by_points(u, history).tangent())
+        return self._K if self.linear else csr_array(self._K + self._by_points(u, t, history).tangent())
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of laws at points."""
-        return () if self.linear else self._by_points(u, history).commit()
+        return () if self.linear else self._by_points(u, t, history).commit()
 
     def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
         """Return the stress C (strain - thermal strain), and that of laws at points."""
@@ -102,13 +123,13 @@ class Small:
         stress = small.stress(space, materials, u, temperature=self.temperature, t=t, threads=threads)
         if self.linear:
             return stress
-        return tuple(a + b for a, b in zip(stress, self._by_points(u, history).cauchy_stress(), strict=True))
+        return tuple(a + b for a, b in zip(stress, self._by_points(u, t, history).cauchy_stress(), strict=True))
 
     def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return half the integral of stress times elastic strain, C^-1 stress, plus the springs' energy."""
         C, _ = self.materials.tables
         inverse = np.linalg.pinv(C)  # plane stress: C has zeros for zz; laws at points: zeros
-        total = _stored(self.space, self.springs, u) + (0.0 if self.linear else self._by_points(u, history).energy())
+        total = _stored(self.space, self.springs, u) + (0.0 if self.linear else self._by_points(u, t, history).energy())
         space = self.space
         parts = zip(self.stress(u, t, history), small.weights(space), self.materials.law, space.blocks, strict=True)
         for stress, w, law, block in parts:
@@ -163,14 +184,11 @@ class Finite:
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
-        if t not in self._stretches:
-            self._stretches.clear()
-            self._stretches[t] = thermal_stretches(self.space, self.materials, self.temperature, t)
-        return self._stretches[t]
+        return self._stretches.at(t)
 
     @cached_property
-    def _stretches(self) -> dict[float, Field | None]:
-        return {}
+    def _stretches(self) -> _Stretches:
+        return _Stretches(self.space, self.materials, self.temperature)
 
     @cached_property
     def _values(self) -> NDArray[np.floating]:

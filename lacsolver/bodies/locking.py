@@ -1,10 +1,11 @@
-"""Locking of nearly incompressible bodies: which cells take the mean dilatation, and a warning for those that cannot.
+"""Locking of bodies that hardly change their volume: cells with mean dilatation, and a warning for those that lock.
 
 A linear cell has a constraint of volume at each of its integration points, and too few degrees of freedom for that.
 With mean dilatation a linear cell of several points (QUAD4, HEXA8, PENTA6, PYRAM5) has one, on the mean of the change
-of volume over the cell: `bodies.small` for the linear laws, `bodies.finite.dilatation` for the neo-Hookean law. TRIA3
-and TETRA4 have one point, so that nothing is gained; PENTA6 and PYRAM5 gain, but there may still be too many of them
-for their nodes: a prism in plane strain across its axis is a TRIA3.
+of volume over the cell: `bodies.small` for the linear laws, `bodies.dilatation` for the neo-Hookean law and for metals
+that yield, which keep their volume as they flow, whatever their Poisson's ratio. TRIA3 and TETRA4 have one point, so
+that nothing is gained; PENTA6 and PYRAM5 gain, but there may still be too many of them for their nodes: a prism in
+plane strain across its axis is a TRIA3.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from collections.abc import Sequence
 
 from lacmesh.cells import CELLS
 from lacsolver.bodies.material import Elastic, Law, Materials, Orthotropic
+from lacsolver.bodies.plastic import Plastic
 from lacsolver.space.space import Space
 
 #: Poisson's ratio above which linear cells are too stiff to be trusted
@@ -38,7 +40,9 @@ def poisson_of(law: Law) -> float | None:
 
 
 def nearly_incompressible(law: Law) -> bool:
-    """True for a law by which linear cells lock: Poisson's ratio above `LOCKING`."""
+    """True for a law by which linear cells lock: Poisson's ratio above `LOCKING`, or flow that keeps the volume."""
+    if isinstance(law, Plastic):
+        return True
     poisson = poisson_of(law)
     return poisson is not None and poisson > LOCKING + _ROUNDING * isinstance(law, Orthotropic)
 
@@ -87,8 +91,10 @@ def _stiff(space: Space, poisson: float, names: Sequence[str], mean: bool) -> tu
 def _named(law: Law, materials: Materials, k: int) -> str:
     """Return words for law k: its Poisson's ratio and its cell groups."""
     groups = materials.groups[k] if materials.groups else None
-    what = "the mean poisson" if isinstance(law, Orthotropic) else "poisson"
     where = f" of material {', '.join(map(repr, groups))}" if groups else ""
+    if isinstance(law, Plastic):
+        return f'law = "plastic"{where}'
+    what = "the mean poisson" if isinstance(law, Orthotropic) else "poisson"
     return f"{what} = {poisson_of(law):.6g}{where}"
 
 
@@ -101,7 +107,7 @@ def _instead(space: Space, law: Law, mean: bool, names: Sequence[str]) -> str:
         advice = f"take {taken} for {good} cells, or mesh that body with quadratic cells"
     elif "PYRAM5" in names and "lac_parent" in space.mesh.cell_data:
         advice = f'where a cut made them of HEXA8 take hexa = "hexa", else {advice}'
-    return f"{advice}, or take poisson = {LOCKING} or less"
+    return advice if isinstance(law, Plastic) else f"{advice}, or take poisson = {LOCKING} or less"
 
 
 def _below(space: Space) -> str:

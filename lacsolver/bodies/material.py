@@ -338,7 +338,8 @@ class Materials:
     def terms(self) -> LawTerms:
         """Entries of `tensors` that are not zero (above rounding), for s <= t only, since K is symmetric."""
         bulk, coupling = np.zeros(len(self.laws)), np.zeros((len(self.laws), self.model.rows, self.model.dim))
-        lame = np.array([law.lame if isinstance(law, Elastic) else (0.0, 0.0) for law in self.laws])
+        pairs = zip(self.laws, self.tables[0], strict=True)  # C of laws of small strains at points is 0
+        lame = np.array([law.lame if isinstance(law, Elastic) and C.any() else (0.0, 0.0) for law, C in pairs])
         return LawTerms(*self._entries(self.tensors), lame, bulk, coupling)
 
     @cached_property
@@ -389,7 +390,7 @@ class Materials:
         for law in self.laws:
             if not (getattr(law, "finite", False) and hasattr(law, "respond")):
                 message = f"the law {type(law).__name__} is for small strains"
-                raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff or neo_hookean")
+                raise RequestError(f"{message}; finite kinematics take saint_venant_kirchhoff, neo_hookean or plastic")
 
     def densities(self, block: int) -> NDArray[np.floating]:
         """Return the mass per volume (k,) of each cell of a block."""

@@ -29,11 +29,12 @@ from scipy.sparse import bsr_array
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
 from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, OwnedRows, add_cells, assemble, block_values, matrix
-from lacsolver.bodies.dilatation import mean_response
+from lacsolver.bodies.dilatation import mean_response, with_mean_pressure
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.hyperelastic import Hyperelastic, NeoHookean
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import PLACES, Materials, PointLaw, PointResponse
+from lacsolver.bodies.plastic import Plastic
 from lacsolver.bodies.points import Field, Piece, Span, checked, gathered, kind, piece
 from lacsolver.space.space import Space
 
@@ -211,26 +212,30 @@ class DisplacedBodies:
     def _ask(self, law: Any, part: Piece, H: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
         """Return the answer (c q) of a law to gradients H (c, q, 3, 3), whose H_22 is filled in for plane stress."""
         flat, plane_stress = H.reshape(-1, 3, 3), self.space.model.plane_stress
-        if isinstance(law, NeoHookean) and law.mean_dilatation and may_take_the_mean(self.space, part.block):
+        mean = getattr(law, "mean_dilatation", False) and may_take_the_mean(self.space, part.block)
+        if isinstance(law, NeoHookean) and mean:
             return mean_response(law, H, part.W, tangent)
         memory = np.zeros((len(flat), law.n_history))
-        if isinstance(law, Hyperelastic):
-            return law.respond(flat, memory, plane_stress=plane_stress, tangent=tangent), NO_MEAN
         if self.history:
             memory[:] = self.history[part.block][part.cells, :, : law.n_history].reshape(memory.shape)
+        if isinstance(law, Plastic) and mean:
+            return with_mean_pressure(law, H, part.W, law.respond(flat, memory, tangent=tangent, mean=True), tangent)
+        if isinstance(law, (Hyperelastic, Plastic)):
+            return law.respond(flat, memory, plane_stress=plane_stress, tangent=tangent), NO_MEAN
         return _plane_stress(law, flat, memory) if plane_stress else law.respond(flat, memory), NO_MEAN
 
     def _gradient(self, part: Piece) -> NDArray[np.floating]:
-        """Return H (c, q, 3, 3) of F_e = I + H."""
+        """Return H (c, q, 3, 3) of F_e = I + H, at small strains without the thermal strain."""
         theta = None
         if self.stretches is not None:
             theta = np.asarray(self.stretches[part.block])[part.cells]
-            part.L[:] /= theta[..., None, None]
-            part.W[:] *= theta**3
+            if self.finite:
+                part.L[:] /= theta[..., None, None]
+                part.W[:] *= theta**3
         H = np.empty((*part.W.shape, 3, 3))
         fill_gradient(part.nodes, part.L, np.asarray(self.u, float).reshape(-1, self.space.dim), kind(self.space), H)
         if theta is not None:
-            np.einsum("cqii->cqi", H)[:] += ((1.0 - theta) / theta)[..., None]
+            np.einsum("cqii->cqi", H)[:] += ((1.0 - theta) / (theta if self.finite else 1.0))[..., None]
         return H
 
     def _check_admissible(self) -> None:

@@ -355,6 +355,29 @@ def _plain(given: Any) -> Any:
     return given.tolist() if hasattr(given, "tolist") else given
 
 
+def _hardening(given: Any) -> tuple[tuple[float, float], ...]:
+    rows = _ROWS.read(given)
+    for k, (stress, strain) in enumerate(rows):
+        before = rows[k - 1] if k else None
+        if not stress > 0:
+            raise Mistake(f"has the yield stress {stress:g}; yield stresses are above 0", (k,))
+        if before is None and strain != 0:
+            raise Mistake(f"begins at a plastic strain of {strain:g}; the first row is the first yield, at 0", (k,))
+        if before is not None and strain <= before[1]:
+            raise Mistake(f"has the plastic strain {strain:g} after {before[1]:g}; plastic strains grow", (k,))
+        if before is not None and stress < before[0]:
+            message = (
+                f"falls from {before[0]:g} to {stress:g}; a metal that softens is not available, since its results"
+            )
+            raise Mistake(f"{message} depend on the size of the cells", (k,))
+    return rows
+
+
+_ROWS = _several(numbers(2), "rows [[yield stress, plastic strain], ...]", 1)
+#: yield stresses that do not fall, at plastic strains that grow from 0
+HARDENING = replace(_ROWS, read=_hardening)
+
+
 def _each(read: Callable[[Any], Any], given: Sequence[Any]) -> tuple[Any, ...]:
     """Read every item; a mistake names the item, counted from 1, and keeps its position."""
     values = []

@@ -21,6 +21,7 @@ from lacsolver.case.kinds import (
     FLAG,
     GROUP,
     GROUPS,
+    HARDENING,
     NOT_NEGATIVE,
     NUMBER,
     NUMBER_TABLE,
@@ -74,6 +75,7 @@ class Material(Entry):
             "orthotropic": "linear, three axes of symmetry",
             "saint_venant_kirchhoff": "linear in the Green-Lagrange strain",
             "neo_hookean": "compressible rubber",
+            "plastic": "a metal that yields, by von Mises; small or finite strains",
         }, _KINEMATICS, MATERIAL_LAWS),
         "", "constitutive law", "elastic", '"elastic"; needed if finite',
     )  # fmt: skip
@@ -93,6 +95,15 @@ class Material(Entry):
     axes: As[tuple[tuple[float, ...], tuple[float, ...]], Sequence[Sequence[float]]] = key(
         AXES, "", "axis 1, and a second vector in the plane of axes 1 and 2", ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
         "[[1, 0, 0], [0, 1, 0]]", needs=Needs("law", ("orthotropic",)),
+    )  # fmt: skip
+    hardening: As[tuple[tuple[float, float], ...] | None, Sequence[Sequence[float]] | None] = key(
+        HARDENING, "stress, 1",
+        "yield stress at each plastic strain, the first at 0; linear between the rows, constant after the last", None,
+        "required if plastic", needs=Needs("law", ("plastic",)),
+    )  # fmt: skip
+    kinematic: float = key(
+        NOT_NEGATIVE, "stress", "modulus of linear kinematic hardening: stress per plastic strain in tension", 0.0,
+        needs=Needs("law", ("plastic",)),
     )  # fmt: skip
     density: float = key(NOT_NEGATIVE, "mass / length³", "mass per volume, for weight, motion and natural modes", 0.0)
     expansion: As[float | tuple[float, float, float], float | Sequence[float]] = key(

@@ -38,6 +38,10 @@ def _materials(case: Case) -> Iterator[Issue]:
                 if record.has(name):
                     yield record.wrong(f'is no key of law = "{law}", which takes constants; give it there', name)
         elif law is not None:
+            if law == "plastic" and not record.has("hardening"):
+                yield record.wrong(
+                    'needs hardening = [[yield stress, 0.0], ...] with law = "plastic"; one row is perfect plasticity'
+                )
             for name in ("young", "poisson", "expansion"):
                 if isinstance(getattr(record, name), tuple):
                     message = f'has three numbers, which only law = "orthotropic" takes; here it is "{law}"'

@@ -89,7 +89,8 @@ def energies(
         turned + _dissipated(scheme, before, after, dt, dw),
     ]
     if not problem.kinematics.linear:  # what laws with a history do not give back is damped
-        added[1 if step.state.histories.materials else 4] += work("internal") + heat - (stored - before.energies[1])
+        keeps = any(getattr(law, "n_history", 0) for law in problem.materials.laws)
+        added[1 if keeps else 4] += work("internal") + heat - (stored - before.energies[1])
     return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:] + added)])
 
 

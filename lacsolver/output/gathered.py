@@ -42,6 +42,7 @@ class GatheredSeries:
             reaction=self._at_nodes(fields.reaction),
             velocity=self._at_nodes_if(fields.velocity),
             acceleration=self._at_nodes_if(fields.acceleration),
+            plastic_strain=self._at_nodes_if(fields.plastic_strain),
             zones={name: self._zone(zone) for name, zone in fields.zones.items()},
         )
 

@@ -2,7 +2,8 @@
 
 Times are added to the existing file: MED stores fields by name, and each field by time. A zone's fields on faces are
 defined on its slave faces only, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`); names are those of
-code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA; the names of a zone's fields begin with its name.
+code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA, and of metals that yield VARI_NOEU with the component V1, the
+accumulated plastic strain, and SIEQ_NOEU with VMIS; the names of a zone's fields begin with its name.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from lacmesh.mesh import Ints
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
 from lacsolver.output.tables import until
+from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import COMPONENTS, Space
 
@@ -103,6 +105,9 @@ def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:
     for name, values in (("VITE", fields.velocity), ("ACCE", fields.acceleration)):
         if values is not None:
             yield _Field(name, tuple(f"D{a}" for a in axes), True, values, everywhere)
+    if fields.plastic_strain is not None:
+        yield _Field("VARI_NOEU", ("V1",), True, np.asarray(fields.plastic_strain), everywhere)
+        yield _Field("SIEQ_NOEU", ("VMIS",), True, von_mises(fields.stress), everywhere)
     for name, zone in fields.zones.items():
         yield from _zone_fields(name, zone, part, everywhere, axes)
 

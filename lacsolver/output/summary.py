@@ -77,6 +77,7 @@ def _parts(results: Results, balance: Floats) -> tuple[str, str]:
 def _step(step: StepFigures) -> dict[str, Any]:
     figures = {name: getattr(step, name) for name in STEP_KEYS}
     figures |= {} if step.work is None else {"work": step.work._asdict()}
+    figures |= {} if step.plastic is None else {"plastic": step.plastic._asdict()}
     return figures if step.motion is None else figures | {name: getattr(step.motion, name) for name in MOTION_KEYS}
 
 

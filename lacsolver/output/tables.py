@@ -94,6 +94,9 @@ def history_row(step: StepFigures) -> dict[str, float]:
             row |= {f"contact.{name}.dissipation": zone.friction.dissipation[1]}
         row |= {} if moving is None else _along_axes(f"contact.{name}.impulse.", moving.impulse[name])
     row |= {} if step.work is None else {f"work.{name}": value for name, value in step.work._asdict().items()}
+    if step.plastic is not None:
+        row |= {f"plastic.{key}": getattr(step.plastic, key) for key in ("strain_max", "von_mises_max")}
+        row |= {"plastic.dissipation": step.plastic.dissipation[1]}
     if moving is not None:
         row |= {f"energy.{name}": value for name, value in moving.energies.items()}
         row |= _along_axes("momentum.", moving.momentum["linear"])

@@ -23,6 +23,7 @@ from lacmesh.mesh import Floats
 from lacsolver.output.names import FIELDS, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
+from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
 
@@ -94,7 +95,15 @@ def _solid(fields: Fields) -> dict[str, NDArray]:
         "stress": wide(fields.stress, 6),
         "reaction": wide(fields.reaction, 3),
         **{name: wide(values, 3) for name, values in moving.items() if values is not None},
+        **_of_yielding(fields),
     }
+
+
+def _of_yielding(fields: Fields) -> dict[str, NDArray]:
+    """Return the accumulated plastic strain and von Mises' stress where a material yields."""
+    if fields.plastic_strain is None:
+        return {}
+    return {"plastic_strain": np.asarray(fields.plastic_strain), "von_mises": von_mises(fields.stress)}
 
 
 def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:

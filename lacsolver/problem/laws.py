@@ -10,6 +10,7 @@ from lacmesh.errors import DataError
 from lacsolver.bodies.hyperelastic import NeoHookean, SaintVenantKirchhoff
 from lacsolver.bodies.locking import nearly_incompressible
 from lacsolver.bodies.material import Elastic, Law, Orthotropic
+from lacsolver.bodies.plastic import FinitePlastic, Plastic
 from lacsolver.case import Contact, Material, Tie
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
@@ -17,11 +18,11 @@ from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
 _ISOTROPIC = {"elastic": Elastic, "neo_hookean": NeoHookean, "saint_venant_kirchhoff": SaintVenantKirchhoff}
 
 
-def law_of(material: Material) -> Law:
+def law_of(material: Material, kinematics: str = "small") -> Law:
     """Return the law that a record describes. Raises DataError for constants without positive energy.
 
-    A nearly incompressible law gets mean dilatation, which applies to the cells that allow it; that of Saint
-    Venant-Kirchhoff has none.
+    A nearly incompressible law, and one that yields, get mean dilatation, which applies to the cells that allow it;
+    that of Saint Venant-Kirchhoff has none.
     """
     if material.law in MATERIAL_LAWS:
         density = {"density": material.density} if material.density else {}
@@ -29,6 +30,10 @@ def law_of(material: Material) -> Law:
         return added
     given = {name: getattr(material, name) for name in ("young", "poisson", "density", "expansion")}
     given["reference_temperature"] = material.reference_temperature
+    if material.law == "plastic":
+        assert material.hardening is not None  # the record says so
+        make = FinitePlastic if kinematics == "finite" else Plastic
+        return make(**given, hardening=material.hardening, kinematic=material.kinematic)
     if material.law in _ISOTROPIC:
         law: Elastic | Orthotropic = _ISOTROPIC[material.law](**given)
     else:

@@ -267,7 +267,7 @@ def materials_of(case: Case, space: Space) -> Materials:
 
     Raises CaseError, DataError and RequestError as `Materials.of` and the laws do.
     """
-    materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
+    materials = Materials.of(space, [(law_of(m, case.kinematics), m.groups) for m in case.material])
     for message in locking(space, materials):
         warnings.warn(LacmeshWarning(message), stacklevel=3)
     return materials

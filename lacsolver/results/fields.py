@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lacmesh.mesh import Floats
 from lacsolver.bodies.points import Field
 from lacsolver.problem.pair import ContactPair
@@ -10,6 +12,7 @@ from lacsolver.results.nodal import nodal_stress
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.results.state import State, ZoneState
+from lacsolver.results.yielding import nodal_plastic_strain
 
 
 def point_stress(problem: Problem, state: State) -> Field:
@@ -39,7 +42,8 @@ def state_fields(problem: Problem, state: State, stress: Field | None = None) ->
         moving = (motion.velocity[:n], motion.acceleration[:n]) if motion else (0.0 * state.u, 0.0 * state.u)
         vectors += moving
     u, reaction, *velocities = (values.reshape(-1, space.dim) for values in vectors)
-    return Fields(state.time, u, at_nodes, reaction, zones, *velocities)
+    fields = Fields(state.time, u, at_nodes, reaction, zones, *velocities)
+    return replace(fields, plastic_strain=nodal_plastic_strain(problem, state))
 
 
 def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, u: Floats) -> ZoneFields:

@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.problem.problem import Problem
+from lacsolver.results.fields import point_stress
 from lacsolver.results.motion import ENERGIES
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
+from lacsolver.results.yielding import plastic_figures, yields
 from lacsolver.space.space import COMPONENTS, Space
 
 
-def step_figures(problem: Problem, state: State) -> StepFigures:
-    """Return the figures of the step that led to a state.
+def step_figures(problem: Problem, state: State, stress: Field | None = None) -> StepFigures:
+    """Return the figures of the step that led to a state; `stress`: its `point_stress`, where that is known.
 
     >>> from lacsolver import read_case
     >>> from lacsolver.equilibrium.stepping import march
@@ -31,6 +33,8 @@ def step_figures(problem: Problem, state: State) -> StepFigures:
     36
     """
     space = problem.space
+    if stress is None and yields(problem):
+        stress = point_stress(problem, state)
     pairs = [
         (zone, pair.zone.slave.faces.nodes, pair.places(space, state.u)[:, : space.dim])
         for pair, zone in zip(problem.joints, state.zones, strict=True)
@@ -51,6 +55,7 @@ def step_figures(problem: Problem, state: State) -> StepFigures:
         displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
         motion=None if problem.case.dynamics is None else _motion(problem, state),
         work=state.step.work,
+        plastic=None if stress is None else plastic_figures(problem, state, stress),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -40,6 +41,14 @@ def von_mises(stress: Floats) -> NDArray[np.floating]:
 def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArray[np.floating]:
     """Return at the nodes (n_nodes, 4 or 6) a stress given at the integration points of the stiffness.
 
+    `field`: (cells, points, 4 or 6) for each block; `cells` as in `nodal_values`.
+    """
+    return nodal_values(space, field, space.model.n_stress, cells)
+
+
+def nodal_values(space: Space, field: Sequence[Floats], n: int, cells: Ints | None = None) -> NDArray[np.floating]:
+    """Return at the nodes (n_nodes, n) values given at the integration points of the stiffness.
+
     `field`: (cells, points, n) for each block. In each cell a polynomial with the terms of the linear cell's shape
     functions is fitted to the points and evaluated at the cell's nodes; the value at a node is the mean over its cells,
     weighted with their volumes. A constant is reproduced exactly, and so is a linear stress on affine cells whose
@@ -49,8 +58,7 @@ def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArr
     The mean is over all the cells of a node, whatever their material; `cells` (indices in the mesh) restricts it, for
     instance to one body where the stress jumps. Nodes without any of these cells have NaN.
     """
-    n = space.mesh.n_nodes
-    total, volume = np.zeros((n, space.model.n_stress)), np.zeros((n, 1))
+    total, volume = np.zeros((space.mesh.n_nodes, n)), np.zeros((space.mesh.n_nodes, 1))
     for block, given, W in zip(space.blocks, field, weights(space), strict=True):
         rows = np.arange(len(block.cell)) if cells is None else np.flatnonzero(np.isin(block.cell, cells))
         size = W[rows].sum(axis=1)[:, None, None]

@@ -101,6 +101,18 @@ class MotionFigures(Described):
     accelerations: Mapping[str, Floats]
 
 
+class PlasticFigures(NamedTuple):
+    """Figures of materials that yield, over their integration points and volume.
+
+    `strain_max`: largest accumulated plastic strain; `von_mises_max`: largest equivalent stress; `dissipation`: energy
+    that the flow took in the step, and so far.
+    """
+
+    strain_max: float
+    von_mises_max: float
+    dissipation: tuple[float, float]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class StepFigures(Described):
     """Figures of a converged step that ends at `time`.
@@ -110,7 +122,7 @@ class StepFigures(Described):
     `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
     energies, velocities and the like of a case with [dynamics], None for others. `work`: ledger of a static case with
-    friction so far, None for others.
+    friction so far, None for others. `plastic`: figures of materials that yield, None without.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -132,6 +144,7 @@ class StepFigures(Described):
     displacement: float = float("nan")
     motion: MotionFigures | None = None
     work: Work | None = None
+    plastic: PlasticFigures | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -296,6 +309,7 @@ class Fields(Described):
 
     Stress has the components of `space.COMPONENTS`; it is NaN on nodes of no cell of the body. `velocity` and
     `acceleration` (n_nodes, d) are those of a case with [dynamics], 0 in its static steps; None for other cases.
+    `plastic_strain` (n_nodes,): accumulated plastic strain, None if no material yields.
 
     >>> import lacsolver as ls
     >>> fields = ls.solve("data/two_blocks.toml").fields
@@ -310,6 +324,7 @@ class Fields(Described):
     zones: Mapping[str, ZoneFields]
     velocity: Floats | None = None
     acceleration: Floats | None = None
+    plastic_strain: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,6 +25,13 @@ poisson = [0.3, 0.4, 0.3]
 shear = [700.0, 600.0, 100.0]
 axes = [[0.0, 1.0, 0.0], [1, 0, 0]]
 expansion = [1e-5, 2e-5, 3e-5]
+[[material]]
+groups = ["steel"]
+law = "plastic"
+young = 210e3
+poisson = 0.3
+hardening = [[250.0, 0.0], [300, 0.05]]
+kinematic = 1e3
 [[contact]]
 name = "joint"
 slave = "Group_1"

@@ -375,6 +375,33 @@ value = -2.0
 group = "top"
 """
 
+YIELDING = """
+mesh = "blocks.msh"
+model = "3d"
+[[material]]
+law = "plastic"
+young = 1000.0
+poisson = 0.2
+hardening = [[2.0, 0.0], [3.0, 0.02]]
+kinematic = 40.0
+[[displacement]]
+group = "x0"
+ux = [[0, 0], [1, -0.01], [2, 0.004]]
+[[displacement]]
+group = "y0"
+uy = 0.0
+[[displacement]]
+group = "z0"
+uz = 0.0
+kind = "cell"
+[[displacement]]
+group = "x1"
+ux = 0.0
+[steps]
+end = 2.0
+count = 2
+"""
+
 ROUND = """
 mesh = "blocks.msh"
 model = "axisymmetric"
@@ -628,6 +655,7 @@ CASES = {
     "tied chosen": KeyCase(lambda: overhang(0.6), CHOSEN.replace("[[contact]]", "[[tie]]")),
     "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
+    "yielding": KeyCase(cube, YIELDING),
     "round": KeyCase(plane, ROUND),
     "measured": KeyCase(plane, MEASURED),
     "slid": KeyCase(plane, SLID),

@@ -199,6 +199,17 @@ def check_strain(ran):
     np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -p * (2 / modulus + 1 / stiffness), rtol=1e-10)
 
 
+def check_yielding(ran):
+    """Pulled by 1 % and pushed back beyond the yield stress, with both kinds of hardening: 90 of 1090 go on."""
+    pulled = 2.0 + 90 * (dp := (0.01 * 1000 - 2.0) / 1090)
+    back, again = 40 * dp, (1000 * (0.004 + dp) + 40 * dp - 2.0 - 50 * dp) / 1090
+    assert again > 0
+    pushed = -(2.0 + 50 * (dp + again)) + back - 40 * again
+    for step, stress in zip(ran.steps, (pulled, pushed), strict=True):
+        assert step["reactions"]["x1"][0] == pytest.approx(stress, rel=1e-8)
+    assert ran.steps[1]["plastic"]["strain_max"] == pytest.approx(dp + again, rel=1e-8)
+
+
 def check_round(ran):
     """The full circle bears the force; an overlap lifts the plate. Steps also end where fields are asked for."""
     assert ran.told[0].closed < 3
@@ -390,6 +401,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "tied chosen": check_chosen,
     "glued": check_glued,
     "strain": check_strain,
+    "yielding": check_yielding,
     "round": check_round,
     "measured": check_measured,
     "slid": check_slid,

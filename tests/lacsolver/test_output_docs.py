@@ -17,6 +17,8 @@ from tests.lacsolver.written import ZONES, made_up
 
 #: fields with friction: tests/lacsolver/friction/test_output.py writes them
 OF_FRICTION = ("shear", "slip", "path", "use", "dissipation")
+#: fields where a material yields: tests/lacsolver/test_plastic.py writes them
+OF_YIELDING = {"vtu": ("plastic_strain", "von_mises"), "med": ("VARI_NOEU", "V1", "SIEQ_NOEU", "VMIS")}
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "output.md").read_text(encoding="utf-8")
 
 
@@ -71,7 +73,7 @@ def test_arrays_of_vtu(run):
     for stem in ("solid", f"contact_{ZONES[0]}"):
         mesh = read(run.folder / "fields" / f"{stem}_0001.vtu")
         there |= {*mesh.cell_data, *mesh.node_data}
-    assert listed == there | {"cell_number", "node_number", "group:NAME", *OF_FRICTION}
+    assert listed == there | {"cell_number", "node_number", "group:NAME", *OF_FRICTION, *OF_YIELDING["vtu"]}
 
 
 def test_fields_of_med(tmp_path):
@@ -79,9 +81,8 @@ def test_fields_of_med(tmp_path):
     run.steps(run.writer(), 1)
     mesh = read(run.folder / "results.med")
     ours = {n for n in (*mesh.cell_data, *mesh.node_data) if not n.startswith(("lac_", ZONES[1].replace("/", "_")))}
-    assert {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))} == ours | {
-        f"{ZONES[0]}.{name}" for name in OF_FRICTION
-    }
+    named = {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))}
+    assert named == ours | {f"{ZONES[0]}.{name}" for name in OF_FRICTION} | set(OF_YIELDING["med"][::2])
 
 
 def test_files_of_a_folder(run):

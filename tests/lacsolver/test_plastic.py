@@ -1,0 +1,371 @@
+"""Metals that yield: the law at a point against differences and exact solutions, bars, cells, output and restarts."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import lacsolver as ls
+from lacmesh import write
+from lacmesh.errors import DataError
+from lacsolver.bodies.finite import thermal_stretches
+from lacsolver.bodies.locking import locking
+from lacsolver.bodies.logarithmic import first_difference, second_difference
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.plastic import FinitePlastic, Plastic
+from lacsolver.bodies.pointwise import DisplacedBodies
+from lacsolver.case import parse_case, read_case
+from lacsolver.equilibrium.stepping import march
+from lacsolver.output import create_output, read_state
+from lacsolver.problem.problem import Problem
+from lacsolver.reading import read_results
+from lacsolver.results.fields import point_stress, state_fields
+from lacsolver.results.figures import step_figures
+from lacsolver.results.results import Restart
+from lacsolver.running import run
+from lacsolver.space.space import Space
+from tests.lacsolver.bodies import PAIRS, body, one_cell
+from tests.lacsolver.held import with_sides
+from tests.lacsolver.test_finite import by_differences, shaken
+from tests.quality_cells import rotation
+from tests.samples import one_in
+
+YOUNG, NU, Y0, SLOPE, H = 1000.0, 0.3, 2.0, 100.0, 50.0
+TABLE = ((Y0, 0.0), (3.0, 0.01), (3.0, 0.02), (4.0, 0.1))
+LAWS = (Plastic, FinitePlastic)
+
+
+def law_of(make, kinematic=H, **more):
+    return make(YOUNG, NU, hardening=TABLE, kinematic=kinematic, **more)
+
+
+# ---- at a point
+
+
+def gradients(rng, size, plane_stress, n=4):
+    """Random gradients of displacement, and a history that others have left."""
+    out = rng.uniform(-size, size, (n, 3, 3))
+    if plane_stress:
+        out[:, 2, :] = out[:, :, 2] = 0.0
+    return out
+
+
+@pytest.mark.parametrize("plane_stress", [False, True])
+@pytest.mark.parametrize("kinematic", [0.0, H])
+@pytest.mark.parametrize("make", LAWS)
+def test_the_tangent_is_the_derivative_of_the_stress_which_is_that_of_energy_and_dissipation(
+    make, kinematic, plane_stress
+):
+    """After a history, in the elastic and the plastic range; a step minimises energy and dissipation."""
+    law, rng = law_of(make, kinematic), np.random.default_rng(3)
+    size = 0.2 if law.finite else 0.01
+    start = gradients(rng, size, plane_stress)
+    before = law.respond(start.copy(), np.zeros((4, law.n_history)), plane_stress=plane_stress).history
+    moved = start + np.array([0.0, 0.3, 0.6, 1.0])[:, None, None] * gradients(rng, size, plane_stress)
+    moved[0] -= 1e-3 * start[0] / np.abs(start[0]).max()  # unloads
+
+    def respond(H):
+        return law.respond(H.copy(), before, plane_stress=plane_stress)
+
+    answer = respond(moved)
+    flown = answer.history[:, 0] > before[:, 0]
+    assert flown.any() and not flown[0]
+    axes, h = range(2 if plane_stress else 3), 1e-6 * size / 0.01
+    scale = np.abs(answer.tangent).max()
+    for t in axes:
+        for j in axes:
+            step = np.zeros((3, 3))
+            step[t, j] = h
+            more, less = respond(moved + step), respond(moved - step)
+            by_stress = (more.stress - less.stress) / (2 * h)
+            np.testing.assert_allclose(by_stress, answer.tangent[:, :, :, t, j], rtol=0, atol=2e-5 * scale)
+            potential = [a.energy + law.dissipated(a.history[:, 0]) for a in (more, less)]
+            slope = (potential[0] - potential[1]) / (2 * h)
+            np.testing.assert_allclose(slope, answer.stress[:, t, j], rtol=0, atol=1e-5 * np.abs(answer.stress).max())
+    A = answer.tangent
+    np.testing.assert_allclose(A, A.transpose(0, 3, 4, 1, 2), rtol=0, atol=1e-12 * scale)
+    if plane_stress:
+        np.testing.assert_array_equal(answer.stress[:, 2, 2], 0.0)
+
+
+def test_a_rotation_turns_the_stress_and_leaves_the_history():
+    law, rng = law_of(FinitePlastic), np.random.default_rng(1)
+    before = law.respond(rng.uniform(-0.2, 0.2, (3, 3, 3)), np.zeros((3, 16))).history
+    F, Q = np.eye(3) + rng.uniform(-0.3, 0.3, (3, 3, 3)), rotation(rng)
+    one, other = law.respond(F - np.eye(3), before), law.respond(Q @ F - np.eye(3), before)
+    np.testing.assert_allclose(other.stress, Q @ one.stress, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(other.history, one.history, rtol=0, atol=1e-13)
+    volume = np.linalg.det(one.history[:, 7:].reshape(-1, 3, 3) + np.eye(3))
+    np.testing.assert_allclose(volume, 1.0, rtol=1e-13)
+
+
+def test_small_strains_are_the_limit_of_finite_ones():
+    rng = np.random.default_rng(2)
+    gradient = rng.uniform(-1e-6, 1e-6, (3, 3, 3))
+    soft = {"hardening": ((1e-4, 0.0),), "kinematic": H}
+    small, finite = (
+        make(YOUNG, NU, **soft).respond(gradient, np.zeros((3, make.n_history)))  #
+        for make in LAWS
+    )
+    assert (small.history[:, 0] > 0).all()
+    np.testing.assert_allclose(finite.stress, small.stress, rtol=0, atol=1e-5 * np.abs(small.stress).max())
+    np.testing.assert_allclose(finite.history[:, :7], small.history, rtol=0, atol=1e-5 * np.abs(small.history).max())
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-6, 1e-3, 0.09, 0.11, 1.0])
+def test_divided_differences_of_the_logarithm(spread):
+    """Against the integrals of 1 / ((a + t) (b + t)) and 1 / ((a + t) (b + t) (c + t)), of one sign."""
+    x, w = np.polynomial.legendre.leggauss(60)
+    s = (x + 1) / 2  # t = s / (1 - s)
+    t, dt = s / (1 - s), w / 2 / (1 - s) ** 2
+    for a, b, c in ((1.0, 1.0 + spread, 1.0 + 0.4 * spread), (1.3 * (1 + spread), 1.3, 1.3 * (1 + spread))):
+        first = (dt / ((a + t) * (b + t))).sum() / 2
+        second = -(dt / ((a + t) * (b + t) * (c + t))).sum() / 2
+        assert first_difference(a, b) == pytest.approx(first, rel=1e-12)
+        assert second_difference(a, b, c) == pytest.approx(second, rel=1e-11)
+
+
+def test_a_table_is_followed_over_several_of_its_rows_and_its_end():
+    """Uniaxial stress in one step, from a plastic strain of 0 into each row, and beyond the last."""
+    law = Plastic(YOUNG, 0.0, hardening=TABLE, kinematic=H)
+    for p in (0.005, 0.01, 0.015, 0.02, 0.05, 0.1, 0.3):
+        stress = np.interp(p, *np.array(TABLE).T[::-1]) + H * p
+        gradient = np.diag([stress / YOUNG + p, -p / 2, -p / 2])[None]
+        answer = law.respond(gradient, np.zeros((1, 7)))
+        np.testing.assert_allclose(answer.stress[0], np.diag([stress, 0, 0]), rtol=0, atol=1e-12)
+        assert answer.history[0, 0] == pytest.approx(p, rel=1e-12)
+        fine = np.linspace(0, p, 100_001)
+        assert law.dissipated(np.array([p]))[0] == pytest.approx(np.trapezoid(law.yield_stress(fine), fine), rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"hardening": ()},
+        {"hardening": ((2.0, 0.1),)},
+        {"hardening": ((2.0, 0.0), (1.0, 0.1))},
+        {"hardening": ((2.0, 0.0), (3.0, 0.0))},
+        {"hardening": ((-2.0, 0.0),)},
+        {"hardening": ((2.0, 0.0),), "kinematic": -1.0},
+    ],
+)
+def test_wrong_constants_are_refused(wrong):
+    with pytest.raises(DataError, match=r"hardening|kinematic"):
+        Plastic(YOUNG, NU, **wrong)
+
+
+# ---- cells
+
+CELLS_AND_MODELS = [("HEXA8", "3d"), ("PENTA6", "3d"), ("PYRAM5", "3d"), ("TETRA10", "3d")]
+CELLS_AND_MODELS += [("QUAD4", "plane_strain"), ("QUAD4", "axisymmetric"), ("QUAD4", "plane_stress")]
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("make", LAWS)
+@pytest.mark.parametrize(("name", "model"), one_in(2, CELLS_AND_MODELS))
+def test_the_tangent_of_a_cell_is_the_derivative_of_its_forces(name, model, make):
+    """Distorted and warm, after a history, with mean dilatation where it is linear."""
+    space = Space.of(one_cell(name, 0.1), model)
+    materials = Materials.of(space, law_of(make, expansion=1e-4, reference_temperature=20.0))
+    size = 1.0 if make.finite else 0.02
+    rest = {"finite": make.finite, "stretches": thermal_stretches(space, materials, 50.0)}
+    first = DisplacedBodies(space, materials, size * shaken(space, 0.02), **rest)
+    rest["history"] = first.commit()
+    assert max(h[..., 0].max() for h in rest["history"]) > 0
+    u = size * shaken(space, 0.05, seed=5)
+
+    def at(v):
+        return DisplacedBodies(space, materials, v, **rest)
+
+    K, f = at(u).tangent(), at(u).internal_force()
+    expected = by_differences(lambda v: at(v).internal_force(), u, 1e-5 * size)
+    np.testing.assert_allclose(K.toarray(), expected, rtol=0, atol=1e-6 * abs(K).max())
+    assert np.isfinite(f).all()
+
+
+def test_linear_cells_do_not_lock_and_others_are_named():
+    for name, locks in (("QUAD4", False), ("TRIA3", True), ("QUAD8", False)):
+        space = Space.of(body(name, 2), "plane_strain")
+        told = locking(space, Materials.of(space, law_of(Plastic)))
+        assert bool(told) == locks
+        if locks:
+            assert told[0].startswith('law = "plastic" makes TRIA3 far too stiff') and "poisson" not in told[0]
+
+
+# ---- bars
+
+
+def bar(name, model, kinematics, moves, material=""):
+    """A bar along y, moved at its end; `moves`: (time, displacement)."""
+    axes = "xyz" if model == "3d" else "xy"
+    low = None if model in ("3d", "axisymmetric") else (0.0, 0.0)
+    mesh = with_sides(body(name, 1 if model == "3d" else 2, low=low))
+    text = f'mesh = "bar.msh"\nmodel = "{model}"\nkinematics = "{kinematics}"\n'
+    text += f"[steps]\ntimes = {[t for t, _ in moves[1:]]}\n"
+    text += f'[[material]]\nlaw = "plastic"\nyoung = {YOUNG}\npoisson = {NU}\n'
+    text += material or f"hardening = [[{Y0}, 0.0], [{Y0 + SLOPE}, 1.0]]\nkinematic = {H}\n"
+    for axis in axes if model != "axisymmetric" else "y":
+        text += f'[[displacement]]\ngroup = "{axis}0"\nu{axis} = 0.0\n'
+    text += f'[[displacement]]\ngroup = "y1"\nuy = {[list(row) for row in moves]}\n'
+    return text, mesh
+
+
+def uniaxial(strains):
+    """Exact stress along a bar, plastic strain and accumulated one, after strains one after another."""
+    plastic, p = 0.0, 0.0
+    for strain in strains:
+        back = H * plastic
+        trial = YOUNG * (strain - plastic) - back
+        dp = max(abs(trial) - Y0 - SLOPE * p, 0.0) / (YOUNG + H + SLOPE)
+        plastic, p = plastic + dp * np.sign(trial), p + dp
+        yield YOUNG * (strain - plastic), plastic, p
+
+
+MOVES = ((0.0, 0.0), (1.0, 0.01), (2.0, 0.0085), (3.0, -0.01), (4.0, 0.015))
+
+
+@pytest.mark.filterwarnings("ignore:law = .plastic. makes:lacmesh.errors.LacmeshWarning")
+@pytest.mark.fuzz
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize(("name", "model"), one_in(5, [pair for pair in PAIRS if pair[1] != "plane_strain"]))
+def test_a_bar_is_pulled_unloaded_pushed_and_pulled(name, model, kinematics):
+    """The exact solution; if finite in logarithmic strain, and Cauchy's stress is Kirchhoff's over the volume."""
+    text, mesh = bar(name, model, kinematics, MOVES)
+    problem = Problem.of(parse_case(text), mesh)
+    finite = kinematics == "finite"
+    strains = [np.log1p(u) if finite else u for _, u in MOVES[1:]]
+    for state, (tau, plastic, p) in zip(march(problem), uniaxial(strains), strict=True):
+        volume = np.exp((1 - 2 * NU) * tau / YOUNG) if finite else 1.0
+        for sigma in point_stress(problem, state):
+            np.testing.assert_allclose(sigma[..., 1], tau / volume, rtol=1e-7)
+            np.testing.assert_allclose(np.delete(sigma, 1, axis=-1), 0.0, atol=1e-7)
+        figures = step_figures(problem, state)
+        assert figures.plastic.strain_max == pytest.approx(p, rel=1e-7)
+        assert figures.plastic.von_mises_max == pytest.approx(abs(tau) / volume, rel=1e-7)
+        size = np.pi * 3 if model == "axisymmetric" else 1.0
+        whole = size * (Y0 * p + SLOPE * p * p / 2)
+        assert figures.plastic.dissipation[1] == pytest.approx(whole, rel=1e-7)
+        assert figures.energy == pytest.approx(size * (tau**2 / YOUNG + H * plastic**2) / 2, rel=1e-7)
+        assert state.residuals[-1] < 1e-8
+        np.testing.assert_allclose(state_fields(problem, state).plastic_strain, p, rtol=1e-7)
+
+
+def test_newtons_method_is_quadratic_at_the_end():
+    text, mesh = bar("QUAD4", "plane_strain", "small", ((0.0, 0.0), (1.0, 0.01)))
+    (state,) = march(Problem.of(parse_case(text), mesh))
+    before, last = state.residuals[-2:]
+    assert state.halvings == 0 and state.iterations <= 6 and last < max(10 * before**2, 1e-14)
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_a_bar_that_is_held_yields_as_it_warms(kinematics):
+    warm = f"hardening = [[{Y0}, 0.0], [{Y0 + SLOPE}, 1.0]]\nkinematic = {H}\nexpansion = 1e-3\n"
+    warm += "reference_temperature = 20.0\n[[temperature]]\nvalue = 30.0\n"
+    text, mesh = bar("HEXA8", "3d", kinematics, ((0.0, 0.0), (1.0, 0.0)), warm)
+    problem = Problem.of(parse_case(text), mesh)
+    (state,) = march(problem)
+    strain = -np.log(1.01) if kinematics == "finite" else -0.01
+    ((tau, _, p),) = uniaxial([strain])
+    volume = np.exp((1 - 2 * NU) * tau / YOUNG) if kinematics == "finite" else 1.0
+    (sigma,) = point_stress(problem, state)
+    np.testing.assert_allclose(sigma[..., 1], tau / volume, rtol=1e-7)
+    figures = step_figures(problem, state)
+    size = 1.01**3 if kinematics == "finite" else 1.0
+    assert figures.plastic.dissipation[1] == pytest.approx(size * (Y0 * p + SLOPE * p * p / 2), rel=1e-7)
+
+
+def test_a_cyclic_load_closes_its_loop():
+    """With kinematic hardening alone the second cycle is the first again; a half takes Y times its plastic range."""
+    moves = [(0.0, 0.0)] + [(float(k + 1), 0.01 * (-1) ** k) for k in range(6)]
+    text, mesh = bar("QUAD8", "plane_stress", "small", moves, f"hardening = [[{Y0}, 0.0]]\nkinematic = {H}\n")
+    problem = Problem.of(parse_case(text), mesh)
+    states = list(march(problem))
+    stress = [point_stress(problem, state)[0][0, 0, 1] for state in states]
+    assert stress[2] == pytest.approx(stress[4], rel=1e-9) and stress[3] == pytest.approx(stress[5], rel=1e-9)
+    figures = [step_figures(problem, state).plastic.dissipation[0] for state in states]
+    plastic = (0.02 - 2 * Y0 / YOUNG) / (1 + H / YOUNG)  # range of plastic strain of half a cycle
+    np.testing.assert_allclose(figures[1:], Y0 * plastic, rtol=1e-8)
+
+
+# ---- steps, files and restarts
+
+
+def plate(kinematics="small"):
+    """A plate with uneven load, which yields in a part."""
+    text, mesh = bar("QUAD4", "plane_strain", kinematics, ((0.0, 0.0), (1.0, 0.004), (2.0, 0.008), (3.0, -0.002)))
+    return text + '[[traction]]\ngroup = "x1"\ntx = "0.3 * y * t"\n', mesh
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_a_restart_goes_on_from_what_has_flown(kinematics, tmp_path):
+    text, mesh = plate(kinematics)
+    write(tmp_path / "bar.msh", mesh)
+    (tmp_path / "case.toml").write_text(text)
+    case = read_case(tmp_path / "case.toml")
+    problem = Problem.of(case)
+    states = list(march(problem))
+    run(case, create_output(tmp_path / "out"))
+    kept = read_state(tmp_path / "out", case, 2.0)
+    again = list(march(problem, start=kept))
+    np.testing.assert_array_equal(again[0].u, states[2].u)
+    for one, other in zip(again[0].step.histories.materials, states[2].step.histories.materials, strict=True):
+        np.testing.assert_array_equal(one, other)
+    fresh = list(march(problem, start=Restart.of(states[1], states[1].step.step_size, 2)))
+    np.testing.assert_array_equal(fresh[0].u, states[2].u)
+
+
+def test_an_attempt_that_fails_leaves_no_flow_behind():
+    """Steps that are halved, since an iteration more is not allowed, end as steps of these sizes do."""
+    text, mesh = plate()
+    case = parse_case(text + "[solver]\nmax_iterations = 3\n")
+    states = list(march(Problem.of(case, mesh)))
+    assert sum(state.halvings for state in states) > 0
+    times = [state.time for state in states]
+    text = text.replace("times = [1.0, 2.0, 3.0]", f"times = {times}")
+    for one, other in zip(states, march(Problem.of(parse_case(text), mesh)), strict=True):
+        np.testing.assert_allclose(one.u, other.u, rtol=0, atol=1e-9)
+        (kept,), (wanted,) = one.step.histories.materials, other.step.histories.materials
+        np.testing.assert_allclose(kept, wanted, rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("format", ["vtu", "med"])
+def test_what_a_run_writes(format, tmp_path):
+    text, mesh = plate()
+    write(tmp_path / "bar.msh", mesh)
+    (tmp_path / "case.toml").write_text(text + f'[output]\nformat = "{format}"\n')
+    ls.run(tmp_path / "case.toml", tmp_path / "out")
+    solution = ls.solve(tmp_path / "case.toml")
+    figures = solution.figures.plastic
+    summary = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert summary["steps"][-1]["plastic"] == {
+        "strain_max": figures.strain_max,
+        "von_mises_max": figures.von_mises_max,
+        "dissipation": list(figures.dissipation),
+    }
+    results = read_results(tmp_path / "out")
+    assert results.history["plastic.dissipation"][-1] == figures.dissipation[1]
+    assert results.history["plastic.strain_max"][-1] == figures.strain_max
+    last = results.solution(-1)
+    np.testing.assert_allclose(last.plastic_strain, solution.plastic_strain, rtol=1e-12)
+    assert solution.plastic_strain.max() > 1e-3
+    np.testing.assert_allclose(last.von_mises(), solution.von_mises(), rtol=1e-9)
+
+
+def test_in_motion_the_energy_is_kept():
+    """The flow takes what counts as damped, and the sum of all energies stays 0."""
+    text, mesh = bar("QUAD4", "plane_strain", "small", ((0.0, 0.0), (0.05, 0.0)))
+    keep, _ = text.rsplit("[[displacement]]", 1)
+    keep = keep.replace("times = [0.05]", "end = 0.05\ncount = 50").replace("poisson", "density = 1.0\npoisson")
+    keep += '[dynamics]\n[[initial]]\nvy = "0.5 * y"\n'
+    problem = Problem.of(parse_case(keep), mesh)
+    states = list(march(problem))
+    figures = [step_figures(problem, state) for state in states]
+    taken = figures[-1].plastic.dissipation[1]
+    assert taken > 0.01
+    for one in figures:
+        energies = one.motion.energies
+        total = energies["kinetic"] + energies["strain"] - energies["external"] + energies["damped"]
+        assert abs(total + energies["contact"] + energies["numerical"]) < 1e-9 * energies["external"]
+        assert energies["damped"] == pytest.approx(one.plastic.dissipation[1], abs=0.02 * taken)
