@@ -63,9 +63,10 @@ def test_what_a_case_holds():
     case = parse_case(SMALL, "folder/press.toml")
     assert case.mesh == Path("folder/two_blocks.med") and case.path == Path("folder/press.toml")
     assert (case.model, case.kinematics, case.thickness) == ("3d", "small", None)
-    steel, wood = case.material
+    steel, wood, metal = case.material
     assert steel.groups == ("lower", "7", "3:8") and steel.young == 2000.0 and isinstance(steel.young, float)
     assert wood.young == (11000.0, 400.0, 300.0) and wood.axes == ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
+    assert metal.hardening == ((250.0, 0.0), (300.0, 0.05)) and metal.kinematic == 1000.0
     joint, other, *_ = case.contact
     assert (joint.name, other.name) == ("joint", "Group_3")
     assert (joint.geometry, other.geometry, case.contact[2].geometry) == ("current", "reference", "reference")
