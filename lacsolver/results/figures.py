@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.problem.problem import Problem
-from lacsolver.results.fields import point_stress
 from lacsolver.results.motion import ENERGIES
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
@@ -34,7 +33,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
     """
     space = problem.space
     if stress is None and yields(problem):
-        stress = point_stress(problem, state)
+        stress = problem.kinematics.stress(state.u, state.time, state.history)
     pairs = [
         (zone, pair.zone.slave.faces.nodes, pair.places(space, state.u)[:, : space.dim])
         for pair, zone in zip(problem.joints, state.zones, strict=True)

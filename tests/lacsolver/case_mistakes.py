@@ -54,7 +54,7 @@ MISTAKES = [
     (BODY + "density = -1.0 #!\n", "material.density is -1; it must be >= 0"),
     (BODY + "shear = [1.0, 1.0, 1.0] #!\n", 'material.shear means something only with law = "orthotropic"'),
     (BODY + "axes = [[0, 1, 0], [1, 0, 0]] #!\n", 'material.axes means something only with law = "orthotropic"'),
-    (BODY + 'law = "plastic" #!\n', 'material.law is "plastic"'),
+    (BODY + 'law = "creep" #!\n', 'material.law is "creep"'),
     (BODY.replace("]]", "]] #!") + 'law = "plastic"\n', "needs hardening = [[yield stress, 0.0], ...]"),
     (BODY + "kinematic = 5.0 #!\n", 'material.kinematic means something only with law = "plastic"'),
     (BODY + 'law = "plastic"\nhardening = [[2.0, 0.1]] #!\n', "begins at a plastic strain of 0.1; the first row is the first yield"),
