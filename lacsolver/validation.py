@@ -199,12 +199,12 @@ def _look_at_motions(
             nodes_of(space, probe)
     with validation.looking():
         springs = acting.springs(space, case)
-    motions = free_motions(space, constraints, springs)
-    if not motions:
-        return
     equalities: tuple[EqualityRows, ...] = ()
     with validation.looking():
         equalities = equalities_of(space, case)
+    motions = free_motions(space, constraints, springs)
+    if not motions:
+        return
     nothing = np.zeros(space.n_dof)
     rows = [one.at(nothing, 0.0).C for one in equalities]
     B = csr_array(vstack([csr_array((0, space.n_dof)), *rows, *(_paired_rows(joint, face) for joint, face in faces)]))

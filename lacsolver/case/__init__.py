@@ -13,6 +13,7 @@ from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
+from lacsolver.case.joints import Coupling, Equation
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
@@ -35,8 +36,10 @@ __all__ = [
     "Case",
     "CaseError",
     "Contact",
+    "Coupling",
     "Displacement",
     "Dynamics",
+    "Equation",
     "EvaluationError",
     "Force",
     "Gravity",

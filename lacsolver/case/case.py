@@ -15,6 +15,7 @@ from lacmesh.facts import Described, listed
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.case.joints import Coupling, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
 from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, Choice, number, text, whole
 from lacsolver.case.records import (
@@ -203,6 +204,8 @@ class Case(Entry):
     tie: As[tuple[Tie, ...], Tie | Sequence[Tie]] = section(Tie)
     rigid: As[tuple[Rigid, ...], Rigid | Sequence[Rigid]] = section(Rigid)
     displacement: As[tuple[Displacement, ...], Displacement | Sequence[Displacement]] = section(Displacement)
+    equation: As[tuple[Equation, ...], Equation | Sequence[Equation]] = section(Equation)
+    coupling: As[tuple[Coupling, ...], Coupling | Sequence[Coupling]] = section(Coupling)
     spring: As[tuple[Spring, ...], Spring | Sequence[Spring]] = section(Spring)
     pressure: As[tuple[Pressure, ...], Pressure | Sequence[Pressure]] = section(Pressure)
     traction: As[tuple[Traction, ...], Traction | Sequence[Traction]] = section(Traction)
@@ -318,6 +321,8 @@ def _settled(record: Any, case: Case) -> Any:
             changes[name] = with_values(getattr(record, name), lambda v: replace(v, ramp_end=_ramp_end(v, case)))
     if isinstance(record, Contact) and record.geometry is None:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
+    if isinstance(record, Equation) and record.name is None:
+        changes["name"] = f"equation {1 + next(k for k, one in enumerate(case.equation) if one is record)}"
     if isinstance(record, Output) and record.every is None:
         changes["every"] = 1 if case.dynamics is None else max(1, round(len(case.steps.planned) / _OUTPUTS))
     return record.altered(**changes) if changes else record

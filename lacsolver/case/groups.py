@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from lacmesh.errors import RequestError, did_you_mean
@@ -27,7 +27,9 @@ def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
     for name, key in keys_of(type(record)).items():
         groups = getattr(record, name)
         if key.kind.is_group and groups is not None:
-            yield from ((name, group) for group in ([groups] if isinstance(groups, str) else groups))
+            several = [groups] if isinstance(groups, str) else groups
+            named = [group.get("group") if isinstance(group, Mapping) else group for group in several]
+            yield from ((name, group) for group in named if group is not None)
 
 
 def _missing(record: Entry, mesh: Mesh) -> Iterator[Issue]:

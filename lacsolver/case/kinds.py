@@ -257,6 +257,154 @@ def _out_of_plane(axes: Sequence[Sequence[float]], dim: int) -> str:
     return "has vectors out of the plane of the model; give axes 1 and 2 in it" if outside else ""
 
 
+def _inner(table: Mapping[str, Any], takes: Mapping[str, Any], words: str) -> dict[str, Any]:
+    """Return the keys of a table inside a key, each read by its type. Raises Mistake with the key that is wrong."""
+    if not isinstance(table, Mapping):
+        raise Mistake(f"is {described(table)}; it takes {words}")
+    values = {}
+    for name, given in table.items():
+        if name not in takes:
+            raise Mistake(f"has {name}{did_you_mean(name, takes)}; it takes {words}", (name,))
+        try:
+            values[str(name)] = takes[name].read(given)
+        except Mistake as mistake:
+            raise Mistake(f"has {name}, which {mistake.message}", (name, *mistake.inside)) from None
+    return values
+
+
+_AXES_WORDS = "{ x = [..], xy = [..] }, or cylindrical { origin = [..], axis = [..] }"
+
+
+def _local_axes(given: Any) -> dict[str, Any]:
+    axes = _inner(given, _IN_AXES, _AXES_WORDS)
+    if ("x" in axes) == ("axis" in axes):
+        raise Mistake(f"needs x, or axis, and not both; it takes {_AXES_WORDS}")
+    if "axis" in axes:
+        if "xy" in axes or "origin" not in axes:
+            raise Mistake(f"is cylindrical, and needs origin and axis, no xy; it takes {_AXES_WORDS}")
+        if not any(axes["axis"]):
+            raise Mistake("has an axis of length 0; give its direction")
+        return axes
+    if not any(axes["x"]):
+        raise Mistake("has an x of length 0; give its direction")
+    return axes if "xy" not in axes else axes | dict(zip(("x", "xy"), _axes((axes["x"], axes["xy"])), strict=True))
+
+
+def _axes_misfit(axes: Mapping[str, Any], dim: int) -> str:
+    short = [name for name in ("origin", "x", "xy") if name in axes and len(axes[name]) != dim]
+    if short:
+        return f"has {short[0]} of {len(axes[short[0]])} components; the model has {dim}"
+    if dim == 3:
+        return "" if "axis" in axes or "xy" in axes else "needs xy, a second vector in the plane of x and y"
+    return (
+        "has an axis out of z, which a plane model turns about; write axis = [0, 0, 1]"
+        if any(axes.get("axis", ())[:2])
+        else ""
+    )
+
+
+#: local axes: Cartesian, or cylindrical
+LOCAL_AXES = Kind(
+    _AXES_WORDS,
+    {
+        "type": "object",
+        "properties": {
+            **{name: POINT.schema for name in ("origin", "x", "xy")},
+            "axis": numbers(3).schema,
+        },
+        "additionalProperties": False,
+        "oneOf": [{"required": ["x"]}, {"required": ["origin", "axis"]}],
+    },
+    _local_axes,
+    _axes_misfit,
+)
+_IN_AXES = {"origin": POINT, "x": POINT, "xy": POINT, "axis": numbers(3)}
+
+_COMPONENT = Choice({"ux": "along x", "uy": "along y", "uz": "along z"})
+_OUT_OF_PLANE = "has uz, which a plane model does not have"
+
+
+def _components(given: Any) -> tuple[str, ...]:
+    if isinstance(given, str) or not isinstance(given, (list, tuple)) or not given:
+        raise Mistake(f"is {described(given)}; it takes {COMPONENTS.words}")
+    names = _each(_COMPONENT.read, given)
+    if len(set(names)) < len(names):
+        raise Mistake("names a component twice")
+    return names
+
+
+#: components of displacement
+COMPONENTS = Kind(
+    'a list of components, as ["ux", "uy"]',
+    {"type": "array", "items": _COMPONENT.schema, "minItems": 1, "uniqueItems": True},
+    _components,
+    lambda names, dim: _OUT_OF_PLANE if dim == 2 and "uz" in names else "",
+)
+
+_GROUP_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
+_IN_TERM = {
+    "factor": NUMBER,
+    "component": _COMPONENT,
+    "node": whole(0),
+    "group": GROUP,
+    "kind": _GROUP_KIND,
+    "at": POINT,
+}
+_TERM_WORDS = '{ factor = 1.0, component = "ux", node = 12 } (or group = "..", or at = [..])'
+
+
+def _term(given: Any) -> dict[str, Any]:
+    term = _inner(given, _IN_TERM, _TERM_WORDS)
+    where = [name for name in ("node", "group", "at") if name in term]
+    missing = [name for name in ("factor", "component") if name not in term]
+    if missing or len(where) != 1:
+        what = missing[0] if missing else "one of node, group, at"
+        raise Mistake(f"needs {what}; it takes {_TERM_WORDS}")
+    if "kind" in term and "group" not in term:
+        raise Mistake("has a kind, which is of a group; leave it out")
+    if not term["factor"]:
+        raise Mistake("has the factor 0; leave the term out")
+    return term
+
+
+def _terms(given: Any) -> tuple[dict[str, Any], ...]:
+    if isinstance(given, (str, Mapping)) or not isinstance(given, (list, tuple)) or not given:
+        raise Mistake(f"is {described(given)}; it takes a list of {_TERM_WORDS}")
+    return _each(_term, given)
+
+
+def _terms_misfit(terms: Sequence[Mapping[str, Any]], dim: int) -> str:
+    if dim == 2 and any(term["component"] == "uz" for term in terms):
+        return _OUT_OF_PLANE
+    points = (_other_dimension(term["at"], dim) for term in terms if "at" in term)
+    return next((f"has a term whose at {words}" for words in points if words), "")
+
+
+#: the terms of an equation
+TERMS = Kind(
+    f"a list of {_TERM_WORDS}",
+    {
+        "type": "array",
+        "minItems": 1,
+        "items": {
+            "type": "object",
+            "properties": {
+                "factor": {"type": "number", "not": {"const": 0}},
+                "component": _COMPONENT.schema,
+                "node": whole(0).schema,
+                "group": GROUP.schema,
+                "kind": _GROUP_KIND.schema,
+                "at": POINT.schema,
+            },
+            "additionalProperties": False,
+            "required": ["factor", "component"],
+            "oneOf": [{"required": [name]} for name in ("node", "group", "at")],
+        },
+    },
+    _terms,
+    _terms_misfit,
+    is_group=True,
+)
 #: two vectors that are not parallel
 AXES = Kind(_TWO_VECTORS.words, _TWO_VECTORS.schema, _axes, _out_of_plane)
 _POSITIVE_TIMES = _several(POSITIVE, "a list of increasing times > 0", 1)
@@ -294,6 +442,30 @@ def varying(*, place: bool = True, normals: bool = False) -> Kind:
 
 VALUE = varying()
 VALUE_OF_TIME = varying(place=False)
+
+
+def _weights(given: Any) -> Any:
+    given = _plain(given)
+    if not isinstance(given, (list, tuple)):
+        value = VALUE.read(given)
+        if isinstance(value.source, Formula) and "t" in value.source.variables:
+            raise Mistake("depends on t; weights are of the undeformed nodes")
+        return value
+    rows = _each(numbers(2).read, given)
+    odd = [row for row in rows if row[0] != int(row[0]) or row[0] < 0]
+    if odd or not rows:
+        raise Mistake(f"is {'an empty list' if not rows else f'of node {odd[0][0]:g}'}; it takes {WEIGHTS.words}")
+    if len({number for number, _ in rows}) < len(rows):
+        raise Mistake("names a node twice")
+    return rows
+
+
+#: weights of nodes
+WEIGHTS = Kind(
+    "a formula of x, y, z, or a list [[node, weight], ...]",
+    {"anyOf": [{"type": "number"}, _TEXT, {"type": "array", "items": numbers(2).schema, "minItems": 1}]},
+    _weights,
+)
 
 
 def not_negative(*, positive: bool = False, infinite: bool = False) -> Kind:

@@ -9,7 +9,7 @@ user's choice; `unit` gives the dimension.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -22,6 +22,7 @@ from lacsolver.case.kinds import (
     GROUP,
     GROUPS,
     HARDENING,
+    LOCAL_AXES,
     NOT_NEGATIVE,
     NUMBER,
     NUMBER_TABLE,
@@ -47,8 +48,8 @@ PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and no
 WHERE = (("group", "at"),)
 NOT_KIND_OF_AT = (("kind", "at"),)
 ROLES = (("slave", "surfaces"), ("master", "surfaces"))
-_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
-_EITHER = "the kind that has this name; cell if both have it"
+GROUP_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
+KIND_BY_DEFAULT = "the kind that has this name; cell if both have it"
 _THREE = ("fx", "fy", "fz")
 #: the kinematics that each law of a material is for
 _KINEMATICS = {
@@ -239,7 +240,7 @@ class AtNodes(Entry):
     group: str | None = key(GROUP, "", "the nodes of this group, of cells or of nodes", None)
     at: Numbers = key(POINT, "length", "instead of a group: the node at this point", None)
     kind: str | None = key(
-        _KIND, "", "kind of group, if a group of cells and one of nodes have this name", None, _EITHER
+        GROUP_KIND, "", "kind of group, if a group of cells and one of nodes have this name", None, KIND_BY_DEFAULT
     )
 
 
@@ -249,6 +250,15 @@ _TRACTION = varying(normals=True)
 
 def _load(unit: str, meaning: str, models: tuple[str, ...] = MODELS, kind: Kind = VALUE) -> Any:
     return key(kind, unit, meaning, None, load=True, models=models)
+
+
+#: type of a field for local axes
+LocalAxes = As[Mapping[str, Any] | None, Mapping[str, Any] | None]
+
+
+def _in_axes(names: str) -> Any:
+    what = f"local axes of {names}: x, y, z, or where cylindrical r, theta, z, at each node's undeformed place"
+    return key(LOCAL_AXES, "", what, None, "those of the mesh")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -262,11 +272,12 @@ class Displacement(AtNodes):
     SECTION: ClassVar = Section(
         "displacement", True, "prescribed displacement; components that are not given are free", one_of=WHERE,
         some_of=(("ux", "uy", "uz", "un"),),
-        not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un")),
+        not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un"), ("un", "axes")),
     )  # fmt: skip
     ux: Load = _load("length", "along x (the radius where axisymmetric)")
     uy: Load = _load("length", "along y")
     uz: Load = _load("length", "along z", SPACE)
+    axes: LocalAxes = _in_axes("ux, uy, uz")
     un: Load = _load("length", "along the outward normal of the group's faces")
 
 
@@ -309,11 +320,16 @@ class Force(AtNodes):
 
     SECTION: ClassVar = Section(
         "force", True, "force on each node of a group, or in total, or on one node (axisymmetric: of the full circle)",
-        one_of=WHERE, some_of=(_THREE,), not_both=NOT_KIND_OF_AT,
+        one_of=WHERE, some_of=((*_THREE, "moment"),), not_both=(*NOT_KIND_OF_AT, ("at", "moment")),
     )  # fmt: skip
     fx: Load = _load("force", "along x")
     fy: Load = _load("force", "along y")
     fz: Load = _load("force", "along z", SPACE)
+    axes: LocalAxes = _in_axes("fx, fy, fz")
+    moment: Values = _load(
+        "force × length", "moment of the whole group about its mean, spread by area; with total = true", PLANAR,
+        VECTOR_OF_TIME,
+    )  # fmt: skip
     total: bool = key(
         FLAG, "", "the force of the whole group, spread over its faces by area; not that of each node", False
     )
@@ -380,6 +396,7 @@ class Spring(AtNodes):
     kx: float | None = key(POSITIVE, "force / length", "stiffness along x", None)
     ky: float | None = key(POSITIVE, "force / length", "stiffness along y", None)
     kz: float | None = key(POSITIVE, "force / length", "stiffness along z", None, models=SPACE)
+    axes: LocalAxes = _in_axes("kx, ky, kz")
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -398,7 +415,7 @@ class Rigid(Entry):
     )  # fmt: skip
     group: str = key(GROUP, "", "cells (a surface without parent cells is enough) or nodes that move rigidly")
     kind: str | None = key(
-        _KIND, "", "kind of group, if a group of cells and one of nodes have this name", None, _EITHER
+        GROUP_KIND, "", "kind of group, if a group of cells and one of nodes have this name", None, KIND_BY_DEFAULT
     )
     centre: Numbers = key(
         POINT, "length", "centre of rotation, at which forces act", None, "the mean of its nodes", models=PLANAR

@@ -151,7 +151,12 @@ def _friction(case: Case) -> Iterator[Issue]:
 
 def _names(case: Case) -> Iterator[Issue]:
     """Check that the names, by which results are called, are given and unique."""
-    for records, default in (((*case.contact, *case.tie), "slave"), (case.probe, "group")):
+    for records, default in (
+        ((*case.contact, *case.tie), "slave"),
+        (case.probe, "group"),
+        (case.equation, "group"),
+        (case.coupling, "group"),
+    ):
         taken: set[str] = set()
         for record in records:
             if record.name is not None and record.name in taken:
@@ -178,10 +183,40 @@ def _prescribed_once(case: Case) -> Iterator[Issue]:
             yield record.wrong(
                 'is along the normal of faces, which a group of nodes (kind = "node") does not have', "un"
             )
+        axes = str(record.axes)
         for name in [n for n in ("ux", "uy", "uz", "un") if record.has(n)]:
-            if (where, record.kind, name) in taken:
+            if (where, record.kind, name, axes) in taken:
                 yield record.wrong(f"is prescribed at {where!r} by an earlier [[displacement]] too; keep one", name)
-            taken.add((where, record.kind, name))
+            taken.add((where, record.kind, name, axes))
+
+
+def _equations(case: Case) -> Iterator[Issue]:
+    """Check that displacements that nodes share have a group."""
+    for record in case.equation:
+        if record.has("same") and not record.has("group"):
+            yield record.wrong("needs a group, whose nodes share it", "same")
+
+
+def _moments(case: Case) -> Iterator[Issue]:
+    """Check that a moment of a force is that of a whole group."""
+    for record in case.force:
+        if record.has("moment") and not record.total:
+            yield record.wrong(
+                "is of the whole group; say total = true, which the force beside it is then too", "moment"
+            )
+
+
+def _round_axes(case: Case) -> Iterator[Issue]:
+    """Check that no axes are cylindrical in an axisymmetric model, whose components are cylindrical already."""
+    for coupling in case.coupling:
+        if coupling.axes is not None and "axis" in coupling.axes:
+            yield coupling.wrong("are cylindrical; the point of a coupling takes Cartesian ones", "axes")
+    if case.model != "axisymmetric":
+        return
+    records: tuple[Any, ...] = (*case.displacement, *case.force, *case.spring)
+    for record in records:
+        if record.axes is not None and "axis" in record.axes:
+            yield record.wrong("are cylindrical, as ux and uy of an axisymmetric model are; leave them out", "axes")
 
 
 def _rigid_once(case: Case) -> Iterator[Issue]:
@@ -278,6 +313,9 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _names,
     _prescribed_once,
     _rigid_once,
+    _equations,
+    _round_axes,
+    _moments,
     _fields,
     _motion,
     _inertia,

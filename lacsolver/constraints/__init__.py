@@ -5,6 +5,7 @@ local bases = directions in which each node remains free             (local)
 rigid bodies = nodes that move with a few rigid-body motions         (rigid)
 constraints = all of them as T, u0(t), and their reactions           (constraints)
 equations = sums of displacements, of which unknowns are eliminated  (equations; equated)
+of the case: their terms, shared displacements                     (terms)
 rows of equality = sums that are kept, with multipliers              (equality_rows)
 """
 

@@ -16,6 +16,7 @@ from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Displacement
 from lacsolver.case.value import Value
 from lacsolver.constraints.normals import Normals, nodal_normals
+from lacsolver.space.axes import directions
 from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
 
@@ -89,11 +90,8 @@ def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
 def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:
     values = [(k, name, getattr(record, name)) for k, name in enumerate(_AXES[: space.dim])]
     nodes = nodes_of(space, record)
-    return [
-        Prescribed(record, name, value, nodes, np.tile(np.eye(space.dim)[k], (len(nodes), 1)))
-        for k, name, value in values
-        if value is not None
-    ]
+    along = directions(space, record, nodes)
+    return [Prescribed(record, name, value, nodes, along[:, k]) for k, name, value in values if value is not None]
 
 
 def _skin(space: Space, record: Displacement) -> Surface | None:

@@ -24,6 +24,7 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
+from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.matrix import nodal_map, with_motions
@@ -62,7 +63,7 @@ class Constraints:
         here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
         parts = prescribed(space, case.displacement)
-        rigid = rigid_bodies(space, case.rigid, case.kinematics == "finite", case.gravity)
+        rigid = rigid_bodies(space, rigid_records(case), case.kinematics == "finite", case.gravity)
         check_apart(space, rigid, parts)
         moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
         local = combine(space, (*parts, *on_axis(space, moved)))

@@ -53,7 +53,7 @@ class EquatedConstraints(Constraints):
         out = cls(plain.space, T, plain.local, plain.rigid, plain.names, equations, before=plain, system=system)
         for t in times:
             out.u0(t)
-        for message in following(equations, system):
+        if message := following(equations, system):
             warnings.warn(LacmeshWarning(message), stacklevel=5)
         return out
 

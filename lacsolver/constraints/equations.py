@@ -37,6 +37,8 @@ _NOTHING = 1e-14
 _ROUNDING = 1e-9
 #: columns that are solved for at once
 _COLUMNS = 256
+#: equations that are named in one message
+_NAMED = 3
 #: most coefficients of equations that share their unknowns so widely that none can be eliminated by itself
 _WIDE = 50_000_000
 
@@ -47,7 +49,7 @@ class Equations:
 
     `C` (k, n_dof); `values(t)`: returns g (k,). `E` (k, n_s): coefficients of n_s further unknowns, which are lengths,
     None without any; `loads(t)`: returns the forces (n_s,) on these. `said(i)`: equation i in words, with its line, for
-    a message that begins with it.
+    a message that begins with it. `may_follow`: True where it is no mistake that one follows from others.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Equations:
     said: Callable[[int], str]
     E: csr_array | None = None
     loads: Callable[[float], Floats] | None = None
+    may_follow: bool = False
 
     @property
     def n_further(self) -> int:
@@ -155,12 +158,15 @@ def _partners(equations: tuple[Equations, ...], system: EquationSystem, i: int) 
     return " and ".join(words_of(equations, int(k)) for k in others[:3]) + (" and others" if len(others) > 3 else "")
 
 
-def following(equations: tuple[Equations, ...], system: EquationSystem) -> list[str]:
-    """Return a sentence for each equation that follows from others."""
-    return [
-        f"{words_of(equations, int(i))} follows from {_partners(equations, system, int(i))}; it carries no force"
-        for i in system.following
-    ]
+def following(equations: tuple[Equations, ...], system: EquationSystem) -> str:
+    """Return a sentence about equations that follow from others, and should not; "" if there are none."""
+    mistaken = np.repeat([not one.may_follow for one in equations], [one.C.shape[0] for one in equations])
+    rows = [int(i) for i in system.following if mistaken[i]]
+    if not rows:
+        return ""
+    parts = [f"{words_of(equations, i)} follows from {_partners(equations, system, i)}" for i in rows[:_NAMED]]
+    more = f" and {len(rows) - _NAMED} more follow from others" if len(rows) > _NAMED else ""
+    return f"{', '.join(parts)}{more}: such equations carry no force"
 
 
 def _without_round_off(A: csr_array) -> csr_array:

@@ -19,6 +19,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.constraints import coupling
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
@@ -73,7 +74,8 @@ class LoadStep:
 
     def load(self, u: Floats) -> NDArray[np.floating]:
         """Return the nodal forces of the loads (n_dof,), with follower loads on the faces at u (n_dof,)."""
-        follows = any(pressure.follower for pressure in self.model.problem.case.pressure)
+        case = self.model.problem.case
+        follows = any(pressure.follower for pressure in case.pressure) or coupling.follows(case)
         return self.model.problem.load(self.t, u) if follows else self._reference_load
 
     @cached_property

@@ -18,12 +18,15 @@ import numpy as np
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
+from lacsolver.constraints.coupling import CouplingState
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
 #: figures of a step in results.json
 STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")
+#: further figures of a step, if the case has what they are of
+JOINT_KEYS = ("equations", "couplings")
 #: further figures of a step of a case with [dynamics]
 MOTION_KEYS = ("energies", "momentum", "impulse", "velocities", "accelerations")
 _BALANCE = ("force", "moment")
@@ -78,7 +81,13 @@ def _step(step: StepFigures) -> dict[str, Any]:
     figures = {name: getattr(step, name) for name in STEP_KEYS}
     figures |= {} if step.work is None else {"work": step.work._asdict()}
     figures |= {} if step.plastic is None else {"plastic": step.plastic._asdict()}
+    figures |= {name: _named(getattr(step, name)) for name in JOINT_KEYS if getattr(step, name)}
     return figures if step.motion is None else figures | {name: getattr(step.motion, name) for name in MOTION_KEYS}
+
+
+def _named(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return figures by name, with the names of what they consist of."""
+    return {name: one._asdict() if isinstance(one, CouplingState) else one for name, one in figures.items()}
 
 
 def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:

@@ -79,6 +79,12 @@ def history_row(step: StepFigures) -> dict[str, float]:
     row = {"time": step.time, "iterations": step.iterations}
     for name, force in step.reactions.items():
         row |= _along_axes(f"reaction.{name}.", force)
+    row |= {f"equation.{name}.force": force for name, force in step.equations.items()}
+    for name, one in step.couplings.items():
+        row |= _along_axes(f"coupling.{name}.u", one.displacement) | _along_axes(f"coupling.{name}.f", one.force)
+        for key, turns in (("rotation", one.rotation), ("moment", one.moment)):
+            row |= _along_axes(f"coupling.{name}.{key}.", turns) if len(turns) == 3 else {}
+            row |= {f"coupling.{name}.{key}": float(turns[0])} if len(turns) == 1 else {}
     moving = step.motion
     for name, move in step.probes.items():
         row |= _along_axes(f"probe.{name}.u", move)

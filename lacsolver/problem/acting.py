@@ -13,11 +13,13 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import TemperatureField
-from lacsolver.case import Case, Force, Spring, Traction
+from lacsolver.case import Case, Coupling, Force, Spring, Traction
 from lacsolver.case import Temperature as Record
 from lacsolver.case.entry import Entry
 from lacsolver.case.value import Value
+from lacsolver.constraints import coupling
 from lacsolver.problem import loads
+from lacsolver.space.axes import directions
 from lacsolver.space.places import cells_of, nodes_of, wrong
 from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate_vector
@@ -56,6 +58,9 @@ def load(
             f += loads.traction(space, mesh.cells_of(traction.group), _traction(space, traction), t)
     for force in case.force:
         f += _force(space, force, t)
+    finite = case.kinematics == "finite"
+    for one in coupling.distributing(case):
+        f += coupling.loads(space, one, finite, t, u)
     for body in case.body_force:
         with _said_of(body):
             f += loads.body_force(space, _vector(space, body, "f"), t, cells=space.cells(body.groups))
@@ -70,13 +75,16 @@ def load(
 
 
 def load_tangent(space: Space, case: Case, u: Floats, t: float) -> csr_array | None:
-    """Return df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None without follower loads."""
+    """Return df/du (n_dof, n_dof) of `load` at u (n_dof,) and time t, not symmetric; None for loads without one."""
     tangent = None
     for pressure in case.pressure:
         if pressure.follower:
             cells, value = space.mesh.cells_of(pressure.group), at_points(space, pressure.value)
             own = loads.pressure_tangent(space, cells, value, t, x=space.places(u))
             tangent = own if tangent is None else csr_array(tangent + own)
+    for one in coupling.distributing(case) if coupling.follows(case) else ():
+        turned = coupling.load_tangent(space, one, t, u)
+        tangent = turned if tangent is None else tangent if turned is None else csr_array(tangent + turned)
     return tangent
 
 
@@ -84,7 +92,17 @@ def _force(space: Space, force: Force, t: float) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a force on each node, or of one in total."""
     value = _vector(space, force, "f")
     if not force.total:
-        return loads.nodal_force(space, _nodes_before_cut(space, force), value, t)
+        nodes = _nodes_before_cut(space, force)
+        return _along_axes(space, force, loads.nodal_force(space, nodes, value, t))
+    spread = _spread_force(space, force, value, t)
+    if force.moment is None:
+        return spread
+    record = Coupling(group=force.group or "", moment=force.moment, axes=None).altered(kind=force.kind)
+    return spread + coupling.loads(space, record.altered(place=force.place), False, t, None)
+
+
+def _spread_force(space: Space, force: Force, value: Sequence[float | PointFunction], t: float) -> NDArray[np.floating]:
+    """Return the nodal forces (n_dof,) of a force in total."""
     given = [getattr(force, f"f{a}") for a in _AXES[: space.dim]]
     if any(part is not None and part.depends_on_place for part in given):
         message = "total = true takes one force for the whole group, and not a function of place"
@@ -92,8 +110,18 @@ def _force(space: Space, force: Force, t: float) -> NDArray[np.floating]:
     cells = None if force.group is None else cells_of(space, force)
     if cells is not None and space.share.largest(float(space.mesh.cell_dim[cells].max(initial=0))) > 0:
         with _said_of(force):
-            return loads.spread_force(space, value, t, cells=cells)
-    return loads.spread_force(space, value, t, nodes=_nodes_before_cut(space, force))
+            return _along_axes(space, force, loads.spread_force(space, value, t, cells=cells))
+    return _along_axes(space, force, loads.spread_force(space, value, t, nodes=_nodes_before_cut(space, force)))
+
+
+def _along_axes(space: Space, force: Force, f: Floats) -> NDArray[np.floating]:
+    """Return forces f (n_dof,), whose components are along the axes of their record, along those of the mesh."""
+    if force.axes is None:
+        return f
+    f = f.reshape(-1, space.dim)
+    nodes, out = np.flatnonzero(f.any(axis=1)), np.zeros_like(f)
+    out[nodes] = np.einsum("nk,nks->ns", f[nodes], directions(space, force, nodes))
+    return out.ravel()
 
 
 @contextmanager
@@ -123,10 +151,11 @@ def _nodes_before_cut(space: Space, record: Force | Spring) -> Ints:
 def springs(space: Space, case: Case) -> csr_array | None:
     """Return the stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
     stiffness_matrix = None
-    moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in case.rigid)])
+    moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in coupling.rigid_records(case))])
     for spring in case.spring:
         stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
-        own = loads.springs(space, _nodes_before_cut(space, spring), stiffness, moved=moved)
+        nodes = np.unique(_nodes_before_cut(space, spring))
+        own = loads.springs(space, nodes, stiffness, moved=moved, along=directions(space, spring, nodes))
         stiffness_matrix = own if stiffness_matrix is None else csr_array(stiffness_matrix + own)
     return stiffness_matrix
 

@@ -223,17 +223,29 @@ def thermal_force(
     return -internal_force(space, materials, still, temperature=temperature, t=t, threads=threads)
 
 
-def springs(space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, moved: Ints | None = None) -> csr_array:
-    """Return the diagonal stiffness (n_dof, n_dof) of springs from some nodes to the ground.
+def springs(
+    space: Space, nodes: Ints, stiffness: Vector, t: float = 1.0, *, moved: Ints | None = None,
+    along: Floats | None = None,
+) -> csr_array:  # fmt: skip
+    """Return the stiffness (n_dof, n_dof) of springs from some nodes, sorted and distinct, to the ground.
 
-    `stiffness`: force per length along each axis. `moved`: nodes of rigid bodies, which need no cell. Raises DataError
-    for a negative stiffness, and for other nodes without a cell.
+    `stiffness`: force per length along each axis, or along the directions `along` (k, dim, dim), a row each. `moved`:
+    nodes of rigid bodies, which need no cell. Raises DataError for a negative stiffness, and for other nodes without a
+    cell.
     """
     nodes = _held(space, nodes, "spring", moved)
     k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
     _not_negative(k)
-    dofs = space.dofs(nodes).ravel()
-    return coo_array((k.ravel(), (dofs, dofs)), shape=(space.n_dof, space.n_dof)).tocsr()
+    dofs = space.dofs(nodes)
+    if along is None:
+        entries = k.ravel(), (dofs.ravel(), dofs.ravel())
+    else:
+        blocks = np.einsum("nk,nki,nkj->nij", k, along, along)
+        rows = np.broadcast_to(dofs[:, :, None], blocks.shape)
+        entries = blocks.ravel(), (rows.ravel(), rows.swapaxes(1, 2).ravel())
+    matrix = coo_array(entries, shape=(space.n_dof, space.n_dof)).tocsr()
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def _not_negative(k: Floats) -> None:

@@ -26,6 +26,7 @@ from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints, constraints_of, equalities_of
+from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
@@ -238,7 +239,7 @@ def read_mesh(case: Case, distribution: Distribution = UNDIVIDED) -> Mesh:
 
 def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:
     """Return the constraints; None if the nodes of a prescribed record are not found, or if they contradict."""
-    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *case.rigid)
+    placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *rigid_records(case))
     there = []
     for record in placed:
         with attempt(""):

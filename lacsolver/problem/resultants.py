@@ -7,30 +7,35 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.material import Materials
-from lacsolver.case import Case
+from lacsolver.case import Case, Coupling
 from lacsolver.case.entry import Entry
+from lacsolver.constraints.coupling import is_loaded
 from lacsolver.problem import acting
 from lacsolver.space.places import where_of
 from lacsolver.space.space import Space
 
 #: sections whose records are loads, each evaluated by itself
-LOADS = ("pressure", "traction", "force", "body_force", "temperature")
+LOADS = ("pressure", "traction", "force", "coupling", "body_force", "temperature")
 #: component of a resultant, relative to the sum of the sizes of its forces, that is round-off
 _ROUNDING = 1e-12
 
 
 class Resultant(NamedTuple):
-    """Sum of the forces of one load: its `section` of the case, `where` it acts, and its `force` (dim,).
+    """Sum of the forces of one load: its `section` of the case, `where` it acts, its `force` (dim,) and its `moment`.
 
-    Where axisymmetric, the force along x is the sum of the radial forces of the full circle.
+    The moment is about the origin, of forces at the displaced nodes under finite kinematics: (3,), one number in a
+    plane. Where axisymmetric, the force along x is the sum of the radial forces of the full circle, and the moment is
+    None.
     """
 
     section: str
     where: str
     force: tuple[float, ...]
+    moment: tuple[float, ...] | float | None = None
 
 
 def each_load(case: Case) -> Iterator[tuple[Entry, Case]]:
@@ -39,6 +44,8 @@ def each_load(case: Case) -> Iterator[tuple[Entry, Case]]:
     bare = replace(case, **none)
     for name in LOADS:
         for record in getattr(case, name):
+            if isinstance(record, Coupling) and not is_loaded(record):
+                continue
             only: dict[str, Any] = {name: (record,)}
             yield record, replace(bare, **only)
     if case.gravity is not None:
@@ -53,10 +60,27 @@ def resultants(
 
     `u`, `weight`: as for `acting.load`. Springs, supports and forces on rigid bodies are no loads here.
     """
-    out = []
+    x = space.mesh.points[:, : space.dim]
+    if u is not None and case.kinematics == "finite":
+        x = x + u.reshape(x.shape)
+    out, x = [], space.own(x.ravel())
     for record, alone in each_load(replace(case, temperature=())):
         f = space.own(acting.load(space, materials, alone, t, u=u, weight=weight))
-        sums = space.share.total(np.stack([f.sum(axis=0), np.abs(f).sum(axis=0)]))
-        force = np.where(np.abs(sums[0]) > _ROUNDING * sums[1].max(), sums[0], 0.0)
-        out.append(Resultant(record.SECTION.name, where_of(record), tuple(force.tolist())))
+        force = _total(space, f)
+        moment = None if space.model.axisymmetric else _total(space, _moments(space, f, x))
+        about = moment if moment is None or len(moment) > 1 else moment[0]
+        out.append(Resultant(record.SECTION.name, where_of(record), force, about))
     return tuple(out)
+
+
+def _total(space: Space, parts: Floats) -> tuple[float, ...]:
+    """Return the sums (k,) of parts (own nodes, k) over all processes, 0 for those that are round-off."""
+    sums = space.share.total(np.stack([parts.sum(axis=0), np.abs(parts).sum(axis=0)]))
+    return tuple(np.where(np.abs(sums[0]) > _ROUNDING * sums[1].max(), sums[0], 0.0).tolist())
+
+
+def _moments(space: Space, f: Floats, x: Floats) -> NDArray[np.floating]:
+    """Return the moments (k, 3), in a plane (k, 1), about the origin of forces f (k, dim) at x (k, dim)."""
+    if space.dim == 3:
+        return np.cross(x, f)
+    return (x[:, 0] * f[:, 1] - x[:, 1] * f[:, 0])[:, None]

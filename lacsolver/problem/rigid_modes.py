@@ -256,7 +256,7 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     alone = _modes(space, frame, rigid[~attached], group[~attached])
     further = n + len(constraints.rigid)
     for one in constraints.equations:
-        rows.append(_equation_rows(one, csr_array(own + alone), np.searchsorted(frame.block, further)))
+        rows.append(_equation_rows(one, csr_array(own + alone), int(np.searchsorted(frame.block, further))))
         further += one.n_further
     if springs is not None:
         stiffness = springs.diagonal()

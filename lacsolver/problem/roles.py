@@ -24,6 +24,7 @@ from lacmesh.surface.record import mean_normals
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import find_owners
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
+from lacsolver.constraints.coupling import rigid_records
 from lacsolver.space.places import wrong
 
 #: fewer faces of a slave than this, by dimension, may not keep a body from turning
@@ -171,7 +172,7 @@ class _Side:
         """The part of the faces whose new nodes would be free: along the normal, for a tie in every direction."""
         fixed = np.zeros((self.n_faces, 3, 3))
         n, _ = mean_normals(self.skin)
-        records: tuple[Displacement | Rigid, ...] = (*self._case.displacement, *self._case.rigid)
+        records: tuple[Displacement | Rigid, ...] = (*self._case.displacement, *rigid_records(self._case))
         for record in records:
             there = self._held_by(record)
             if isinstance(record, Rigid):
@@ -189,7 +190,7 @@ class _Side:
 
     def _rigid(self) -> Rigid | None:
         """The rigid body that has all faces; None for another surface."""
-        return next((one for one in self._case.rigid if self._held_by(one).all()), None)
+        return next((one for one in rigid_records(self._case) if self._held_by(one).all()), None)
 
     def _held_by(self, record: Displacement | Rigid) -> NDArray[np.bool_]:
         """Return a mask (f,), True for faces that lie in a record's group, so that the nodes of their cut will."""

@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
+from lacsolver.case import Coupling
+from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state
+from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
@@ -55,7 +58,24 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         motion=None if problem.case.dynamics is None else _motion(problem, state),
         work=state.step.work,
         plastic=None if stress is None else plastic_figures(problem, state, stress),
+        couplings={one.name: _coupling(problem, state, one) for one in problem.case.coupling},
+        equations={one.name: carried(one, state.equations[one.name]) for one in problem.case.equation},
     )
+
+
+def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState:
+    """Return the motion of a coupling's point, and the force and moment that it exerts on the nodes."""
+    space, constraints = problem.space, problem.constraints
+    if record.kind == "distributing":
+        rows = CouplingRows.of(space, record, problem.case.kinematics == "finite")
+        forces = state.equations.get(record.name, np.empty(0))
+        return distributing_state(space, rows, forces, state.time, state.u)
+    if record.name in state.rigid:
+        motion = state.rigid[record.name]
+        force = constraints.rigid_reactions(state.reaction, state.rigid)[record.name]
+        return CouplingState(*np.split(motion, [space.dim]), *np.split(force, [space.dim]))
+    further = state.further.get(record.name, np.empty(0))
+    return followed_state(space, record, state.equations[record.name], further, state.time)
 
 
 def _motion(problem: Problem, state: State) -> MotionFigures:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
+from lacsolver.constraints.coupling import CouplingState
 from lacsolver.problem.resultants import Resultant
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 
@@ -123,6 +124,8 @@ class StepFigures(Described):
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
     energies, velocities and the like of a case with [dynamics], None for others. `work`: ledger of a static case with
     friction so far, None for others. `plastic`: figures of materials that yield, None without.
+    `equations`: force of each equation,
+    which acts on each of its terms times the term's factor. `couplings`: motion, force and moment of each coupling.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -145,6 +148,8 @@ class StepFigures(Described):
     motion: MotionFigures | None = None
     work: Work | None = None
     plastic: PlasticFigures | None = None
+    equations: Mapping[str, float] = field(default_factory=dict)
+    couplings: Mapping[str, CouplingState] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -13,14 +13,17 @@ from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.case.joints import Coupling, Equation
 from lacsolver.case.records import AtNodes, Rigid
 from lacsolver.space.space import Space
 
+#: records that name nodes by a group
+OfNodes = AtNodes | Rigid | Equation | Coupling
 #: largest distance of a place from its node, relative to the bodies' extent
 _NEAR = 1e-6
 
 
-def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
+def nodes_of(space: Space, record: OfNodes) -> Ints:
     """Return the sorted nodes (k,) that a record names by `group` and `kind`, or by `at`; of several, its own.
 
     A group of cells means the nodes of its cells, whatever their dimension; without a `kind`, a name that both a cell
@@ -28,7 +31,7 @@ def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
     that has no node, or several (of two bodies that touch). Nodes of no cell, such as centres of arcs, are taken only
     if there is no other node at the place.
     """
-    at = getattr(record, "at", None)
+    at = record.at if isinstance(record, AtNodes) else None
     if at is not None:
         return space.own_nodes(_node_at(space, record, np.array(at)))
     assert record.group is not None  # the schema asks for a group where there is no `at`
@@ -39,7 +42,7 @@ def nodes_of(space: Space, record: AtNodes | Rigid) -> Ints:
     return space.own_nodes(nodes)
 
 
-def cells_of(space: Space, record: AtNodes | Rigid) -> Ints | None:
+def cells_of(space: Space, record: OfNodes) -> Ints | None:
     """Return the sorted indices of the cells of a record's group, None if it is a group of nodes.
 
     Raises CaseError for a group that the mesh lacks.

@@ -324,4 +324,58 @@ density = 2.0
 [[initial]]
 uz = 1.0
 """
-VALID = [MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]
+JOINTS = """
+mesh = "flange.msh"
+model = "3d"
+[[material]]
+young = 1.0
+poisson = 0.3
+[[displacement]]
+group = "a"
+ux = 0.0
+axes = { origin = [0, 0, 0], axis = [0, 0, 1] }
+[[spring]]
+group = "a"
+kx = 1.0
+axes = { x = [1, 0, 0], xy = [0, 1, 0] }
+[[force]]
+group = "a"
+fx = 1.0
+axes = { origin = [0, 0, 0], x = [1, 0, 0], xy = [0, 1, 0] }
+[[force]]
+group = "a"
+moment = [0, 0, 1]
+total = true
+[[coupling]]
+name = "hook"
+group = "a"
+kind = "distributing"
+at = [0, 0, 1]
+weights = [[1, 2.0], [2, 1.0]]
+axes = { x = [1, 0, 0], xy = [0, 1, 0] }
+ux = 1.0
+fy = 1.0
+fz = 2.0
+moment = [0, 0, 1]
+[[coupling]]
+group = "b"
+kind = "rigid"
+components = ["ux", "uy"]
+uy = 1.0
+uz = 0.0
+rotation = [0, 0, "t"]
+fx = 0.0
+[[equation]]
+name = "sum"
+terms = [{ factor = 1.0, component = "ux", node = 3 }, { factor = -2, component = "uz", at = [0, 0, 1] }]
+value = 0.1
+[[equation]]
+group = "a"
+kind = "cell"
+same = ["ux", "uz"]
+[[equation]]
+group = "b"
+kind = "node"
+same = ["uy"]
+"""
+VALID = [JOINTS, MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]

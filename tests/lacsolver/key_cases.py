@@ -1,3 +1,4 @@
+# ruff: noqa: E501 (an equation a line)
 """Small cases that together use every key of a case file; what each must come to is in `test_every_key.py`.
 
 A key a line: the test leaves out one line after the other, and wants the answer to be another one each time; but for
@@ -192,6 +193,117 @@ name = "corner"
 [[probe]]
 at = [0.0, 1.0, 0.0]
 name = "other"
+"""
+
+EQUATED = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.3  # held
+[[displacement]]
+group = "z0"
+kind = "cell"  # held
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[force]]
+at = [1.0, 1.0, 1.0]
+fx = 10.0
+fz = 5.0
+[[equation]]
+name = "sum"
+terms = [{ factor = 2, component = "ux", at = [1, 1, 1] }, { factor = -1, component = "uy", group = "y1", kind = "node"}]
+value = 0.03
+[[equation]]
+group = "x1"
+kind = "cell"
+same = ["uy"]
+[[equation]]
+name = "two"
+group = "z1"
+kind = "node"
+same = ["uz"]
+[[probe]]
+at = [1.0, 1.0, 1.0]
+name = "corner"
+[[probe]]
+at = [1.0, 0.5, 0.5]
+name = "middle"
+[[probe]]
+at = [0.0, 0.0, 1.0]
+name = "a"
+[[probe]]
+at = [0.0, 0.5, 1.0]
+name = "b"
+"""
+
+AXES = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1e7  # held
+poisson = 0.0  # held
+[[displacement]]
+group = "z0"
+uz = 0.0  # held
+[[displacement]]
+at = [1.0, 0.5, 0.5]
+ux = 1e-6
+axes = { x = [3.0, 4.0, 0.0], xy = [0.0, 1.0, 0.0] }
+[[spring]]
+group = "z0"
+kx = 2.0
+ky = 3.0
+kz = 5.0
+axes = { x = [3.0, 4.0, 0.0], xy = [0.0, 1.0, 0.0] }
+[[force]]
+group = "x1"
+fx = 1.0
+fy = 2.0
+fz = 4.0
+total = true
+axes = { origin = [1.0, -1.0, 0.0], axis = [1.0, 0.0, 0.0] }
+"""
+
+COUPLED = """
+mesh = "blocks.msh"
+model = "3d"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.3  # held
+[[displacement]]
+group = "z0"
+kind = "cell"  # held
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[coupling]]
+name = "hook"
+group = "x1"
+kind = "distributing"
+at = [2.0, 0.5, 0.75]
+weights = "1 + z"
+axes = { x = [0.0, 1.0, 0.0], xy = [1.0, 0.0, 0.0] }
+ux = 1e-3
+fy = 0.25
+fz = "0.5 * t"
+moment = [0.0, 0.0, 0.125]
+[[coupling]]
+group = "z1"
+kind = "rigid"
+components = ["ux", "uz"]
+fx = 0.5
+uz = 2e-3
+rotation = [0.0, 1e-3, 0.0]
+[[coupling]]
+name = "pin"
+group = "x0"
+uy = [[0, 0], [1, 1e-3]]
+[[force]]
+group = "z1"
+moment = [0.0, 0.0, 0.375]
+total = true
 """
 
 RIGID = """
@@ -647,6 +759,9 @@ CASES = {
     "loads": KeyCase(cube, LOADS),
     "fields": KeyCase(cube, FIELDS),
     "springs": KeyCase(cube, SPRINGS),
+    "equated": KeyCase(cube, EQUATED),
+    "axes": KeyCase(cube, AXES),
+    "coupled": KeyCase(cube, COUPLED),
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
     "rubbed": KeyCase(plane, RUBBED),

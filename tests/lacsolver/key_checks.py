@@ -82,6 +82,61 @@ def check_loads(ran):
         np.testing.assert_allclose(step["reactions"]["z0"], -np.array(load), rtol=1e-9)
 
 
+def check_equated(ran):
+    """Sums have their values, nodes share what they are to share, and the forces are in balance with the supports."""
+    for step in ran.steps:
+        probes = step["probes"]
+        assert 2 * probes["corner"][0] - probes["corner"][1] == pytest.approx(0.03 * step["time"], rel=1e-12)
+        assert probes["middle"][1] == pytest.approx(probes["corner"][1], rel=1e-12)
+        assert probes["a"][2] == pytest.approx(probes["b"][2], rel=1e-12) != pytest.approx(probes["corner"][2])
+        assert list(step["equations"]) == ["sum", "x1", "two"] and all(step["equations"].values())
+        force, t = step["equations"]["sum"], step["time"]
+        np.testing.assert_allclose(step["reactions"]["z0"], [-10 * t - 2 * force, force, -5 * t], atol=1e-10)
+
+
+def check_coupled(ran):
+    """Points reach their motions, and take their loads along their axes, through the weights of their nodes."""
+    step = ran.steps[-1]
+    hook, lid, pin = (step["couplings"][name] for name in ("hook", "z1", "pin"))
+    assert hook["displacement"][1] == pytest.approx(1e-3, rel=1e-9)
+    np.testing.assert_allclose([hook["force"][0], hook["force"][2]], [0.25, -0.5], rtol=1e-9)
+    np.testing.assert_allclose(hook["moment"], [0, 0, -0.125], atol=1e-10)
+    problem = Problem.of(ran.case, ran.mesh)
+    space = problem.space
+    (of_hook,) = (rows.spread for rows in problem.equalities if rows.name == "hook")
+    w = 1 + space.mesh.points[of_hook.nodes, 2]
+    np.testing.assert_allclose(of_hook.w, w / w.sum())
+    assert lid["displacement"][2] == pytest.approx(2e-3) and lid["rotation"] == [0, pytest.approx(1e-3), 0]
+    assert lid["force"][0] == pytest.approx(0.5) and lid["force"][1] == pytest.approx(0, abs=1e-12)
+    assert pin["displacement"][1] == pytest.approx(1e-3)
+    loads = {load["section"]: load for load in ran.results["loads"]}
+    np.testing.assert_allclose(loads["force"]["moment"], [0, 0, 0.375], atol=1e-12)
+
+
+def check_axes(ran):
+    """A displacement along (3, 4) / 5, springs along the same axes, and a force about x, spread by area."""
+    problem = Problem.of(ran.case, ran.mesh)
+    (spring, count), d = (problem.springs, 9), np.array([0.6, 0.8, 0.0])
+    block = 2.0 * np.outer(d, d) + 3.0 * np.outer([-0.8, 0.6, 0.0], [-0.8, 0.6, 0.0]) + 5.0 * np.diag([0, 0, 1.0])
+    whole = spring.toarray().reshape(problem.space.mesh.n_nodes, 3, problem.space.mesh.n_nodes, 3).sum(axis=(0, 2))
+    np.testing.assert_allclose(whole, count * block, atol=1e-12)
+    space = problem.space
+    (node,) = np.flatnonzero((space.mesh.points == [1.0, 0.5, 0.5]).all(axis=1))
+    step = ran.steps[-1]
+    moved = ran.solid().node_data["displacement"][node]
+    assert moved @ d == pytest.approx(1e-6, rel=1e-9)
+    assert step["reactions"]["at [1, 0.5, 0.5]"][2] == 0.0
+    np.testing.assert_allclose(np.cross(step["reactions"]["at [1, 0.5, 0.5]"], d), 0, atol=1e-12)
+    on = space.mesh.points[:, 0] == 1
+    f = problem.load(1.0).reshape(-1, 3)[on]
+    arm = space.mesh.points[on, 1:] + np.array([1.0, 0.0])
+    radius = np.linalg.norm(arm, axis=1)
+    r = arm / radius[:, None]
+    theta = np.stack([-r[:, 1], r[:, 0]], axis=1)
+    np.testing.assert_allclose(f[:, 0].sum(), 4.0)
+    np.testing.assert_allclose([(f[:, 1:] * r).sum(), (f[:, 1:] * theta).sum()], [1.0, 2.0])
+
+
 def check_fields(ran):
     """Stress is the law's of the strain that is prescribed everywhere, less the thermal one; and so is the energy."""
     H = 1e-3 * np.array([[3, 1, 1], [4, 2, -1], [5, 1, -2]])
@@ -387,6 +442,9 @@ def check_falling(ran):
 
 CHECKS: dict[str, Callable[[Ran], None]] = {
     "loads": check_loads,
+    "equated": check_equated,
+    "axes": check_axes,
+    "coupled": check_coupled,
     "thrown": check_thrown,
     **{f"massless {name}": check_falling for name in MASSLESS},
     "saint venant": check_saint_venant,

@@ -10,13 +10,26 @@ from scipy.sparse import coo_array, csr_array, diags_array
 
 from lacmesh import Mesh
 from lacmesh.errors import DataError, LacmeshWarning
-from lacsolver.case import Case, CaseError, Displacement, Dynamics, Material, Pressure, Solver, Steps, Traction
+from lacsolver.case import (
+    Case,
+    CaseError,
+    Displacement,
+    Dynamics,
+    Equation,
+    Material,
+    Pressure,
+    Solver,
+    Steps,
+    Traction,
+)
 from lacsolver.constraints import of_case
 from lacsolver.constraints.equality_rows import EqualityAt
 from lacsolver.constraints.equations import Equations, EquationSystem
 from lacsolver.contact.laws import Bilateral
 from lacsolver.equilibrium.stepping import march
+from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
+from lacsolver.running import run
 from lacsolver.space.places import nodes_on
 
 LAWS = {"small": "elastic", "finite": "neo_hookean"}
@@ -124,7 +137,7 @@ def test_a_half_that_its_shortening_leaves_free_is_named(equations):
 
 def test_an_equation_that_follows_from_others_is_named(equations):
     equations(joined(more=[(([0, 3], [1.0, 2.0]), 0.0)]))
-    with pytest.warns(LacmeshWarning, match="the sum follows from equation 0 and equation 3; it carries no force"):
+    with pytest.warns(LacmeshWarning, match="the sum follows from equation 0 and equation 3: such equations carry"):
         Problem.of(made("small", APART))
 
 
@@ -216,3 +229,32 @@ def test_rows_of_equality_that_nothing_moves_are_named(monkeypatch):
     monkeypatch.setattr(of_case, "EQUALITIES", [lambda space, case: [Mean(space, case)]])
     with pytest.raises(CaseError, match=r"it is off by .* and all that it acts on is prescribed"):
         solved(made(displacement=[FIXED, Displacement(group="right", ux=0)]))
+
+
+def test_terms_that_are_not_there_are_named():
+    def said(**term):
+        case = made(equation=Equation(name="e", terms=[{"factor": 1.0, "component": "ux", **term}]))
+        with pytest.raises(CaseError) as error:
+            Problem.of(case)
+        return str(error.value)
+
+    assert "no node" not in said(node=10_000) and "term at node 10000, which the mesh does not have" in said(
+        node=10_000
+    )
+    assert "group 'left', which has 6 nodes; name a group of one node" in said(group="left")
+    assert "no node at [3, 0]" in said(at=[3, 0])
+    points = np.vstack([WHOLE.points, [[5, 5, 0]]])
+    loose = Mesh.create(points, [(b.type, b.nodes) for b in WHOLE.blocks], cell_groups=WHOLE.cell_groups)
+    with pytest.raises(CaseError, match="belong to no cell of a body and to no rigid body"):
+        Problem.of(made(mesh=loose, equation=Equation(terms=[{"factor": 1, "component": "ux", "at": [5, 5]}])))
+
+
+def test_a_restart_goes_on_with_equations(tmp_path):
+    lid = Equation(group="right", same=["ux", "uy"])
+    case = made(traction=Traction(group="right", tx=0.1, ty=0.2), equation=lid, steps=Steps(count=4))
+    folder = create_output(tmp_path / "out")
+    whole = run(case, folder)
+    start = read_state(tmp_path / "out", case, 0.5)
+    again = run(case, create_output(tmp_path / "again"), start=start)
+    assert again.steps[-1].equations == pytest.approx(whole.steps[-1].equations, rel=1e-9)
+    assert list(whole.steps[-1].equations) == ["right"] and whole.steps[-1].equations["right"] > 0

@@ -1,0 +1,458 @@
+"""Couplings of the case: a point with a force, a moment or a motion, which the nodes of a group take.
+
+A distributing coupling spreads loads at its point (`spread`), and holds prescribed motions of the point by rows of
+equality: each is a combination of all of its nodes, and eliminated it would fill the stiffness. With rotations theta
+prescribed,
+
+    sum w_i u_i + (R(theta) - 1) d = u_P(t),    rho K^-1 sum w_i (R(theta) r_i) x (r_i + u_i) = 0
+
+which is linear in u at any angle; rho, the radius of gyration, makes them lengths. Where the point is moved and its
+rotation is free, R is that of the nodes.
+
+A rigid coupling of all components is a rigid body (`rigid`); of some components, under small kinematics, it is one
+equation for each of them at each node, a . u_i = a . (u_P + theta x (X_i - P)), which is eliminated (`equations`), with
+the free motions of the point as further unknowns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.case.case import Case
+from lacsolver.case.joints import Coupling
+from lacsolver.case.records import Rigid
+from lacsolver.case.value import Value
+from lacsolver.constraints.equality_rows import EqualityAt
+from lacsolver.constraints.equations import Equations
+from lacsolver.constraints.rotation import turn
+from lacsolver.constraints.spread import Spread
+from lacsolver.contact.laws import Bilateral, ContactLaw
+from lacsolver.space.axes import cartesian
+from lacsolver.space.measure import nodal_measures
+from lacsolver.space.places import cells_of, nodes_of, wrong
+from lacsolver.space.space import Space
+
+_AXES = "xyz"
+#: nodes up to which the derivative of spread moments and of R is a part of the tangent: it is dense
+MOST_NODES = 500
+#: singular value of a rigid coupling's motions, relative to the largest, below which nodes do not follow one
+_STILL = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class PointMotion:
+    """Loads and motions at the point of a coupling, along its axes: `moved` and `loads` (m,), each None if not given.
+
+    `axes` (dim, dim): directions, a row each. m: displacements, then rotations.
+    """
+
+    moved: tuple[Value | None, ...]
+    loads: tuple[Value | None, ...]
+    axes: NDArray[np.floating]
+
+    @classmethod
+    def of(cls, space: Space, record: Coupling) -> PointMotion:
+        """Return those of a record."""
+        dim, turns = space.dim, 0 if space.model.axisymmetric else 2 * space.dim - 3
+
+        def components(letter: str, about: str) -> tuple[Value | None, ...]:
+            given = getattr(record, about)
+            along = tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
+            return along + ((None,) * turns if given is None else tuple(given[:turns]))
+
+        return cls(components("u", "rotation"), components("f", "moment"), cartesian(record.axes, dim))
+
+    @property
+    def dim(self) -> int:
+        """Number of displacements."""
+        return len(self.axes)
+
+    def load(self, t: float) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return force and moment (3,) at time t, along the axes of the mesh."""
+        return self._vectors(_at(self.loads, t))
+
+    def rotation(self, t: float) -> NDArray[np.floating] | None:
+        """Return the prescribed rotation vector (3,) at time t; None if it is not prescribed."""
+        if len(self.moved) == self.dim or self.moved[self.dim] is None:
+            return None
+        return self._vectors(_at(self.moved, t))[1]
+
+    def directions(self) -> NDArray[np.floating]:
+        """Return the directions (m, 3) of the motions, in space."""
+        out = np.zeros((len(self.moved), 3))
+        out[: self.dim, : self.dim] = self.axes
+        turns = out[self.dim :]
+        turns[:] = self.axes if self.dim == 3 else np.eye(3)[2] * np.linalg.det(self.axes)
+        return out
+
+    def _vectors(self, values: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        along = values[:, None] * self.directions()
+        return along[: self.dim].sum(axis=0), along[self.dim :].sum(axis=0)
+
+
+def spread_of(space: Space, record: Coupling, finite: bool) -> Spread:
+    """Return the weighted nodes of a distributing coupling.
+
+    Raises CaseError for nodes without a body, weights that are wrong, and a moment or rotation that they cannot take.
+    """
+    nodes = nodes_of(space, record)
+    loose = nodes[~space.attached[nodes]]
+    if len(loose):
+        raise wrong(
+            record, f"node {space.mesh.node_number[loose[0]]} belongs to no cell of a body; name nodes of bodies"
+        )
+    w = _weights(space, record, nodes)
+    point = None
+    if record.at is not None:
+        point = np.zeros(3)
+        point[: space.dim] = np.array(record.at) - space.origin[: space.dim]
+    there = np.flatnonzero(w)
+    if not w.sum() > 0:
+        raise wrong(record, f"the weights of its nodes add up to {w.sum():g}; their sum must be > 0")
+    spread = Spread.of(nodes[there], w[there], space.local.points[nodes[there]], point, space.dim, finite)
+    turned = record.rotation is not None or record.moment is not None or spread.d.any()
+    if turned and not spread.turns and not space.model.axisymmetric:
+        what = "one point" if spread.gyration <= 1e-12 * space.extent else "on one line, or their weights are too odd"
+        raise wrong(record, f"its nodes are {what}, so that they take no moment; name more, or leave at and moment out")
+    return spread
+
+
+def distributing(case: Case) -> Iterator[Coupling]:
+    """Yield the distributing couplings of a case."""
+    return (record for record in case.coupling if record.kind == "distributing")
+
+
+def rigid_records(case: Case) -> tuple[Rigid, ...]:
+    """Return the rigid bodies of a case, and its rigid couplings of all components as such bodies."""
+    return (*case.rigid, *(_as_rigid(one, case.model) for one in case.coupling if _is_body(one)))
+
+
+def rows_of(space: Space, case: Case) -> Iterator[CouplingRows]:
+    """Yield the rows of equality of the distributing couplings whose point has a prescribed motion."""
+    for record in distributing(case):
+        rows = CouplingRows.of(space, record, case.kinematics == "finite")
+        if any(value is not None for value in rows.motion.moved):
+            yield rows
+
+
+@dataclass(frozen=True, eq=False)
+class CouplingRows:
+    """Rows of equality of one distributing coupling: the prescribed displacements of its point, then its rotations."""
+
+    record: Coupling
+    spread: Spread
+    motion: PointMotion
+    n_dof: int
+
+    @classmethod
+    def of(cls, space: Space, record: Coupling, finite: bool) -> CouplingRows:
+        """Return those of a record, none without prescribed motions. Raises CaseError as `spread_of` does."""
+        return cls(record, spread_of(space, record, finite), PointMotion.of(space, record), space.n_dof)
+
+    @property
+    def name(self) -> str:
+        """Name in the results."""
+        return self.record.name
+
+    @property
+    def linear(self) -> bool:
+        """True under small kinematics, where rotations are prescribed, and at the centre of the nodes."""
+        return not (self.spread.finite and self._turns_freely)
+
+    @property
+    def along(self) -> Ints:
+        """Indices of the displacements that are prescribed."""
+        return np.array([k for k in range(self.motion.dim) if self.motion.moved[k] is not None], np.int64)
+
+    @property
+    def _turns_freely(self) -> bool:
+        return bool(self.record.rotation is None and self.spread.d.any() and len(self.along))
+
+    def law(self, t: float) -> ContactLaw:
+        """Return the law that holds the rows."""
+        return Bilateral()
+
+    def at(self, u: Floats, t: float) -> EqualityAt:
+        """Return the rows at u (n_dof,) and time t."""
+        s, theta = self.spread, self.motion.rotation(t)
+        R, K = s.polar(s.shape(u)) if theta is None else self._prescribed(theta)
+        gaps, rows = self._displacements(u, t, theta, R, K)
+        if theta is not None:
+            turned = s.r @ R.T
+            own = s.r + s.moved(u) if s.finite else s.moved(u)
+            wanted = np.zeros(len(s.axes)) if s.finite else theta[s.axes]
+            spin = np.linalg.solve(K, (s.w @ np.cross(turned, own))[s.axes])
+            gaps = np.append(gaps, s.gyration * (wanted - spin))
+            rows = np.concatenate([rows, s.gyration * self._spins(np.linalg.inv(K), turned)])
+        return EqualityAt(gaps, self._matrix(rows))
+
+    def curvature(self, u: Floats, t: float, p: Floats) -> csr_array | None:
+        """Return the derivative (n_dof, n_dof) of C^T p by u; None where C is constant, or for too many nodes."""
+        s = self.spread
+        if self.linear or len(s.nodes) > MOST_NODES:
+            return None
+        F = p[: len(self.along)] @ self.motion.directions()[self.along]
+        return on_nodes(s, s.tangent(F, np.zeros(3), s.shape(u)), self.n_dof)
+
+    def _prescribed(self, theta: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        s = self.spread
+        R = np.eye(3) + turn(theta) if s.finite else np.eye(3)
+        turned = s.r @ R.T
+        S = turned.T @ (s.w[:, None] * turned)
+        return R, (np.trace(S) * np.eye(3) - S)[np.ix_(s.axes, s.axes)]
+
+    def _displacements(
+        self, u: Floats, t: float, theta: Floats | None, R: Floats, K: Floats
+    ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return gaps (k,) and coefficients (k, nodes, 3) of the prescribed displacements."""
+        s, along = self.spread, self.along
+        directions = self.motion.directions()[along]
+        wanted = np.array([value.at(t) for value in self.motion.moved[: self.motion.dim] if value is not None])
+        rows = np.einsum("i,ks->kis", s.w, directions)
+        if theta is None:
+            moved: Floats = np.zeros(3)
+            moved[: s.dim] = s.point(u)
+            if self._turns_freely:
+                arms = np.cross(R @ s.d, directions)[:, s.axes]
+                rows = rows + self._spins(np.linalg.solve(K, arms.T).T, s.r @ R.T)
+        else:
+            moved = s.mean(u) + (R @ s.d - s.d if s.finite else np.cross(theta, s.d))
+        return wanted - directions @ moved, rows
+
+    def _spins(self, turns: Floats, turned: Floats) -> NDArray[np.floating]:
+        """Return coefficients (k, nodes, 3) of turns (k, a) . sum w_i r_i x du_i, with r_i `turned` (nodes, 3)."""
+        s = self.spread
+        full = np.zeros((len(turns), 3))
+        full[:, s.axes] = turns
+        return s.w[:, None] * np.cross(full[:, None], turned[None])
+
+    def _matrix(self, rows: Floats) -> csr_array:
+        s = self.spread
+        place = (s.dim * s.nodes[:, None] + np.arange(s.dim)).ravel()
+        values = rows[:, :, : s.dim]
+        row = np.repeat(np.arange(len(rows)), len(place))
+        shape = (len(rows), self.n_dof)
+        return coo_array((values.ravel(), (row, np.tile(place, len(rows)))), shape=shape).tocsr()
+
+
+def loads(space: Space, record: Coupling, finite: bool, t: float, u: Floats | None) -> NDArray[np.floating]:
+    """Return the nodal forces (n_dof,) of the loads at the point of a distributing coupling at time t."""
+    s, motion = spread_of(space, record, finite), PointMotion.of(space, record)
+    A = s.shape(np.zeros(space.n_dof) if u is None else u)
+    out = np.zeros((space.mesh.n_nodes, space.dim))
+    out[s.nodes] = s.forces(*motion.load(t), A)[:, : space.dim]
+    return out.ravel()
+
+
+def load_tangent(space: Space, record: Coupling, t: float, u: Floats) -> csr_array | None:
+    """Return the derivative (n_dof, n_dof) of `loads` by u (n_dof,), under finite kinematics; None for many nodes."""
+    s, motion = spread_of(space, record, True), PointMotion.of(space, record)
+    F, M = motion.load(t)
+    if len(s.nodes) > MOST_NODES or not (M.any() or s.d.any()):
+        return None
+    return on_nodes(s, s.tangent(F, M, s.shape(u)), space.n_dof)
+
+
+def is_loaded(record: Coupling) -> bool:
+    """True for a distributing coupling with a force or a moment at its point."""
+    loads = (record.fx, record.fy, record.fz, record.moment)
+    return record.kind == "distributing" and any(value is not None for value in loads)
+
+
+def follows(case: Case) -> bool:
+    """True if loads of a case's couplings depend on displacements."""
+    loaded = [one for one in case.coupling if is_loaded(one)]
+    return case.kinematics == "finite" and any(one.moment is not None or one.at is not None for one in loaded)
+
+
+class CouplingState(NamedTuple):
+    """Motion of the point of a coupling, and the force and moment that it exerts on the nodes, about its place.
+
+    `displacement`, `force` (dim,); `rotation`, `moment`: 3 in space, 1 in a plane, none in axisymmetry. Along the axes
+    of the mesh.
+    """
+
+    displacement: NDArray[np.floating]
+    rotation: NDArray[np.floating]
+    force: NDArray[np.floating]
+    moment: NDArray[np.floating]
+
+
+def distributing_state(space: Space, rows: CouplingRows, forces: Floats, t: float, u: Floats) -> CouplingState:
+    """Return the state of a distributing coupling at u (n_dof,); `forces` (k,): those of its rows, C^T times them."""
+    s, turns = rows.spread, not space.model.axisymmetric
+    f = loads(space, rows.record, s.finite, t, u) + rows.at(u, t).C.T @ forces
+    on, moved = np.zeros((len(s.nodes), 3)), s.moved(u) if s.finite else 0.0
+    on[:, : s.dim] = f.reshape(-1, s.dim)[s.nodes]
+    place = np.zeros(3)
+    if s.finite:
+        place[: s.dim] = s.point(u)
+    moment = np.cross(s.r + moved - s.d - place, on).sum(axis=0)[s.axes]
+    rotation = s.rotation(u)
+    return CouplingState(
+        s.point(u), rotation[: turns * len(rotation)], on.sum(axis=0)[: s.dim], moment[: turns * len(moment)]
+    )
+
+
+def on_nodes(s: Spread, block: Floats, n_dof: int) -> csr_array:
+    """Return a block (k dim, k dim) of the nodes as a matrix (n_dof, n_dof)."""
+    place = (s.dim * s.nodes[:, None] + np.arange(s.dim)).ravel()
+    entries = block.ravel(), (np.repeat(place, len(place)), np.tile(place, len(place)))
+    return coo_array(entries, shape=(n_dof, n_dof)).tocsr()
+
+
+def equations_of(space: Space, case: Case) -> Iterator[Equations]:
+    """Yield the equations of rigid couplings of some components.
+
+    Raises CaseError for finite kinematics, and for motions that no node follows.
+    """
+    for record in case.coupling:
+        if record.kind == "rigid" and not _is_body(record):
+            if case.kinematics == "finite":
+                message = "a rigid coupling with axes is for small kinematics; leave axes out"
+                raise wrong(record, message)
+            yield _Followed.of(space, record).equations(space)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """Equations of a rigid coupling of some components: rows a . u_i = sum_k m_k b_ik, node by node.
+
+    `nodes` (k,), `arm` (k, 3) from the point; `along` (c, 3): the components a; `by_motion` (k c, m): b, lengths per
+    unit of each motion, whose units are `unit` (m,).
+    """
+
+    record: Coupling
+    motion: PointMotion
+    nodes: Ints
+    arm: NDArray[np.floating]
+    along: NDArray[np.floating]
+    by_motion: NDArray[np.floating]
+    unit: NDArray[np.floating]
+
+    @classmethod
+    def of(cls, space: Space, record: Coupling) -> _Followed:
+        """Return those of a record."""
+        nodes, motion, dim = nodes_of(space, record), PointMotion.of(space, record), space.dim
+        x = space.local.points[nodes]
+        point = x.mean(axis=0)
+        if record.at is not None:
+            point[:dim] = np.array(record.at) - space.origin[:dim]
+        kept = [k for k in range(dim) if record.components is None or f"u{_AXES[k]}" in record.components]
+        directions, arm = motion.directions(), x - point
+        far = float(np.linalg.norm(arm, axis=1).max()) or 1.0
+        unit = np.repeat([1.0, 1 / far], [dim, len(directions) - dim])
+        straight = np.tile(directions[:dim], (len(nodes), 1, 1))
+        turned = np.cross(directions[dim:], arm[:, None]).reshape(len(nodes), -1, 3)
+        moved = np.concatenate([straight, turned], axis=1)
+        by_motion = np.einsum("ks,ims->ikm", directions[kept], moved).reshape(-1, len(directions)) * unit
+        return cls(record, motion, nodes, arm, directions[kept], by_motion, unit)
+
+    def equations(self, space: Space) -> Equations:
+        """Return the equations, with the free motions as further unknowns. Raises CaseError."""
+        free, motion = self.free, self.motion
+        row = np.repeat(np.arange(len(self.by_motion)), space.dim)
+        column = np.repeat(space.dofs(self.nodes), len(self.along), axis=0).ravel()
+        values = np.tile(self.along[:, : space.dim].ravel(), len(self.nodes))
+        C = coo_array((values, (row, column)), shape=(len(self.by_motion), space.n_dof)).tocsr()
+
+        def held(t: float) -> NDArray[np.floating]:
+            return self.by_motion @ (_at(motion.moved, t) / self.unit)
+
+        def forces(t: float) -> NDArray[np.floating]:
+            return (_at(motion.loads, t) * self.unit)[free]
+
+        said, E = partial(_in_words, self.record), csr_array(-self.by_motion[:, free])
+        return Equations(self.record.name, C, held, said, E if len(free) else None, forces if len(free) else None)
+
+    @cached_property
+    def free(self) -> Ints:
+        """Indices of the motions that are further unknowns. Raises CaseError."""
+        return _free_motions(self.record, self.motion, self.by_motion)
+
+
+def followed_state(space: Space, record: Coupling, forces: Floats, further: Floats, t: float) -> CouplingState:
+    """Return the state of a rigid coupling of some components; `forces`: of its equations, `further`: unknowns."""
+    one = _Followed.of(space, record)
+    motion, dim, turns = _at(one.motion.moved, t), space.dim, len(one.unit) - space.dim
+    motion[one.free] = further * one.unit[one.free]
+    directions = one.motion.directions()
+    f = np.einsum("ik,ks->is", forces.reshape(len(one.nodes), -1), one.along)
+    axes = [0, 1, 2] if dim == 3 else [2]
+    moment = np.cross(one.arm, f).sum(axis=0)[axes][:turns]
+    rotation = (motion[dim:] @ directions[dim:])[axes][:turns]
+    return CouplingState((motion[:dim] @ directions[:dim])[:dim], rotation, f.sum(axis=0)[:dim], moment)
+
+
+def _at(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:
+    return np.array([0.0 if value is None else value.at(t) for value in values])
+
+
+def _free_motions(record: Coupling, motion: PointMotion, by_motion: Floats) -> Ints:
+    """Return the indices of the motions that are further unknowns: those that nodes follow, and that are not given.
+
+    `by_motion` (rows, m). Raises CaseError for a load or a displacement on a motion that no node follows.
+    """
+    size = np.linalg.norm(by_motion, axis=0)
+    names = [*(f"{{}}{axis}" for axis in _AXES[: motion.dim]), *(["{}"] * (len(size) - motion.dim))]
+    for k in np.flatnonzero(size <= _STILL * size.max()):
+        for values, letter, about in ((motion.moved, "u", "rotation"), (motion.loads, "f", "moment")):
+            if values[k] is not None and values[k].source != 0:  # type: ignore[union-attr]
+                name = names[k].format(letter if k < motion.dim else about)
+                raise wrong(
+                    record, f"no node follows its {name}, with these components; leave it out, or add components"
+                )
+    free = np.array(
+        [k for k in range(len(size)) if motion.moved[k] is None and size[k] > _STILL * size.max()], np.int64
+    )
+    if len(free) and np.linalg.matrix_rank(by_motion[:, free], tol=_STILL * size.max()) < len(free):
+        message = "its nodes are one point or on one line, or have too few components, so that a motion moves none"
+        raise wrong(record, f"{message}; prescribe its rotation, or name more nodes")
+    return free
+
+
+def _in_words(record: Coupling, _row: int = 0) -> str:
+    return f"coupling {record.name!r}" + (f" ({record.place})" if record.place else "")
+
+
+def _is_body(record: Coupling) -> bool:
+    """True for a rigid coupling that is a rigid body."""
+    return record.kind == "rigid" and record.axes is None and record.components is None
+
+
+def _as_rigid(record: Coupling, model: str) -> Rigid:
+    """Return a rigid coupling as the record of a rigid body, whose motions are free unless they are given."""
+    axes = {"3d": "xyz", "axisymmetric": "y"}.get(model, "xy")
+    given = {name: getattr(record, name) for a in axes for name in ("u" + a, "f" + a)}
+    loads = {"f" + a: Value(0.0) for a in axes if given["u" + a] is None and given["f" + a] is None}
+    turns = {} if model == "axisymmetric" else {"rotation": record.rotation, "moment": record.moment}
+    if turns and record.rotation is None and record.moment is None:
+        turns["moment"] = (Value(0.0),) * (3 if model == "3d" else 1)
+    at = {} if model == "axisymmetric" else {"centre": record.at}
+    keys = {name: value for name, value in {**given, **loads, **turns, **at}.items() if value is not None}
+    return Rigid(group=record.group, **keys).altered(name=record.name, place=record.place)
+
+
+def _weights(space: Space, record: Coupling, nodes: Ints) -> NDArray[np.floating]:
+    """Return the weights (k,) of the nodes of a distributing coupling. Raises CaseError."""
+    if isinstance(record.weights, Value):
+        return record.weights(space.mesh.points[nodes][:, : space.dim], 0.0)
+    if record.weights is None:
+        cells = cells_of(space, record)
+        if cells is None:
+            return np.where(space.made_by_cut[nodes], 0.0, 1.0)
+        return nodal_measures(space, cells)[nodes]
+    given = {int(number): weight for number, weight in record.weights}
+    numbers = space.mesh.node_number[nodes].tolist()
+    odd = [number for number in given if number not in numbers]
+    if odd:
+        raise wrong(record, f"its weights name node {odd[0]}, which is not in the group {record.group!r}")
+    return np.array([given.get(number, 0.0) for number in numbers])
