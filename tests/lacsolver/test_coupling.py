@@ -123,7 +123,7 @@ def test_large_rotations_are_without_strain(cell):
 @pytest.mark.parametrize("kinematics", LAWS)
 @pytest.mark.parametrize("cell", ["QUAD8", "HEXA8"])
 def test_motions_and_loads_at_a_point_far_from_its_nodes(cell, kinematics):
-    """What is prescribed is reached, what is loaded has its load, and supports carry the whole."""
+    """Prescribed motions are reached, loads are as given, and supports carry the whole."""
     dim = dim_of(cell)
     side, low = f"{'xyz'[dim - 1]}1", f"{'xyz'[dim - 1]}0"
     at = [0.8, 1.6, 1.9][:dim] if dim == 3 else [0.8, 1.9]
