@@ -123,9 +123,9 @@ class StepFigures(Described):
     `contact`: figures of each zone; the names are the same in every step. `balance`: relative error of the balance of
     forces and of moments. `energy`: strain energy. `displacement`: largest magnitude of a nodal displacement. `motion`:
     energies, velocities and the like of a case with [dynamics], None for others. `work`: ledger of a static case with
-    friction so far, None for others. `plastic`: figures of materials that yield, None without.
-    `equations`: force of each equation,
-    which acts on each of its terms times the term's factor. `couplings`: motion, force and moment of each coupling.
+    friction so far, None for others. `plastic`: figures of materials that yield, None without. `equations`: force of
+    each equation, which acts on each of its terms times the term's factor. `couplings`: motion, force and moment of
+    each coupling.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls

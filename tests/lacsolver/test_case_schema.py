@@ -79,6 +79,10 @@ BEYOND = (
     "of 3 components",
     "are cylindrical",
     "has a kind",
+    "needs hardening",
+    "begins at a plastic strain",
+    "has the yield stress",
+    "a metal that softens",
     "takes Cartesian",
     "weights depends on t",
     "names a node twice",
@@ -149,7 +153,7 @@ def test_examples_of_the_page(fresh, capsys):
     assert main(["validate", "case.toml"]) == 0
     assert "rigid-body mode without support" in capsys.readouterr().out
     assert main(["run", "case.toml", "-q"]) == 0
-    for k, other in enumerate(more):
+    for k, other in enumerate(text for text in more if "mesh = " in text):
         (fresh / f"case_{k}.toml").write_text(other, encoding="utf-8")
         assert main(["validate", f"case_{k}.toml"]) == main(["run", f"case_{k}.toml", "-q"]) == 0
 
