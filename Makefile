@@ -3,7 +3,8 @@
 SHELL := /bin/bash
 # what Python compiled of a module is kept for the hundreds of processes that the tests start
 unexport PYTHONDONTWRITEBYTECODE
-BIN := .venv/bin
+# where a virtual environment has its programs: elsewhere on Windows
+BIN := .venv/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALLED := .venv/.installed
 # PETSc and MPI, with the older numpy that Debian's PETSc needs
 PETSC := .venv-petsc
@@ -27,7 +28,7 @@ QUICK := \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs clean
+.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs wheel container clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -101,6 +102,13 @@ docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_pictures.py
 	$(BIN)/python docs/make_sliding.py
 	$(BIN)/python docs/tutorials/run.py
+
+wheel: $(INSTALLED) ## the wheel and the source distribution of this checkout, in dist/
+	rm -f dist/lacmesh-*
+	$(BIN)/python -m build --no-isolation --outdir dist
+
+container: wheel ## a container image `lacmesh` on Debian, with the wheel in it (needs Docker or podman)
+	$$(command -v docker || command -v podman || echo docker) build --tag lacmesh --file packaging/Dockerfile .
 
 clean: ## remove .venv, build and every cache
 	rm -rf .venv $(PETSC) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

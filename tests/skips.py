@@ -70,6 +70,13 @@ def _no_petsc():
     return _complaint("from lacsolver.distributed.launch import import_petsc; import_petsc()")
 
 
+def _no_index():
+    with tempfile.TemporaryDirectory() as folder:
+        code = "import sys; from pip._internal.cli.main import main; sys.exit(main(sys.argv[1:]))"
+        command = ["-q", "download", "--no-deps", "--no-cache-dir", "--retries", "0", "--dest", folder, "iniconfig"]
+        return "no package index is reached by pip" if _complaint(code, *command) else None
+
+
 def _no_vtk():
     if find_spec("pyvista") is None:
         return "pyvista is not installed"
@@ -99,6 +106,7 @@ NEEDS = {
     "browser": lambda: _no_program("chromium", "chromium"),
     "petsc": _no_petsc,
     "calculix": lambda: _no_program("ccx", "calculix-ccx"),
+    "index": _no_index,
 }
 
 
@@ -112,7 +120,7 @@ def missing(item):
 
 def forgiven(need):
     """True if a test may be skipped for want of `need`."""
-    return need == "shared" or not all_needed()
+    return need in ("shared", "index") or not all_needed()
 
 
 class Tally:

@@ -17,12 +17,21 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import sympy as sp
 from numpy.typing import NDArray
+
+try:
+    import sympy as sp
+except ModuleNotFoundError:  # the cases are listed without it; `missing` is asked before one is solved
+    sp = None
 
 Texts = tuple[str, ...]
 SymbolicFunction = Callable[[NDArray[np.floating]], NDArray[np.floating]]
-_X = sp.symbols("x y z")
+_X = sp.symbols("x y z") if sp else ()
+
+
+def missing() -> str:
+    """A sentence about what is not installed, and how to get it; '' if sympy is."""
+    return "" if sp else "sympy is not installed; pip install 'lacmesh[verification]' brings it"
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,9 @@ from verification.solving import Solved, balanced, case_text, entry, finished, w
 
 Floats = NDArray[np.floating]
 
-_STEP = Path(__file__).resolve().parents[2] / "data" / "pin_in_lug.step"
+#: of the checkout, or as it lies in the wheel
+_PLACES = ("data/pin_in_lug.step", "verification/meshes/pin_in_lug.step")
+_STEP = next(path for place in _PLACES if (path := Path(__file__).resolve().parents[2] / place).exists())
 #: of data/make_pin_in_lug.py: radii of the bore and the pin, heights of their axes, which are along y
 _BORE, _PIN, _AXES = 12.0, 11.8, (32.0, 31.8)
 #: half of the bore is 10 along y; away from its edges

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.report.charts import Plot
-from verification.exact.sources import SymbolicFunction, compiled, derive
+from verification.exact.sources import SymbolicFunction, compiled, derive, missing
 from verification.families.manufactured_rows import ROWS, CellRow
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master
@@ -242,4 +242,5 @@ FAMILY = Family(
     text=__doc__.partition("\n\n")[2],
     cases=tuple(_case(row) for row in ROWS.values()),
     solve=solve_case,
+    missing=missing,
 )
