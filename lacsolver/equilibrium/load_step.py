@@ -5,6 +5,9 @@
 
 Equilibrium is r = B_q^T p. Under small kinematics with skins that are paired once, everything is linear in q. Residuals
 and tangents are evaluated apart: a trial that is given up costs no tangent.
+
+In a step the factor of an earlier tangent K_0 serves as long as the tangent is near it, and K_q - K_0 is taken along in
+the loop on the pressures as geometric stiffness is: it costs one product for each application of the factor.
 """
 
 from __future__ import annotations
@@ -30,12 +33,16 @@ from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.tolerances import ForceTerms, sizes
 
+#: largest change of an entry of the tangent for which the factor before serves, relative to both diagonal entries
+_NEAR = 0.1
+
 
 @dataclass(eq=False)
 class LoadStep:
     """A problem at time t, in the step from a state: loads, prescribed displacements, and all that depends on q.
 
-    `given`: terms to take in place of those of the model's time scheme.
+    `given`: terms to take in place of those of the model's time scheme. `factor`: the last tangent of this step that a
+    direct backend has factorised without damping; None before.
     """
 
     model: ReducedProblem
@@ -47,6 +54,7 @@ class LoadStep:
         self._last: tuple[Floats, tuple[Interface, ...], ContactSystem] | None = None
         self._linear: ContactSystem | None = None
         self._definite = True
+        self.factor: Operator | None = None
 
     @cached_property
     def u0(self) -> NDArray[np.floating]:
@@ -173,10 +181,18 @@ class LoadStep:
         self.model.problem.space.share.agree(failed)
         return f
 
-    def factorised(self, K_q: csr_array, damping: float, definite: bool) -> Operator:
-        """Return K_q (n_q, n_q), stabilised, plus `damping` times the undeformed bodies' stiffness, factorised."""
-        K = self.model.stabilized(K_q, self._matrix)
-        K = csr_array(K + damping * self.reference.K) if damping else K
+    def stabilized(self, K_q: csr_array) -> csr_array:
+        """Return K_q (n_q, n_q) with the matrix of the time scheme, stabilised."""
+        return self.model.stabilized(K_q, self._matrix)
+
+    def factorised(self, K: csr_array, damping: float, definite: bool) -> Operator:
+        """Return a tangent K (n_q, n_q) plus `damping` times the undeformed bodies' stiffness, factorised."""
+        self.factor = None  # its memory is free before
+        made = self._factorised(csr_array(K + damping * self.reference.K) if damping else K, damping, definite)
+        self.factor = None if damping or made.iterative else made
+        return made
+
+    def _factorised(self, K: csr_array, damping: float, definite: bool) -> Operator:
         if self._definite and definite:
             with suppress(SingularError):
                 return self.model.factors.factorise(K)
@@ -240,14 +256,36 @@ class Linearization:
         return self._step.model.stabilization.free
 
     def stiffness(self, damping: float, definite: bool) -> Operator:
-        """Return K_q plus `damping` times that of the undeformed bodies, factorised.
+        """Return K_q plus `damping` times that of the undeformed bodies, factorised; or a K that is near (`change`).
 
         Negative energies are accepted unless `definite`. Raises LinearError.
         """
-        step, model = self._step, self._step.model
-        if model.problem.kinematics.linear:
+        step = self._step
+        if step.model.problem.kinematics.linear:
             return step.reference
-        return step.factorised(model.problem.constraints.reduced(self._tangent, self._T), damping, definite)
+        if definite and not damping and self._near is not None:
+            return self._near[0]
+        return step.factorised(self._K_q, damping, definite)
+
+    def change(self, K: Operator) -> csr_array | None:
+        """Return what K_q has beside the K (n_q, n_q) that `stiffness` returned; None if that is K_q itself."""
+        return self._near[1] if self._near is not None and self._near[0] is K else None
+
+    @cached_property
+    def _K_q(self) -> csr_array:
+        """The tangent (n_q, n_q) of the bodies and of the time scheme, stabilised."""
+        return self._step.stabilized(self._step.model.problem.constraints.reduced(self._tangent, self._T))
+
+    @cached_property
+    def _near(self) -> tuple[Operator, csr_array] | None:
+        """A factorised tangent of this step, and the change (n_q, n_q) since then; None if there is none, or far."""
+        before = self._step.factor
+        if before is None or before.K is self._K_q:
+            return None
+        change, scale = csr_array(self._K_q - before.K), 1 / np.sqrt(np.abs(before.scaling))
+        rows = np.repeat(scale, np.diff(change.indptr))
+        near = np.abs(change.data * rows * scale[change.indices]).max(initial=0.0) <= _NEAR
+        return (before, change) if near else None
 
     def geometric_stiffness(self, pressure: Floats) -> csr_array | None:
         """Return C (n_q, n_q) at pressures (m,); None if there is none.

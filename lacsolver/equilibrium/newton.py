@@ -2,7 +2,8 @@
 
 At q, with the residual r of forces without contact, one linear system gives the next displacement and pressures:
 
-    K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A        C: geometric stiffness of contact, follower loads, rigid bodies
+    K dq + C(p) dq + B_A^T p = r,   D_A dq = G_A        C: geometric stiffness of contact, follower loads, rigid bodies,
+                                                           and the change of K since it was factorised
 
 and the signs of p and G give the next active set, as in `active_set`. A step is shortened if it inverts cells, or if
 its merit is worse than those of the last few iterations. The merit function is a force: the largest unbalanced force,
@@ -23,6 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
@@ -152,7 +154,8 @@ def _newton_step(
     contact, R = there.contact, there.free
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
         with suppress(LinearError):
-            K, C = there.stiffness(damping, definite), there.geometric_stiffness(p)
+            K = there.stiffness(damping, definite)
+            C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
             now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
             pressures, pivots, applications = p, Pivots(), 0
@@ -169,6 +172,11 @@ def _newton_step(
                     return _Step(dq, pressures, now, solves, applications)
                 now = pivots.next(now, wanted, exact=True)
     return None
+
+
+def _total(A: csr_array | None, B: csr_array | None) -> csr_array | None:
+    """Return A + B, where None stands for no entries."""
+    return B if A is None else A if B is None else csr_array(A + B)
 
 
 def _acceptable(merits: list[float]) -> float:

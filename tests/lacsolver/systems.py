@@ -57,6 +57,7 @@ class Linearized(NamedTuple):
     geometric_stiffness: Callable
     free: np.ndarray
     terms: Callable | None = None
+    change: Callable = lambda K: None
 
 
 def system(seed, n=30, m=12, free=0, turning=0.0, same=True):

@@ -9,8 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.load_step import _NEAR, LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
+from lacsolver.saddle.stiffness import FactorCache
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
 
@@ -212,3 +214,34 @@ def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
         )
     for far, near, same in zip(*off, strict=True):
         assert same <= 1e-14 and far <= 1e-2 and near <= max(far / 50, 1e-12)
+
+
+def test_a_factor_serves_as_long_as_the_tangent_is_near_it():
+    """The change is all that K lacks; far from it, with damping, and in the next step, there is a new factor."""
+    mesh, sections = waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + on_top(3)
+    first = Moved(mesh, sections)
+    K = first.there.stiffness(0.0, True)
+    near, far = (first.now.linearize(factor * first.q) for factor in (1.1, 8.0))
+    alone = LoadStep(first.model, 1.0).linearize(1.1 * first.q).stiffness(0.0, True)
+    assert near.stiffness(0.0, True) is K and first.there.change(K) is None and alone is not K
+    change = near.change(K)
+    assert 1e-4 * abs(K.K).max() < abs(change).max()
+    assert abs(K.K + change - alone.K).max() <= 1e-14 * abs(K.K).max()
+    for other, how in ((near, (1.0, True)), (near, (0.0, False)), (far, (0.0, True))):
+        new = other.stiffness(*how)
+        assert new is not K and other.change(new) is None
+
+
+def test_steps_have_fewer_factors_than_iterations_and_the_same_end(monkeypatch):
+    mesh = waves(*PAIRS[3], 3)
+    sections = joint() + ground(3) + held("top", ux=0.01, uy=0.0, uz=-0.05) + "[steps]\ncount = 2\n"
+    factorise, count, ends = FactorCache.factorise, [], {}
+    monkeypatch.setattr(FactorCache, "factorise", lambda *a, **k: count.append(1) or factorise(*a, **k))
+    for largest in (-1.0, _NEAR):  # a new one in each iteration, and as few as there are
+        monkeypatch.setattr("lacsolver.equilibrium.load_step._NEAR", largest)
+        count.clear()
+        states = list(march(problem_of(mesh, sections)))
+        ends[largest] = len(count), sum(state.iterations for state in states), states[-1].u
+    (every, iterations, u), (few, others, v) = ends.values()
+    assert others == iterations < every and few <= every / 2
+    np.testing.assert_allclose(v, u, rtol=0, atol=1e-10 * np.abs(u).max())
