@@ -102,7 +102,7 @@ def test_the_commands_of_the_container_file_run(tmp_path):
 
 
 def test_every_dependency_has_a_row_in_the_table():
-    """Those of the base and of every extra: its keeper, its age, its replacement, in docs/decisions.md."""
+    """Base and extras: for each package its keeper, its age, its replacement, in docs/decisions.md."""
     text = (ROOT / "docs" / "decisions.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| ([\w, -]+) \| ([^|]+) \| (\d{4}) \| ([^|]+) \| ([^|]+) \|$", text, re.MULTILINE)
     needs = chain(PROJECT["dependencies"], *PROJECT["optional-dependencies"].values())
