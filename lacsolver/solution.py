@@ -11,8 +11,7 @@ of the stiffness again as far as the new case leaves them unchanged.
 from __future__ import annotations
 
 import logging
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,6 +38,7 @@ from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
+from lacsolver.results.units import NO_UNITS, Units
 
 _LOG = logging.getLogger("lacsolver")
 #: what the last call of `march` has made, for the next one
@@ -67,7 +67,7 @@ class Solution(Described):
 
     `mesh`: the cut mesh; `time` of the state; `iterations` of its step. `u` (n, d): displacement. `contact`: by the
     name of each contact and tie, `ZoneFields` with `pressure`, `gap`, `status`, `area`, `centre`, `normal`,
-    `recovered` and `force`. In the units of the case.
+    `recovered` and `force`. In the units of the case; `units` has the names that it gives them.
 
     >>> import lacsolver as ls
     >>> solution = ls.solve("data/two_blocks.toml")
@@ -80,12 +80,20 @@ class Solution(Described):
     iterations: int
     evaluate: Callable[[], Fields]
     _solved: tuple[Problem, State, int] | None = None
+    units: Units = NO_UNITS
 
     @classmethod
     def of(cls, problem: Problem, state: State, number: int = 1) -> Solution:
         """Return the solution of a state, the one after `number` steps."""
         mesh = problem.space.mesh
-        return cls(mesh, state.time, state.iterations, lambda: state_fields(problem, state), (problem, state, number))
+        return cls(
+            mesh,
+            state.time,
+            state.iterations,
+            lambda: state_fields(problem, state),
+            (problem, state, number),
+            Units.of(problem.case.output.units),
+        )
 
     @cached_property
     def fields(self) -> Fields:
@@ -178,19 +186,31 @@ class Solution(Described):
                 grid.cell_data[name] = vectors[order]
         return grid
 
-    def plot(self, path: str | Path | None = None, *, zoom: bool = False) -> Picture:
-        """Draw the contact pressures on the deformed bodies; write the picture to `path` (.png) if one is given.
+    def plot(
+        self,
+        path: str | Path | None = None,
+        *,
+        field: str = "pressure",
+        zone: Sequence[str] = (),
+        zoom: bool = False,
+        title: str | None = None,
+    ) -> Picture:
+        """Draw the contact of this state: the deformed model, small, and beside it each zone by itself.
 
-        `zoom`: show the surroundings of the contact only, to scale. Raises RequestError if the case has no contact or a
-        package is missing, WriteError.
+        Writes the picture to `path` (.png) if one is given; `field`, `zone`, `zoom`, `title` as of `lacsolver.plot`.
+        Raises RequestError if there is no contact, for a field or zone that is not there, or if a package is missing;
+        WriteError.
         """
-        from lacsolver.pictures.drawing import plot
+        from lacmesh.formats.output import replace_file
+        from lacsolver.pictures.drawing import ContactPicture, check_plot
 
-        problem, state, number = self._own("pictures")
-        with tempfile.TemporaryDirectory() as folder:
-            at = Path(folder, "picture.png") if path is None else Path(path)
-            plot(problem.case, Restart.of(state, 1.0, number), at, self.mesh, zoom=zoom)
-            return Picture(at.read_bytes())
+        target = Path("picture.png" if path is None else path)
+        check_plot(target, self.mesh.dim)
+        drawn = ContactPicture.of(self.mesh, self.fields, field, zone, self.units, zoom=zoom, title=title)
+        picture = Picture(drawn.png(target))
+        if path is not None:
+            replace_file(target, picture.png)
+        return picture
 
     def save(self, folder: str | Path, *, force: bool = False) -> None:
         """Write the solution into a folder, with the files of `lacsolver run` (docs/output.md) for its one time.
@@ -202,7 +222,9 @@ class Solution(Described):
             create_output(folder, force=force), problem.case, problem.space, fingerprint(problem.case, self.mesh)
         )
         ranges = stress_ranges(problem.space, point_stress(problem, state))
-        results = Results(__version__, steps=(step_figures(problem, state),), stress=ranges)
+        results = Results(
+            __version__, steps=(step_figures(problem, state),), stress=ranges, units=problem.case.output.units or ""
+        )
         writer.step(results, lambda: self.fields, Restart.of(state, problem.case.steps.last, number))
         writer.finish(replace(results, status="done"))
 

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+import lacmesh
 from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
@@ -22,7 +23,9 @@ from lacmesh.scene.marks import Values, cell_values, find_marks
 from lacmesh.scene.placing import SEEN_AT
 from lacmesh.scene.visible import BODY, MASTER, SLAVE, find_visible
 from lacmesh.topology.skin import Faces
+from lacmesh.view import page, picture
 from tests.meshes import box, cell_with_faces, random_mesh
+from tests.viewing import DATA
 
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
 LINEAR = [name for name, cell in CELLS.items() if cell.order == 1 and cell.dim > 1]
@@ -479,7 +482,8 @@ def test_the_name_of_a_ramp_stands_above_its_ends():
             pass
 
     plotter = Plotter()
-    _add_ramp(Sheet(plotter, pyvista, 1.0, {"size": (1600, 1000), "ramp": ("pressure", -1.23e-100, 4.56e12)}))
+    ramp = "pressure", -1.23e-100, 4.56e12, colours.RAMP
+    _add_ramp(Sheet(plotter, pyvista, 1.0, {"size": (1600, 1000), "ramp": ramp}))
     name, low, high = (plotter.words[words] for words in ("pressure", "-1.23e-100", "4.56e+12"))
     assert name[1] > low[1] + 0.03 and low[1] == high[1] and low[0] + 10 * 0.011 < high[0]
     assert name[1] + 0.03 < make_scene(cube(), values=cell_values(cube(), "shape")).low + 0.005
@@ -516,3 +520,29 @@ def test_only_the_skin_of_a_large_mesh_is_drawn():
 
     drawn(10)  # compiled
     assert drawn(80) < 40 * min(drawn(40) for _ in range(2))  # of eight times as many cells
+
+
+@pytest.mark.parametrize(("bodies", "opacity"), [("solid", 1.0), ("ghost", 0.16), ("hidden", None)])
+def test_bodies_may_be_seen_through_or_hidden(bodies, opacity):
+    mesh = cut_skin(lacmesh.read(DATA / "two_blocks.msh"), "slave").mesh
+    scene = make_scene(mesh, "slave", "master", bodies=bodies)
+    faces = [layer for layer in scene.layers if layer.kind == "faces"]
+    assert [layer.opacity for layer in faces] == ([] if opacity is None else [opacity]) + [1.0, 1.0]
+    assert scene.moved == ("opened, tilted" if bodies == "solid" else "")
+    assert scene.heading.endswith(" (opened, tilted)") == (bodies == "solid")
+
+
+def test_bodies_are_drawn_in_no_other_way(tmp_path):
+    with pytest.raises(RequestError, match="bodies are drawn solid, ghost, hidden, not 'gost'; did you mean ghost"):
+        picture(DATA / "two_blocks.msh", tmp_path / "p.png", bodies="gost")
+    with pytest.raises(RequestError, match="bodies are drawn"):
+        page(DATA / "two_blocks.msh", tmp_path / "p.html", bodies="gost")
+
+
+def test_slave_and_master_have_different_swatches_where_cells_are_coloured_by_values():
+    mesh = cut_skin(lacmesh.read(DATA / "two_blocks.msh"), "slave").mesh
+    scene = make_scene(mesh, "slave", "master", values=cell_values(mesh))
+    slave, master, *_ = [entry for entry in scene.legend if entry.kind == "outline"]
+    assert slave.colours == (colours.INK,) and master.colours == (colours.MASTER,)
+    drawn = {tuple(colour) for layer in scene.layers if layer.kind == "lines" for colour in layer.rgb[:1].tolist()}
+    assert tuple(colours.rgb([colours.MASTER])[0].tolist()) in drawn

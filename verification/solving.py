@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +16,9 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.fields import state_fields
 from lacsolver.results.figures import step_figures
-from lacsolver.results.results import Fields, Restart, StepFigures
+from lacsolver.results.results import Fields, StepFigures
 from lacsolver.results.state import State, ZoneFriction, ZoneState
+from lacsolver.solution import Solution
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 
@@ -112,11 +111,8 @@ class Solved:
 
     def picture(self, title: str) -> Picture:
         """The deformed bodies with the contact pressure, drawn by lacsolver."""
-        case, state = self.problem.case, self.state
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.png"
-            lacsolver.plot(case, Restart.of(state, 1.0, len(self.states)), path, self.mesh)
-            return Picture(title, f"{title}: deformed bodies, coloured by contact pressure", path.read_bytes())
+        drawn = Solution.of(self.problem, self.state).plot()
+        return Picture(title, f"{title}: the deformed model, and its contact pressure", drawn.png)
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,12 @@ def add(commands: Any) -> None:
         metavar="GAP",
         help="gap between bodies, in sizes of the mesh, 0 to 100; 0: as they are",
     )
+    parser.add_argument(
+        "--bodies",
+        choices=("solid", "ghost", "hidden"),
+        default="solid",
+        help="ghost: see-through, so that nothing hides the skins; hidden: the skins alone (default: solid)",
+    )
     parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of a picture (default: 1600x1000)")
     parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")
     parser.add_argument("--force", action="store_true", help="replace an existing output")
@@ -89,6 +95,7 @@ def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
         "camera": args.camera and tuple(args.camera),
         "cutaway": args.cutaway and tuple(args.cutaway),
         "explode": args.explode,
+        "bodies": args.bodies,
     }
     if args.check:
         from lacmesh.checks import check

@@ -59,7 +59,10 @@ class Label(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is drawn, and `eye` (3,): the direction from it towards the eye. `values`: what a ramp stands for."""
+    """All that is drawn, and `eye` (3,): the direction from it towards the eye. `values`: what a ramp stands for.
+
+    `moved`: in words, how the bodies with the slave skin are moved to show it; "" if they are not.
+    """
 
     layers: tuple[Layer, ...]
     eye: Floats
@@ -67,6 +70,12 @@ class Scene:
     legend: tuple[Entry, ...]
     labels: tuple[Label, ...] = ()
     values: Values | None = None
+    moved: str = ""
+
+    @property
+    def heading(self) -> str:
+        """The title, with what was moved."""
+        return f"{self.title} ({self.moved})" if self.title and self.moved else self.title
 
     @property
     def low(self) -> float:
@@ -87,16 +96,20 @@ def make_scene(
     tilt: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
+    bodies: str = "solid",
 ) -> Scene:
     """Make the scene that `view.picture` draws, by its options. Raises RequestError, GroupNotFoundError, DataError."""
-    check_placing(camera, cutaway, explode, near)
+    check_placing(camera, cutaway, explode, near, bodies)
     mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     eye = find_eye(mesh, visible, camera)
-    points = exploded(mesh, visible, find_exploded_view(mesh, visible, eye, explode, tilt))
+    if bodies != "solid" and explode is None and tilt is None:
+        explode, tilt = 0.0, 0.0  # nothing hides the skin
+    view = find_exploded_view(mesh, visible, eye, explode, tilt)
+    points = exploded(mesh, visible, view)
     marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(
-        layers=make_layers(points, visible, eye, marks, values),
+        layers=make_layers(points, visible, eye, marks, values, bodies),
         eye=eye,
         title=title_of(mesh),
         legend=(
@@ -106,6 +119,7 @@ def make_scene(
         ),
         labels=() if marks is None else _labels(mesh, points, marks),
         values=values,
+        moved="" if view is None else view.words,
     )
 
 
@@ -153,7 +167,7 @@ def legend_of(visible: VisibleSurface, *, marked: bool = False, valued: bool = F
         words = cut if len(visible.internal) else counted(len(slaves), "slave face")
         entries.append(Entry(kind, words, (INK,) if valued else shades))
     if len(masters):
-        entries.append(Entry(kind, counted(len(masters), "master face"), (INK if valued else MASTER,)))
+        entries.append(Entry(kind, counted(len(masters), "master face"), (MASTER,)))
     if len(visible.internal):
         words = f"{counted(len(visible.internal), 'internal node')}, each with a dof of its own"
         entries.append(Entry("dot", words, (INK if marked else DOT,)))
@@ -168,7 +182,7 @@ def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:
     if len(worst := values.worst(3)):
         words = ", ".join(f"{values.values[c]:.3g} (cell {mesh.cell_number[c]})" for c in worst)
         entries.append(Entry("none", f"worst: {words}", ()))
-    if np.isnan(values.values[mesh.cell_dim > 1]).any():
+    if not values.on_skin and np.isnan(values.values[mesh.cell_dim > 1]).any():
         entries.append(Entry("area", f"{values.what} is not defined on these cells", (BODIES[0],)))
     if len(cells := np.flatnonzero(values.invalid)):
         words = f"{counted(len(cells), 'invalid cell')}: {some(mesh.cell_number[cells], 6)}"

@@ -24,6 +24,10 @@ SEVERITIES = {"error": "cc1f1a", "warning": "e87500", "info": "5b6b7d", "worst":
 INVALID = "cc1f1a"
 #: a value from its bad end to its good one: dark to light
 RAMP = ("231a4c", "34489b", "2f7fb5", "56b4b8", "a9d9b2", "f4f3d0")
+#: a result from its low end to its high one: light to dark, so that what is large stands out on light bodies
+RESULT = RAMP[::-1]
+#: states of a macro-element: unpaired, open, closed (or sticking), sliding
+STATES = ("ffffff", "c9d1da", "2b6cb0", "e8701a")
 #: by how much macro-elements pale where findings are to stand out
 PALER = 0.55
 #: least span of a scale of colours, relative to its largest end: values that differ by less have the same three digits
@@ -64,9 +68,12 @@ def ends_of(values: Floats, *, zero: bool = False, least: float = SPAN) -> tuple
     return (low - lacking / 2, high + lacking / 2) if lacking > 0 else (low, high)
 
 
-def on_ramp(values: Floats, bad: float, good: float) -> NDArray[np.uint8]:
-    """Colour (n, 3) of each value between its bad and its good end (good where both are one); grey where it is NaN."""
-    stops = rgb(RAMP).astype(float)
+def on_ramp(values: Floats, bad: float, good: float, ramp: Sequence[str] = RAMP) -> NDArray[np.uint8]:
+    """Colour (n, 3) of each value between its bad and its good end (good where both are one); grey where it is NaN.
+
+    `ramp`: colours from the bad end to the good one, evenly apart.
+    """
+    stops = rgb(ramp).astype(float)
     span = good - bad
     place = np.clip((values - bad) / span if span else np.where(np.isnan(values), np.nan, 1.0), 0, 1) * (len(stops) - 1)
     known = np.isfinite(place)

@@ -19,17 +19,16 @@ from lacmesh.scene.colours import (
     EDGE,
     INK,
     INSIDE,
-    INVALID,
     MASTER,
     PALETTE,
     SEVERITIES,
-    on_ramp,
     paint,
     pale,
     rgb,
 )
 from lacmesh.scene.edges import TINY, body_edges, group_edges, group_ends, segments
 from lacmesh.scene.marks import Marks, Values
+from lacmesh.scene.request import BODIES_AS
 from lacmesh.scene.visible import BODY, SLAVE, VisibleSurface, diagonal, is_segment
 from lacmesh.scene.visible import MASTER as IS_MASTER
 from lacmesh.topology.skin import FACE_TYPES, Faces
@@ -40,6 +39,8 @@ CURVED, PIECES = 6, 400_000
 FAINT = 0.25
 #: how much of a marked cell shows through what stands before it
 THROUGH = 0.3
+#: by how much the lines of skins are narrower where bodies around them are not solid and colours are values
+_PALER_LINES = 0.5
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,17 @@ class Layer:
 
 
 def make_layers(
-    points: Floats, visible: VisibleSurface, eye: Floats, marks: Marks | None = None, values: Values | None = None
+    points: Floats,
+    visible: VisibleSurface,
+    eye: Floats,
+    marks: Marks | None = None,
+    values: Values | None = None,
+    bodies: str = "solid",
 ) -> tuple[Layer, ...]:
-    """Layers in the order of drawing: faces first, then lines, then dots, then the marks of findings."""
+    """Layers in the order of drawing: faces first, then lines, then dots, then the marks of findings.
+
+    `bodies`: one of BODIES_AS; ghosts and hidden ones show the skins behind them.
+    """
     marked = marks is not None and marks.wrong
     body, slave, master = (visible.faces.take(visible.rows(role)) for role in (BODY, SLAVE, IS_MASTER))
     colour = _face_colours(visible, marked, values)
@@ -71,7 +80,8 @@ def make_layers(
         _surface(points, faces, colour[visible.rows(role)], parts)
         for role, faces in ((BODY, body), (IS_MASTER, master), (SLAVE, slave))
     ]
-    layers += _edge_layers(points, visible, parts)
+    layers[0] = replace(layers[0], opacity=BODIES_AS[bodies])
+    layers += _edge_layers(points, visible, parts, bodies, valued=values is not None)
     for faces, role, width in ((body, BODY, 4.0), (master, IS_MASTER, 12.0), (slave, SLAVE, 18.0)):
         ends, rows = segments(faces)
         layers.append(_lines(points, ends, colour[visible.rows(role)][rows], width, parts))
@@ -83,15 +93,14 @@ def make_layers(
     ]
     if marks is not None:
         layers += _mark_layers(points, visible, eye, marks)
-    return tuple(layer for layer in layers if len(layer.cells))
+    return tuple(layer for layer in layers if len(layer.cells) and layer.opacity > 0)
 
 
 def _face_colours(visible: VisibleSurface, marked: bool, values: Values | None) -> NDArray[np.uint8]:
     """Colour of each face in sight, (f, 3)."""
     if values is not None:
-        colours = on_ramp(values.values[visible.cell], values.bad, values.good)
-        colours[values.invalid[visible.cell]] = rgb((INVALID,))
-        lines = is_segment(visible.faces)
+        colours = values.colours(visible)
+        lines = is_segment(visible.faces) & ~(values.on_skin & (visible.role == SLAVE))
         colours[lines] = rgb((INK,))
         return colours
     colours = rgb(BODIES)[visible.body % len(BODIES)]
@@ -103,20 +112,26 @@ def _face_colours(visible: VisibleSurface, marked: bool, values: Values | None) 
     return np.where((visible.role != BODY)[:, None], pale(colours), colours) if marked else colours
 
 
-def _edge_layers(points: Floats, visible: VisibleSurface, parts: int) -> list[Layer]:
+def _edge_layers(
+    points: Floats, visible: VisibleSurface, parts: int, bodies: str, *, valued: bool = False
+) -> list[Layer]:
+    """Layers of edges; coloured by values, the master's border has the colour of the master."""
     plain, sharp = body_edges(points, visible.faces.take(visible.rows(BODY)))
     skin = np.flatnonzero(visible.role != BODY)
     faces = visible.faces.take(skin)
     # each macro-element is a group of its own, and the master another
     inner, outline = group_edges(faces, np.where(visible.role[skin] == SLAVE, visible.macro[skin] + 1, 0))
-    border = group_edges(faces, visible.role[skin])[1]
+    of_role = (visible.faces.take(visible.rows(role)) for role in (IS_MASTER, SLAVE))
+    of_master, of_slave = (group_edges(part, np.zeros(len(part), np.int64))[1] for part in of_role)
     wide, narrow = _thin(points, visible.faces.take(visible.rows(BODY))), _thin(points, faces)
+    narrow *= 1.0 if bodies == "solid" or not valued else _PALER_LINES
     layers = [
-        (plain, EDGE, 1.5 * wide, wide),
-        (sharp, CREASE, 3.2 * max(wide, 0.5), 1.0),
+        (plain, EDGE, 1.5 * wide, wide if bodies == "solid" else 0.0),
+        (sharp, CREASE, 3.2 * max(wide, 0.5), 0.0 if bodies == "hidden" else 1.0),
         (inner, CHILD_EDGE, 1.8 * narrow, narrow),
         (outline, INK, 6.0 * narrow, narrow),
-        (border, INK, 6.0 * max(narrow, 0.4), 1.0),
+        (of_master, MASTER if valued else INK, (9.0 if valued else 6.0) * max(narrow, 0.4), 1.0),
+        (of_slave, INK, 6.0 * max(narrow, 0.4), 1.0),
     ]
     return [_lines(points, ends, rgb((colour,)), width, parts) for ends, colour, width, thin in layers if thin > FAINT]
 

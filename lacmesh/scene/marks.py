@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.scene.colours import SEVERITIES, SPAN, ends_of
-from lacmesh.scene.visible import as_faces, facets_of
+from lacmesh.scene.colours import INVALID, RAMP, SEVERITIES, SPAN, ends_of, on_ramp, rgb
+from lacmesh.scene.visible import SLAVE, VisibleSurface, as_faces, facets_of
 from lacmesh.topology.skin import Faces
 
 #: a ratio this many times the median has the colour of the worst
@@ -69,7 +69,8 @@ class Marks:
 class Values:
     """A value for each cell: `what` it is, `values` (n_cells,), NaN where there is none, and its bad and good ends.
 
-    `invalid` (n_cells,): cells that no solver can use.
+    `invalid` (n_cells,): cells that no solver can use. `ramp`: colours from the bad end to the good one. `on_skin`:
+    values are those of slave faces alone, such as a pressure, and not of the cells behind; none of them is the worst.
     """
 
     what: str
@@ -77,9 +78,26 @@ class Values:
     bad: float
     good: float
     invalid: NDArray[np.bool_]
+    ramp: tuple[str, ...] = RAMP
+    on_skin: bool = False
+
+    def of(self, visible: VisibleSurface) -> NDArray[np.floating]:
+        """Value of each visible face (f,), NaN where there is none."""
+        if not self.on_skin:
+            return np.asarray(self.values[visible.cell])
+        return np.where(visible.role == SLAVE, self.values[visible.skin], np.nan)
+
+    def colours(self, visible: VisibleSurface) -> NDArray[np.uint8]:
+        """Colour of each visible face, (f, 3)."""
+        out = on_ramp(self.of(visible), self.bad, self.good, self.ramp)
+        if not self.on_skin:
+            out[self.invalid[visible.cell]] = rgb((INVALID,))
+        return out
 
     def worst(self, count: int) -> Ints:
         """The cells of the worst values, the worst first."""
+        if self.on_skin:
+            return np.empty(0, np.int64)
         known = np.flatnonzero(np.isfinite(self.values))
         away = self.values[known] if self.good >= self.bad else -self.values[known]
         few = np.argpartition(away, min(count, len(away)) - 1)[:count] if len(away) else np.empty(0, np.int64)

@@ -32,6 +32,11 @@ class ExplodedView:
     angle: float
     shift: Floats
 
+    @property
+    def words(self) -> str:
+        """The motion in words: opened, tilted, or both."""
+        return ", ".join(["opened"] * bool(self.shift.any()) + ["tilted"] * (self.angle != 0))
+
     def of(self, x: Floats) -> Floats:
         """Apply the motion to points (n, 3)."""
         return self.centre + rotated(x - self.centre, self.axis, self.angle) + self.shift

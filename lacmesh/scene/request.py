@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import RequestError, did_you_mean
 
 #: the widest gap, in diagonals of the mesh: beyond it bodies are dots
 WIDEST = 100.0
+#: ways to draw bodies, and their opacity
+BODIES_AS = {"solid": 1.0, "ghost": 0.16, "hidden": 0.0}
 
 
 def check_direction(name: str, direction: Sequence[float]) -> None:
@@ -27,7 +29,11 @@ def check_gap(name: str, gap: float) -> None:
 
 
 def check_placing(
-    camera: Sequence[float] | None, cutaway: Sequence[float] | None, explode: float | None, near: float | None
+    camera: Sequence[float] | None,
+    cutaway: Sequence[float] | None,
+    explode: float | None,
+    near: float | None,
+    bodies: str = "solid",
 ) -> None:
     """Raise RequestError for the first option that cannot be drawn; None leaves the choice to the drawing."""
     for name, direction in (("camera", camera), ("cutaway", cutaway)):
@@ -37,3 +43,5 @@ def check_placing(
         check_gap("explode", explode)
     if near is not None and not near >= 0:
         raise RequestError(f"near {near:g} is no distance; say a part of the mesh's diagonal")
+    if bodies not in BODIES_AS:
+        raise RequestError(f"bodies are drawn {', '.join(BODIES_AS)}, not {bodies!r}{did_you_mean(bodies, BODIES_AS)}")

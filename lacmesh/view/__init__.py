@@ -7,6 +7,6 @@ page = the same faces and a small viewer            (`page`, `page.html`: one fi
 """
 
 from lacmesh.view.page import page
-from lacmesh.view.png import frames, picture, thumbnail
+from lacmesh.view.png import frames, image_of, picture, thumbnail
 
-__all__ = ["frames", "page", "picture", "thumbnail"]
+__all__ = ["frames", "image_of", "page", "picture", "thumbnail"]

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.scene import INDENT, LETTER, unit_of
-from lacmesh.scene.colours import INK, RAMP, on_ramp
+from lacmesh.scene.colours import INK, on_ramp
 from lacmesh.view.offscreen import add_lines, open_plotter, set_camera
 
 #: name of the file that is drawn
@@ -74,7 +74,10 @@ def _add_layer(sheet: Sheet, layer: tuple[str, float, float], arrays: list[NDArr
         if len(normals):
             data.point_data.active_normals = normals
         style = {"ambient": 0.65, "diffuse": 0.45, "specular": 0.0}
-        plotter.add_mesh(data, scalars="rgb", rgb=True, opacity=opacity, **style)
+        actor = plotter.add_mesh(data, scalars="rgb", rgb=True, opacity=opacity, **style)
+        if opacity < 1:  # behind the opaque faces that it lies on
+            actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
+            actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(2, 2)
     return data
 
 
@@ -128,9 +131,9 @@ def _add_ramp(sheet: Sheet) -> None:
     """Add the ramp that explains the colours of values: a bar from the bad end to the good one, its name above."""
     plotter, pyvista, unit, scene = sheet
     width, height = scene["size"]
-    what, bad, good = scene["ramp"]
-    left, y, wide, parts = width - 440 * unit, 26 * unit, 400 * unit, 5 * (len(RAMP) - 1) * 4
-    for k, colour in enumerate(on_ramp((np.arange(parts) + 0.5) / parts, 0.0, 1.0).tolist()):
+    what, bad, good, ramp = scene["ramp"]
+    left, y, wide, parts = width - 440 * unit, 26 * unit, 400 * unit, 5 * (len(ramp) - 1) * 4
+    for k, colour in enumerate(on_ramp((np.arange(parts) + 0.5) / parts, 0.0, 1.0, ramp).tolist()):
         a, b = left + wide * k / parts, left + wide * (k + 1) / parts
         plotter.add_actor(_flat(pyvista.Rectangle([(a, y, 0), (b, y, 0), (b, y + 24 * unit, 0)]), colour))
     style = {"viewport": True, "color": f"#{INK}", "font_size": round(11 * unit)}

@@ -66,6 +66,7 @@ def page(
     explode: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
+    bodies: str = "solid",
     title: str | None = None,
 ) -> None:
     """Write a page that shows a mesh and opens without a network; the options are those of `picture`.
@@ -76,12 +77,12 @@ def page(
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
-    check_placing(camera, cutaway, explode, near)
+    check_placing(camera, cutaway, explode, near, bodies)
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
     head, arrays = _content(mesh, visible, marks, values)
     head |= _placing(mesh, visible, head, camera, explode)
-    head |= {"title": title or title_of(mesh), "checked": findings is not None}
+    head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": bodies}
     replace_file(path, _filled(head, arrays).encode("utf-8", "replace"))
 
 
@@ -135,9 +136,11 @@ def _content(
         **{"nBodies": len(names), "bodies": names.tolist(), "combinations": combinations},
     }
     if values is not None:
-        arrays["value"] = values.values[cell].astype(np.float32)
+        own = np.append(values.of(visible), values.values[marks.cell[shown]])
+        arrays["value"] = own.astype(np.float32)
         arrays["invalid"] = values.invalid[cell].astype(np.uint8)
         head["values"] = {"what": values.what, "bad": values.bad, "good": values.good}
+        head["colours"]["ramp"] = values.ramp
     return head, arrays
 
 

@@ -51,6 +51,7 @@ def picture(
     tilt: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
+    bodies: str = "solid",
     title: str | None = None,
     timeout: float = 600.0,
 ) -> None:
@@ -62,7 +63,8 @@ def picture(
     `size`: pixels. `camera`: the direction from the mesh to the eye. `tilt`: degrees by which the bodies that carry
     slave faces are turned to show them, `explode`: the gap then left between these bodies and the others. By default
     both are what shows the skin, and 0 where no other body hides it. `near`: only cells no farther than this from a
-    slave face. `cutaway`: cells beyond the middle in this direction are left out. `title`: a line above.
+    slave face. `cutaway`: cells beyond the middle in this direction are left out. `bodies`: `solid`,
+    `ghost` (see-through) or `hidden`. `title`: a line above; what was moved stands behind it.
     `explode` and `near` are parts of the mesh's diagonal. `timeout`: seconds that the drawing may take.
 
     Raises RequestError where pyvista is missing, GroupNotFoundError, DataError for places too far away, WriteError
@@ -78,15 +80,20 @@ def picture(
         raise RequestError("a picture needs pyvista; pip install 'lacmesh[view]' brings it, and a page needs nothing")
     scene = make_scene(
         mesh, slave, master, findings=findings, values=values,
-        camera=camera, explode=explode, tilt=tilt, near=near, cutaway=cutaway,
+        camera=camera, explode=explode, tilt=tilt, near=near, cutaway=cutaway, bodies=bodies,
     )  # fmt: skip
+    replace_file(path, image_of(scene if title is None else replace(scene, title=title), size, path, timeout))
+
+
+def image_of(scene: Scene, size: tuple[int, int], path: Path, timeout: float = 600.0) -> bytes:
+    """Draw a scene as a PNG image of a size in pixels, for the file `path`, in `timeout` seconds. Raises WriteError."""
     with temporary_folder() as folder:
-        scene = laid_out(scene if title is None else replace(scene, title=title), size)
+        scene = laid_out(scene, size)
         _save(folder, scene, size, camera_of(scene, size))
         (image,) = render(
             "lacmesh.view.draw", folder, [PICTURE], output=path, timeout=timeout, quicker=_QUICKER, advice=_ADVICE
         )
-    replace_file(path, image)
+    return image
 
 
 def thumbnail(mesh: Mesh) -> str:
@@ -129,12 +136,12 @@ def _save(folder: Path, scene: Scene, size: tuple[int, int], camera: Mapping[str
     rest: dict[str, Any] = {
         "layers": [(layer.kind, layer.width, layer.opacity) for layer in scene.layers],
         "size": size,
-        "title": scene.title,
+        "title": scene.heading,
         "legend": scene.legend,
         "labels": scene.labels,
         "camera": camera,
         "frames": len(moving["x"]) if moving else 0,
     }
     if scene.values is not None:
-        rest["ramp"] = (scene.values.what, scene.values.bad, scene.values.good)
+        rest["ramp"] = (scene.values.what, scene.values.bad, scene.values.good, scene.values.ramp)
     (folder / "scene.json").write_text(json.dumps(rest), encoding="utf-8")

@@ -17,7 +17,7 @@ from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
-from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, Choice, number, text, whole
+from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, UNITS, Choice, number, text, whole
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
     WHERE,
@@ -161,6 +161,9 @@ class Output(Entry):
         whole(1), "", "write the fields of every k-th step, and of the last one", None,
         "1; with [dynamics] what gives about a hundred",
     )  # fmt: skip
+    units: str | None = key(
+        UNITS, "", "names of the units of the case, for pictures and reports; nothing is computed with them", None
+    )
     times: Numbers = key(
         TIMES, "time", "instead of every: write the fields at these times, at which steps then end", None
     )

@@ -142,6 +142,17 @@ def text(what: str) -> Kind:
     return Kind(what, _TEXT, read)
 
 
+def _units(given: Any) -> str:
+    names = [name.strip() for name in text(_UNITS).read(given).split(",")]
+    if len(names) not in (3, 4) or not all(names):
+        raise Mistake(f'is "{given[:40]}"; it takes {_UNITS}')
+    return ", ".join(names)
+
+
+_UNITS = 'names for force, length, stress and, if wanted, time, as "N, mm, MPa" or "N, mm, MPa, s"'
+UNITS = Kind(_UNITS, _TEXT, _units)
+
+
 def _mesh(given: Any) -> Path | Mesh:
     loaded = sys.modules.get("lacmesh.mesh")  # a file has no mesh in it, and reading one needs no numpy
     if loaded is not None and isinstance(given, loaded.Mesh):

@@ -10,8 +10,8 @@ from lacmesh.cli.options import pending_output
 from lacsolver.cli.options import add_command, add_folder, folder_of, print_size
 from lacsolver.cli.ranks import check_alone
 
-#: quantities that bodies may be coloured by: the keys of lacsolver.pictures.frames.COLOURS
-COLOURS = ("stress", "pressure")
+#: quantities that may be shown: the keys of lacsolver.pictures.frames.COLOURS and of quantities.QUANTITIES
+COLOURS = ("stress", "pressure", "recovered", "gap", "status", "slip", "shear", "path", "use")
 
 
 def add(commands: Any) -> None:
@@ -28,9 +28,10 @@ def add(commands: Any) -> None:
     )
     parser.add_argument(
         "--colour",
+        "--field",
         choices=COLOURS,
         default="stress",
-        help="von Mises stress (default), or the contact pressure on slaves",
+        help="on bodies the von Mises stress (default), or the contact pressure on slaves; others show each zone",
     )
     parser.add_argument(
         "--mode",

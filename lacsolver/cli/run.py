@@ -79,7 +79,7 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
 
         print_summary(results, folder.path, case.output.format)
     if args.plot is not None and ranks.rank == 0:
-        _plot(case, folder, args)
+        _plot(folder, args)
 
 
 def _solve(
@@ -132,20 +132,16 @@ def left(watch: Watch, folder: OutputFolder, start: Restart | None) -> str:
 def _check_plot(case: Case, args: argparse.Namespace) -> None:
     """Raise an error before the run for anything that would stop the drawing at its end."""
     from lacmesh.formats.output import check_place
-    from lacsolver.pictures.drawing import check_plot
+    from lacsolver.pictures.drawing import check_plot_of
 
     target = Path(args.plot)
-    check_plot(case, target)
+    check_plot_of(case, target)
     check_place(target, force=args.force)
 
 
-def _plot(case: Case, folder: OutputFolder, args: argparse.Namespace) -> None:
-    from lacsolver.output import read_state
+def _plot(folder: OutputFolder, args: argparse.Namespace) -> None:
     from lacsolver.pictures.drawing import plot
-    from lacsolver.problem.skin import mesh_of
 
-    mesh = mesh_of(case)
-    state = read_state(folder.path, case, mesh=mesh)
-    plot(case, state, Path(args.plot), mesh, zoom=args.zoom)
+    time = plot(folder.path, args.plot, zoom=args.zoom, title=folder.path.resolve().name)
     if not args.quiet:
-        print(f"the pressure at t = {state.time:.9g}: {args.plot}")
+        print(f"the pressure at t = {time:.9g}: {args.plot}")

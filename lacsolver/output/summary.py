@@ -60,7 +60,8 @@ def _parts(results: Results, balance: Floats) -> tuple[str, str]:
     """Return what precedes the steps in the file, and what follows them; `message` only if there is one."""
     last = results.steps[-1] if results.steps else None
     message = {"message": results.message} if results.message else {}
-    head = {"version": results.version, "status": results.status, **message}
+    units = {"units": results.units} if results.units else {}
+    head = {"version": results.version, "status": results.status, **message, **units}
     tail = {
         "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
         "balance": dict(zip(_BALANCE, balance.tolist(), strict=True)),
@@ -97,6 +98,20 @@ def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
     figures = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures) if f.name != "friction"}
     figures |= {} if zone.friction is None else zone.friction._asdict()
     return {**roles, **figures, "overlap_at_start": results.overlap.get(name, float("nan"))}
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Return the content of results.json of a folder. Raises ReadError if there is none."""
+    path = folder / RESULTS
+    if not path.is_file():
+        raise ReadError(folder, f"holds no results of a run (no {RESULTS})")
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(summary, dict) and {"status", "steps"} <= set(summary):
+            return summary
+        raise ValueError("it holds something else")
+    except (OSError, ValueError, RecursionError) as error:
+        raise ReadError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
 def _line(value: Any) -> str:

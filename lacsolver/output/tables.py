@@ -131,6 +131,26 @@ def contact_columns(zone: ZoneFields) -> tuple[str, ...]:
     return (*CONTACT_COLUMNS, *tangents, *FRICTION_COLUMNS)
 
 
+def read_table(path: Path) -> dict[str, NDArray[np.floating]]:
+    """Return the columns of a table, NaN for empty fields. Raises ReadError.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     _ = Path(folder, "t.csv").write_text("time,force\\n0.5,1.0\\n1.0,\\n")
+    ...     read_table(Path(folder, "t.csv"))
+    {'time': array([0.5, 1. ]), 'force': array([ 1., nan])}
+    """
+    try:
+        with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
+            heads, *rows = list(csv.reader(file))
+        values = np.array([[float(cell) if cell else np.nan for cell in row] for row in rows], float)
+        return dict(zip(heads, values.reshape(-1, len(heads)).T, strict=True))
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
+    except (ValueError, csv.Error) as error:
+        raise ReadError(path, f"is damaged ({error}); run the case again") from error
+
+
 def cut_off(path: Path, end: float) -> None:
     """Remove the rows of a table after the time `end`. Raises ReadError, WriteError."""
     rows = list(_rows_until(path, end))

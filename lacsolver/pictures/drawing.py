@@ -1,118 +1,488 @@
-"""Picture of the contact pressure of a state, on the deformed bodies, and for plane models along the contact too.
+"""Picture of contact: the deformed model, small, and beside it each zone by itself, where nothing hides it.
 
-skins = the slaves' faces with their pressures, and the visible faces around them  (scene.visible)
-shown = these faces, displaced by the magnified displacement
-picture = rendered off-screen by lacmesh.view; in a plane by matplotlib            (view, figure of the plane)
+zones = fields of contacts and ties at a time                 (a solution, or the folder of a run)
+model = see-through bodies around the slave skins             (lacmesh.scene; matplotlib in a plane)
+panels = in space each skin laid flat; in a plane the values over the length along it     (skins, profiles)
 """
 
 from __future__ import annotations
 
 import io
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
-from lacmesh.formats.output import replace_file
+from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.reference.shapes import shape
-from lacmesh.scene.colours import ends_of
+from lacmesh.scene import Label, make_scene
+from lacmesh.scene.colours import INK
 from lacmesh.scene.marks import Values
-from lacmesh.scene.visible import MASTER, SLAVE, find_visible
-from lacmesh.topology.components import label_components
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
-from lacmesh.view import picture
+from lacmesh.view import image_of
 from lacsolver.case import Case
-from lacsolver.contact import Pairing, Zone, integrate
-from lacsolver.problem.pair import zone_of
-from lacsolver.problem.roles import with_roles
-from lacsolver.problem.skin import mesh_of, prepared
-from lacsolver.results.results import Restart
+from lacsolver.output.stored import stored_fields
+from lacsolver.output.summary import read_summary
+from lacsolver.output.tables import same_time
+from lacsolver.pictures.frames import DrawnSurface
+from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, without_frame
+from lacsolver.pictures.profiles import along
+from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
+from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
+from lacsolver.results.results import Fields, ZoneFields
+from lacsolver.results.state import CONTACT, SLIDES
+from lacsolver.results.units import Units
 
 #: largest length of a magnified displacement, relative to the extent of the mesh
 _MOVED = 0.04
 #: largest overlap of magnified bodies, relative to the extent of the mesh
 _OVERLAP = 0.004
-#: number of segments that an edge of a cell is drawn with
-_PARTS = 6
 #: margin of a zoomed picture on each side of the faces under pressure, relative to their extent
 _MARGIN = 0.5
-#: room above and below a curve of pressure, relative to the span of its scale
+#: room above and below a curve, relative to the span of its scale
 _ROOM = 0.05
+#: dots per inch; in inches the width of the model, of a panel in space and in a plane, and their heights
+_DPI, _MODEL, _SPACE, _PLANE, _HIGH, _LOW = 130, 5.0, 4.2, 6.4, 3.7, 2.9
+#: arrows of shear in a panel at most; length of the longest, relative to the distance of macro-elements
+_ARROWS, _LONGEST = 400, 1.3
+#: panels in a picture at most
+_PANELS = 12
+_INK = f"#{INK}"
 
 
-class Skin(NamedTuple):
-    """A contact zone to draw, with the `pressure` (faces,) on each of its slave faces."""
-
-    zone: Zone
-    pressure: Floats
-
-
-class Pressures(Values):
-    """Pressures of cells, without a list of worst cells."""
-
-    def worst(self, count: int) -> Ints:
-        """Return no cells."""
-        return np.empty(0, np.int64)
-
-
-def check_plot(case: Case, path: Path) -> None:
-    """Raise RequestError if nothing can be drawn: no contact in the case, no .png, a package that is missing."""
+def check_plot(path: Path, dim: int) -> None:
+    """Raise RequestError if no picture can be drawn: another file than .png, a package that is missing."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a picture is written as .png")
-    if not case.contact:
-        raise RequestError("a plot shows the pressure of contacts, and the case has no [[contact]]")
-    needed = "pyvista" if case.model == "3d" else "matplotlib"
-    if find_spec(needed) is None:
-        raise RequestError(f"a plot needs {needed}; pip install 'lacmesh[view]' brings it")
+    for package in ("matplotlib", "pyvista")[: dim - 1]:
+        if find_spec(package) is None:
+            raise RequestError(f"a plot needs {package}; pip install 'lacmesh[view]' brings it")
 
 
-def plot(case: Case, state: Restart, path: Path, mesh: Mesh | None = None, *, zoom: bool = False) -> None:
-    """Draw the pressure of a state's contacts into a PNG file; `mesh` as for `Problem.of`.
+def check_plot_of(case: Case, path: Path) -> None:
+    """Raise RequestError if nothing of a case can be drawn: no contact and no tie, or as `check_plot`."""
+    if not (case.contact or case.tie):
+        raise RequestError("a plot shows contacts and ties, and the case has no [[contact]] and no [[tie]]")
+    check_plot(path, 3 if case.model == "3d" else 2)
 
-    Displacements are magnified so that they can be seen; the title gives the factor. `zoom`: show only the surroundings
-    of the faces under pressure, to scale. Raises RequestError as `check_plot`, WriteError if nothing can be drawn (as
-    `lacmesh.view.picture`) or written.
+
+def plot(
+    folder: str | Path,
+    path: str | Path,
+    *,
+    field: str = "pressure",
+    zone: Sequence[str] = (),
+    time: float | None = None,
+    zoom: bool = False,
+    title: str | None = None,
+) -> float:
+    """Draw the contact of a finished run from its folder into a PNG file; return the time that is shown.
+
+    `field`: one of `lacsolver.pictures.quantities.QUANTITIES`. `zone`: names of zones, all by default. `time`: one at
+    which fields were written, the last by default. `zoom`: show only the surroundings of what is under pressure, to
+    scale. `title`: a line above. Raises RequestError for what is not there or cannot be drawn, ReadError, WriteError.
 
     >>> from tempfile import TemporaryDirectory
-    >>> from lacsolver import read_case, run
-    >>> from lacsolver.output import create_output, read_state
-    >>> case = read_case("data/two_blocks.toml")
+    >>> import lacsolver as ls
     >>> with TemporaryDirectory() as folder:
-    ...     done = run(case, create_output(folder))
-    ...     plot(case, read_state(folder, case), Path(folder, "pressure.png"))
+    ...     done = ls.run("data/two_blocks.toml", f"{folder}/results")
+    ...     ls.plot(f"{folder}/results", f"{folder}/gap.png", field="gap", time=0.5)
+    0.5
     """
-    check_plot(case, path)
-    mesh = mesh_of(case, mesh)
-    case = with_roles(case, mesh)
-    mesh = prepared(case, mesh)
-    dim = 3 if case.model == "3d" else 2
-    u = np.zeros((mesh.n_nodes, 3))
-    u[:, :dim] = state.u.reshape(-1, dim)
-    zones = [zone_of(mesh, record) for record in case.contact]
-    skins = [Skin(zone, np.asarray(state.multipliers[zone.name])[zone.macro]) for zone in zones]
-    # seen from near by, bodies in contact would overlap if their displacements were magnified
-    times = 1.0 if zoom else magnification(mesh, u, _gap_closed(skins, case, dim))
-    scale = f"displacement x {times:g}" if times > 1 else "displacement to scale"
-    title = f"pressure at t = {state.time:.6g}, {scale}"
-    x = mesh.points + times * u
-    window = pressed_window(skins, x) if zoom else None
-    if dim == 3:
-        _draw_space(mesh, x, skins, case, path, title, window)
-    else:
-        replace_file(path, _plane_figure(mesh, x, skins, title, window))
+    folder, path = Path(folder), Path(path)
+    summary, stored = read_summary(folder), stored_fields(folder)
+    k = stored_at(stored.times, time)
+    mesh, fields = stored.read(k, tuple(summary.get("contact", {})))
+    units = Units.of(summary.get("units"))
+    picture = ContactPicture.of(mesh, fields, field, zone, units, zoom=zoom, title=title)
+    check_plot(path, mesh.dim)
+    replace_file(path, picture.png(path))
+    return float(fields.time)
 
 
-def pressed_window(skins: list[Skin], x: Floats) -> NDArray[np.floating] | None:
+def stored_at(times: Sequence[float], time: float | None) -> int:
+    """Return the index of a time among those written, the last for None. Raises RequestError."""
+    if not times:
+        raise RequestError("the folder holds no fields to draw; run the case again")
+    if time is None:
+        return len(times) - 1
+    near = [k for k, t in enumerate(times) if same_time(t, time)]
+    if not near:
+        some = ", ".join(f"{t:g}" for t in times[:8]) + (f", ... {times[-1]:g}" if len(times) > 8 else "")
+        raise RequestError(f"no fields were written at t = {time:g}; there are {some}")
+    return near[0]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPicture:
+    """The contact of a state, to be drawn: its mesh and `fields`, the zones that are shown, and in what colours.
+
+    `camera`: in space, the direction from the bodies to the eye; `magnified`: factor of the displacement. None leaves
+    the choice to the picture.
+    """
+
+    mesh: Mesh
+    fields: Fields
+    zones: Mapping[str, ZoneFields]
+    quantity: Quantity
+    scale: ColourScale
+    units: Units
+    zoom: bool = False
+    title: str | None = None
+    camera: tuple[float, float, float] | None = None
+    magnified: float | None = None
+
+    @classmethod
+    def of(
+        cls, mesh: Mesh, fields: Fields, field: str, zone: Sequence[str] = (), units: Units | None = None, *,
+        zoom: bool = False, title: str | None = None, scale: ColourScale | None = None,
+    ) -> ContactPicture:  # fmt: skip
+        """Return the picture of a field on some zones. Raises RequestError for what is not there."""
+        zones, units = zones_of(fields.zones, zone), units or Units()
+        quantity = quantity_of(field, zones)
+        scale = scale or ColourScale.of(quantity, zones.values(), units)
+        return cls(mesh, fields, zones, quantity, scale, units, zoom, title)
+
+    def png(self, path: Path) -> bytes:
+        """Return the picture as PNG for the file `path`. Raises WriteError if nothing can be drawn."""
+        out = io.BytesIO()
+        self.figure(path).savefig(out, format="png", metadata={"Software": None})
+        return out.getvalue()
+
+    def figure(self, path: Path) -> Any:
+        """Return the picture as a figure of matplotlib."""
+        panels = self._panels()
+        across = 1 if self.mesh.dim == 2 and len(panels) < 4 else math.ceil(math.sqrt(len(panels)))
+        down = math.ceil(len(panels) / across)
+        wide, high = (_PLANE, _LOW) if self.mesh.dim == 2 else (_SPACE, _HIGH)
+        size = _MODEL + wide * across, max(4.6, high * down + 0.9)
+        figure = import_module("matplotlib.figure").Figure(size, dpi=_DPI, layout="constrained")
+        figure.suptitle(_plain(self.heading), fontsize=12)
+        left, right = figure.subfigures(1, 2, width_ratios=(_MODEL, wide * across))
+        self._draw_model(left.subplots(), (_MODEL, size[1] - 0.6), path)
+        axes = right.subplots(down, across, squeeze=False)
+        for ax, (name, zone, view) in zip(axes.flat, panels, strict=False):
+            if view is None:
+                self._draw_profile(ax, name, zone)
+            else:
+                self._draw_skin(ax, name, zone, view)
+        for ax in axes.flat[len(panels) :]:
+            ax.set_axis_off()
+        self._add_scale(right, axes)
+        return figure
+
+    @property
+    def heading(self) -> str:
+        """The line above: the quantity, the time, and what was moved."""
+        time = f"t = {self.fields.time:.6g}" + (f" {self.units.time}" if self.units.time else "")
+        moved = f"displacement of the model x {self.times:g}" if self.times > 1 else "displacement to scale"
+        start = f"{self.title}: " if self.title else ""
+        more = "" if len(self._all_panels) <= _PANELS else f", {_PANELS} of {len(self._all_panels)} panels"
+        return f"{start}{self.quantity.label} at {time}; {moved}{more}"
+
+    @cached_property
+    def times(self) -> float:
+        """Factor of the displacement: from near by, magnified bodies in contact would overlap."""
+        if self.magnified is not None:
+            return self.magnified
+        return 1.0 if self.zoom else magnification(self.mesh, self.u, _closed(self.mesh, self.u, self.zones.values()))
+
+    @cached_property
+    def u(self) -> NDArray[np.floating]:
+        """Displacement (n_nodes, 3)."""
+        given = np.nan_to_num(np.asarray(self.fields.displacement, float))
+        return np.pad(given, ((0, 0), (0, 3 - given.shape[1])))
+
+    def _panels(self) -> list[tuple[str, ZoneFields, SkinView | None]]:
+        return self._all_panels[:_PANELS]
+
+    @cached_property
+    def _all_panels(self) -> list[tuple[str, ZoneFields, SkinView | None]]:
+        """A panel for each zone: in space a view of its skin, or two."""
+        if self.mesh.dim == 2:
+            return [(name, zone, None) for name, zone in self.zones.items()]
+        x = self.mesh.points + self.u
+        return [(name, zone, view) for name, zone in self.zones.items() for view in views_of(zone.surface, x)]
+
+    def _add_scale(self, figure: Any, axes: Any) -> None:
+        """Add the scale of colours: a bar, or a line for each state that occurs."""
+        if not self.scale.states:
+            if self.mesh.dim == 3:
+                figure.colorbar(self.scale.bar, ax=axes, label=self.scale.label, fraction=0.04, pad=0.02)
+            return
+        occurring = sorted({int(s) for zone in self.zones.values() for s in np.unique(zone.status)})
+        patch = import_module("matplotlib.patches").Patch
+        friction = any(zone.friction is not None for zone in self.zones.values())
+        colours = self.scale.rgba(np.array(occurring, float))
+        words = ["sticks" if friction and s == CONTACT else STATUS_WORDS.get(s, str(s)) for s in occurring]
+        handles = [patch(facecolor=c, edgecolor=_INK, label=w) for c, w in zip(colours, words, strict=True)]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
+
+    # ---- the model
+
+    def _draw_model(self, axes: Any, inches: tuple[float, float], path: Path) -> None:
+        x = self.mesh.points + self.times * self.u
+        if self.mesh.dim == 2:
+            self._draw_plane(axes, x)
+            return
+        without_frame(axes)
+        size = (round(2 * _DPI * inches[0]), round(2 * _DPI * inches[1]))
+        image = import_module("matplotlib.image").imread(io.BytesIO(self._rendered(x, size, path)))
+        axes.imshow(image)
+
+    def _rendered(self, x: Floats, size: tuple[int, int], path: Path) -> bytes:
+        """Return the model in space: see-through bodies, and the slave skins in their colours."""
+        mesh, value, skins = with_skins(self.mesh, x, self.zones, self.on_faces)
+        none = np.zeros(mesh.n_cells, bool)
+        shown = Values(self.scale.label, value, self.scale.low, self.scale.high, none, self.scale.ramp, on_skin=True)
+        scene = make_scene(mesh, skins, values=shown, bodies="ghost", camera=self.camera)
+        labels = []
+        if len(self.zones) > 1:
+            points = (x[_nodes(zone)].mean(axis=0) for zone in self.zones.values())
+            labels = [
+                Label((p[0], p[1], p[2]), readable(name), "44546a") for name, p in zip(self.zones, points, strict=True)
+            ]
+        return image_of(replace(scene, title="", legend=(), values=None, labels=tuple(labels)), size, path)
+
+    def _draw_plane(self, axes: Any, x: Floats) -> None:
+        """Draw the model in a plane: bodies, slave skins in their colours, arrows of shear."""
+        surface = DrawnSurface.of(self.mesh)
+        points = surface.points(x)
+        draw_bodies(axes, surface, points, np.full(len(points), np.nan), self.scale)
+        for name, zone in self.zones.items():
+            drawn = faces_as_lines(zone.surface, x)
+            draw_faces(axes, drawn, self.on_faces(zone), self.scale)
+            if len(self.zones) > 1:
+                middle = drawn[len(drawn) // 2, 0]
+                axes.annotate(_plain(name), middle, xytext=(6, 6), textcoords="offset points", fontsize=8, zorder=6)
+            self._add_plane_arrows(axes, zone, x)
+        axes.set_aspect("equal", anchor="C")
+        axes.autoscale()
+        window = pressed_window(self.zones.values(), x) if self.zoom else None
+        if window is not None:
+            axes.set(xlim=window[:, 0], ylim=window[:, 1])
+        axes.set(xlabel=self.units.label("x", "length"), ylabel=self.units.label("y", "length"))
+        if not self.scale.states:
+            axes.figure.colorbar(
+                self.scale.bar, ax=axes, label=self.scale.label, location="bottom", fraction=0.05, aspect=40
+            )
+
+    def _add_plane_arrows(self, axes: Any, zone: ZoneFields, x: Floats) -> None:
+        """Add arrows of the shear on the master, at the faces of the deformed skin."""
+        if zone.friction is None or not np.any(zone.shear):
+            return
+        faces = zone.surface.faces.nodes[:, :2]
+        _, first = np.unique(zone.macro, return_index=True)
+        first = first[zone.macro[first] >= 0]
+        rows = zone.macro[first]
+        length = np.linalg.norm(np.ptp(x[faces], axis=1)[:, :2], axis=1)
+        spacing = 2.5 * float(np.median(length))
+        vectors = np.asarray(zone.shear_vector)[rows]
+        place = x[faces[first]].mean(axis=1)[:, :2] + 0.35 * spacing * zone.normal[rows]
+        self._arrows(axes, place, vectors, spacing)
+
+    def _arrows(self, axes: Any, place: Floats, vectors: Floats, spacing: float) -> float:
+        """Draw arrows (n, 2) at some places; return what the longest is of, in units of shear."""
+        size = np.linalg.norm(vectors, axis=1)
+        shears = [np.abs(np.asarray(zone.shear)) for zone in self.zones.values() if zone.friction]
+        largest = max((float(shear.max(initial=0.0)) for shear in shears), default=0.0)
+        on = np.flatnonzero(size > 1e-9 * largest)
+        on = on[:: max(1, len(on) // _ARROWS)]
+        if len(on):
+            scaled = vectors[on] * (_LONGEST * spacing / largest)
+            axes.quiver(
+                *place[on].T, *scaled.T, angles="xy", scale_units="xy", scale=1.0, color=_INK,
+                edgecolor="white", linewidth=0.4, width=0.004, pivot="mid", zorder=7,
+            )  # fmt: skip
+        return largest
+
+    # ---- the panels
+
+    def on_faces(self, zone: ZoneFields) -> NDArray[np.floating]:
+        """Return the value of each face of a zone (f,), NaN where there is none."""
+        values = np.append(self.quantity.of(zone), np.nan)
+        return np.asarray(values[np.where(zone.macro >= 0, zone.macro, -1)])
+
+    def _draw_skin(self, axes: Any, name: str, zone: ZoneFields, view: SkinView) -> None:
+        """Draw a skin laid flat, in colours, with the outlines of macro-elements and arrows of shear."""
+        ring, values = rings_of(zone.surface), self.on_faces(zone)[view.rows]
+        collections = import_module("matplotlib.collections")
+        if self.quantity.nodal:
+            self._add_nodal(axes, view, zone.pressure_recovered[ring[view.rows]])
+        else:
+            colours = self.scale.rgba(values)
+            drawn = collections.PolyCollection(view.paper, facecolors=colours, edgecolors=colours, linewidths=0.3)
+            axes.add_collection(drawn)
+        macros, ends = outlines(view, ring, zone.macro)
+        thin = min(0.5, 40.0 / max(1.0, math.sqrt(len(view.rows))) / 10)
+        axes.add_collection(lines(macros, color=_INK, linewidth=thin))
+        axes.add_collection(lines(ends, color=_INK, linewidth=1.0))
+        axes.set_aspect("equal")
+        axes.autoscale()
+        self._zoom_skin(axes, view, zone)
+        for set_limits, limits, falls in zip((axes.set_xlim, axes.set_ylim), (axes.get_xlim(), axes.get_ylim()),
+                                             view.flipped, strict=True):  # fmt: skip
+            set_limits(sorted(limits, reverse=falls))
+        axes.set(xlabel=self.units.label(view.axes[0], "length"), ylabel=self.units.label(view.axes[1], "length"))
+        arrows = self._add_skin_arrows(axes, zone, view) if zone.friction is not None else ""
+        axes.set_title(_plain(f"{name}, {view.words}\n{self._facts(zone)}{arrows}"), fontsize=9)
+
+    def _add_nodal(self, axes: Any, view: SkinView, values: Floats) -> None:
+        """Add values at the nodes around each face (k, 8), interpolated between them and their mean."""
+        k = view.paper.shape[1]
+        points = np.concatenate([view.paper, view.paper.mean(axis=1, keepdims=True)], axis=1).reshape(-1, 2)
+        value = np.concatenate([values, values.mean(axis=1, keepdims=True)], axis=1).ravel()
+        start = (k + 1) * np.arange(len(view.rows))[:, None]
+        around = np.arange(k)
+        fan = np.stack(np.broadcast_arrays(start + around, start + (around + 1) % k, start + k), axis=-1).reshape(-1, 3)
+        corners = view.paper.reshape(-1, 2)
+        real = (points[fan[:, 0]] != points[fan[:, 1]]).any(axis=1) & np.isfinite(value[fan]).all(axis=1)
+        if real.any() and len(corners):
+            triangles = import_module("matplotlib.tri").Triangulation(*points.T, fan[real])
+            known = np.nan_to_num(value, nan=self.scale.low)
+            axes.tripcolor(
+                triangles, known, shading="gouraud", norm=self.scale.norm, cmap=self.scale.bar.cmap, rasterized=True
+            )
+
+    def _zoom_skin(self, axes: Any, view: SkinView, zone: ZoneFields) -> None:
+        pressed = np.append(zone.pressure, 0.0)[np.where(zone.macro[view.rows] >= 0, zone.macro[view.rows], -1)] != 0
+        if not (self.zoom and pressed.any()):
+            return
+        points = view.paper[pressed].reshape(-1, 2)
+        low, high = points.min(axis=0), points.max(axis=0)
+        margin = _MARGIN * (high - low).max()
+        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+
+    def _add_skin_arrows(self, axes: Any, zone: ZoneFields, view: SkinView) -> str:
+        """Add arrows of the shear on the master; return a line that explains them, "" if there are none."""
+        places = list(macro_places(view, zone.macro))
+        if not places:
+            return ""
+        rows = np.array([row for row, _, _ in places])
+        vectors = np.einsum(
+            "nid,nd->ni", np.stack([basis for _, _, basis in places]), np.asarray(zone.shear_vector)[rows]
+        )
+        size = np.ptp(view.paper.reshape(-1, 2), axis=0)
+        spacing = float(np.sqrt(max(size.prod(), (0.1 * size.max()) ** 2) / len(places)))
+        largest = self._arrows(axes, np.stack([place for _, place, _ in places]), vectors, spacing)
+        unit = f" {self.units.stress}" if self.units.stress else ""
+        return f"\narrows: shear on the master, {largest:.4g}{unit} at most" if largest > 0 else ""
+
+    def _facts(self, zone: ZoneFields) -> str:
+        """Return what is on a zone, in a line: its extremes, and how many macro-elements are closed."""
+        values = zone.pressure_recovered if self.quantity.nodal else self.quantity.of(zone)
+        closed = f"{int((zone.status >= CONTACT).sum()):,} of {len(zone.status):,} closed"
+        if zone.friction is not None:
+            closed += f", {int((zone.status == SLIDES).sum()):,} slide"
+        known = values[np.isfinite(values)]
+        if self.scale.states or not len(known):
+            return closed
+        return f"{known.min():.4g} to {known.max():.4g}; {closed}"
+
+    def _draw_profile(self, axes: Any, name: str, zone: ZoneFields) -> None:
+        """Draw values over the length along a skin in a plane: steps of macro-elements, and what belongs to them."""
+        ends, X = zone.surface.faces.nodes[:, :2], zone.surface.x
+        status = self.scale.states
+        quantity = QUANTITIES["pressure"] if status else self.quantity
+        s, values = along(ends, _on_faces(zone, quantity.of(zone)), X)
+        axes.plot(s, values, color=_INK, linewidth=1.4, label="macro-elements", zorder=4)
+        if quantity.unit == "stress" and quantity.label != "shear traction of friction":
+            self._add_curves(axes, zone, ends, X)
+        low, high = quantity.range_of(self.zones.values()) if status else (self.scale.low, self.scale.high)
+        if zone.friction is not None and quantity.unit == "stress":
+            shear = np.asarray(zone.shear)
+            low, high = min(low, float(shear.min(initial=0.0))), max(high, float(shear.max(initial=0.0)))
+        axes.set_ylim(low - _ROOM * (high - low), high + _ROOM * (high - low))
+        if zone.friction is not None or status:
+            self._add_states(axes, zone, ends, X)
+        span = pressed_span(zone) if self.zoom else None
+        axes.set_xlim(*(span or (0.0, float(np.nanmax(s, initial=0.0)) or 1.0)))
+        axes.set_title(_plain(f"{name}: {self._facts(zone)}"), fontsize=9)
+        axes.set(xlabel=self.units.label("length along the slave skin, undeformed", "length"))
+        axes.set_ylabel(self.units.label(quantity.label, quantity.unit))
+        axes.grid(color="#e2e5e8", linewidth=0.6)
+        if len(axes.get_legend_handles_labels()[0]) > 1:
+            axes.legend(frameon=False, fontsize=8, loc="best")
+
+    def _add_curves(self, axes: Any, zone: ZoneFields, ends: Ints, X: Floats) -> None:
+        """Add the recovered pressure at the nodes, and the shear of friction."""
+        s, _ = along(ends, np.zeros(len(ends)), X)
+        _, first = along(ends, zone.pressure_recovered[ends[:, 0]], X)
+        _, last = along(ends, zone.pressure_recovered[ends[:, 1]], X)
+        new = np.isfinite(s) & (np.cumsum(np.isfinite(s)) % 2 == 1)
+        axes.plot(s, np.where(new, first, last), color="#2f7fb5", linewidth=1.1, label="recovered", zorder=3)
+        if zone.friction is not None:
+            _, shear = along(ends, _on_faces(zone, np.asarray(zone.shear)[:, 0]), X)
+            axes.plot(s, shear, color="#c2410c", linewidth=1.2, linestyle="--", label="shear", zorder=4)
+
+    def _add_states(self, axes: Any, zone: ZoneFields, ends: Ints, X: Floats) -> None:
+        """Add a band below the curves, in the colours of the states of macro-elements."""
+        s, status = along(ends, _on_faces(zone, zone.status.astype(float)), X)
+        pairs = np.flatnonzero(np.isfinite(s[:-1]) & np.isfinite(s[1:]) & np.isfinite(status[:-1]))
+        pairs = pairs[s[pairs + 1] > s[pairs]]
+        states = ColourScale("", *QUANTITIES["status"].range_of(()), states=True)
+        band = np.stack([np.stack([s[pairs], s[pairs + 1]], axis=1), np.full((len(pairs), 2), 0.03)], axis=2)
+        drawn = lines(band, colors=states.rgba(status[pairs]), linewidth=7, transform=axes.get_xaxis_transform())
+        axes.add_collection(drawn, autolim=False)
+        if not self.scale.states:
+            axes.annotate("blue sticks, orange slides", (0.01, 0.07), xycoords="axes fraction", fontsize=7)
+
+
+def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], on_faces: Any) -> tuple[Mesh, Floats, list[str]]:
+    """Return a mesh at points x (n_nodes, 3) with the faces of zones as cells of their own, a group for each zone.
+
+    Also return the value of each cell (n_cells,), `on_faces(zone)` on these faces and NaN elsewhere; and the groups.
+    """
+    parts: dict[str, list[tuple[Ints, Floats, Ints, Ints]]] = {}  # of each type: nodes, value, macro-element, zone
+    for kind, nodes in mesh.blocks:
+        none = np.full(len(nodes), -1)
+        parts[kind] = [(nodes, np.full(len(nodes), np.nan), none, none)]
+    first = 0
+    for k, zone in enumerate(zones.values()):
+        faces, own = zone.surface.faces, on_faces(zone)
+        macro = np.where(zone.macro >= 0, first + zone.macro, -1)
+        first += len(zone.status)
+        for code in np.unique(faces.type):
+            rows = np.flatnonzero(faces.type == code)
+            part = faces.nodes[rows, : N_NODES[code]], own[rows], macro[rows], np.full(len(rows), k)
+            parts.setdefault(FACE_TYPES[code], []).append(part)
+    every = [part for of_type in parts.values() for part in of_type]
+    value, macros, number = (np.concatenate([part[k] for part in every]) for k in (1, 2, 3))
+    groups = {f"zone {name}": np.flatnonzero(number == k) for k, name in enumerate(zones)}
+    blocks = [(kind, np.concatenate([part[0] for part in of_type])) for kind, of_type in parts.items()]
+    data = {"lac_macro": macros}
+    whole = Mesh.create(x, blocks, space_dim=mesh.space_dim, cell_groups=groups, cell_data=data)
+    return whole, value, list(groups)
+
+
+def _on_faces(zone: ZoneFields, values: Floats) -> NDArray[np.floating]:
+    """Return values of macro-elements on the faces of a zone, NaN on those of none."""
+    return np.append(np.asarray(values, float), np.nan)[np.where(zone.macro >= 0, zone.macro, -1)]
+
+
+def _nodes(zone: ZoneFields) -> Ints:
+    nodes = zone.surface.faces.nodes
+    return np.unique(nodes[nodes >= 0])
+
+
+def _plain(text: str) -> str:
+    """Return text in which a dollar is only a dollar for matplotlib."""
+    return readable(text).replace("$", r"\$")
+
+
+def pressed_window(zones: Any, x: Floats) -> NDArray[np.floating] | None:
     """Return the corners (2, 3) of a box around the faces under pressure, with a margin; None if there are none."""
-    pressed = np.concatenate([skin.zone.slave.faces.nodes[skin.pressure != 0] for skin in skins])
+    faces = [zone.surface.faces.nodes[_on_faces(zone, zone.pressure) > 0] for zone in zones]
+    pressed = np.concatenate([nodes.ravel() for nodes in faces])
     points = x[pressed[pressed >= 0]]
     if not len(points):
         return None
@@ -121,14 +491,32 @@ def pressed_window(skins: list[Skin], x: Floats) -> NDArray[np.floating] | None:
     return np.stack([low - margin, high + margin])
 
 
-def _gap_closed(skins: list[Skin], case: Case, dim: int) -> float:
-    """Return the largest initial gap of the macro-elements that are under pressure."""
-    closed = [0.0]
-    for (zone, pressure), record in zip(skins, case.contact, strict=True):
-        face = integrate(zone, dim, Pairing(search_distance=record.search_distance))
-        pressed = np.bincount(zone.macro, np.abs(pressure)) > 0
-        closed.append(float(np.nanmax(np.append(np.abs(face.gap[pressed]), 0.0))))
-    return max(closed)
+def pressed_span(zone: ZoneFields) -> tuple[float, float] | None:
+    """Return the interval of length along a skin that is under pressure, with a margin; None if there is none."""
+    s, p = along(zone.surface.faces.nodes[:, :2], _on_faces(zone, zone.pressure), zone.surface.x)
+    pressed = s[np.isfinite(p) & (p != 0)]
+    if not len(pressed):
+        return None
+    low, high = float(pressed.min()), float(pressed.max())
+    margin = _MARGIN * (high - low)
+    return max(low - margin, 0.0), high + margin
+
+
+def _closed(mesh: Mesh, u: Floats, zones: Any) -> float:
+    """Return by how much faces under pressure have moved towards the nearest node of another body, along the normal."""
+    body = label_bodies((block.nodes for block in mesh.blocks), mesh.n_nodes)
+    tree = import_module("scipy.spatial").cKDTree
+    x, largest = mesh.points + u, 0.0
+    for zone in zones:
+        rows = np.flatnonzero(np.nan_to_num(_on_faces(zone, zone.pressure)) != 0)
+        others = np.flatnonzero((body >= 0) & ~np.isin(body, body[_nodes(zone)]))
+        if len(rows) and len(others):
+            corners = zone.surface.faces.nodes[rows, :2]
+            near = others[tree(x[others]).query(x[corners].mean(axis=1))[1]]
+            normal = np.nan_to_num(zone.normal[zone.macro[rows]])
+            towards = np.einsum("nd,nd->n", (u[corners].mean(axis=1) - u[near])[:, : normal.shape[1]], normal)
+            largest = max(largest, float(np.abs(towards).max()))
+    return largest
 
 
 def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
@@ -147,146 +535,3 @@ def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
         return 1.0
     power = 10.0 ** math.floor(math.log10(ratio))
     return float(power * max(n for n in (1, 2, 5) if n * power <= ratio * (1 + 1e-9)))
-
-
-def _draw_space(
-    mesh: Mesh,
-    x: Floats,
-    skins: list[Skin],
-    case: Case,
-    path: Path,
-    title: str,
-    window: NDArray[np.floating] | None = None,
-) -> None:
-    """Draw the visible faces in space, as a mesh of their own, so that values of slave faces do not show on parents.
-
-    With a `window`: only the faces that have a corner in it.
-    """
-    slaves, masters = ([getattr(record, role) for record in case.contact] for role in ("slave", "master"))
-    visible = find_visible(mesh, slaves, masters)
-    pressure = np.full(mesh.n_cells, np.nan)
-    for zone, own in skins:
-        pressure[zone.slave.cell] = own
-    order = np.argsort(visible.faces.type, kind="stable")
-    if window is not None:
-        corners = visible.faces.corners[order]
-        inside = ((x[corners] >= window[0]) & (x[corners] <= window[1])).all(axis=2) & (corners >= 0)
-        order = order[inside.any(axis=1)]
-    drawn = visible.faces.take(order)
-    blocks = [(FACE_TYPES[code], drawn.nodes[drawn.type == code, : N_NODES[code]]) for code in np.unique(drawn.type)]
-    role, skin = visible.role[order], visible.skin[order]
-    faces = Mesh.create(
-        x,
-        blocks,
-        space_dim=3,
-        cell_groups={"slave": np.flatnonzero(role == SLAVE), "master": np.flatnonzero(role == MASTER)},
-        cell_data={"lac_macro": np.where(role == SLAVE, visible.macro[order], -1)},
-    )
-    values = np.where(role == SLAVE, pressure[skin], np.nan)
-    shown = Pressures("pressure", values, *ends_of(pressure, zero=True), np.zeros(len(values), bool))
-    picture(faces, path, slave="slave", master="master", values=shown, title=title)
-
-
-def _plane_figure(
-    mesh: Mesh, x: Floats, skins: list[Skin], title: str, window: NDArray[np.floating] | None = None
-) -> bytes:
-    """Return a PNG with the deformed mesh and its slave skins above, and the pressure along each skin below."""
-    figure = import_module("matplotlib.figure").Figure(figsize=(10, 10), dpi=130, layout="tight")
-    colours = import_module("matplotlib.colors")
-    body, profile = figure.subplots(2, 1, height_ratios=(3, 2))
-    low, high = ends_of(np.concatenate([skin.pressure for skin in skins]), zero=True)
-    scale = colours.Normalize(low, high)
-    body.add_collection(_lines(_edges(mesh, x), color="#9aa2aa", linewidth=0.5))
-    for skin in skins:
-        drawn = _lines(_skin_lines(skin, x), cmap="viridis", norm=scale, linewidth=4, zorder=3)
-        drawn.set_array(skin.pressure)
-        body.add_collection(drawn)
-        s, p = along(skin, mesh.points)
-        profile.plot(s, p, linewidth=1.4, label=skin.zone.name)
-    figure.colorbar(drawn, ax=body, label="pressure", fraction=0.05)
-    body.set_aspect("equal", anchor="C")
-    body.autoscale()
-    if window is not None:
-        body.set(xlim=window[:, 0], ylim=window[:, 1])
-        profile.set_xlim(pressed_span(skins, mesh.points))
-    body.set(title=title, xlabel="x", ylabel="y")
-    profile.set(xlabel="length along the slave skin, undeformed", ylabel="pressure of the macro-elements")
-    profile.set_ylim(low - _ROOM * (high - low), high + _ROOM * (high - low))
-    profile.grid(color="#e2e5e8", linewidth=0.6)
-    profile.legend(frameon=False)
-    out = io.BytesIO()
-    figure.savefig(out, format="png")
-    return out.getvalue()
-
-
-def _lines(pieces: Any, **style: Any) -> Any:
-    return import_module("matplotlib.collections").LineCollection(pieces, **style)
-
-
-def _edges(mesh: Mesh, x: Floats) -> NDArray[np.floating]:
-    """Return the edges of all plane cells, once for each cell, as polylines (e, points, 2)."""
-    facets = [(f.type, nodes[:, f.nodes]) for kind, nodes, _ in cells_of_dim(mesh, 2) for f in CELLS[kind].facets]
-    return np.concatenate([_curves(kind, nodes, x) for kind, nodes in facets])
-
-
-def _curves(kind: str, nodes: Ints, x: Floats) -> NDArray[np.floating]:
-    """Return segments of one type as polylines (k, points, 2), with the same number of points for all types."""
-    N = shape(kind, np.linspace(-1, 1, _PARTS + 1)[:, None])
-    return np.asarray(np.einsum("pn,kns->kps", N, x[nodes, :2]))
-
-
-def _skin_lines(skin: Skin, x: Floats) -> NDArray[np.floating]:
-    """Return the slave faces, in the order of their surface, as polylines (f, points, 2)."""
-    out = np.empty((len(skin.pressure), _PARTS + 1, 2))
-    for kind, rows, nodes in skin.zone.slave.by_type():
-        out[rows] = _curves(kind, nodes, x)
-    return out
-
-
-def along(skin: Skin, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return (s, pressure) of the slave faces along the skin, as steps, with NaN between chains that are not joined.
-
-    An open chain starts at its end, a closed one at its first face; s continues from one chain to the next.
-    """
-    ends = skin.zone.slave.faces.nodes[:, :2]
-    order, first = chains(ends)
-    length = np.linalg.norm(x[ends[order, 1]] - x[ends[order, 0]], axis=1)
-    stop = np.cumsum(length)
-    s = np.stack([np.append(0.0, stop[:-1]), stop], axis=1)
-    p = np.repeat(skin.pressure[order], 2).reshape(-1, 2)
-    gaps = 2 * first[1:]
-    return np.insert(s.ravel(), gaps, np.nan), np.insert(p.ravel(), gaps, np.nan)
-
-
-def pressed_span(skins: list[Skin], x: Floats) -> tuple[float, float]:
-    """Return the interval of length along the skins that is under pressure, with a margin."""
-    lines = [along(skin, x) for skin in skins]
-    pressed = np.concatenate([s[np.isfinite(p) & (p != 0)] for s, p in lines])
-    low, high = float(pressed.min()), float(pressed.max())
-    margin = _MARGIN * (high - low)
-    return max(low - margin, 0.0), high + margin
-
-
-def chains(ends: Ints) -> tuple[Ints, Ints]:
-    """Return the order of segments (f, 2), which all run one way, along chains, and the start of each chain in it.
-
-    >>> order, first = chains(np.array([[2, 3], [7, 8], [1, 2], [3, 4]]))
-    >>> order.tolist(), first.tolist()
-    ([2, 0, 3, 1], [0, 3])
-    """
-    n = len(ends)
-    by_start = np.argsort(ends[:, 0], kind="stable")
-    at = np.minimum(np.searchsorted(ends[by_start, 0], ends[:, 1]), n - 1)
-    after = np.where(ends[by_start[at], 0] == ends[:, 1], by_start[at], -1)
-    joined = np.flatnonzero(after >= 0)
-    chain = label_components(joined, after[joined], n)
-    lowest = np.unique(chain, return_index=True)[1]
-    begun = np.isin(chain[lowest], chain[np.setdiff1d(np.arange(n), after)])
-    after[np.isin(after, lowest[~begun])] = -1  # a closed chain begins at its first face
-    left = (after >= 0).astype(np.int64)  # number of segments that follow: up to a jump, which doubles each time
-    for _ in range(n.bit_length()):
-        on = after >= 0
-        left[on] += left[after[on]]
-        after[on] = after[after[on]]
-    order = np.lexsort((-left, chain))
-    return order, np.searchsorted(chain[order], np.arange(len(lowest)))

@@ -11,10 +11,9 @@ A natural mode is filmed in the same way, over one period of its vibration, with
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,16 +22,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import ReadError, RequestError, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.scene import unit_of
-from lacmesh.scene.colours import INK, RAMP, ends_of, rgb
+from lacmesh.scene.colours import BODIES, INK, rgb
 from lacmesh.scene.layers import Layer
 from lacmesh.view import frames as draw_frames
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
-from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, read_frames, read_mode
+from lacsolver.output.stored import stored_fields
+from lacsolver.output.summary import read_summary
+from lacsolver.output.tables import read_table
+from lacsolver.pictures.drawing import ContactPicture
+from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, even_times, read_frames, read_mode
+from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, without_frame
+from lacsolver.pictures.quantities import QUANTITIES, ColourScale, quantity_of
+from lacsolver.results.units import Units
 
 #: default direction from bodies in space to the eye
 CAMERA = (-0.55, -1.0, 0.6)
@@ -47,12 +53,8 @@ DECADES = 3.0
 _DPI, _DPI_SHEET, _WIDE, _HIGH, _TILE = 80, 100, (6.2, 3.8), 4.6, 3.7
 #: colours of a film
 _COLOURS = 128
-#: span of values that are one, relative to the largest of them
-_LEVEL = 1e-6
 #: duration of the last picture of a film, in seconds
 _STAYS = 1.5
-#: colours of faces without a value, of surfaces without parent cells, of lines
-_PLAIN, _SEGMENTS, _INK = "#dfe3e6", "#44546a", f"#{INK}"
 
 
 class Curve(NamedTuple):
@@ -63,33 +65,6 @@ class Curve(NamedTuple):
     y: Floats
     across: str
     up: str
-
-
-@dataclass(frozen=True)
-class ColourScale:
-    """Scale of colours. `colour`: one of COLOURS, or `shape` of a natural mode; `label`: its words beside the scale.
-
-    `low`, `high`: ends of the scale; `log`: True if logarithmic.
-    """
-
-    colour: str
-    label: str
-    low: float
-    high: float
-    log: bool
-
-    @property
-    def norm(self) -> Any:
-        """Norm of matplotlib from values to 0 ... 1."""
-        colours = import_module("matplotlib.colors")
-        return (colours.LogNorm if self.log else colours.Normalize)(self.low, self.high, clip=True)
-
-    @property
-    def bar(self) -> Any:
-        """Mappable of matplotlib for a bar of colours, whose low values are light."""
-        colours = import_module("matplotlib.colors")
-        table = colours.LinearSegmentedColormap.from_list("ramp", [f"#{colour}" for colour in reversed(RAMP)])
-        return import_module("matplotlib.cm").ScalarMappable(self.norm, table)
 
 
 def check_film(path: Path, folder: Path) -> None:
@@ -121,7 +96,8 @@ def film(
     `mode`: number of a natural mode, from 1, in a folder of `lacsolver modes`, to be filmed over one period; it has no
     curves, and is coloured by its displacement.
 
-    `colour`: the bodies' von Mises `stress`, or the recovered contact `pressure` on slave skins. `curves`: "x:y",
+    `colour`: the bodies' von Mises `stress`, or the recovered contact `pressure` on slave skins; or another field of
+    `lacsolver.plot`, such as `status` or `gap`, which shows each zone by itself, and no curves. `curves`: "x:y",
     columns of history.csv, each with a minus in front to change its sign; by default `default_curve`. `frames`: largest
     number of times shown, evenly spaced (default: 60 for a film, 6 for a sheet). `scale`: least and largest value of
     the colours, by default those of all times; `log`: a logarithmic scale, by default of three decades. `camera`: in
@@ -144,6 +120,13 @@ def film(
     if not (np.isfinite(rate) and 0 < rate <= 100):
         raise RequestError(f"a film shows more than 0 and at most 100 pictures a second, not {rate:g}")
     moving = path.suffix.lower() == ".gif"
+    if mode is None and colour not in COLOURS and colour in QUANTITIES:
+        if curves:
+            raise RequestError(f"a film of {colour} shows the zones of contact, and has no curves; leave --curve out")
+        count = frames or (FILM if moving else SHEET)
+        images = _contact_images(folder, path, colour, count, scale, log, camera, title or folder.name)
+        replace_file(path, _gif(images, rate, _STAYS) if moving else _png(_tiled(images)))
+        return
     if mode is None:
         if (folder / MODES_PVD).exists() and not (folder / HISTORY).exists():
             raise RequestError(f"{folder} holds natural modes, and not a run; name one of them by --mode")
@@ -168,37 +151,59 @@ def _mode_title(folder: Path, number: int) -> str:
     return f"mode {number}, {said}"
 
 
-def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
-    low, high = scale or frames.span
+def _contact_images(
+    folder: Path, path: Path, field: str, count: int, ends: tuple[float, float] | None, log: bool,
+    camera: tuple[float, float, float], title: str,
+) -> list[Any]:  # fmt: skip
+    """Return the pictures of a field on the zones of contact at several times, to one scale, with one magnification."""
+    summary, stored = read_summary(folder), stored_fields(folder)
+    chosen, units = even_times(stored.times, count), Units.of(summary.get("units"))
+    states = [stored.read(k, tuple(summary.get("contact", {}))) for k in chosen]
+    zones = [zone for _, fields in states for zone in fields.zones.values()]
+    quantity = quantity_of(field, states[-1][1].zones)
+    scale = ColourScale.of(quantity, zones, units)
+    if not scale.states:
+        scale = replace(scale, **_ends(ends, log, (scale.low, scale.high)))
+    pictures = [
+        replace(ContactPicture.of(mesh, fields, field, units=units, title=title, scale=scale), camera=camera)
+        for mesh, fields in states
+    ]
+    magnified = min(picture.times for picture in pictures)
+    return [_image(replace(picture, magnified=magnified).figure(path)) for picture in pictures]
+
+
+def _tiled(images: list[Any]) -> Any:
+    """Return pictures of one size as a sheet, two side by side."""
+    across, (wide, high) = min(2, len(images)), images[0].size
+    sheet = import_module("PIL.Image").new("RGB", (across * wide, -(-len(images) // across) * high), "white")
+    for k, image in enumerate(images):
+        sheet.paste(image, (k % across * wide, k // across * high))
+    return sheet
+
+
+def _ends(scale: tuple[float, float] | None, log: bool, span: tuple[float, float]) -> dict[str, Any]:
+    """Return the ends of a scale, those that are wanted or those of the values. Raises RequestError."""
+    low, high = scale or span
     if scale is None and log:
         high = high if high > 0 else 1.0
         low = high / 10**DECADES
     if not low < high or (log and low <= 0):
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
-    return ColourScale(colour, COLOURS.get(colour, SHAPE), float(low), float(high), log)
+    return {"low": float(low), "high": float(high), "log": log}
+
+
+def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
+    return ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, frames.span))
 
 
 # ---- curves
 
 
 def _curves(folder: Path, named: Sequence[str]) -> list[Curve]:
-    table = read_history(folder / HISTORY)
+    table = read_table(folder / HISTORY)
     named = named or [default_curve(table)]
     return [_curve(name, table) for name in named if name]
-
-
-def read_history(path: Path) -> dict[str, NDArray[np.floating]]:
-    """Return the columns of history.csv, NaN for empty fields. Raises ReadError."""
-    try:
-        with path.open(encoding="utf-8", errors="surrogateescape", newline="") as file:
-            heads, *rows = list(csv.reader(file))
-        values = [[float(cell) if cell else np.nan for cell in row] for row in rows]
-        return dict(zip(heads, np.array(values, float).reshape(-1, len(heads)).T, strict=True))
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
-    except ValueError as error:
-        raise ReadError(path, f"is damaged ({error}); run the case again") from error
 
 
 def default_curve(table: dict[str, NDArray[np.floating]]) -> str:
@@ -230,14 +235,6 @@ def _curve(text: str, table: dict[str, NDArray[np.floating]]) -> Curve:
             raise RequestError(f"{HISTORY} has no column {column!r}{did_you_mean(column, table)}")
         values.append(sign * table[column] + 0.0)
     return Curve(table["time"], values[0], values[1], *(name.replace("-", "\N{MINUS SIGN}", 1) for name in names))
-
-
-def level_out(axes: Any, values: Floats) -> None:
-    """Make the range of an axis wider if its values (n,) differ by round-off only, which would be drawn as large."""
-    known = values[np.isfinite(values)]
-    low, high = ends_of(known, least=_LEVEL)
-    if len(known) and low < known.min():
-        axes.set_ylim(low, high)
 
 
 # ---- pictures
@@ -281,12 +278,12 @@ class _Sheet:
     def _rgb(self, frame: Frame) -> NDArray[np.uint8]:
         """Return the colour of each point, (p, 3)."""
         colours = self.scale.bar.to_rgba(np.nan_to_num(frame.value, nan=self.scale.low), bytes=True)[:, :3].copy()
-        colours[np.isnan(frame.value)] = rgb([_PLAIN[1:]])
+        colours[np.isnan(frame.value)] = rgb(BODIES[:1])
         return np.asarray(colours, np.uint8)
 
     def draw(self, axes: Any, frame: Frame, rendered: Any) -> None:
         """Draw the bodies at one time."""
-        _without_frame(axes)
+        without_frame(axes)
         if rendered is not None:
             axes.imshow(rendered)
             return
@@ -315,30 +312,12 @@ class _Sheet:
 
 
 def _draw_plane(axes: Any, surface: DrawnSurface, frame: Frame, scale: ColourScale) -> None:
-    """Draw faces coloured by values, edges, outlines, surfaces without parent cells, and pressures on slave skins."""
-    x, valued = frame.x[:, :2], np.isfinite(frame.value)
-    whole = valued[surface.triangles].all(axis=1)
-    lines = import_module("matplotlib.collections").LineCollection
-    if not whole.all():
-        plain = x[surface.triangles[~whole]]
-        axes.add_collection(import_module("matplotlib.collections").PolyCollection(plain, color=_PLAIN, linewidth=0.3))
-    if whole.any():
-        triangles = import_module("matplotlib.tri").Triangulation(*x.T, surface.triangles[whole])
-        value = np.nan_to_num(frame.value, nan=scale.low)
-        axes.tripcolor(triangles, value, shading="gouraud", norm=scale.norm, cmap=scale.bar.cmap, rasterized=True)
-    axes.add_collection(lines(x[surface.edges], color=_INK, linewidth=0.25, alpha=0.35))
-    axes.add_collection(lines(x[surface.outline], color=_INK, linewidth=0.8))
-    axes.add_collection(lines(x[surface.segments], color=_SEGMENTS, linewidth=2.5, capstyle="round"))
-    on = valued[surface.outline].all(axis=1)
-    if scale.colour == "pressure" and on.any():
-        value = frame.value[surface.outline[on]].mean(axis=1)
-        colours = scale.bar.to_rgba(value)
-        axes.add_collection(lines(x[surface.outline[on]], colors=colours, linewidth=4, capstyle="round", zorder=3))
-
-
-def _without_frame(axes: Any) -> None:
-    axes.set(xticks=[], yticks=[])
-    axes.spines[:].set_visible(False)
+    """Draw the bodies, and the slave skins where their nodes alone have values."""
+    draw_bodies(axes, surface, frame.x, frame.value, scale)
+    inside = np.isfinite(frame.value)[surface.triangles].all(axis=1)
+    if not inside.any():
+        ends = frame.value[surface.outline]
+        draw_faces(axes, frame.x[surface.outline][..., :2], ends.mean(axis=1), scale)
 
 
 def _figure(wide: float, high: float, dpi: int = _DPI) -> Any:
@@ -393,7 +372,7 @@ def _still(sheet: _Sheet) -> bytes:
     upper, *lower = figure.subfigures(n, 1, height_ratios=high, squeeze=False)[:, 0]
     tiles = upper.subplots(down, across, squeeze=False)
     for axes in tiles.flat:
-        _without_frame(axes)
+        without_frame(axes)
     for axes, frame, rendered in zip(tiles.flat, frames, sheet.rendered((_TILE, tall)), strict=False):
         sheet.draw(axes, frame, rendered)
         axes.set_title(frame.words, fontsize=9)

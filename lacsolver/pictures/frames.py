@@ -9,7 +9,7 @@ A natural mode has frames too: one period of its vibration, drawn with an amplit
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,8 @@ from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
 from lacsolver.output.vtu import read_pvd
+from lacsolver.pictures.quantities import QUANTITIES
+from lacsolver.pictures.skins import ring
 from lacsolver.results.nodal import von_mises
 
 #: quantities that bodies may be coloured by, and their labels beside the scale
@@ -68,7 +70,7 @@ class DrawnSurface:
             else:
                 faces.append((kind, nodes, visible.cell[rows]))
         first = mesh.n_nodes + np.cumsum([0, *(len(nodes) for _, nodes, _ in faces)])
-        fans = [_fan(nodes, _ring(kind), k) for (kind, nodes, _), k in zip(faces, first, strict=False)]
+        fans = [_fan(nodes, ring(kind), k) for (kind, nodes, _), k in zip(faces, first, strict=False)]
         triangles = np.concatenate([np.empty((0, 3), np.int64), *fans])
         centres = tuple(nodes for _, nodes, _ in faces)
         x = _with_means(mesh.points, centres)[triangles]
@@ -121,16 +123,15 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
     Raises RequestError for an unknown colour and if there are no fields, ReadError, DataError for damaged files.
     """
     if colour not in COLOURS:
-        raise RequestError(f"bodies are coloured by {' or '.join(COLOURS)}, not by {colour!r}")
+        others = [name for name in QUANTITIES if name not in COLOURS]
+        words = f"bodies are coloured by {' or '.join(COLOURS)}, and zones by {' or '.join(others)}"
+        raise RequestError(f"{words}, not by {colour!r}")
     entries = read_pvd(folder / f"{SOLID}.pvd")
     if not entries:
         wanted = 'name the folder of a run whose [output] has format = "vtu"'
         raise RequestError(f"{folder} holds no fields to film (solid.pvd and the files that it names); {wanted}")
     zones = _zones(folder) if colour == "pressure" else []
-    if count is not None and count < len(entries):
-        times = np.array([entry.time for entry in entries])
-        even = np.linspace(times[-1 if count == 1 else 0], times[-1], count)
-        entries = [entries[k] for k in np.unique(np.abs(times - even[:, None]).argmin(axis=1)).tolist()]
+    entries = [entries[k] for k in even_times([entry.time for entry in entries], count)]
     first = lacmesh.read(folder / entries[0].file)
     surface, frames = DrawnSurface.of(first), []
     for entry in entries:
@@ -143,6 +144,19 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
         x = mesh.points + _field(mesh, "displacement", path)
         frames.append(Frame(entry.time, surface.points(x), surface.points(value), f"t = {entry.time:.4g}"))
     return Frames(surface, tuple(frames))
+
+
+def even_times(times: Sequence[float], count: int | None) -> list[int]:
+    """Return the indices of at most `count` times, evenly spaced, the last among them; all for None.
+
+    >>> even_times([0.0, 1.0, 2.0, 3.0, 4.0], 3), even_times([0.0, 1.0], None), even_times([0.0, 1.0], 1)
+    ([0, 2, 4], [0, 1], [1])
+    """
+    if count is None or count >= len(times):
+        return list(range(len(times)))
+    even = np.linspace(times[-1 if count == 1 else 0], times[-1], count)
+    chosen: list[int] = np.unique(np.abs(np.asarray(times) - even[:, None]).argmin(axis=1)).tolist()
+    return chosen
 
 
 def read_mode(folder: Path, number: int, count: int) -> Frames:
@@ -206,15 +220,12 @@ def _parents(mesh: Mesh) -> Ints:
     return np.asarray(mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1)), np.int64)
 
 
-def _ring(kind: str) -> Ints:
-    """Return the nodes around a face, in order."""
-    facets = [np.asarray(facet.nodes) for facet in CELLS[kind].facets]
-    return np.concatenate([[nodes[0], *nodes[2:]] for nodes in facets])
+def _fan(nodes: Ints, places: Ints, first: int) -> Ints:
+    """Return triangles (f k, 3) between the centre of each face, numbered from `first`, and its edges.
 
-
-def _fan(nodes: Ints, ring: Ints, first: int) -> Ints:
-    """Return triangles (f k, 3) between the centre of each face, numbered from `first`, and its edges."""
-    around = nodes[:, ring]
+    `places` (k,): those of the nodes around a face, in order.
+    """
+    around = nodes[:, places]
     centre = np.broadcast_to(first + np.arange(len(nodes))[:, None], around.shape)
     return np.stack([centre, around, np.roll(around, -1, axis=1)], axis=-1).reshape(-1, 3)
 

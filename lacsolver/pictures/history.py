@@ -16,7 +16,8 @@ from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.names import HISTORY
-from lacsolver.pictures.filming import level_out, read_history
+from lacsolver.output.tables import read_table
+from lacsolver.pictures.plane import level_out
 
 #: size of a panel in inches, and points per inch
 _WIDE, _HIGH, _DPI = 8.0, 2.6, 150
@@ -48,7 +49,7 @@ def plot_history(
     """
     folder, path = Path(folder), Path(path)
     check_plot_history(path)
-    table = read_history(folder / HISTORY)
+    table = read_table(folder / HISTORY)
     panels: dict[str, dict[str, Floats]] = {}
     for name, values in chosen(table, columns).items():
         panels.setdefault(_kind(name), {})[name] = values

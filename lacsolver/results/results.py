@@ -163,6 +163,7 @@ class Results(Described):
     run, rigid-body motions that only contact constrains, in words. `roles`: by zone its slave, its master, and why the
     slave was chosen, "" where the case says which it is. `loads`: for a finished run, the resultant of
     each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
+    `units`: the names of units that the case gives.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -181,6 +182,7 @@ class Results(Described):
     roles: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     loads: tuple[Resultant, ...] = ()
     overlap: Mapping[str, float] = field(default_factory=dict)
+    units: str = ""
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

@@ -535,6 +535,7 @@ uy = 0.0
 times = [0.25, 1.0, 2.0]
 [output]
 format = "med"
+units = "kN, m, kPa"
 times = [0.5, 2.0]
 """
 

@@ -270,6 +270,7 @@ def check_round(ran):
     assert ran.told[0].closed < 3
     assert ran.times == [0.25, 0.5, 1.0, 2.0] and ran.stored == [2, 4]
     assert not list(ran.folder.glob("*.pvd"))
+    assert json.loads((ran.folder / "results.json").read_text())["units"] == "kN, m, kPa"
     with h5py.File(ran.folder / "results.med") as med:
         assert [float(step.attrs["PDT"]) for step in med["CHA/DEPL"].values()] == [0.5, 2.0]
     for step in ran.steps:

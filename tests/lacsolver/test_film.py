@@ -12,8 +12,9 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, ReadError, RequestError
 from lacsolver.cli import main
+from lacsolver.output.tables import read_table
 from lacsolver.pictures import history
-from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film, read_history
+from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
@@ -111,7 +112,7 @@ def test_bodies_are_where_the_displacement_takes_them(plane):
     frames = read_frames(plane, "stress")
     assert [round(frame.time, 9) for frame in frames.frames] == [k / 8 for k in range(1, 9)]
     first, last = frames.frames[0], frames.frames[-1]
-    table = read_history(plane / "history.csv")
+    table = read_table(plane / "history.csv")
     top = first.x[: frames.surface.n_nodes, 1].max() - last.x[: frames.surface.n_nodes, 1].max()
     assert top == pytest.approx(table["probe.top.uy"][0] - table["probe.top.uy"][-1])
 
@@ -161,7 +162,10 @@ def test_the_default_curve():
         ({"folder": "nowhere"}, "nowhere is no folder; name the one that lacsolver run wrote"),
         ({"curves": ["time"]}, "'time' is no curve; write two columns of history.csv as time:reaction.GROUP.y"),
         ({"curves": ["time:reaction.top"]}, "history.csv has no column 'reaction.top'"),
-        ({"colour": "red"}, "bodies are coloured by stress or pressure, not by 'red'"),
+        (
+            {"colour": "red"},
+            "bodies are coloured by stress or pressure, and zones by recovered or gap or status or slip",
+        ),
         ({"frames": 0}, "a film has at least one frame, not 0"),
         ({"rate": 0.0}, "a film shows more than 0 and at most 100 pictures a second, not 0"),
         ({"scale": (2.0, 1.0)}, "a scale of colours from 2 to 1 is none; it needs low < high"),
@@ -235,7 +239,7 @@ def test_a_curve_of_round_off_is_level(space, tmp_path, monkeypatch):
     widened, once = [], Axes.set_ylim
     monkeypatch.setattr(Axes, "set_ylim", lambda axes, *ends, **more: (widened.append(ends), once(axes, *ends, **more)))
     table = {"time": np.arange(3.0), "energy.total": 5 + 1e-14 * np.arange(3), "energy.kinetic": np.arange(3.0)}
-    monkeypatch.setattr(history, "read_history", lambda path: table)
+    monkeypatch.setattr(history, "read_table", lambda path: table)
     history.plot_history(space, tmp_path / "h.png", ["energy.total"])
     assert [high - low for low, high in (ends for ends in widened if len(ends) == 2)] == [pytest.approx(5e-6)]
     widened.clear()
@@ -304,3 +308,15 @@ def test_the_command(plane, tmp_path, capsys):
     assert capsys.readouterr().out == "" and target.read_bytes() != before
     assert main(["film", str(tmp_path / "none.toml"), "-o", str(target), "--force"]) == 2
     assert "is no folder; name the one that lacsolver run wrote" in capsys.readouterr().err
+
+
+def test_a_field_of_the_contact_is_filmed_zone_by_zone(plane, tmp_path):
+    film(plane, tmp_path / "f.gif", colour="gap", frames=3)
+    frames, stays = pictures(tmp_path / "f.gif")
+    assert len(frames) == 3 and stays[-1] == 1500
+    assert all((a != b).any(axis=2).sum() > 20 for a, b in pairwise(frames))  # the time, and the model
+    film(plane, tmp_path / "f.png", colour="status", frames=3)
+    (sheet,), _ = pictures(tmp_path / "f.png")
+    assert sheet.shape[0] == 2 * frames[0].shape[0] and abs(sheet.shape[1] - 2 * frames[0].shape[1]) <= 2
+    with pytest.raises(RequestError, match="has no curves"):
+        film(plane, tmp_path / "g.gif", colour="gap", curves=["time:time"])

@@ -303,7 +303,7 @@ def test_a_damaged_folder_is_said_to_be_one(tmp_path):
         ls.read_results(tmp_path)
     (tmp_path / "results.json").write_text('{"status": "done", "steps": []}')
     (tmp_path / "history.csv").write_text("time\na,b\n")
-    with pytest.raises(ReadError, match="is no table of lacsolver"):
+    with pytest.raises(ReadError, match="is damaged"):
         ls.read_results(tmp_path)
 
 

@@ -1,4 +1,4 @@
-"""The picture of the contact pressure: what it is made of, and that it is drawn."""
+"""The picture of contact: what it is made of, and that it is drawn, from a solution or from a folder."""
 
 from __future__ import annotations
 
@@ -11,20 +11,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lacmesh import Mesh
-from lacmesh.errors import RequestError, WriteError
-from lacmesh.scene.colours import BODIES, on_ramp, rgb
-from lacsolver import plot, read_case
+import lacsolver as ls
+from lacmesh import Mesh, Surface
+from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.scene.colours import RESULT, STATES, rgb
 from lacsolver.cli import main
-from lacsolver.contact import Zone
-from lacsolver.output import read_state
-from lacsolver.pictures.drawing import Skin, along, chains, magnification, pressed_span, pressed_window
-from lacsolver.problem.skin import prepared
+from lacsolver.pictures.drawing import ContactPicture, magnification, pressed_span, pressed_window, with_skins
+from lacsolver.pictures.profiles import along, chains
+from lacsolver.pictures.quantities import QUANTITIES, ColourScale
+from lacsolver.pictures.skins import macro_places, outlines, rings_of, views_of
+from lacsolver.results.units import Units
 from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 from tests.viewing import DATA, tones
 
 DISC = GOOD.replace("blocks.msh", "disc_on_block.msh").replace('"x0"', '"symmetry_x"').replace("1.0\n", "25.0\n")
+SPACE = (
+    GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0").replace("value = 1.0", 'value = "t * (1 + x)"')
+    + '[[displacement]]\ngroup = "y0"\nuy = 0.0\n'
+)
 
 
 def module():
@@ -33,13 +38,12 @@ def module():
 
 
 def solved(folder, text=GOOD, mesh=None):
-    """The case, and the last state of its run."""
+    """The folder of the results of a run."""
     if mesh is not None:
         put(mesh, folder)
     (folder / "case.toml").write_text(text)
     assert main(["run", str(folder / "case.toml"), "-q", "--force"]) == 0
-    case = read_case(folder / "case.toml")
-    return case, read_state(folder / "case", case)
+    return folder / "case"
 
 
 def size(path):
@@ -51,34 +55,38 @@ def size(path):
         return image.size
 
 
+def picture(folder, field="pressure", **options):
+    solution = ls.read_results(folder).solution()
+    return ContactPicture.of(solution.mesh, solution.fields, field, **options)
+
+
 # ---- in the plane
 
 
-@pytest.fixture
-def disc(tmp_path):
+@pytest.fixture(scope="module")
+def disc(tmp_path_factory):
     """The disc on its block, pressed: some macro-elements in contact, most not."""
-    (tmp_path / "disc_on_block.msh").write_bytes((DATA / "disc_on_block.msh").read_bytes())
-    return solved(tmp_path, DISC)
+    folder = tmp_path_factory.mktemp("disc")
+    (folder / "disc_on_block.msh").write_bytes((DATA / "disc_on_block.msh").read_bytes())
+    return solved(folder, DISC)
 
 
 def test_a_plane_model_is_drawn(disc, tmp_path):
-    case, state = disc
-    plot(case, state, tmp_path / "p.png")
-    assert size(tmp_path / "p.png") == (1300, 1300)
-    highest, none = tones(tmp_path / "p.png", "fde725", "440154")  # the ends of viridis
-    assert highest > 300 and none > 300
+    assert ls.plot(disc, tmp_path / "p.png") == 1.0
+    wide, high = size(tmp_path / "p.png")
+    assert wide > 1300 and high > 500
+    dark, light = tones(tmp_path / "p.png", RESULT[-2], RESULT[1])
+    assert dark > 50 and light > 50
 
 
 def test_the_profile_is_the_pressure_along_the_skin(disc):
-    case, state = disc
-    zone = Zone.of(prepared(case), "slave", "master", "joint")
-    p = state.multipliers["joint"]
-    s, drawn = along(Skin(zone, p[zone.macro]), zone.slave.x)
-    x = zone.slave.x[zone.slave.faces.nodes[:, :2]]
-    whole = np.linalg.norm(x[:, 1] - x[:, 0], axis=1).sum()
-    assert not np.isnan(s).any() and s[0] == 0.0 and math.isclose(s[-1], whole) and (np.diff(s) >= 0).all()
-    length = np.bincount(zone.macro, np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
-    assert np.sum(np.diff(s)[::2] * drawn[::2]) == pytest.approx(p @ length)
+    zone = ls.read_results(disc).solution().contact["joint"]
+    x, p = zone.surface.x, zone.pressure
+    ends = zone.surface.faces.nodes[:, :2]
+    s, drawn = along(ends, p[zone.macro], x)
+    lengths = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
+    assert not np.isnan(s).any() and s[0] == 0.0 and math.isclose(s[-1], lengths.sum()) and (np.diff(s) >= 0).all()
+    assert np.sum(np.diff(s)[::2] * drawn[::2]) == pytest.approx(p @ np.bincount(zone.macro, lengths))
     assert drawn.max() == p.max() > 0 and drawn.min() == 0.0
     begins, ends = drawn[0], drawn[-1]
     assert max(begins, ends) > 0.5 * p.max() and min(begins, ends) == 0.0  # pressed at one end of the arc
@@ -103,128 +111,273 @@ def test_chains_put_each_segment_after_the_one_before(lengths, closed, random):
     assert follows.all()
 
 
-@pytest.mark.parametrize(("pressure", "place"), [(5.0, 1.0), (0.0, 0.0), (-3.0, 0.0)])
-def test_a_uniform_pressure_has_one_colour_in_the_plane(disc, tmp_path, monkeypatch, pressure, place):
-    case, state = disc
-    p = pressure * (1 + 1e-15 * np.arange(len(state.multipliers["joint"])))
-    drawn, lines = [], module()._lines
-    monkeypatch.setattr(module(), "_lines", lambda pieces, **style: drawn.append(lines(pieces, **style)) or drawn[-1])
-    plot(case, replace(state, multipliers={"joint": p}), tmp_path / "p.png")
-    np.testing.assert_allclose(np.asarray(drawn[-1].norm(p)), place, rtol=0, atol=1e-9)
+def test_a_profile_has_the_curves_of_its_field(disc, tmp_path):
+    def curves(field):
+        figure = picture(disc, field).figure(tmp_path / "p.png")
+        ((axes,),) = ([ax for ax in figure.axes if ax.get_xlabel().startswith("length along")],)
+        return axes, {line.get_label(): line.get_ydata() for line in axes.lines}
+
+    zone = ls.read_results(disc).solution().contact["joint"]
+    axes, drawn = curves("pressure")
+    assert set(drawn) == {"macro-elements", "recovered"} and np.nanmax(drawn["macro-elements"]) == zone.pressure.max()
+    assert np.nanmax(drawn["recovered"]) == pytest.approx(np.nanmax(zone.pressure_recovered))
+    assert axes.get_ylabel() == "contact pressure"
+    axes, drawn = curves("gap")
+    assert set(drawn) == {"macro-elements"} and axes.get_ylabel() == "gap"
+    assert np.nanmax(drawn["macro-elements"]) == np.nanmax(zone.gap)
 
 
 # ---- in space
 
 
-@pytest.fixture
-def pressed(tmp_path):
-    """Two blocks in space, pressed unevenly."""
-    mesh = stack("HEXA8", "TETRA4", 3, counts=(3, 2))
-    text = GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0")
-    text = text.replace("value = 1.0", 'value = "1 + x"')
-    return solved(tmp_path, text + '[[displacement]]\ngroup = "y0"\nuy = 0.0\n', mesh)
-
-
-def test_values_are_those_of_the_slave_faces_alone(pressed, tmp_path, monkeypatch):
-    case, state = pressed
-    given = {}
-
-    def caught(mesh, path, **options):
-        given.update(options, mesh=mesh)
-
-    monkeypatch.setattr(module(), "picture", caught)
-    plot(case, state, tmp_path / "p.png")
-    faces, values = given["mesh"], given["values"]
-    slave = faces.cell_groups["slave"]
-    assert np.isfinite(values.values).sum() == len(slave)
-    whole = prepared(case)
-    zone = Zone.of(whole, "slave", "master", "joint")
-    drawn = faces.cell_data["lac_macro"][slave]
-    number = {int(m): p for m, p in zip(zone.number, state.multipliers["joint"], strict=True)}
-    assert [number[int(m)] for m in drawn] == values.values[slave].tolist()
-    assert 0 < min(number.values()) < max(number.values())
-    assert (values.bad, values.good) == (0.0, max(number.values()))
-    times = magnification(whole, state.u.reshape(-1, 3))
-    assert f"displacement x {times:g}" in given["title"] and times > 1
-    assert np.allclose(faces.points, whole.points + times * state.u.reshape(-1, 3), rtol=0, atol=1e-15)
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory):
+    """Two blocks in space, pressed unevenly, in two steps."""
+    text = SPACE + '[steps]\ncount = 2\n[output]\nunits = "N, mm, MPa"\n'
+    return solved(tmp_path_factory.mktemp("pressed"), text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
 
 
 @pytest.mark.vtk
-def test_a_model_in_space_is_drawn(pressed, tmp_path):
-    case, state = pressed
-    plot(case, state, tmp_path / "p.png")
-    assert size(tmp_path / "p.png") == (1600, 1000)
-    assert min(tones(tmp_path / "p.png", "34489b", "56b4b8")) > 300
+def test_the_model_has_the_values_of_the_slave_faces_alone(pressed, tmp_path, monkeypatch):
+    given = {}
+    once = module().make_scene
+
+    def caught(mesh, skins, **options):
+        given.update(options, mesh=mesh, skins=skins)
+        return once(mesh, skins, **options)
+
+    monkeypatch.setattr(module(), "make_scene", caught)
+    ls.plot(pressed, tmp_path / "p.png")
+    faces, values = given["mesh"], given["values"]
+    solution = ls.read_results(pressed).solution()
+    zone, (group,) = solution.contact["joint"], given["skins"]
+    slave = faces.cell_groups[group]
+    assert np.isfinite(values.values).sum() == len(slave) == len(zone.surface)
+    assert [zone.pressure[m] for m in faces.cell_data["lac_macro"][slave]] == values.values[slave].tolist()
+    assert 0 < zone.pressure.min() < zone.pressure.max() == values.good and values.bad == 0.0
+    assert given["bodies"] == "ghost"  # nothing hides the skin
+    u = np.asarray(solution.u)
+    times = magnification(solution.mesh, u)
+    assert times > 1 and np.allclose(faces.points, solution.mesh.points + times * u, rtol=0, atol=1e-15)
+    assert f"displacement of the model x {times:g}" in picture(pressed).heading
+
+
+@pytest.mark.vtk
+def test_a_panel_has_a_polygon_for_each_face_in_its_colour(pressed, tmp_path):
+    from matplotlib.collections import PolyCollection
+
+    drawn = picture(pressed, units=Units.of("N, mm, MPa"))
+    figure = drawn.figure(tmp_path / "p.png")
+    ((polygons, axes),) = [
+        (own, ax) for ax in figure.axes for own in ax.collections if isinstance(own, PolyCollection) and own.axes
+    ]
+    zone = drawn.zones["joint"]
+    assert len(polygons.get_paths()) == len(zone.surface)
+    ends = np.array([polygon.vertices for polygon in polygons.get_paths()]).reshape(-1, 2)
+    corners = zone.surface.x[np.unique(zone.surface.faces.corners)][:, :2]
+    assert np.allclose([ends.min(axis=0), ends.max(axis=0)], [corners.min(axis=0), corners.max(axis=0)], atol=0.02)
+    assert np.allclose(polygons.get_facecolors(), drawn.scale.rgba(zone.pressure[zone.macro]))
+    assert axes.get_title().startswith("joint, seen along") and axes.get_xlabel() == "x (mm)"
+    assert [ax.get_ylabel() for ax in figure.axes if "pressure" in ax.get_ylabel()] == ["contact pressure (MPa)"]
+
+
+@pytest.mark.vtk
+def test_a_model_in_space_is_drawn_at_the_time_that_is_asked_for(pressed, tmp_path, capsys):
+    assert main(["plot", str(pressed), "--time", "0.5", "--field", "recovered", "-o", str(tmp_path / "p.png")]) == 0
+    assert "MB" in capsys.readouterr().out
+    assert size(tmp_path / "p.png")[0] > 1000 and min(tones(tmp_path / "p.png", "34489b", "56b4b8")) > 300
+    assert ls.plot(pressed, tmp_path / "q.png", time=0.5, field="recovered", title="case") == 0.5
+    assert (tmp_path / "p.png").read_bytes() == (tmp_path / "q.png").read_bytes()
+
+
+@pytest.mark.vtk
+def test_without_a_name_a_picture_stands_in_the_folder(pressed):
+    assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0
+    assert tones(pressed / "status.png", STATES[2])[0] > 3000  # all macro-elements are closed
 
 
 @pytest.mark.vtk
 def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
-    case, state = pressed
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "nothing")
     monkeypatch.setattr("lacmesh.view.offscreen.WINDOWS", ())
     monkeypatch.setattr(
         "lacmesh.view.offscreen.draw_in_subprocess", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
     )
     with pytest.raises(WriteError, match="nothing can be drawn here"):
-        plot(case, state, tmp_path / "p.png")
+        ls.plot(pressed, tmp_path / "p.png")
     assert not (tmp_path / "p.png").exists()
 
 
-def test_a_uniform_pressure_has_one_colour(tmp_path, monkeypatch):
-    text = GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0").replace("value = 1.0", "value = 5.0")
-    case, state = solved(
-        tmp_path, text + '[[displacement]]\ngroup = "y0"\nuy = 0.0\n', stack("HEXA8", "TETRA4", 3, counts=(3, 2))
+@pytest.mark.parametrize(("pressure", "place"), [(5.0, 1.0), (0.0, 0.0), (-3.0, 0.0)])
+def test_a_uniform_pressure_has_one_colour(disc, pressure, place):
+    zone = ls.read_results(disc).solution().contact["joint"]
+    p = pressure * (1 + 1e-15 * np.arange(len(zone.pressure)))
+    scale = ColourScale.of(QUANTITIES["pressure"], [replace(zone, pressure=p)], Units())
+    np.testing.assert_allclose(np.asarray(scale.norm(p)), place, rtol=0, atol=1e-9)
+
+
+def test_high_values_are_dark_and_states_have_colours_of_their_own():
+    scale = ColourScale("pressure", 0.0, 2.0)
+    low, high, none = 255 * scale.rgba(np.array([0.0, 2.0, np.nan]))
+    assert np.allclose(low[:3], rgb(RESULT[:1])) and np.allclose(high[:3], rgb(RESULT[-1:])) and none[3] == 0
+    assert high[:3].sum() < 0.3 * low[:3].sum()
+    states = ColourScale("", *QUANTITIES["status"].range_of(()), states=True)
+    assert np.allclose(255 * states.rgba(np.array([-1.0, 0, 1, 2]))[:, :3], rgb(STATES), atol=1)
+
+
+# ---- skins laid flat
+
+
+def surface_of(points, kind, faces):
+    mesh = Mesh.create(points, [(kind, faces)], space_dim=3)
+    return Surface.of(mesh, np.arange(mesh.n_cells)), mesh.points
+
+
+def cylinder(turn, radius=2.0, n=24, m=3, inward=False):
+    """Faces on a part of a cylinder about z, which turn outward."""
+    angle = np.linspace(0, turn, n + 1)
+    full = math.isclose(turn, 2 * np.pi)
+    z = np.linspace(0, 3.0, m + 1)
+    points = np.stack([np.stack([radius * np.cos(a) + 0 * z, radius * np.sin(a) + 0 * z, z], axis=1) for a in angle])
+    node = np.arange((n + 1) * (m + 1)).reshape(n + 1, m + 1)
+    if full:
+        node[n] = node[0]
+    quads = np.stack([node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]], axis=-1).reshape(-1, 4)
+    return surface_of(points.reshape(-1, 3), "QUAD4", quads[:, ::-1] if inward else quads)
+
+
+@pytest.mark.parametrize("turn", [1.5, 3.5, 2 * np.pi])
+@pytest.mark.parametrize("inward", [False, True])
+def test_a_cylinder_is_unrolled(turn, inward):
+    surface, x = cylinder(turn, inward=inward)
+    (view,) = views_of(surface, x)
+    assert view.words == f"unrolled, {'inside' if inward else 'outside'} of radius 2"
+    assert view.axes == ("length around", "z") and len(view.rows) == len(surface)
+    s = view.paper[..., 0]
+    assert s.min() == 0 and s.max() == pytest.approx(2 * turn, rel=1e-6) and np.ptp(view.paper[..., 1]) == 3.0
+    assert np.ptp(s, axis=1) == pytest.approx(2 * turn / 24, rel=1e-6)  # no face is torn by the seam
+    normal = np.cross(view.basis[:, 0], view.basis[:, 1])
+    middle = x[surface.faces.corners].mean(axis=1) * [1, 1, 0]
+    assert ((normal * middle).sum(axis=1) * (-1 if inward else 1) > 0).all()  # seen from where the master is
+    assert len(np.unique(np.round(view.paper.mean(axis=1), 6), axis=0)) == len(surface)  # no face upon another
+
+
+def test_a_flat_skin_is_seen_along_its_normal():
+    quad = [[0, 0, 1], [2, 0, 1], [2, 1, 1], [0, 1, 1]]
+    (view,) = views_of(*surface_of(quad, "QUAD4", [[0, 1, 2, 3]]))
+    assert view.words == "seen along \N{MINUS SIGN}z" and view.axes == ("x", "y") and view.flipped == (False, False)
+    assert np.allclose(view.paper[0, :4], np.array(quad)[:, :2])
+    (below,) = views_of(*surface_of(quad, "QUAD4", [[3, 2, 1, 0]]))
+    assert below.words == "seen along +z" and below.axes == ("x", "y") and below.flipped.count(True) == 1
+    tilted = np.array(quad, float) @ np.array([[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])
+    (view,) = views_of(*surface_of(tilted, "QUAD4", [[0, 1, 2, 3]]))
+    sides = np.linalg.norm(np.diff(view.paper[0, :4], axis=0), axis=1)
+    assert np.allclose(sides, [2, 1, 2]) and np.allclose(view.paper.reshape(-1, 2).min(axis=0), 0)
+
+
+@pytest.mark.parametrize("kind", ["TRIA3", "TRIA6"])
+def test_a_ball_is_seen_from_two_sides(kind):
+    octahedron = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
+    faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
+    if kind == "TRIA6":
+        ends, back = np.unique(
+            np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0, return_inverse=True
+        )
+        octahedron = np.concatenate([octahedron, octahedron[ends].mean(axis=1)])
+        faces = np.concatenate([faces, 6 + back.reshape(-1, 3)], axis=1)
+    views = views_of(*surface_of(octahedron, kind, faces))
+    assert len(views) == 2 and sorted(np.concatenate([view.rows for view in views])) == [*range(8)]
+    assert views[0].words != views[1].words
+
+
+def test_outlines_are_those_of_macro_elements():
+    points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]]
+    surface, x = surface_of(points, "TRIA3", [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+    (view,) = views_of(surface, x)
+    macro = np.array([0, 0, 1, 1])
+    lines, ends = outlines(view, rings_of(surface), macro)
+    length = np.linalg.norm(np.diff(lines, axis=1)[:, 0], axis=1)
+    assert len(ends) == 6 and len(lines) == 8 and length.max() == 1.0  # one line twice, and no diagonal
+    assert [(row, place.round(6).tolist()) for row, place, _ in macro_places(view, macro)] == [
+        (0, [0.5, 0.5]),
+        (1, [1.5, 0.5]),
+    ]
+
+
+def test_skins_are_cells_of_their_own(pressed):
+    solution = ls.read_results(pressed).solution()
+    zone = solution.contact["joint"]
+    made, value, groups = with_skins(
+        solution.mesh, solution.mesh.points, {"a": zone, "b": zone}, lambda z: z.pressure[z.macro]
     )
-    given = []
-    monkeypatch.setattr(module(), "picture", lambda mesh, path, **options: given.append(options["values"]))
-    plot(case, state, tmp_path / "p.png")
-    plot(case, replace(state, multipliers={"joint": 0 * state.multipliers["joint"]}), tmp_path / "p.png")
-    for values, ends in zip(given, ((0.0, pytest.approx(5.0)), (0.0, 1.0)), strict=True):
-        assert (values.bad, values.good) == ends
-        known = np.isfinite(values.values)
-        found = on_ramp(values.values, values.bad, values.good)
-        assert 0 < known.sum() < len(known) and np.ptp(found[known].astype(int), axis=0).max() <= 1
-        assert np.array_equal(np.unique(found[~known], axis=0), rgb(BODIES[:1]))
+    assert groups == ["zone a", "zone b"] and made.n_cells == solution.mesh.n_cells + 2 * len(zone.surface)
+    assert np.isnan(value[: solution.mesh.n_cells]).all() and np.isfinite(value[solution.mesh.n_cells :]).all()
+
+
+# ---- friction
+
+
+@pytest.fixture(scope="module")
+def sheared(tmp_path_factory):
+    """Two blocks in the plane that are pressed, then pulled along: some macro-elements stick, some slide."""
+    text = GOOD.replace('master = "master"\n', 'master = "master"\nfriction = 0.4\n')
+    text = text.replace('[[displacement]]\ngroup = "x0"\nux = 0.0\n', "").replace("uy = 0.0", "ux = 0.0\nuy = 0.0")
+    text += '[[traction]]\ngroup = "top"\ntx = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.25]]\n[steps]\ntimes = [1.0, 2.0]\n'
+    text = text.replace("value = 1.0", "value = [[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]]")
+    return solved(tmp_path_factory.mktemp("sheared"), text, blocks())
+
+
+def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp_path):
+    from matplotlib.quiver import Quiver
+
+    drawn = picture(sheared)
+    figure = drawn.figure(tmp_path / "p.png")
+    zone = drawn.zones["joint"]
+    (arrows,) = [own for ax in figure.axes for own in ax.collections if isinstance(own, Quiver)]
+    on = np.linalg.norm(zone.shear_vector, axis=1) > 1e-9 * np.abs(zone.shear).max()
+    assert len(arrows.U) == on.sum() > 0
+    assert np.sign(arrows.U).tolist() == np.sign(zone.shear_vector[on, 0]).tolist()
+    ((axes,),) = ([ax for ax in figure.axes if ax.get_xlabel().startswith("length along")],)
+    assert "shear" in [line.get_label() for line in axes.lines]
+    (band,) = [own for own in axes.collections if own.get_linewidth()[0] == 7]
+    states = ColourScale("", -1.0, 2.0, states=True).rgba(np.unique(zone.status).astype(float))
+    assert np.allclose(np.unique(band.get_colors(), axis=0), np.unique(states, axis=0))
+    for field in ("status", "slip", "shear", "path", "use"):
+        ls.plot(sheared, tmp_path / f"{field}.png", field=field)
+        assert size(tmp_path / f"{field}.png")[0] > 1000
+
+
+def test_what_only_friction_has_is_refused_without_it(disc, tmp_path):
+    with pytest.raises(RequestError, match="slip is a field of contacts with friction, and no zone here has friction"):
+        ls.plot(disc, tmp_path / "p.png", field="slip")
 
 
 # ---- zoomed
 
 
 def test_a_zoomed_picture_shows_the_surroundings_of_the_contact(disc, tmp_path):
-    case, state = disc
-    zone = Zone.of(prepared(case), "slave", "master", "joint")
-    skin = Skin(zone, state.multipliers["joint"][zone.macro])
-    pressed = skin.zone.slave.x[np.unique(skin.zone.slave.faces.nodes[skin.pressure > 0, :2])]
-    low, high = pressed_window([skin], zone.slave.x)
-    assert (low < pressed.min(axis=0)).all() and (high > pressed.max(axis=0)).all()
-    assert (high - low).max() == pytest.approx(2 * np.ptp(pressed, axis=0).max())
-    begin, end = pressed_span([skin], zone.slave.x)
-    s, p = along(skin, zone.slave.x)
+    zone = ls.read_results(disc).solution().contact["joint"]
+    points = zone.surface.x[np.unique(zone.surface.faces.nodes[zone.pressure[zone.macro] > 0, :2])]
+    low, high = pressed_window([zone], zone.surface.x)
+    assert (low < points.min(axis=0)).all() and (high > points.max(axis=0)).all()
+    assert (high - low).max() == pytest.approx(2 * np.ptp(points, axis=0).max())
+    begin, end = pressed_span(zone)
+    s, p = along(zone.surface.faces.nodes[:, :2], zone.pressure[zone.macro], zone.surface.x)
     assert begin <= s[p > 0].min() and s[p > 0].max() < end < s[-1]
-    plot(case, state, tmp_path / "whole.png")
-    plot(case, state, tmp_path / "zoomed.png", zoom=True)
-    assert size(tmp_path / "zoomed.png") == size(tmp_path / "whole.png")
-    assert tones(tmp_path / "zoomed.png", "fde725")[0] > 1.3 * tones(tmp_path / "whole.png", "fde725")[0]
+    axes = picture(disc, zoom=True).figure(tmp_path / "p.png").axes
+    model, profile = axes[0], next(ax for ax in axes if ax.get_xlabel().startswith("length along"))
+    assert np.allclose(
+        [model.get_xlim(), model.get_ylim()], pressed_window([zone], zone.surface.x + picture(disc).u).T[:2]
+    )
+    assert profile.get_xlim() == (begin, end)
+    ls.plot(disc, tmp_path / "zoomed.png", zoom=True)
+    assert "to scale" in picture(disc, zoom=True).heading
 
 
 def test_without_pressure_a_zoomed_picture_shows_everything(disc):
-    case, _ = disc
-    zone = Zone.of(prepared(case), "slave", "master", "joint")
-    assert pressed_window([Skin(zone, np.zeros(len(zone.macro)))], zone.slave.x) is None
-
-
-def test_a_zoomed_picture_in_space_has_the_faces_near_the_contact(pressed, tmp_path, monkeypatch):
-    case, state = pressed
-    drawn = []
-    monkeypatch.setattr(module(), "picture", lambda mesh, path, **options: drawn.append((mesh, options)))
-    monkeypatch.setattr(module(), "_MARGIN", 0.1)
-    plot(case, state, tmp_path / "p.png")
-    plot(case, state, tmp_path / "p.png", zoom=True)
-    (whole, _), (near, options) = drawn
-    assert 0 < near.n_cells < whole.n_cells and "to scale" in options["title"]
-    assert (
-        len(near.cell_groups["slave"]) == len(whole.cell_groups["slave"]) == np.isfinite(options["values"].values).sum()
-    )
+    zone = ls.read_results(disc).solution().contact["joint"]
+    none = replace(zone, pressure=0 * zone.pressure)
+    assert pressed_window([none], zone.surface.x) is None and pressed_span(none) is None
 
 
 def test_zoom_needs_a_plot(tmp_path, capsys):
@@ -239,7 +392,8 @@ def test_zoom_needs_a_plot(tmp_path, capsys):
 @pytest.mark.parametrize("model, package", [("3d", "pyvista"), ("plane_strain", "matplotlib")])
 def test_a_missing_package_is_said_before_anything_is_solved(tmp_path, capsys, monkeypatch, model, package):
     (tmp_path / "case.toml").write_text(GOOD.replace("plane_strain", model))
-    monkeypatch.setattr(module(), "find_spec", lambda name: None)
+    __import__("lacsolver.pictures.drawing")
+    monkeypatch.setattr(module(), "find_spec", lambda name: None if name == package else name)
     assert main(["run", str(tmp_path / "case.toml"), "--plot", str(tmp_path / "p.png")]) == 2
     line = f"lacsolver: error: a plot needs {package}; pip install 'lacmesh[view]' brings it\n"
     assert capsys.readouterr().err == line
@@ -252,17 +406,123 @@ def test_the_command_draws_and_says_so(tmp_path, capsys, monkeypatch):
     (tmp_path / "case.toml").write_text(GOOD)
     assert main(["run", "case.toml", "--plot", "p.png"]) == 0
     assert capsys.readouterr().out.endswith("the pressure at t = 1: p.png\n")
-    assert size(tmp_path / "p.png") == (1300, 1300)
+    assert size(tmp_path / "p.png")[0] > 1000
     before = (tmp_path / "p.png").read_bytes()
     assert main(["run", "case.toml", "--plot", "p.png", "-o", "again"]) == 2
     assert (tmp_path / "p.png").read_bytes() == before and not (tmp_path / "again").exists()
     assert main(["run", "case.toml", "--plot", "p.png", "--force", "-q"]) == 0
 
 
-def test_only_contacts_are_drawn(tmp_path):
-    case, state = solved(tmp_path, GOOD.replace("[[contact]]", "[[tie]]"), blocks())
-    with pytest.raises(RequestError, match="a plot shows the pressure of contacts"):
-        plot(case, state, tmp_path / "p.png")
+def test_a_case_without_contact_is_refused_before_it_is_solved(tmp_path, capsys):
+    text = GOOD.replace('[[contact]]\nname = "joint"\nslave = "slave"\nmaster = "master"\n', "")
+    (tmp_path / "case.toml").write_text(text)
+    assert main(["run", str(tmp_path / "case.toml"), "--plot", str(tmp_path / "p.png")]) == 2
+    assert "the case has no [[contact]] and no [[tie]]" in capsys.readouterr().err
+
+
+def test_a_tie_is_drawn(tmp_path):
+    folder = solved(tmp_path, GOOD.replace("[[contact]]", "[[tie]]"), blocks())
+    assert ls.plot(folder, tmp_path / "p.png") == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"field": "presure"}, "no field 'presure'; did you mean pressure?"),
+        ({"zone": ["jont"]}, "no zone 'jont'; did you mean joint?"),
+        ({"time": 0.7}, "no fields were written at t = 0.7; there are 1"),
+        ({"path": "p.jpg"}, "p.jpg: a picture is written as .png"),
+    ],
+)
+def test_what_is_not_there_is_said(disc, tmp_path, options, words):
+    request = {"path": tmp_path / "p.png", **options}
+    with pytest.raises(RequestError) as error:
+        ls.plot(disc, **request)
+    assert words in str(error.value)
+
+
+def test_a_folder_without_results_is_said(tmp_path):
+    with pytest.raises(ReadError, match="holds no results of a run"):
+        ls.plot(tmp_path, tmp_path / "p.png")
+
+
+def test_a_picture_of_contact_takes_no_columns(disc, capsys):
+    assert main(["plot", str(disc), "--history", "reaction.*", "--field", "gap", "-o", "p.png"]) == 2
+    assert "--field is for a picture of the contact" in capsys.readouterr().err
+
+
+# ---- fields in other forms
+
+
+def test_fields_in_med_are_drawn_too(tmp_path):
+    folder = solved(tmp_path, GOOD + '[output]\nformat = "med"\n', blocks())
+    vtu = solved(tmp_path, GOOD + '[output]\nformat = "vtu"\n')
+    one, other = (picture(f) for f in (folder, vtu))
+    ls.plot(vtu, tmp_path / "p.png")
+    assert np.array_equal(one.zones["joint"].pressure, other.zones["joint"].pressure)
+
+
+def test_pieces_of_several_processes_are_joined(tmp_path):
+    """A VTU of a plane model, taken apart into two pieces with a common row of nodes, as two processes write it."""
+    import lacmesh
+    from lacsolver.output.stored import stored_fields
+    from lacsolver.output.vtu import read_pvd, write_pvd
+
+    folder = solved(tmp_path, GOOD, blocks())
+    before = ls.read_results(folder).solution()
+    (entry,) = read_pvd(folder / "solid.pvd")
+    whole = lacmesh.read(folder / entry.file)
+    ends = np.split(np.arange(whole.n_cells), [whole.n_cells // 3])
+    for k, cells in enumerate(ends):
+        lacmesh.write(folder / "fields" / f"piece_{k}.vtu", restricted(whole, cells))
+    pieces = "".join(f'<Piece Source="piece_{k}.vtu"/>' for k in range(2))
+    (folder / "fields" / "solid_0001.pvtu").write_text(
+        f"<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>"
+    )
+    write_pvd(folder / "solid.pvd", [entry._replace(file="fields/solid_0001.pvtu")])
+    after = ls.read_results(folder).solution()
+    assert stored_fields(folder).times == [entry.time]
+    assert after.mesh.cells_by_type == before.mesh.cells_by_type and after.mesh.n_nodes == before.mesh.n_nodes
+    order, other = np.argsort(before.mesh.node_number), np.argsort(after.mesh.node_number)
+    assert np.array_equal(before.u[order], after.u[other])
+    assert np.array_equal(before.contact["joint"].pressure, after.contact["joint"].pressure)
+    ls.plot(folder, tmp_path / "p.png")
+
+
+def restricted(mesh, cells):
+    """Some cells of a mesh, with their nodes, numbers and data."""
+    inside = np.isin(np.arange(mesh.n_cells), cells)
+    blocks = [
+        (block.type, block.nodes[inside[low : low + len(block.nodes)]])
+        for block, low in zip(mesh.blocks, mesh.offsets, strict=False)
+    ]
+    blocks = [(kind, nodes) for kind, nodes in blocks if len(nodes)]
+    used = np.unique(np.concatenate([nodes.ravel() for _, nodes in blocks]))
+    return Mesh.create(
+        mesh.points[used],
+        [(kind, np.searchsorted(used, nodes)) for kind, nodes in blocks],
+        space_dim=mesh.space_dim,
+        node_number=mesh.node_number[used],
+        cell_number=mesh.cell_number[inside],
+        node_data={name: values[used] for name, values in mesh.node_data.items()},
+        cell_data={name: values[inside] for name, values in mesh.cell_data.items()},
+        zones=mesh.zones,
+    )
+
+
+def test_units_are_words_alone(tmp_path):
+    plain = solved(tmp_path, GOOD, blocks())
+    before = (plain / "contact_joint.csv").read_bytes()
+    assert "units" not in ls.read_results(plain).summary
+    named = solved(tmp_path, GOOD + '[output]\nunits = "N,mm, MPa"\n')
+    assert (named / "contact_joint.csv").read_bytes() == before
+    results = ls.read_results(named)
+    assert results.summary["units"] == "N, mm, MPa" and results.solution().units == Units("N", "mm", "MPa")
+    assert ls.solve(tmp_path / "case.toml").units.energy == "N mm"
+    for wrong in ("N", "N, mm", "N, , MPa", "a, b, c, d, e"):
+        (tmp_path / "case.toml").write_text(GOOD + f'[output]\nunits = "{wrong}"\n')
+        with pytest.raises(ls.CaseError, match="it takes names for force, length, stress"):
+            ls.read_case(tmp_path / "case.toml")
 
 
 # ---- magnified
@@ -278,3 +538,12 @@ def test_displacements_are_magnified_as_far_as_bodies_do_not_overlap():
     assert magnification(bar, u, closed=1.0) == 1.0
     u[1, 0] = 5.0
     assert magnification(bar, u) == 1.0
+
+
+def test_a_gap_that_has_closed_limits_the_magnification(disc):
+    """The disc's arc leaves the block by x^2 / 2 r: what has closed at the end of the contact."""
+    drawn = picture(disc)
+    zone = drawn.zones["joint"]
+    closed = module()._closed(drawn.mesh, drawn.u, [zone])
+    half = np.abs(zone.centre[zone.pressure > 0, 0]).max()
+    assert 0.3 * half**2 / 2 < closed < 3 * half**2 / 2

@@ -106,7 +106,7 @@ function segment() {
 // ---- what is shown
 
 const state = {
-  bodies: hash.get("bodies") || "solid", slave: true, master: true, internal: true, edges: true, findings: true,
+  bodies: hash.get("bodies") || head.bodiesAs, slave: true, master: true, internal: true, edges: true, findings: true,
   colour: hash.get("colour") || (head.values ? "value" : "role"), open: 0, finding: -1, group: -1, picked: -1,
   theme: hash.get("theme") || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
 };

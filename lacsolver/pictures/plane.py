@@ -1,0 +1,78 @@
+"""Bodies and skins of plane models, drawn by matplotlib."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats, Ints
+from lacmesh.reference.shapes import shape
+from lacmesh.scene.colours import INK, ends_of
+from lacmesh.surface import Surface
+from lacsolver.pictures.frames import DrawnSurface
+from lacsolver.pictures.quantities import ColourScale
+
+#: number of segments that a face of a skin is drawn with
+_PARTS = 6
+#: span of values that are one, relative to the largest of them
+_LEVEL = 1e-6
+#: colours of faces without a value, of surfaces without parent cells, of lines
+_PLAIN, _SEGMENTS, _INK = "#eceae4", "#44546a", f"#{INK}"
+
+
+def lines(pieces: Any, **style: Any) -> Any:
+    """Return a collection of lines (k, points, 2) of matplotlib."""
+    return import_module("matplotlib.collections").LineCollection(pieces, **style)
+
+
+def draw_bodies(axes: Any, surface: DrawnSurface, x: Floats, value: Floats, scale: ColourScale) -> None:
+    """Draw bodies at points x (p, 3): faces coloured by values (p,), edges, outlines, surfaces without parent cells."""
+    x, whole = x[:, :2], np.isfinite(value)[surface.triangles].all(axis=1)
+    if not whole.all():
+        plain = x[surface.triangles[~whole]]
+        axes.add_collection(import_module("matplotlib.collections").PolyCollection(plain, color=_PLAIN, linewidth=0.3))
+    if whole.any():
+        triangles = import_module("matplotlib.tri").Triangulation(*x.T, surface.triangles[whole])
+        known = np.nan_to_num(value, nan=scale.low)
+        axes.tripcolor(triangles, known, shading="gouraud", norm=scale.norm, cmap=scale.bar.cmap, rasterized=True)
+    axes.add_collection(lines(x[surface.edges], color=_INK, linewidth=0.25, alpha=0.35))
+    axes.add_collection(lines(x[surface.outline], color=_INK, linewidth=0.8))
+    axes.add_collection(lines(x[surface.segments], color=_SEGMENTS, linewidth=2.5, capstyle="round"))
+
+
+def draw_faces(axes: Any, pieces: NDArray, values: Floats, scale: ColourScale) -> None:
+    """Draw lines (k, points, 2) of skins in the colours of values (k,), dark below, so that light ones are seen."""
+    on = np.isfinite(values)
+    axes.add_collection(lines(pieces[on], color=_INK, linewidth=3.6, capstyle="round", zorder=3))
+    axes.add_collection(lines(pieces[on], colors=scale.rgba(values[on]), linewidth=2.6, capstyle="round", zorder=4))
+
+
+def faces_as_lines(surface: Surface, x: Floats) -> NDArray[np.floating]:
+    """Return the faces of a skin, in their order, as polylines (f, points, 2) at x (n_nodes, 3)."""
+    out = np.empty((len(surface), _PARTS + 1, 2))
+    for kind, rows, nodes in surface.by_type():
+        out[rows] = _curves(kind, nodes, x)
+    return out
+
+
+def _curves(kind: str, nodes: Ints, x: Floats) -> NDArray[np.floating]:
+    """Return segments of one type as polylines (k, points, 2), with the same number of points for all types."""
+    N = shape(kind, np.linspace(-1, 1, _PARTS + 1)[:, None])
+    return np.asarray(np.einsum("pn,kns->kps", N, x[nodes, :2]))
+
+
+def without_frame(axes: Any) -> None:
+    """Leave out ticks and the frame of axes."""
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
+
+
+def level_out(axes: Any, values: Floats) -> None:
+    """Make the range of an axis wider if its values (n,) differ by round-off only, which would be drawn as large."""
+    known = values[np.isfinite(values)]
+    low, high = ends_of(known, least=_LEVEL)
+    if len(known) and low < known.min():
+        axes.set_ylim(low, high)
