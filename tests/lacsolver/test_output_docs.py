@@ -43,7 +43,7 @@ def test_keys_of_results(run):
     told = json.loads((run.folder / "results.json").read_text())
     figures = [f.name for f in record_fields(ZoneFigures) if f.name != "friction"] + list(FrictionFigures._fields)
     zone = ["slave", "master", "why", *figures, "overlap_at_start"]
-    assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", *list(told)[2:], *zone]
+    assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", "units", *list(told)[2:], *zone]
     assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))
 
 
