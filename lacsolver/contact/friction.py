@@ -6,6 +6,8 @@
 A macro-element is open, sticks (p and t follow from G = 0 and s = 0), or slides (t = b d along its direction d, and p
 follows from G = 0). After each solve, with c_T the stiffness of the skin along its tangents, stress per length:
 
+0. At the start it is closed without a traction, and presses without friction in the first solve (it sticks where
+   friction alone holds the bodies). It slides along s if c_T |s| is more than the bound, and sticks otherwise.
 1. It sticks, and |t| > b: it slides, d = t / |t|. A macro-element that sticks never opens; it slides first: a tension
    there comes mostly of too much that sticks. Only without a traction, or rough, it opens at once.
 2. It slides, and p <= 0: it opens. It slides against d: it turns round, once a search, if |b d + c_T s| > b, and sticks
@@ -63,8 +65,8 @@ class Bounds(NamedTuple):
 class States(NamedTuple):
     """States of m macro-elements: `closed` (m,), `sticks` (m,), and `direction` (m, k) of those that slide, else 0.
 
-    A closed one that neither sticks nor has a direction presses without friction. `turned` (m,): True for those that
-    have turned round in this search.
+    A closed one that neither sticks nor has a direction presses without friction, where it has none or in the first
+    solve. `turned` (m,): True for those that have turned round in this search.
     """
 
     closed: Bools
@@ -78,13 +80,13 @@ class States(NamedTuple):
         return np.asarray(self.direction.any(axis=1))
 
     @classmethod
-    def of(cls, closed: Bools, sticks: Bools, t: Floats, bounds: Bounds) -> States:
+    def of(cls, closed: Bools, sticks: Bools, t: Floats, bounds: Bounds, held: bool = False) -> States:
         """Return the states to start from: those that are closed and do not stick slide along their tractions t (m, k).
 
-        Those without a traction stick.
+        Those without a traction stick, or press without friction if the bodies are `held` without it.
         """
         slides = closed & ~sticks & bounds.any & ~bounds.rough & t.any(axis=1)
-        sticks = closed & bounds.any & ~slides
+        sticks = closed & bounds.any & ~slides & (sticks | (not held))
         return cls(closed, sticks, np.where(slides[:, None], unit(t), 0.0), np.zeros(len(closed), bool))
 
 
@@ -104,21 +106,22 @@ class Solved(NamedTuple):
 
 
 def next_states(now: States, solved: Solved, bounds: Bounds) -> States:
-    """Return the states for the next solve, by the three rules."""
+    """Return the states for the next solve, by the rules."""
     kept = _sticking(now, solved, bounds)
     sliding = _sliding(now, solved, bounds)
-    closing = _closing(now, solved, bounds)
-    slides = now.slides
+    pressing = np.where(now.closed, solved.p, solved.pressing)
+    closing = _closing(now, solved._replace(pressing=pressing), bounds)
+    slides, stays = now.slides, now.closed & (now.sticks | ~bounds.any)
     return States(
         *(
-            np.where(_column(slides, a), a, np.where(_column(now.closed, b), b, c))
+            np.where(_column(slides, a), a, np.where(_column(stays, b), b, c))
             for a, b, c in zip(sliding, kept, closing, strict=True)
         )
     )
 
 
 def _sticking(now: States, solved: Solved, bounds: Bounds) -> States:
-    """Rule 1, for macro-elements that stick, or press without friction."""
+    """Rule 1, for macro-elements that stick, or have no friction."""
     size = np.linalg.norm(solved.t, axis=1)
     opens = np.where(now.sticks & ~bounds.rough & (size > 0), False, ~solved.presses)
     slides = now.sticks & ~opens & (size > bounds.at(solved.p)[0])
@@ -140,7 +143,7 @@ def _sliding(now: States, solved: Solved, bounds: Bounds) -> States:
 
 
 def _closing(now: States, solved: Solved, bounds: Bounds) -> States:
-    """Rule 3, for macro-elements that are open."""
+    """Rules 0 and 3, for macro-elements that are open, or press without friction at the start."""
     asked = solved.stiffness * np.linalg.norm(solved.s, axis=1)
     slides = solved.presses & bounds.any & ~bounds.rough & (asked > bounds.at(solved.pressing)[0])
     direction = np.where(slides[:, None], unit(solved.s), 0.0)

@@ -29,7 +29,7 @@ from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, Rows
 from lacsolver.saddle.operator import Operator, product
-from lacsolver.saddle.row_set import OUT, RowSet
+from lacsolver.saddle.row_set import OUT, LinearRows, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, ForceTerms, Residual, equilibrium_residual, sizes
@@ -39,8 +39,8 @@ _LOOSE, _LOOSE_SOLVES = 0.2, 16
 #: residual, relative to the tolerance, above which directions of slides in space take one more solve: they converge
 #: quadratically, and tractions change by more than gaps
 _TURNED = 1e-3
-#: reduction with friction, where the size of a traction decides
-_LOOSE_WITH_FRICTION = 0.01
+#: reduction with friction, where the size of a traction decides: at 1e-2 slender bodies, as belts, slide to and fro
+_LOOSE_WITH_FRICTION = 3e-4
 #: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
 _BLOCKS = 3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
@@ -63,14 +63,15 @@ def active_set_iterates(
     added to K for rigid-body motions of little energy. `free` (n, r): these motions and those without energy, `K.R`,
     which is the default.
 
-    If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same trial.
+    If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same trial,
+    with friction in space along the directions that the first solve gives.
     """
     free = K.R if free is None else free
     vectors = tolerance.vectors
     resistance = products(vectors, free, product(K, free, geometric))
     q, p, _ = start
     contact = contact_at(q)
-    rows = contact.first_rows(start.active, p)
+    rows = contact.first_rows(start.active, p, held=not free.shape[1])
     p = np.where(rows.state, p, 0.0)
     turned = False
     pivots = Pivots(_LOOSE_WITH_FRICTION if contact.sheared else _LOOSE)
@@ -79,17 +80,17 @@ def active_set_iterates(
             load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
             rows = close_rows_against_rigid_modes(free, contact, rows, p, load, resistance)
         rows = rows.same(vectors.same)
-        linear, B_T, applications = contact.linear(rows, p), contact.rows.B_T, 0
-        h = linear.load(f, B_T)
-        problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G + linear.rows.D @ q, linear.S, geometric)
+        (linear, problem), applications = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active)), 0
         for reduction in (0.0 if contact.exact else pivots.begin(rows), 0.0):
-            q, reduced, more, _ = solve_saddle(
-                problem, q, linear.reduced(p), tolerance.linear(reduction, tolerance.moved)
-            )
+            goal = tolerance.linear(reduction, tolerance.moved)
+            q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
             wanted = contact.next_rows(rows, p)
             if reduction == 0 or not wanted.equals(rows):
                 break
+            if linear.turns:
+                rows = wanted
+                linear, problem = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active))
         off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
         gap = float(np.abs(contact.residuals(p, rows.active)).max(initial=0.0)) / tolerance.scale(q)
         residual = Residual(off, gap)
@@ -98,6 +99,16 @@ def active_set_iterates(
         yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0 and not again)
         turned = turned or (again and reduction == 0)
         rows = wanted if done else pivots.next(rows, wanted, reduction == 0)
+
+
+def _system(
+    K: Operator, f: Floats, geometric: csr_array | None, contact: ContactSystem, rows: RowSet, at: Iterate
+) -> tuple[LinearRows, SaddleProblem]:
+    """Return the linear system of a row set at an iterate, whose unknowns are the whole q."""
+    linear = contact.linear(rows, at.p)
+    G = linear.G + linear.rows.D @ at.q
+    h = linear.load(f, contact.rows.B_T)
+    return linear, SaddleProblem(K, linear.rows, linear.active, h, G, linear.S, geometric)
 
 
 def close_rows_against_rigid_modes(

@@ -116,7 +116,7 @@ def first_iterate(step: LoadStep) -> Iterate:
     step.model.check_held(step.closed_rows(q, contact.enforceable))
     closed = np.zeros(len(contact.G), bool)
     for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):
-        closed[group.every] = _initial(pair, face) if group.shear is None else group.on_rows(_initial(pair, face))
+        closed[group.rows] = _initial(pair, face)
     return Iterate(q, np.zeros(len(contact.G)), closed & contact.enforceable)
 
 

@@ -261,17 +261,19 @@ class ContactSystem:
 
         return self._row_set(active, states)
 
-    def first_rows(self, active: Bools, p: Floats) -> RowSet:
+    def first_rows(self, active: Bools, p: Floats, held: bool = False) -> RowSet:
         """Return the row set to start from: the `active` rows (m,), and those that the laws always close.
 
         Macro-elements with friction stick where their rows along tangents are active, and slide along p elsewhere.
+        Those without a traction stick, or, if the bodies are `held` without it, press without friction in the first
+        solve, whose slip tells what they do.
         """
         closed = self.start_active(active)
         if not self.sheared:
             return RowSet.of(closed)
 
         def states(shear: ShearRows) -> States:
-            return States.of(closed[shear.normal], shear.sticks(active), shear.vectors(p), shear.bounds)
+            return States.of(closed[shear.normal], shear.sticks(active), shear.vectors(p), shear.bounds, held)
 
         return self._row_set(closed, states)
 

@@ -82,7 +82,9 @@ def test_loads_and_times_of_cylinders():
         np.testing.assert_allclose(*shears, atol=1e-15)
 
 
-@pytest.mark.parametrize("name", ["incline-below-TRIA3", "incline-above-TRIA3", "pull-out-below", "torque-above"])
+@pytest.mark.parametrize(
+    "name", ["incline-below-TRIA3", "incline-above-TRIA3", "belt-180", "pull-out-below", "torque-above"]
+)
 def test_bodies_stick_below_and_slide_above(name):
     assert missed(family("friction").solve(CASES[name], 1)) == []
 

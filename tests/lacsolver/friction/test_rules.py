@@ -87,6 +87,29 @@ def test_rough_never_slides_and_opens_at_once():
     assert after(OPEN, solved(0.0, (0.0,), (9.0,), True, 1.0), rough)[:2] == (True, True)
 
 
+@pytest.mark.parametrize(
+    ("s", "p", "expected"),
+    [
+        (0.05, 2.0, (True, True, [0.0], False)),  # 0.5 < 1: sticks
+        (-0.3, 2.0, (True, False, [-1.0], False)),  # 3 > 1: slides along its slip
+        (0.3, -2.0, (False, False, [0.0], False)),  # in tension it opens
+    ],
+)
+def test_what_pressed_without_friction_in_the_first_solve(s, p, expected):
+    assert after(states(), solved(p, (0.0,), (s,))) == expected
+
+
+def test_states_to_start_from():
+    """Without a traction it sticks, or presses without friction if the bodies are held without; else it slides."""
+    none, t, bounds = np.zeros((2, 1)), np.array([[0.0], [-2.0]]), coulomb(0.5, 2)
+    closed, no = np.ones(2, bool), np.zeros(2, bool)
+    assert States.of(closed, no, none, bounds).sticks.all()
+    begins = States.of(closed, no, none, bounds, held=True)
+    assert begins.closed.all() and not begins.sticks.any() and not begins.slides.any()
+    assert States.of(closed, no, t, bounds, held=True).direction.ravel().tolist() == [0.0, -1.0]
+    assert States.of(closed, closed, none, bounds, held=True).sticks.all()
+
+
 def test_without_friction_it_only_presses():
     none = coulomb(0.0, 1)
     assert after(OPEN, solved(0.0, (0.0,), (9.0,), True, 1.0), none) == (True, False, [0.0], False)
