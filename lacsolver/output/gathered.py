@@ -62,6 +62,7 @@ class GatheredSeries:
             surface=replace(surface, faces=faces, cell=self._cell[surface.cell]),
             contact_force=self._at_nodes(zone.contact_force),
             pressure_recovered=self._at_nodes(zone.pressure_recovered),
+            shear_recovered=self._at_nodes_if(zone.shear_recovered),
         )
 
     def _at_nodes(self, values: NDArray) -> NDArray:

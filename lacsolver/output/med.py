@@ -132,6 +132,9 @@ def _zone_fields(
     slave = np.unique(zone.surface.faces.nodes[zone.surface.faces.nodes >= 0])
     on_slave = (_Support("NOE", 1, slave, slave),)
     yield _Field(f"{name}.{_LONGEST}", ("pressure",), True, zone.pressure_recovered, on_slave)
+    if zone.shear_recovered is not None:
+        components = tuple(f"D{a}" for a in axes)
+        yield _Field(f"{name}.shear_recovered.nodes", components, True, zone.shear_recovered, on_slave)
 
 
 def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:

@@ -87,6 +87,7 @@ class StoredMed:
             macro = _places(mesh.cell_data["lac_macro"][surface.cell], rows["macro"])
             recovered = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
             contact[zone] = _zone(surface, macro, rows, nodal[f"{zone}.contact_force"], recovered)
+            contact[zone] = replace(contact[zone], shear_recovered=nodal.get(f"{zone}.shear_recovered.nodes"))
         moving = (nodal.get("VITE"), nodal.get("ACCE"))
         strain = names["VARI_NOEU"].reshape(-1) if "VARI_NOEU" in names else None
         return mesh, Fields(time, nodal["DEPL"], names["SIEF_NOEU"], nodal["REAC_NODA"], contact, *moving, strain)
@@ -159,7 +160,12 @@ def _of_skin(solid: Mesh, skin: Mesh, rows: Mapping[str, NDArray]) -> ZoneFields
     nodal[node] = skin.node_data["pressure_recovered"].reshape(-1)
     macro = _places(skin.cell_data["macro"][surface.cell], rows["macro"])
     faces = replace(surface.faces, nodes=on_solid)
-    return _zone(replace(surface, x=solid.points, faces=faces, cell=cells), macro, rows, force, nodal)
+    zone = _zone(replace(surface, x=solid.points, faces=faces, cell=cells), macro, rows, force, nodal)
+    if "shear_recovered" not in skin.node_data:
+        return zone
+    shear = np.full((solid.n_nodes, solid.dim), np.nan)
+    shear[node] = skin.node_data["shear_recovered"][:, : solid.dim]
+    return replace(zone, shear_recovered=shear)
 
 
 def _zone(surface: Surface, macro: Ints, rows: Mapping[str, NDArray], force: Floats, nodal: Floats) -> ZoneFields:

@@ -107,10 +107,12 @@ def _of_yielding(fields: Fields) -> dict[str, NDArray]:
 
 
 def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:
+    shear = {} if zone.shear_recovered is None else {"shear_recovered": wide(zone.shear_recovered, 3)}
     return {
         "displacement": wide(fields.displacement, 3),
         "contact_force": wide(zone.contact_force, 3),
         "pressure_recovered": zone.pressure_recovered,
+        **shear,
     }
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from lacmesh.mesh import Floats
 from lacsolver.bodies.points import Field
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress
+from lacsolver.results.recovered_shear import recover_shear
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.results.state import State, ZoneState
@@ -34,7 +34,7 @@ def state_fields(problem: Problem, state: State, stress: Field | None = None) ->
     space, dynamics = problem.space, problem.case.dynamics
     at_nodes = nodal_stress(space, point_stress(problem, state) if stress is None else stress)
     pairs = zip(problem.joints, state.zones, strict=True)
-    zones = {zone.name: _zone(problem, pair, zone, state.u) for pair, zone in pairs}
+    zones = {zone.name: _zone(problem, pair, zone, state) for pair, zone in pairs}
     at_nodes = space.share.update(at_nodes)
     vectors = [state.u, space.updated(state.reaction)]
     if dynamics is not None:
@@ -46,12 +46,17 @@ def state_fields(problem: Problem, state: State, stress: Field | None = None) ->
     return replace(fields, plastic_strain=nodal_plastic_strain(problem, state))
 
 
-def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, u: Floats) -> ZoneFields:
-    """Return the fields of a pair, with its pressure recovered on the skin where it is paired."""
-    slave = pair.zone.slave.at(pair.places(problem.space, u))
+def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, state: State) -> ZoneFields:
+    """Return the fields of a pair, with pressure and friction recovered on the skin where it is paired."""
+    slave, round_ = pair.zone.slave.at(pair.places(problem.space, state.u)), problem.space.model.axisymmetric
     nodal, mean = recover_pressure(
         slave, pair.zone.macro, zone.pressure, zone.status,
-        axisymmetric=problem.space.model.axisymmetric, unilateral=pair.law.compressive,
+        axisymmetric=round_, unilateral=pair.law.compressive,
     )  # fmt: skip
+    bounds, shear = pair.bounds(problem.space, state.time), None
+    if bounds is not None and zone.friction is not None:
+        t = zone.friction.in_space(zone.friction.shear)
+        pressures = zone.pressure, nodal
+        shear = recover_shear(slave, pair.zone.macro, t, pressures, zone.status, bounds, axisymmetric=round_)
     undeformed = pair.zone.slave.at(problem.space.mesh.points)
-    return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal)
+    return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal, shear)

@@ -1,7 +1,7 @@
 """Recovery of a continuous traction of friction on the slave from the means t_m, as `recovery` does for the pressure.
 
-The traction of what slides is b(p) d, with the bound b at the recovered pressure p and the direction d of t. At the edge
-of what sticks t_m turns as a square root: in contact of Cattaneo's and Mindlin's kind the rest of the bound,
+The traction of what slides is b(p) d, with the bound b at the recovered pressure p and the direction d of t. At the
+edge of what sticks t leaves the bound as a square root: in Cattaneo's and Mindlin's problem the rest of the bound,
 
     r = b(p) - |t| >= 0,    0 where it slides,
 

@@ -196,7 +196,7 @@ class ZoneFields(Described):
     `surface`: the slave's faces; `macro` (n_faces,): row of each face's macro-element, -1 for none. `number` (n,):
     number of each macro-element (`lac_macro` of the mesh). `recovered`: mean of the recovered pressure over each.
     `centre`, `normal` (n, d). On the mesh's nodes: `contact_force` (n_nodes, d), `pressure_recovered` (n_nodes,), NaN
-    off the slave.
+    off the slave, and with friction `shear_recovered` (n_nodes, d), the continuous traction of friction on the master.
 
     >>> import lacsolver as ls
     >>> zone = ls.solve("data/two_blocks.toml").contact["joint"]
@@ -218,6 +218,7 @@ class ZoneFields(Described):
     contact_force: Floats
     pressure_recovered: Floats
     friction: ZoneFriction | None = None
+    shear_recovered: Floats | None = None
 
     @property
     def shear(self) -> Floats | None:
@@ -293,9 +294,10 @@ class ZoneFields(Described):
 
     @classmethod
     def of(
-        cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats
-    ) -> ZoneFields:
-        """Make the fields of a zone's state; `nodal` is `pressure_recovered`."""
+        cls, state: ZoneState, surface: Surface, macro: Ints, number: Ints, recovered: Floats, nodal: Floats,
+        shear: Floats | None = None,
+    ) -> ZoneFields:  # fmt: skip
+        """Make the fields of a zone's state; `nodal` is `pressure_recovered`, `shear` `shear_recovered`."""
         names = ("pressure", "gap", "status", "coverage", "area", "centre", "normal")
         of_state = {name: getattr(state, name) for name in names}
         return cls(
@@ -306,6 +308,7 @@ class ZoneFields(Described):
             contact_force=state.force,
             pressure_recovered=nodal,
             friction=state.friction,
+            shear_recovered=shear,
             **of_state,
         )
 

@@ -48,7 +48,17 @@ def test_a_run_is_read_as_it_was(tmp_path, model, geometry):
     last = list(ls.march(case, mesh))[-1].contact["joint"]
     ls.run(case, tmp_path / "a", mesh=mesh)
     zone = ls.read_results(tmp_path / "a").solution(-1).contact["joint"]
-    for name in ("shear", "slip", "path", "use", "dissipation", "shear_vector", "slip_vector", "status"):
+    for name in (
+        "shear",
+        "slip",
+        "path",
+        "use",
+        "dissipation",
+        "shear_vector",
+        "slip_vector",
+        "status",
+        "shear_recovered",
+    ):
         np.testing.assert_array_equal(getattr(zone, name), getattr(last, name))
     np.testing.assert_allclose(zone.friction.resultant, last.friction.resultant, rtol=1e-9, atol=1e-12)
     assert (last.path > 0).any()
@@ -60,9 +70,12 @@ def test_a_run_is_read_as_it_was(tmp_path, model, geometry):
     assert tuple(columns) == contact_columns(last) and len(columns) > len(CONTACT_COLUMNS)
     skin = read(tmp_path / "a" / "fields" / "contact_joint_0004.vtu")
     assert set(OF_FRICTION) <= set(skin.cell_data) and skin.cell_data["shear"].shape[1] == 3
+    assert skin.node_data["shear_recovered"].shape[1] == 3
     ls.run(replace(case, output=Output(format="med")), tmp_path / "med", mesh=mesh)
     whole = read(tmp_path / "med" / "results.med")
     assert {f"joint.{name}" for name in OF_FRICTION} <= {name.split("@")[0] for name in whole.cell_data}
+    again = ls.read_results(tmp_path / "med").solution(-1).contact["joint"].shear_recovered
+    np.testing.assert_array_equal(again, last.shear_recovered)
     grid = ls.read_results(tmp_path / "a").solution(-1).to_pyvista()
     assert np.isfinite(grid.cell_data["shear"]).any()
 
