@@ -16,7 +16,7 @@ from lacsolver.results.results import STATUSES, FrictionFigures, ZoneFigures
 from tests.lacsolver.written import ZONES, made_up
 
 #: fields with friction: tests/lacsolver/friction/test_output.py writes them
-OF_FRICTION = ("shear", "slip", "path", "use", "dissipation")
+OF_FRICTION, OF_FRICTION_AT_NODES = ("shear", "slip", "path", "use", "dissipation"), "shear_recovered"
 #: fields where a material yields: tests/lacsolver/test_plastic.py writes them
 OF_YIELDING = {"vtu": ("plastic_strain", "von_mises"), "med": ("VARI_NOEU", "V1", "SIEQ_NOEU", "VMIS")}
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "output.md").read_text(encoding="utf-8")
@@ -73,7 +73,8 @@ def test_arrays_of_vtu(run):
     for stem in ("solid", f"contact_{ZONES[0]}"):
         mesh = read(run.folder / "fields" / f"{stem}_0001.vtu")
         there |= {*mesh.cell_data, *mesh.node_data}
-    assert listed == there | {"cell_number", "node_number", "group:NAME", *OF_FRICTION, *OF_YIELDING["vtu"]}
+    rubbed = (*OF_FRICTION, OF_FRICTION_AT_NODES)
+    assert listed == there | {"cell_number", "node_number", "group:NAME", *rubbed, *OF_YIELDING["vtu"]}
 
 
 def test_fields_of_med(tmp_path):
@@ -82,7 +83,8 @@ def test_fields_of_med(tmp_path):
     mesh = read(run.folder / "results.med")
     ours = {n for n in (*mesh.cell_data, *mesh.node_data) if not n.startswith(("lac_", ZONES[1].replace("/", "_")))}
     named = {n.replace("NAME", ZONES[0]) for n in first_cells(part("Fields for Salome"))}
-    assert named == ours | {f"{ZONES[0]}.{name}" for name in OF_FRICTION} | set(OF_YIELDING["med"][::2])
+    rubbed = {f"{ZONES[0]}.{name}" for name in (*OF_FRICTION, f"{OF_FRICTION_AT_NODES}.nodes")}
+    assert named == ours | rubbed | set(OF_YIELDING["med"][::2])
 
 
 def test_files_of_a_folder(run):
