@@ -14,6 +14,7 @@ from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
 from lacsolver.case.joints import Coupling, Equation
+from lacsolver.case.pretension import Pretension
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
     BodyForce,
@@ -48,6 +49,7 @@ __all__ = [
     "Material",
     "Output",
     "Pressure",
+    "Pretension",
     "Probe",
     "Rigid",
     "Solver",

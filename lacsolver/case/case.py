@@ -18,6 +18,7 @@ from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
 from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, UNITS, Choice, number, text, whole
+from lacsolver.case.pretension import Pretension
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
     WHERE,
@@ -209,6 +210,7 @@ class Case(Entry):
     displacement: As[tuple[Displacement, ...], Displacement | Sequence[Displacement]] = section(Displacement)
     equation: As[tuple[Equation, ...], Equation | Sequence[Equation]] = section(Equation)
     coupling: As[tuple[Coupling, ...], Coupling | Sequence[Coupling]] = section(Coupling)
+    pretension: As[tuple[Pretension, ...], Pretension | Sequence[Pretension]] = section(Pretension)
     spring: As[tuple[Spring, ...], Spring | Sequence[Spring]] = section(Spring)
     pressure: As[tuple[Pressure, ...], Pressure | Sequence[Pressure]] = section(Pressure)
     traction: As[tuple[Traction, ...], Traction | Sequence[Traction]] = section(Traction)

@@ -156,6 +156,7 @@ def _names(case: Case) -> Iterator[Issue]:
         (case.probe, "group"),
         (case.equation, "group"),
         (case.coupling, "group"),
+        (case.pretension, "group"),
     ):
         taken: set[str] = set()
         for record in records:
@@ -217,6 +218,20 @@ def _round_axes(case: Case) -> Iterator[Issue]:
     for record in records:
         if record.axes is not None and "axis" in record.axes:
             yield record.wrong("are cylindrical, as ux and uy of an axisymmetric model are; leave them out", "axes")
+
+
+def _sections(case: Case) -> Iterator[Issue]:
+    """Check that each section is tightened once, along a direction, and locked while the case runs."""
+    taken: set[str] = set()
+    for record in case.pretension:
+        if record.group in taken:
+            yield record.wrong(f"is {record.group!r}, which an earlier one has; keep one", "group")
+        taken.add(record.group)
+        if record.normal is not None and not any(record.normal):
+            yield record.wrong("has length 0; give a direction", "normal")
+        if record.lock is not None and case.steps is not None and record.lock >= case.steps.last:
+            message = f"is {record.lock:g}, and the steps end at {case.steps.last:g}; leave it out, or lock before"
+            yield record.wrong(message, "lock")
 
 
 def _rigid_once(case: Case) -> Iterator[Issue]:
@@ -313,6 +328,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _names,
     _prescribed_once,
     _rigid_once,
+    _sections,
     _equations,
     _round_axes,
     _moments,

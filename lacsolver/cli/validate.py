@@ -17,7 +17,18 @@ if TYPE_CHECKING:
     from lacsolver.validation import Validation, ZoneFound
 
 #: sections whose records are listed one by one, in this order
-ACTING = ("displacement", "rigid", "spring", "pressure", "traction", "force", "body_force", "gravity", "temperature")
+ACTING = (
+    "displacement",
+    "rigid",
+    "pretension",
+    "spring",
+    "pressure",
+    "traction",
+    "force",
+    "body_force",
+    "gravity",
+    "temperature",
+)
 #: keys that tell where a record acts
 _WHERE = ("group", "groups", "at", "kind", "place", "centre")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from lacsolver.case.case import Case
-from lacsolver.constraints import coupling, terms
+from lacsolver.constraints import coupling, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.constraints.equated import EquatedConstraints
@@ -13,9 +13,13 @@ from lacsolver.constraints.equations import Equations
 from lacsolver.space.space import Space
 
 #: functions that return the equations that are eliminated, each for its own records of a case
-EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [terms.equations_of, coupling.equations_of]
+EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [
+    terms.equations_of,
+    coupling.equations_of,
+    pretension.equations_of,
+]
 #: functions that return the rows of equality, each for its own records of a case
-EQUALITIES: list[Callable[[Space, Case], Iterable[EqualityRows]]] = [coupling.rows_of]
+EQUALITIES: list[Callable[[Space, Case], Iterable[EqualityRows]]] = [coupling.rows_of, pretension.locks_of]
 
 
 def constraints_of(space: Space, case: Case) -> Constraints:

@@ -247,8 +247,9 @@ def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
 
 
 def step_end_times(case: Case) -> list[float]:
-    """Return the times at which steps must end: the planned ones, those of fields in [output], the start of motion."""
+    """Return the times at which steps end: those planned, of fields in [output], of locks, of the start of motion."""
     asked = [*(case.output.times or ()), *([] if case.dynamics is None else [case.dynamics.start])]
+    asked += [record.lock for record in case.pretension if record.lock is not None]
     return sorted({*case.steps.planned, *(t for t in asked if 0 < t <= case.steps.last)})
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
-from lacsolver.constraints.coupling import CouplingState
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
@@ -26,7 +25,7 @@ from lacsolver.results.results import Results, StepFigures, ZoneFigures
 #: figures of a step in results.json
 STEP_KEYS = ("time", "iterations", "halvings", "residuals", "reactions", "probes")
 #: further figures of a step, if the case has what they are of
-JOINT_KEYS = ("equations", "couplings")
+JOINT_KEYS = ("equations", "couplings", "pretension")
 #: further figures of a step of a case with [dynamics]
 MOTION_KEYS = ("energies", "momentum", "impulse", "velocities", "accelerations")
 _BALANCE = ("force", "moment")
@@ -64,6 +63,7 @@ def _parts(results: Results, balance: Floats) -> tuple[str, str]:
     head = {"version": results.version, "status": results.status, **message, **units}
     tail = {
         "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
+        **({"pretension": _named(last.pretension)} if last and last.pretension else {}),
         "balance": dict(zip(_BALANCE, balance.tolist(), strict=True)),
         "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,
@@ -87,8 +87,12 @@ def _step(step: StepFigures) -> dict[str, Any]:
 
 
 def _named(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Return figures by name, with the names of what they consist of."""
-    return {name: one._asdict() if isinstance(one, CouplingState) else one for name, one in figures.items()}
+    """Return figures by name, with the names of what they consist of; those that are None are left out."""
+    parts = {name: one._asdict() if isinstance(one, tuple) else one for name, one in figures.items()}
+    return {
+        name: {k: v for k, v in part.items() if v is not None} if isinstance(part, dict) else part
+        for name, part in parts.items()
+    }
 
 
 def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:

@@ -99,6 +99,12 @@ def history_row(step: StepFigures) -> dict[str, float]:
             row |= {f"contact.{name}.{key}": getattr(zone.friction, key) for key in ("sticking", "sliding", "slip_max")}
             row |= {f"contact.{name}.dissipation": zone.friction.dissipation[1]}
         row |= {} if moving is None else _along_axes(f"contact.{name}.impulse.", moving.impulse[name])
+    for name, section in step.pretension.items():
+        row |= {f"pretension.{name}.force": section.force, f"pretension.{name}.shortening": section.shortening}
+        if section.moment is not None and section.moment.ndim:
+            row |= _along_axes(f"pretension.{name}.moment.", section.moment)
+        elif section.moment is not None:
+            row |= {f"pretension.{name}.moment": float(section.moment)}
     row |= {} if step.work is None else {f"work.{name}": value for name, value in step.work._asdict().items()}
     if step.plastic is not None:
         row |= {f"plastic.{key}": getattr(step.plastic, key) for key in ("strain_max", "von_mises_max")}

@@ -28,6 +28,7 @@ from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints, constraints_of, equalities_of
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.constraints.pretension import BoltSection, section_of
 from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.hypothesis import check_hypothesis
@@ -35,8 +36,9 @@ from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.roles import slaves_of, with_roles
+from lacsolver.problem.sections import with_sections
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
-from lacsolver.space.places import nodes_of, said
+from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.space import Space, check_dimension
 
 #: nodes of the largest model whose fields are gathered on one process for MED: some 2 GB of fields and mesh
@@ -99,6 +101,11 @@ class Problem(Described):
     def equalities(self) -> tuple[EqualityRows, ...]:
         """Rows of equality, with multipliers. Raises CaseError for mistakes in their records."""
         return equalities_of(self.space, self.case)
+
+    @cached_property
+    def sections(self) -> tuple[BoltSection, ...]:
+        """Sections of bolts, in the order of [[pretension]]."""
+        return tuple(section_of(self.space, record) for record in self.case.pretension)
 
     @cached_property
     def probes(self) -> dict[str, Ints]:
@@ -167,8 +174,10 @@ def build(
     another problem, whose space, materials and pairs are taken where they are the same.
     """
     attempt = attempt or (lambda place: nullcontext())
-    parts, usable = ProblemParts(case, mesh), False
+    parts, source, usable = ProblemParts(case, mesh), mesh, False
     with attempt(""):
+        _check_undivided(case, distribution)
+        parts.mesh = mesh = with_sections(case, mesh)
         if distribution is UNDIVIDED:
             named = f" {case.mesh.name}" if isinstance(case.mesh, Path) else ""
             check_dimension(mesh, case.model, f"the mesh{named}")
@@ -177,7 +186,7 @@ def build(
         usable = True
     if not usable:
         return parts
-    if like is not None and _same_space(case, mesh, like, distribution):
+    if like is not None and _same_space(case, source, like, distribution):
         parts.mesh, parts.prepared, parts.space = like.space.mesh, True, like.space
     else:
         like = None
@@ -202,7 +211,7 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
 
     def settings(case: Case) -> tuple:
         skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.tie))
-        return case.model, case.thickness, skins
+        return case.model, case.thickness, skins, [record.group for record in case.pretension]
 
     return distribution is UNDIVIDED and like.source is mesh and settings(case) == settings(like.case)
 
@@ -219,6 +228,12 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
         if share.own is not None:
             _check_shared(case, share)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+
+
+def _check_undivided(case: Case, distribution: Distribution) -> None:
+    """Raise RequestError for sections of bolts in a model that several processes share."""
+    if case.pretension and distribution is not UNDIVIDED:
+        raise wrong(case.pretension[0], "bolts are tightened in one process only; run the case in one")
 
 
 def _check_shared(case: Case, share: Share) -> None:

@@ -11,7 +11,9 @@ from lacmesh.checks.spoiling import find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
-from lacsolver.case import Case, CaseError, Issue
+from lacsolver.case import Case, CaseError, Contact, Issue, Pretension, Tie
+from lacsolver.constraints.pretension import coincide, sides_of
+from lacsolver.problem.sections import with_sections
 
 
 def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
@@ -24,8 +26,9 @@ def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
     """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
-    mesh = mesh_of(case, mesh)
-    slaves = {record.slave: record for record in (*case.contact, *case.tie)}
+    mesh = with_sections(case, mesh_of(case, mesh))
+    slaves: dict[str, Contact | Tie | Pretension] = {record.slave: record for record in (*case.contact, *case.tie)}
+    slaves |= {sides_of(record)[0]: record for record in case.pretension if not coincide(mesh, record)}
     if is_cut(mesh):
         zones = set(Cut(mesh).zones)
         whole = [name for name in slaves if name not in zones and not _carried(mesh, name)]
@@ -36,7 +39,7 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
         return mesh
     by_hexa: defaultdict[str, list[str]] = defaultdict(list)
     for name, record in slaves.items():
-        by_hexa[record.hexa].append(name)
+        by_hexa[getattr(record, "hexa", None) or next(iter(by_hexa), "pyramid")].append(name)
     if len(by_hexa) > 1:
         raise RequestError("slaves of one mesh are cut at once, so hexa must be the same for all of them")
     for hexa, names in by_hexa.items():

@@ -15,6 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.case import Coupling
 from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state
+from lacsolver.constraints.pretension import carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
@@ -59,6 +60,12 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         work=state.step.work,
         plastic=None if stress is None else plastic_figures(problem, state, stress),
         couplings={one.name: _coupling(problem, state, one) for one in problem.case.coupling},
+        pretension={
+            one.record.name: carried_by(
+                one, space, state.u, state.equations, displaced=problem.case.kinematics == "finite"
+            )
+            for one in problem.sections
+        },
         equations={one.name: carried(one, state.equations[one.name]) for one in problem.case.equation},
     )
 

@@ -19,6 +19,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.constraints.coupling import CouplingState
+from lacsolver.constraints.pretension import SectionForces
 from lacsolver.problem.resultants import Resultant
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 
@@ -125,7 +126,7 @@ class StepFigures(Described):
     energies, velocities and the like of a case with [dynamics], None for others. `work`: ledger of a static case with
     friction so far, None for others. `plastic`: figures of materials that yield, None without. `equations`: force of
     each equation, which acts on each of its terms times the term's factor. `couplings`: motion, force and moment of
-    each coupling.
+    each coupling. `pretension`: forces and shortening of each section of a bolt.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -150,6 +151,7 @@ class StepFigures(Described):
     plastic: PlasticFigures | None = None
     equations: Mapping[str, float] = field(default_factory=dict)
     couplings: Mapping[str, CouplingState] = field(default_factory=dict)
+    pretension: Mapping[str, SectionForces] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -220,6 +220,17 @@ MISTAKES = [
     (BIG + '[[coupling]]\ngroup = "g"\nux = 1\nkind = "rigid"\ncomponents = ["ux"] #!\n', 'coupling.components means something only with kinematics = "small"'),
     (BODY + '[[force]]\ngroup = "g"\nmoment = [0, 0, 1] #!\n', "force.moment is of the whole group; say total = true"),
     (BODY + '[[force]]\nat = [0, 0, 0]\nmoment = [0, 0, 1] #!\ntotal = true\n', "force.moment stands beside at"),
+    # pretension
+    (BODY + '[[pretension]] #!\nforce = 1.0\n', "[[pretension]] needs group"),
+    (BODY + '[[pretension]] #!\ngroup = "g"\n', "[[pretension]] needs force or shortening"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nshortening = 1.0 #!\n', "pretension.shortening stands beside force"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = "x" #!\n', "pretension.force depends on x, y or z"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nnormal = [0, 0, 0] #!\n', "pretension.normal has length 0; give a direction"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nnormal = [0, 1] #!\n', "pretension.normal has 2 coordinates; 3d has 3"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nlock = -1 #!\n', "pretension.lock is -1; it must be >= 0"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nlock = 1.0 #!\n', "pretension.lock is 1, and the steps end at 1; leave it out"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\n[[pretension]]\ngroup = "g" #!\nname = "h"\nforce = 1.0\n', "pretension.group is 'g', which an earlier one has"),
+    (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\n[[pretension]]\ngroup = "h"\nname = "g" #!\nforce = 1.0\n', "pretension.name calls it 'g', as an earlier one is"),
     # probes, steps, solver, output
     (BODY + "[[probe]] #!\nat = [0, 0, 0]\n", "[[probe]] needs a name, for it has no group"),
     (BODY + "[[probe]] #!\n", "[[probe]] needs group or at"),

@@ -378,4 +378,22 @@ group = "b"
 kind = "node"
 same = ["uy"]
 """
-VALID = [JOINTS, MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]
+TIGHTENED = """
+mesh = "bolt.msh"
+model = "3d"
+[[material]]
+young = 1.0
+poisson = 0.3
+[[pretension]]
+group = "shank"
+name = "bolt 1"
+normal = [0, 0, 2]
+force = [[0, 0], [1, 5.0]]
+lock = 1
+[[pretension]]
+group = "second"
+shortening = "0.1 * t"
+[steps]
+times = [1, 2]
+"""
+VALID = [TIGHTENED, JOINTS, MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lacmesh import Mesh
-from tests.lacsolver.key_meshes import apart, cube, overhang, pair, plane, punch, roof, tower, towers
+from tests.lacsolver.key_meshes import apart, bolted, cube, overhang, pair, plane, punch, roof, tower, towers
 
 
 class KeyCase(NamedTuple):
@@ -304,6 +304,35 @@ uy = [[0, 0], [1, 1e-3]]
 group = "z1"
 moment = [0.0, 0.0, 0.375]
 total = true
+"""
+
+TIGHTENED = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.0  # held
+[[displacement]]
+group = "z0"  # held
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[displacement]]
+group = "z1"  # held
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[pretension]]
+group = "shank"
+name = "bolt"
+normal = [0.0, 0.3, 1.0]
+force = [[0, 0], [1, 10], [2, 20]]
+lock = 1.0
+[[pretension]]
+group = "second"
+shortening = "0.015 * t"
+[steps]
+times = [1.0, 2.0]
 """
 
 RIGID = """
@@ -763,6 +792,7 @@ CASES = {
     "equated": KeyCase(cube, EQUATED),
     "axes": KeyCase(cube, AXES),
     "coupled": KeyCase(cube, COUPLED),
+    "tightened": KeyCase(bolted, TIGHTENED),
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
     "rubbed": KeyCase(plane, RUBBED),

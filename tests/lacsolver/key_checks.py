@@ -137,6 +137,18 @@ def check_axes(ran):
     np.testing.assert_allclose([(f[:, 1:] * r).sum(), (f[:, 1:] * theta).sum()], [1.0, 2.0])
 
 
+def check_tightened(ran):
+    """A bolt keeps its force from the lock on, along its normal; another has E A s / L."""
+    n = np.array([0.0, 0.3, 1.0]) / np.linalg.norm([0.0, 0.3, 1.0])
+    bolts = [step["pretension"] for step in ran.steps]
+    assert ran.times == [1.0, 2.0]
+    for bolt in bolts:
+        assert abs(np.dot(bolt["bolt"]["resultant"], n)) == pytest.approx(10.0, rel=1e-9)
+        assert bolt["bolt"]["force"] == pytest.approx(10.0, rel=1e-9)
+    np.testing.assert_allclose([bolt["second"]["force"] for bolt in bolts], [5.0, 10.0], rtol=1e-9)
+    np.testing.assert_allclose([bolt["second"]["shortening"] for bolt in bolts], [0.015, 0.03], rtol=1e-9)
+
+
 def check_fields(ran):
     """Stress is the law's of the strain that is prescribed everywhere, less the thermal one; and so is the energy."""
     H = 1e-3 * np.array([[3, 1, 1], [4, 2, -1], [5, 1, -2]])
@@ -443,6 +455,7 @@ def check_falling(ran):
 
 CHECKS: dict[str, Callable[[Ran], None]] = {
     "loads": check_loads,
+    "tightened": check_tightened,
     "equated": check_equated,
     "axes": check_axes,
     "coupled": check_coupled,

@@ -7,6 +7,8 @@ from functools import cache
 import numpy as np
 
 from lacmesh import Mesh
+from tests.checks.blocks import block as linear_block
+from tests.checks.blocks import join, skin
 from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
 
 
@@ -32,6 +34,21 @@ def cube():
         cell_groups={**mesh.cell_groups, "left": body[centre[:, 0] < 0.5], "right": body[centre[:, 0] > 0.5]},
         node_groups={"z1": top[[0, 1]], "z0": top, "y1": np.flatnonzero((x == 1).all(axis=1))},
     )
+
+
+@cache
+def bolted():
+    """Two columns of base 1 and height 3, with the sections `shank` and `second` at z = 1."""
+    parts = []
+    for x, name in ((0, "shank"), (2, "second")):
+        points, cells = linear_block((2, 2, 3), (x, 0, 0), (x + 1, 1, 3))
+        section = skin(points, cells, lambda p: np.abs(p[..., 2] - 1) < 1e-9)["QUAD4"]
+        section = section[np.unique(np.sort(section, axis=1), axis=0, return_index=True)[1]]
+        ends = {
+            end: skin(points, cells, lambda p, z=z: np.abs(p[..., 2] - z) < 1e-9) for end, z in (("z0", 0), ("z1", 3))
+        }
+        parts.append((points, cells, {**ends, name: {"QUAD4": section}}))
+    return join(parts)
 
 
 @cache

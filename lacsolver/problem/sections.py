@@ -1,0 +1,43 @@
+"""Bodies divided at the sections of bolts: two skins for each [[pretension]], before slaves are cut."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lacmesh.cutting.split import split_skins
+from lacmesh.errors import LacmeshError
+from lacmesh.mesh import Mesh
+from lacsolver.case import Case, Pretension
+from lacsolver.constraints.pretension import sides_of
+from lacsolver.space.places import wrong
+
+
+def with_sections(case: Case, mesh: Mesh) -> Mesh:
+    """Return the mesh, divided at each section of a case whose two skins it lacks. Raises CaseError."""
+    records = [record for record in case.pretension if not _has_sides(mesh, record)]
+    if not records:
+        return mesh
+    for record in records:
+        try:
+            mesh.cells_of(record.group)
+        except LacmeshError as error:
+            a, b = sides_of(record)
+            raise wrong(record, f"{error}, and no two skins {a!r} and {b!r}") from None
+    try:
+        return split_skins(mesh, list(dict.fromkeys(mesh.group(record.group) for record in records))).mesh
+    except LacmeshError as error:
+        raise wrong(_culprit(records, mesh), f"the body is not divided: {error}") from None
+
+
+def _has_sides(mesh: Mesh, record: Pretension) -> bool:
+    return all(name in mesh.cell_groups for name in sides_of(record))
+
+
+def _culprit(records: Sequence[Pretension], mesh: Mesh) -> Pretension:
+    """Return the record whose faces cannot be divided by themselves, or the first."""
+    for record in records:
+        try:
+            split_skins(mesh, [mesh.group(record.group)])
+        except LacmeshError:
+            return record
+    return records[0]
