@@ -11,6 +11,7 @@ __version__ = "0.1.0"
 
 #: public name -> the module that holds it: verbs, records, errors
 _PUBLIC = {
+    "example": "lacmesh.examples",
     "read": "lacmesh.formats",
     "write": "lacmesh.formats",
     "cut_skin": "lacmesh.cutting.cut",
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
     from lacmesh.cutting.split import split as split
     from lacmesh.errors import LacmeshError as LacmeshError
     from lacmesh.errors import LacmeshWarning as LacmeshWarning
+    from lacmesh.examples import example as example
     from lacmesh.exchange.libraries import from_meshio as from_meshio
     from lacmesh.exchange.multipliers import aster_multipliers as aster_multipliers
     from lacmesh.formats import read as read

@@ -34,9 +34,10 @@ class RunResults(Described):
     running, interrupted or failed; `message`: its warnings, or why it is not done.
 
     >>> import lacsolver as ls
+    >>> from lacmesh import example
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
-    ...     done = ls.run("data/two_blocks.toml", f"{folder}/results")
+    ...     done = ls.run(example("two_blocks.toml"), f"{folder}/results")
     ...     results = ls.read_results(f"{folder}/results")
     ...     pressure = results.solution(-1).contact["joint"].pressure
     >>> results.status, results.times.tolist(), len(results.history["time"]), pressure.shape

@@ -70,7 +70,8 @@ class Solution(Described):
     `recovered` and `force`. In the units of the case; `units` has the names that it gives them.
 
     >>> import lacsolver as ls
-    >>> solution = ls.solve("data/two_blocks.toml")
+    >>> from lacmesh import example
+    >>> solution = ls.solve(example("two_blocks.toml"))
     >>> solution.u.shape, solution.contact["joint"].pressure.shape
     ((512, 3), (36,))
     """
@@ -262,7 +263,8 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     NotConvergedError.
 
     >>> import lacsolver as ls
-    >>> ls.solve("data/two_blocks.toml")
+    >>> from lacmesh import example
+    >>> ls.solve(example("two_blocks.toml"))
     Solution
       time              1, after 1 iterations
       u                 (512, 3), at most 0.0139538
@@ -276,7 +278,8 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     """Yield the solution of every step of a case on a mesh, as it converges; arguments and errors as of `solve`.
 
     >>> import lacsolver as ls
-    >>> [(solution.time, solution.contact["joint"].pressure.shape) for solution in ls.march("data/two_blocks.toml")]
+    >>> from lacmesh import example
+    >>> [(solution.time, solution.contact["joint"].pressure.shape) for solution in ls.march(example("two_blocks.toml"))]
     [(0.5, (36,)), (1.0, (36,))]
     """
     case = as_case(case)

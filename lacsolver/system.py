@@ -94,7 +94,8 @@ def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float 
     CutError, DataError, RequestError.
 
     >>> import lacsolver as ls
-    >>> system = ls.assemble("data/two_blocks.toml")
+    >>> from lacmesh import example
+    >>> system = ls.assemble(example("two_blocks.toml"))
     >>> system.K.shape, system.f.shape, system.dofs.shape, len(system.fixed)
     ((1536, 1536), (1536,), (512, 3), 230)
     """

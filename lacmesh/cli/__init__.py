@@ -11,6 +11,7 @@ from lacmesh.errors import GroupNotFoundError, LacmeshError
 
 #: in the order of the help
 COMMANDS = (
+    "example",
     "cut",
     "check",
     "quality",

@@ -41,7 +41,10 @@ def other_than_case(path: Path) -> str:
             f"is a deck or mesh of CalculiX or Abaqus, and not a case; lacsolver import {path.name} makes a case of it"
         )
     if format:
-        return f"is a mesh ({format}), and not a case; {_BEGINS.format(path.name)}"
+        return (
+            f"is a mesh ({format}), and not a case; lacsolver new {path.name} writes a first case for it: "
+            f"{_BEGINS.format(path.name)}"
+        )
     return f"is a binary file, and not a case; {_BEGINS.format('bodies.msh')}" if b"\0" in head else ""
 
 

@@ -106,7 +106,8 @@ def solve_contact(
     in `max_iterations`.
 
     >>> import lacsolver as ls
-    >>> system = ls.assemble("data/two_blocks.toml")
+    >>> from lacmesh import example
+    >>> system = ls.assemble(example("two_blocks.toml"))
     >>> pair = ls.contact_matrices(system.mesh, "slave", "master")
     >>> found = ls.solve_contact(system.K, system.f, pair.B, pair.G, fixed=system.fixed, u0=system.u0)
     >>> found.u.shape, found.pressure.shape, int(found.status.sum())

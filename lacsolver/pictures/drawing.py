@@ -93,8 +93,9 @@ def plot(
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
+    >>> from lacmesh import example
     >>> with TemporaryDirectory() as folder:
-    ...     done = ls.run("data/two_blocks.toml", f"{folder}/results")
+    ...     done = ls.run(example("two_blocks.toml"), f"{folder}/results")
     ...     ls.plot(f"{folder}/results", f"{folder}/gap.png", field="gap", time=0.5)
     0.5
     """

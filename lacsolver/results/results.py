@@ -52,8 +52,9 @@ class ZoneFigures(Described):
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
+    >>> from lacmesh import example
     >>> with TemporaryDirectory() as folder:
-    ...     zone = ls.run("data/two_blocks.toml", f"{folder}/results").steps[-1].contact["joint"]
+    ...     zone = ls.run(example("two_blocks.toml"), f"{folder}/results").steps[-1].contact["joint"]
     >>> zone.active, zone.open, float(zone.resultant[2].round(6))
     (36, 0, 10.435185)
     """
@@ -130,8 +131,9 @@ class StepFigures(Described):
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
+    >>> from lacmesh import example
     >>> with TemporaryDirectory() as folder:
-    ...     steps = ls.run("data/two_blocks.toml", f"{folder}/results").steps
+    ...     steps = ls.run(example("two_blocks.toml"), f"{folder}/results").steps
     >>> [(step.time, float(step.reactions["bottom"][2].round(6))) for step in steps]
     [(0.5, 5.217593), (1.0, 10.435185)]
     """
@@ -201,7 +203,8 @@ class ZoneFields(Described):
     off the slave, and with friction `shear_recovered` (n_nodes, d), the continuous traction of friction on the master.
 
     >>> import lacsolver as ls
-    >>> zone = ls.solve("data/two_blocks.toml").contact["joint"]
+    >>> from lacmesh import example
+    >>> zone = ls.solve(example("two_blocks.toml")).contact["joint"]
     >>> len(zone.pressure), zone.contact_force.shape, bool((zone.status == 1).all())
     (36, (512, 3), True)
     """
@@ -324,7 +327,8 @@ class Fields(Described):
     `plastic_strain` (n_nodes,): accumulated plastic strain, None if no material yields.
 
     >>> import lacsolver as ls
-    >>> fields = ls.solve("data/two_blocks.toml").fields
+    >>> from lacmesh import example
+    >>> fields = ls.solve(example("two_blocks.toml")).fields
     >>> fields.time, fields.displacement.shape, fields.stress.shape
     (1.0, (512, 3), (512, 6))
     """
