@@ -1,7 +1,7 @@
 """Cases of every kind solved by several processes, compared with one: a program for `mpiexec`.
 
-Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py or `moving_cases`. Rank 0 prints a
-line of JSON each.
+Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py, `moving_cases` or `friction_cases`.
+Rank 0 prints a line of JSON each.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import step_figures
-from tests.lacsolver.distributed import moving_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
@@ -35,7 +35,7 @@ def problem_of(name):
     if name in CASES:
         case = CASES[name]
         return text_of(case, case.world), case.mesh()
-    text, mesh = (moving_cases.RIGID | moving_cases.CASES)[name]
+    text, mesh = (moving_cases.RIGID | moving_cases.CASES | friction_cases.CASES)[name]
     return text + "[solver]\nthreads = 1\n", mesh()
 
 
@@ -48,7 +48,7 @@ def compared(text, mesh, backend, comm):
     several = parse_case(text.replace("[solver]", f'[solver]\nbackend = "{backend}"', 1))
     problem, whole_problem = Problem.of(several, mesh, Processes(comm)), Problem.of(parse_case(text), mesh)
     problems = problem, whole_problem
-    worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0}, {}
+    worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0, "sliding": 0}, {}
 
     def add(key, value, expected, least=0.0):
         far, size = np.abs(value - expected).max(), max(np.abs(expected).max(), least)
@@ -68,6 +68,12 @@ def compared(text, mesh, backend, comm):
             add("p", zone.pressure, expected.pressure)
             worst["sets"] &= bool((zone.status == expected.status).all())
             worst["closed"] = max(worst["closed"], int((zone.status == 1).sum()))
+            worst["sliding"] = max(worst["sliding"], int((zone.status == 2).sum()))
+            if expected.friction is not None:
+                for key in ("shear", "slip", "path", "dissipation", "resultant"):
+                    add(key, getattr(zone.friction, key), getattr(expected.friction, key))
+        if other.step.work is not None:
+            add("work", np.array(one.step.work), np.array(other.step.work))
         if other.step.motion is not None:
             compare_motions(add, problem.space, one.step.motion, other.step.motion)
             probes = [np.concatenate([*found.motion.velocities.values()]) for found in figures]

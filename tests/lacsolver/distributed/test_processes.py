@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.lacsolver.distributed import moving_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases
 from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
@@ -17,6 +17,9 @@ PLANE = [name for name, case in CASES.items() if case.dim == 2]
 SOLID = [name for name, case in CASES.items() if case.dim == 3]
 RIGID = [*moving_cases.RIGID]
 MOVED = [*moving_cases.CASES]
+RUBBED = [*friction_cases.CASES]
+#: and of those of friction, with their bound: the tolerance is of displacements, beside which slips are small
+RUBBING, OF_SLIPS = ("shear", "slip", "path", "dissipation", "resultant", "work"), 2e-7
 
 
 @pytest.mark.parametrize(
@@ -44,6 +47,18 @@ def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
         assert one["sets"] and one["closed"] and one["told"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
         assert all(one[key] <= BOUNDS["u"] for key in MOVING), one
+
+
+@pytest.mark.parametrize(
+    ("n", "backend", "names"),
+    [(2, "mumps", RUBBED), (3, "multigrid", RUBBED[2:]), pytest.param(4, "mumps", RUBBED, marks=pytest.mark.slow)],
+)
+def test_several_processes_find_the_friction_that_one_finds(n, backend, names):
+    """The same sets that stick and that slide, of which there are both, with the same tractions, slips and work."""
+    for one in compared(n, backend, names):
+        assert one["sets"] and one["closed"] and one["sliding"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+        assert all(one[key] <= OF_SLIPS for key in RUBBING), one
 
 
 def compared(n, backend, names):
