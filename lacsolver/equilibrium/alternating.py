@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup
+from lacsolver.saddle.contact_system import RowGroup
 from lacsolver.space.space import Space
 
 #: changes of a status that alternates, at least, and the least change of a coverage that counts
@@ -15,24 +15,56 @@ _CHANGES, _SWING = 2, 1e-3
 
 
 def alternating(outcome: Outcome, space: Space) -> tuple[str, str]:
-    """Return a clause about what alternates most in the last iterations, and what to try for it; '' and '' for none."""
+    """Return a clause about what alternates most in the last iterations, and what to try for it; '' and '' for none.
+
+    A coverage that alternates comes before states that do, which follow from it.
+    """
     if len(outcome.recent) <= _CHANGES:
         return "", ""
     covered, active = (np.array(own) for own in zip(*outcome.recent, strict=True))
-    clauses = [_of(group, covered[:, group.rows], active[:, group.rows], space) for group in _paired(outcome.contact)]
+    groups = [group for group in outcome.contact.groups if group.pair is not None]
+    clauses = [_of_coverage(group, covered[:, group.rows], space) for group in groups if group.pair.moving]
+    if not any(count for count, *_ in clauses):
+        clauses = [_of_states(group, active, space) for group in groups]
     _, what, advice = max(clauses, key=lambda clause: clause[0], default=(0, "", ""))
     return what, advice
 
 
-def _paired(contact: ContactSystem) -> list[RowGroup]:
-    """Return the groups of rows that are paired again in each iteration."""
-    return [group for group in contact.groups if group.pair is not None and group.pair.moving]
+def _of_states(group: RowGroup, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
+    """Return how many macro-elements of a pair close and open, or stick and slide, and a clause about them.
+
+    `active` (iterations, rows): the active set, of all rows.
+    """
+    closed = active[:, group.rows]
+    changes = {"close and open in turn": _changes(closed)}
+    if group.shear is not None:
+        sticks = np.array([group.shear.sticks(own) for own in active])
+        changes["stick and slide in turn"] = np.where(closed.all(axis=0), _changes(sticks), 0)
+    what, times = max(changes.items(), key=lambda own: int((own[1] >= _CHANGES).sum()))
+    rows = np.flatnonzero(times >= _CHANGES)
+    if not len(rows):
+        return 0, "", ""
+    return len(rows), _clause(group, len(rows), what, int(rows[times[rows].argmax()]), space), ""
 
 
-def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
-    """Return how many rows of a pair alternate, a clause about them, and advice.
+def _changes(states: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return how many times each of some states (iterations, n) has changed, (n,)."""
+    return np.asarray((states[1:] != states[:-1]).sum(axis=0))
 
-    `covered`, `active` (iterations, rows): measure that is covered, and the active set.
+
+def _clause(group: RowGroup, count: int, what: str, row: int, space: Space) -> str:
+    """Return a clause about what some macro-elements of a pair do, with the place of that of one row."""
+    pair, face = group.pair, group.face
+    assert pair is not None and face is not None
+    centre = face.centre[row * len(face.centre) // (group.rows.stop - group.rows.start)]
+    place = ", ".join(space.told(centre + space.origin[: space.dim]))
+    return f"{count} of the macro-elements of contact {pair.name!r} {what}, as the one at ({place})"
+
+
+def _of_coverage(group: RowGroup, covered: Floats, space: Space) -> tuple[int, str, str]:
+    """Return how many macro-elements of a pair have a coverage that alternates, a clause about them, and advice.
+
+    `covered` (iterations, rows): measure that is covered.
     """
     pair, face = group.pair, group.face
     assert pair is not None and face is not None
@@ -41,25 +73,17 @@ def _of(group: RowGroup, covered: Floats, active: NDArray[np.bool_], space: Spac
     swing = np.ptp(coverage, axis=0)
     moves = np.where(np.abs(change := np.diff(coverage, axis=0)) > _SWING, np.sign(change), 0)
     edge = _turns(moves) & (coverage.min(axis=0) < 1 - _SWING)
-    pairing = np.abs(np.diff((covered > 0).astype(int), axis=0)).sum(axis=0) >= _CHANGES
-    closing = np.abs(np.diff(active.astype(int), axis=0)).sum(axis=0) >= _CHANGES
-
-    def clause(rows: NDArray[np.bool_], what: str) -> str:
-        first = np.flatnonzero(rows)[swing[rows].argmax()]
-        place = ", ".join(space.told(face.centre[first] + space.origin[: space.dim]))
-        low, high = coverage[:, first].min(), coverage[:, first].max()
-        who = f"{rows.sum()} of the macro-elements of contact {pair.name!r} {what}"
-        return f"{who}, as the one at ({place}), whose coverage goes between {low:.3g} and {high:.3g}"
-
-    if pairing.any() or edge.any():
-        rows, what = (pairing, "pair and unpair in turn") if pairing.any() else (edge, "are covered now more, now less")
-        advice = ["exchange slave and master"]
-        advice += ['ask for normals = "smoothed"'] if pair.pairing.normals == "facet" else []
-        advice += ['ask for geometry = "reference"', "take another coverage_threshold"]
-        return int(rows.sum()), clause(rows, what), ", ".join(advice[:-1]) + " or " + advice[-1]
-    if closing.any():
-        return int(closing.sum()), clause(closing, "close and open in turn"), ""
-    return 0, "", ""
+    pairing = _changes(covered > 0) >= _CHANGES
+    if not (pairing.any() or edge.any()):
+        return 0, "", ""
+    rows, what = (pairing, "pair and unpair in turn") if pairing.any() else (edge, "are covered now more, now less")
+    first = int(np.flatnonzero(rows)[swing[rows].argmax()])
+    clause = _clause(group, int(rows.sum()), what, first, space)
+    clause += f", whose coverage goes between {coverage[:, first].min():.3g} and {coverage[:, first].max():.3g}"
+    advice = ["exchange slave and master"]
+    advice += ['ask for normals = "smoothed"'] if pair.pairing.normals == "facet" else []
+    advice += ['ask for geometry = "reference"', "take another coverage_threshold"]
+    return int(rows.sum()), clause, ", ".join(advice[:-1]) + " or " + advice[-1]
 
 
 def _turns(moves: Floats) -> NDArray[np.bool_]:

@@ -5,12 +5,17 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import lacsolver as ls
 from lacmesh.errors import LacmeshWarning
 from lacsolver.case import BodyForce, Case, CaseError, Contact, Displacement, Material, Steps
+from lacsolver.equilibrium.alternating import alternating
+from lacsolver.equilibrium.search import Outcome
 from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.problem.problem import Problem
+from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
 from tests.lacsolver.friction.test_output import rubbed
 from tests.lacsolver.friction.test_sliding import block_on_block
@@ -78,3 +83,38 @@ def test_a_slip_that_is_prescribed_everywhere_is_refused():
     held += [Displacement(group="bottom", uy=0), Displacement(group="top", uy="-0.03 * t")]
     with pytest.raises(CaseError, match=r"3 macro-elements slip at time 0.25.*not available yet"):
         ls.solve(replace(case, displacement=held), mesh)
+
+
+@pytest.mark.parametrize(
+    ("closed", "sticks", "says"),
+    [
+        (
+            [1, 1, 1, 1],
+            [1, 0, 1, 0],
+            "1 of the macro-elements of contact 'joint' stick and slide in turn, as the one at (",
+        ),
+        (
+            [1, 0, 1, 0],
+            [1, 0, 1, 0],
+            "1 of the macro-elements of contact 'joint' close and open in turn, as the one at (",
+        ),
+        ([1, 1, 1, 1], [1, 1, 0, 0], ""),
+    ],
+)
+def test_what_cycles_is_named_with_its_place(closed, sticks, says):
+    """The first macro-element, in the last iterations of a search on skins that are paired once."""
+    case, mesh = rubbed("plane_strain", "small")
+    problem = Problem.of(case, mesh)
+    u = np.zeros(problem.space.n_dof)
+    (pair,) = problem.joints
+    face = pair.integrate(problem.space, u, 1.0)
+    contact = contact_system(problem, [face], u)
+    rest = np.ones(len(contact.G), bool)
+    recent = []
+    for on, still in zip(closed, sticks, strict=True):
+        active = rest.copy()
+        active[[0, len(face.w)]] = on, still
+        recent.append((contact.rows.w, active))
+    what, advice = alternating(Outcome(False, None, contact, (), 0, 0, tuple(recent)), problem.space)
+    assert what.startswith(says) and bool(what) == bool(says) and not advice
+    assert not says or f"({face.centre[0][0]:g}" in what
