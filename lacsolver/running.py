@@ -19,6 +19,7 @@ from lacmesh.formats.output import signals_wait
 from lacmesh.kernels.threads import peak_memory
 from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
 from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.contact import Interface
 from lacsolver.distributed.share import UNDIVIDED, Distribution
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
@@ -26,7 +27,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create_output
 from lacsolver.output.states import scatter_state
 from lacsolver.problem.first_look import doubts
-from lacsolver.problem.overlap import Start, scarcely_covered, start_of
+from lacsolver.problem.overlap import scarcely_covered, start_of
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.alternation import alternating
@@ -125,14 +126,15 @@ class RunOutput:
         points = 0 if problem.inertia is None else problem.inertia.M.shape[0] - problem.space.n_dof
         self._problem, self._folder, self._prints, self._clock = problem, folder, prints, clock
         self._orders = orders_of(problem.constraints, points)
-        self._starts, self._number = _starts(problem), 0
+        faces, self._number = _undeformed(problem), 0
+        self._starts = {pair.name: start_of(pair, faces[pair.name], problem.space) for pair in problem.joints}
         self._writer: Writer | None = None
         self._last: State | None = None
         self._compressed: Floats | None = None
         #: largest covered fraction of each zone so far, 1 once it has been in contact
         self._covered: dict[str, float] = {}
         #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
-        self._touched, self._way = closed_at_start(problem), ""
+        self._touched, self._way = closed_at_start(problem, faces), ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -245,11 +247,11 @@ class RunOutput:
         return () if self._compressed is None else tuple(softened(self._problem, self._compressed))
 
 
-def _starts(problem: Problem) -> dict[str, Start]:
-    """Return the zones of a problem in the undeformed configuration, at the end of the first step."""
+def _undeformed(problem: Problem) -> dict[str, Interface]:
+    """Return the interfaces of a problem in the undeformed configuration, at the end of the first step."""
     space, t = problem.space, problem.case.steps.planned[0]
     u = np.zeros(space.n_dof)
-    return {pair.name: start_of(pair, pair.integrate(space, u, t), space) for pair in problem.joints}
+    return {pair.name: pair.integrate(space, u, t) for pair in problem.joints}
 
 
 def _never_facing(problem: Problem, results: Results) -> Iterator[str]:

@@ -24,6 +24,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.constraints import coupling
 from lacsolver.contact import Interface
+from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.linear import Matrix, SingularError
@@ -209,7 +210,14 @@ class LoadStep:
 
     def _system(self, faces: tuple[Interface, ...], u: Floats) -> ContactSystem:
         """Return the contact rows of some interfaces at u (n_dof,), on the unknowns of all nodes."""
-        return contact_system(self.model.problem, faces, u, self.state.histories, self.t, self.u_before)
+        problem, histories = self.model.problem, self.state.histories
+        return contact_system(problem, faces, u, histories, self.t, self.u_before, self._bounds)
+
+    @cached_property
+    def _bounds(self) -> tuple[Bounds | None, ...]:
+        """Bounds of the friction of all contact pairs at the time of the step, None without friction."""
+        problem = self.model.problem
+        return tuple(pair.bounds(problem.space, self.t) for pair in problem.joints)
 
     @cached_property
     def u_before(self) -> NDArray[np.floating]:

@@ -31,12 +31,17 @@ class StoredRows(NamedTuple):
 
 
 def write_arrays(path: Path, small: Mapping[str, NDArray], rows: Mapping[str, StoredRows]) -> None:
-    """Write arrays, those in `rows` piece after piece. An existing file is replaced at the end. Raises WriteError."""
+    """Write arrays, those in `rows` piece after piece. An existing file is replaced at the end. Raises WriteError.
+
+    The small ones are compressed: of anchors half are numbers of faces, which hardly differ from row to row.
+    """
     every = {name: StoredRows.of(values) for name, values in small.items()} | dict(rows)
     with replacing(path) as (beside,), zipfile.ZipFile(beside, "w") as archive:
         for name, array in every.items():
             head = {"descr": npy.dtype_to_descr(array.dtype), "fortran_order": False, "shape": array.shape}
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+            member = zipfile.ZipInfo(f"{name}.npy")
+            member.compress_type = zipfile.ZIP_DEFLATED if name in small else zipfile.ZIP_STORED
+            with archive.open(member, "w", force_zip64=True) as file:
                 npy.write_array_header_1_0(file, head)
                 for piece in array.pieces:
                     file.write(np.ascontiguousarray(piece).tobytes())

@@ -6,11 +6,12 @@ carry more than a quarter of the friction of their zone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacsolver.contact import Interface
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, SLIDES, State
 
@@ -18,12 +19,18 @@ from lacsolver.results.state import CONTACT, SLIDES, State
 _MUCH = 0.25
 
 
-def closed_at_start(problem: Problem) -> dict[str, NDArray[np.bool_]]:
-    """Return the macro-elements (n,) of each zone with friction that touch before the first step."""
+def closed_at_start(problem: Problem, faces: Mapping[str, Interface]) -> dict[str, NDArray[np.bool_]]:
+    """Return the macro-elements (n,) of each zone with friction that touch before the first step.
+
+    `faces`: interface of each zone in the undeformed configuration, at the end of the first step.
+    """
     out = {}
     for pair in problem.joints:
         if pair.pairing.friction:
-            out[pair.name] = pair.integrate(problem.space, np.zeros(problem.space.n_dof), 0.0).touching
+            face = faces[pair.name]
+            if pair.timed:  # the clearance was another one
+                face = pair.integrate(problem.space, np.zeros(problem.space.n_dof), 0.0)
+            out[pair.name] = face.touching
     return out
 
 

@@ -27,7 +27,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
-from lacsolver.contact.friction import Kept, Slid, Solved, States, defect, next_states
+from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative, motion_of, tangent
@@ -435,12 +435,15 @@ class ContactSystem:
 
 def contact_system(
     problem: Problem, interfaces: Sequence[Interface], u: Floats, histories: Histories | None = None, t: float = 1.0,
-    before: Floats | None = None,
+    before: Floats | None = None, bounds: Sequence[Bounds | None] | None = None,
 ) -> ContactSystem:  # fmt: skip
     """Return the contact rows of all pairs at u (n_dof,) and time t, on the unknowns of all nodes.
 
-    `histories`: those of the last state; `before` (n_dof,): its displacement, 0 by default.
+    `histories`: those of the last state; `before` (n_dof,): its displacement, 0 by default. `bounds`: those of the
+    friction of each pair at the time t, where they are known.
     """
+    if bounds is None:
+        bounds = [pair.bounds(problem.space, t) for pair in problem.joints]
     histories = Histories() if histories is None else histories
     history = histories.contact
     n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
@@ -448,9 +451,9 @@ def contact_system(
     G: list[Floats] = [np.empty(0)]
     w: list[Floats] = [np.empty(0)]
     covered = [np.empty(0, bool)]
-    for k, (pair, face) in enumerate(zip(problem.joints, interfaces, strict=True)):
-        bounds, own = pair.bounds(problem.space, t), slice(first, first + face.B.shape[0])
-        shear = None if face.B_T is None or bounds is None else ShearRows.after(own, face.B_T.shape[0], bounds)
+    for k, (pair, face, bound) in enumerate(zip(problem.joints, interfaces, bounds, strict=True)):
+        own = slice(first, first + face.B.shape[0])
+        shear = None if face.B_T is None or bound is None else ShearRows.after(own, face.B_T.shape[0], bound)
         columns = pair.law.n_history + (0 if shear is None else Kept.n_columns(shear.n_tangents))
         memory = history[k] if history else np.zeros((own.stop - first, columns))
         since = None
