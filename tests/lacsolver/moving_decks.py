@@ -55,3 +55,25 @@ def ball_on_block(cells, count, gap=0.004):
     nodes = ball.text().partition("*ELEMENT")[0]
     bodies = block.text() + nodes + sides + "*NSET, NSET=SUPPORT\nW_Z0\n"
     return _impact(bodies, 0.3, "", 1e5, 2.0, 0.002, count, ", NLGEOM")
+
+
+#: times of the steps of `die_on_block`, and where they end: pressed in, then moved to the middle of the block
+PRESSED, SLID = (3, 0.15), (5, 0.5)
+
+
+def die_on_block():
+    """A die with a round foot of 14 faces, its slave, is pressed into a block and slid over it: NLGEOM, two steps."""
+    block = Block("W", (0, 0, -1), (4, 1, 0), (12, 4, 6), first=10000)
+    die = Block("B", (0.8, 0.1, 0), (2.2, 0.9, 0.8), (7, 2, 5))
+    x, z = die.points[:, 0] - 1.5, die.points[:, 2]
+    die.points[:, 2] = z + (1 - np.sqrt(1 - x**2)) * (1 - z / 0.8)
+    text = block.text() + die.text() + "*SURFACE, NAME=FOOT\nB_EZ0, S1\n*SURFACE, NAME=GROUND\nW_EZ1, S2\n"
+    for name, young in (("B", 3 * E), ("W", E)):
+        text += f"*MATERIAL, NAME=M{name}\n*ELASTIC\n{young}, 0.3\n*SOLID SECTION, ELSET={name}, MATERIAL=M{name}\n"
+    text += "*SURFACE INTERACTION, NAME=SI\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n1e5\n"
+    text += "*CONTACT PAIR, INTERACTION=SI, TYPE=SURFACE TO SURFACE\nFOOT, GROUND\n*BOUNDARY\nW_Z0, 1, 3\n"
+    for (count, _), along in ((PRESSED, 0.0), (SLID, SLID[1])):
+        text += f"*STEP, NLGEOM\n*STATIC, DIRECT\n{1 / count}, 1.\n*BOUNDARY\n"
+        text += f"B_Z1, 1, 1, {along}\nB_Z1, 2, 2\nB_Z1, 3, 3, {-PRESSED[1]}\n"
+        text += "*NODE PRINT, NSET=W_Z0, TOTALS=ONLY\nRF\n*END STEP\n"
+    return text
