@@ -56,7 +56,7 @@ def test_each_iteration_is_told(deck):
 
 @pytest.mark.calculix
 def test_the_forces_are_those_of_calculix(deck, capsys):
-    """As far as six of 14 faces in contact allow, with one pressure each.
+    """Six of 14 faces touch, each with one pressure: the two agree as far as that allows.
 
     CalculiX takes the place of the contact from the start of an increment: its force leans by a tenth, not so here.
     """
