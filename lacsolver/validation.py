@@ -122,7 +122,7 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
     if parts.space is not None:
         before = len(validation.problems)
         faces = _zones(case, parts, validation)
-        whole = len(faces) == len(case.contact) + len(case.tie) and len(validation.problems) == before
+        whole = len(faces) == len(case.contact) + len(case.ties) and len(validation.problems) == before
         if parts.constraints is not None and whole and (case.dynamics is None or case.dynamics.start > 0):
             _look_at_motions(case, parts.constraints, faces, validation)
         if parts.constraints is not None and parts.materials is not None and whole and case.dynamics is not None:

@@ -13,7 +13,7 @@ from lacsolver.case.digest import changed, digest, fingerprint, fingerprint_as
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.errors import CaseError, EvaluationError, Issue
 from lacsolver.case.groups import check_groups
-from lacsolver.case.joints import Coupling, Equation
+from lacsolver.case.joints import Coupling, Cyclic, Equation
 from lacsolver.case.pretension import Pretension
 from lacsolver.case.read import as_case, parse_case, read_case
 from lacsolver.case.records import (
@@ -38,6 +38,7 @@ __all__ = [
     "CaseError",
     "Contact",
     "Coupling",
+    "Cyclic",
     "Displacement",
     "Dynamics",
     "Equation",

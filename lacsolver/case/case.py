@@ -15,7 +15,7 @@ from lacmesh.facts import Described, listed
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.case.joints import Coupling, Equation
+from lacsolver.case.joints import Coupling, Cyclic, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
 from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, UNITS, Choice, number, text, whole
 from lacsolver.case.pretension import Pretension
@@ -206,6 +206,7 @@ class Case(Entry):
     material: As[tuple[Material, ...], Material | Sequence[Material]] = section(Material)
     contact: As[tuple[Contact, ...], Contact | Sequence[Contact]] = section(Contact)
     tie: As[tuple[Tie, ...], Tie | Sequence[Tie]] = section(Tie)
+    cyclic: As[tuple[Cyclic, ...], Cyclic | Sequence[Cyclic]] = section(Cyclic)
     rigid: As[tuple[Rigid, ...], Rigid | Sequence[Rigid]] = section(Rigid)
     displacement: As[tuple[Displacement, ...], Displacement | Sequence[Displacement]] = section(Displacement)
     equation: As[tuple[Equation, ...], Equation | Sequence[Equation]] = section(Equation)
@@ -236,9 +237,16 @@ class Case(Entry):
         self.settle()
 
     @property
+    def ties(self) -> tuple[Tie, ...]:
+        """The ties, and the sides of sectors that are ties, as their nodes do not match."""
+        return (*self.tie, *(one for one in self.cyclic if not one.matching))
+
+    @property
     def skins(self) -> tuple[str, ...]:
         """Groups of the slaves and masters of all contacts and ties, each once."""
-        pairs = (record.surfaces or (record.slave, record.master) for record in (*self.contact, *self.tie))
+        pairs = (
+            record.surfaces or (record.slave, record.master) for record in (*self.contact, *self.tie, *self.cyclic)
+        )
         named = (name for pair in pairs for name in pair)
         return tuple(dict.fromkeys(named))
 

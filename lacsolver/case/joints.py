@@ -1,16 +1,17 @@
 # ruff: noqa: RUF009 (key and section make fields)
-"""Records of the table of keys that join nodes: equations between displacements, couplings of nodes and points."""
+"""Records of the table of keys that join nodes: equations, couplings of nodes and points, sides of sectors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Section, Values, key
 from lacsolver.case.kinds import (
     COMPONENTS,
+    FLAG,
     GROUP,
     LOCAL_AXES,
     POINT,
@@ -20,9 +21,11 @@ from lacsolver.case.kinds import (
     WEIGHTS,
     Choice,
     Kind,
+    numbers,
     text,
+    whole,
 )
-from lacsolver.case.records import GROUP_KIND, KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes
+from lacsolver.case.records import GROUP_KIND, KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
 from lacsolver.case.value import Value
 
 
@@ -57,6 +60,39 @@ class Equation(Entry):
         """Name an equation of a group after it if it has no name; others get a number from the case."""
         if not self.has("name") and self.group is not None:
             self._set("name", self.group)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Cyclic(Tie):
+    """[[cyclic]]: the sides of a sector, one of several that make a ring. A problem has a case with its `angle`.
+
+    `matching`: True if the nodes of both sides match, so that they are joined node by node and not as a tie.
+
+    >>> Cyclic(slave="left", master="right", sectors=12).name
+    'left'
+    """
+
+    SECTION: ClassVar = Section(
+        "cyclic", True, "the sides of a sector, which is repeated about an axis: displacements turn with it"
+    )
+    angle: float = field(default=0.0, repr=False, compare=False)
+    matching: bool = field(default=False, repr=False, compare=False)
+    surfaces: None = field(default=None, repr=False, compare=False)
+    search_distance: None = field(default=None, repr=False, compare=False)
+    coverage_threshold: float = field(default=1e-6, repr=False, compare=False)
+    surface: str = field(default="faces", repr=False, compare=False)
+    crease_angle: None = field(default=None, repr=False, compare=False)
+    slave: str = key(GROUP, "", "one side of the sector, which is cut where the meshes of the sides differ")
+    master: str = key(GROUP, "", "the other side")
+    sectors: int = key(whole(2), "", "number of sectors of the whole ring")
+    axis: As[tuple[float, ...], Sequence[float]] = key(
+        numbers(3), "", "direction of the axis", (0.0, 0.0, 1.0), "[0, 0, 1]", models=SPACE
+    )
+    origin: Numbers = key(POINT, "length", "a point of the axis", None, "the origin")
+    harmonic: int = key(
+        whole(0), "", "number of nodal diameters; 0: all sectors move alike, and others are not available", 0
+    )
+    ring: bool = key(FLAG, "", "write the fields of the whole ring too, for ParaView", False)
 
 
 _ONE_MOTION = (("ux", "fx"), ("uy", "fy"), ("uz", "fz"), ("rotation", "moment"))

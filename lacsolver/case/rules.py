@@ -90,7 +90,7 @@ def _pairs(case: Case) -> Iterator[Issue]:
     """Check that each slave has one master, which is another skin, and that no slave is rigid."""
     slaves: set[str] = set()
     rigid = {record.group for record in case.rigid}
-    for record in (*case.contact, *case.tie):
+    for record in (*case.contact, *case.tie, *case.cyclic):
         slave, master = record.slave, record.master
         if slave is None:
             continue
@@ -105,7 +105,7 @@ def _pairs(case: Case) -> Iterator[Issue]:
 
 def _creases(case: Case) -> Iterator[Issue]:
     """Check that crease_angle is given only where smooth surfaces or smoothed normals use it."""
-    for record in (*case.contact, *case.tie):
+    for record in (*case.contact, *case.tie, *case.cyclic):
         normals = getattr(record, "normals", "facet")  # a tie has no normals
         if "crease_angle" in record.told() and record.surface == "faces" and normals == "facet":
             also = ' or normals = "smoothed"' if record.SECTION.name == "contact" else ""
@@ -152,7 +152,7 @@ def _friction(case: Case) -> Iterator[Issue]:
 def _names(case: Case) -> Iterator[Issue]:
     """Check that the names, by which results are called, are given and unique."""
     for records, default in (
-        ((*case.contact, *case.tie), "slave"),
+        ((*case.contact, *case.tie, *case.cyclic), "slave"),
         (case.probe, "group"),
         (case.equation, "group"),
         (case.coupling, "group"),
@@ -196,6 +196,21 @@ def _equations(case: Case) -> Iterator[Issue]:
     for record in case.equation:
         if record.has("same") and not record.has("group"):
             yield record.wrong("needs a group, whose nodes share it", "same")
+
+
+def _sectors(case: Case) -> Iterator[Issue]:
+    """Check that sectors are of a model that has them, and turn alike."""
+    for record in case.cyclic:
+        if case.model == "axisymmetric":
+            yield record.wrong("is of a sector, and an axisymmetric model is a whole ring already; leave it out")
+        if record.harmonic:
+            yield record.wrong(
+                f"is {record.harmonic}; sectors with nodal diameters are not available, 0 alone", "harmonic"
+            )
+        if record.ring and case.output.format == "med":
+            yield record.wrong('is written for ParaView; take [output] format = "vtu"', "ring")
+        if record.axis is not None and not any(record.axis):
+            yield record.wrong("has the length 0; give its direction", "axis")
 
 
 def _moments(case: Case) -> Iterator[Issue]:
@@ -332,6 +347,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _equations,
     _round_axes,
     _moments,
+    _sectors,
     _fields,
     _motion,
     _inertia,

@@ -55,10 +55,10 @@ def run(args: argparse.Namespace) -> None:
     stage = Stages(args, ("pair", "write"))
     with stage("pair"):
         mesh = mesh_of(case)
-        if any(zone.surfaces for zone in (*case.contact, *case.tie)):
+        if any(zone.surfaces for zone in (*case.contact, *case.ties)):
             check_groups(case, mesh)
             case = with_roles(case, mesh)
-        targets = places([zone.name for zone in (*case.contact, *case.tie)], output)
+        targets = places([zone.name for zone in (*case.contact, *case.ties)], output)
         for target in targets.values():
             for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
                 args.left = pending_output(path, force=args.force)

@@ -84,7 +84,7 @@ def _figures(case: Case, validation: Validation) -> Iterator[tuple[str, str]]:
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     yield "model", f"{case.model}, {case.kinematics} strains"
     yield "mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}"
-    if case.contact or case.tie:
+    if case.contact or case.ties:
         yield "cut", _cut(validation)
     if validation.unknowns:
         yield "unknowns", f"{validation.unknowns:,} of {validation.dim * mesh.n_nodes:,} displacements"

@@ -34,7 +34,7 @@ class Watch:
     def __init__(self, case: Case, *, quiet: bool) -> None:
         self.time: float | None = None
         self._quiet, self._end = quiet, case.steps.last
-        self._zones = bool(case.contact or case.tie)
+        self._zones = bool(case.contact or case.ties)
         self._steps = 0
         self._iterations: deque[Progress] = deque(maxlen=SHOWN)
         self._begun, self._shown = time.perf_counter(), 0.0

@@ -264,6 +264,11 @@ class Constraints:
             raise ValueError("q are no unknowns of u: multiply with T")
         return self.T.tocsc().indices
 
+    @property
+    def places(self) -> Ints | None:
+        """Index (n_q,) into u of each unknown, which is that displacement; None if some are none."""
+        return self.free if self.is_selection else None
+
     def reactions(
         self, reaction: Floats, equations: Mapping[str, Floats] = MappingProxyType({})
     ) -> dict[str, NDArray[np.floating]]:

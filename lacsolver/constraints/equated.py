@@ -23,6 +23,9 @@ from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked
 from lacsolver.linear.direct.superlu import factor_of
 
+#: displacement that is round-off, relative to the bodies' extent
+_ROUNDING = 1e-6 * float(np.finfo(float).eps)
+
 
 @dataclass(frozen=True, eq=False)
 class EquatedConstraints(Constraints):
@@ -81,6 +84,12 @@ class EquatedConstraints(Constraints):
     def node_of_unknown(self) -> Ints:
         """Node (n_nodal,) of each of the nodes' own unknowns."""
         return self.plain.node_of_unknown[self.system.kept[: self.n_nodal]]
+
+    @property
+    def places(self) -> Ints | None:
+        """Index (n_q,) into u of each unknown, which is that displacement; None if some are none."""
+        own = self.plain.places
+        return own[self.system.kept] if own is not None and self.n_nodal == self.n_q else None
 
     def before_equations(self, q: Floats, t: float) -> NDArray[np.floating]:
         """Return the unknowns x of the plain constraints, then the further unknowns, for q (n_q,) at time t."""
@@ -158,8 +167,10 @@ class EquatedConstraints(Constraints):
         """Return Y h(t) (n_x,); that of the last time is kept. Raises CaseError where equations contradict."""
         if self._last[0] != t:
             g = np.concatenate([np.asarray(one.values(t), float) for one in self.equations])
-            h = g - self.C @ self.plain.u0(t)
-            error = contradiction(self.equations, self.system, h, t)
+            u0 = self.plain.u0(t)
+            terms = np.abs(g) + abs(self.C) @ np.abs(u0) + _ROUNDING * self.space.extent
+            h = g - self.C @ u0
+            error = contradiction(self.equations, self.system, h, t, terms)
             if error is not None:
                 raise error
             self._last[:] = [t, self.system.offset(h)]

@@ -127,11 +127,16 @@ def stacked(equations: tuple[Equations, ...], T: csr_array) -> csr_array:
     return csr_array(hstack([C, vstack(parts)]))
 
 
-def contradiction(equations: tuple[Equations, ...], system: EquationSystem, h: Floats, t: float) -> CaseError | None:
-    """Return the error for values h (k,) at time t that no displacements fulfil; None if there is none."""
+def contradiction(
+    equations: tuple[Equations, ...], system: EquationSystem, h: Floats, t: float, terms: Floats
+) -> CaseError | None:
+    """Return the error for values h (k,) at time t that no displacements fulfil; None if there is none.
+
+    `terms` (k,): sums of the magnitudes of what h consists of, for its round-off.
+    """
     x = system.offset(h)
     off = np.abs(system.A @ x - h)
-    size = np.maximum(np.abs(h), np.asarray(abs(system.A) @ np.abs(x)).ravel())
+    size = terms + np.asarray(abs(system.A) @ np.abs(x)).ravel()
     bad = np.flatnonzero(off > _ROUNDING * np.maximum(size, size.max(initial=0.0) * 1e-3))
     if not len(bad):
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from lacsolver.case.case import Case
-from lacsolver.constraints import coupling, pretension, terms
+from lacsolver.constraints import coupling, cyclic, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.constraints.equated import EquatedConstraints
@@ -17,6 +17,7 @@ EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [
     terms.equations_of,
     coupling.equations_of,
     pretension.equations_of,
+    cyclic.equations_of,
 ]
 #: functions that return the rows of equality, each for its own records of a case
 EQUALITIES: list[Callable[[Space, Case], Iterable[EqualityRows]]] = [coupling.rows_of, pretension.locks_of]

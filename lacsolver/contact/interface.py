@@ -13,11 +13,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, kron, vstack
+from scipy.sparse import csr_array, eye_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
@@ -40,12 +40,36 @@ _CLEARANCE = 4
 _ROUNDING = 1e-13
 
 
+class Turn(NamedTuple):
+    """Rotation R (3, 3) about a centre (3,), which takes a master to where it faces its slave."""
+
+    R: Floats
+    centre: Floats
+
+    def places(self, x: Floats) -> NDArray[np.floating]:
+        """Return places x (n, 3), turned."""
+        return np.asarray((x - self.centre) @ np.transpose(self.R) + self.centre)
+
+    def apart(self, slave: Surface, master: Surface) -> tuple[Surface, Surface]:
+        """Return both skins with the master turned, on nodes of its own: those of the mesh, turned, after these."""
+        x, n = np.concatenate([slave.x, self.places(master.x)]), len(slave.x)
+        nodes = np.where(master.faces.nodes >= 0, master.faces.nodes + n, -1)
+        return replace(slave, x=x), replace(master, x=x, faces=replace(master.faces, nodes=nodes))
+
+    def together(self, B: csr_array, dim: int) -> csr_array:
+        """Return rows B (m, 2 n dim) of both skins on the nodes of the mesh, where the master moves by R u."""
+        n = B.shape[1] // 2
+        turned = kron(eye_array(n // dim), self.R[:dim, :dim], format="csr")
+        return csr_array(B[:, :n] + B[:, n:] @ turned)
+
+
 @dataclass(frozen=True)
 class Pairing:
     """Options of the pairing of a zone: those of `lacmesh.contact_points`, the measure, thickness and clearance.
 
     `measure`: area that pressures refer to, `reference` or `current`; `thickness` of a plane model; `clearance`: added
-    to the gap, a value at points of the undeformed slave; `friction`: True for tangential rows beside the normal ones.
+    to the gap, a value at points of the undeformed slave; `friction`: True for tangential rows beside the normal ones;
+    `turn`: rotation of the master of a tie to where it faces the slave, None without one.
     """
 
     normals: str = "facet"
@@ -57,6 +81,7 @@ class Pairing:
     measure: str = "reference"
     clearance: ScalarField = 0.0
     friction: bool = False
+    turn: Turn | None = None
 
     def within(self, space: Space, search_distance: float | None) -> Pairing:
         """Return the pairing with the axisymmetry and thickness of a space, and with a search distance."""
@@ -123,6 +148,8 @@ def integrate(
     weights and distances, remain those of its own.
     """
     slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
+    if pairing.turn is not None:
+        slave, master = pairing.turn.apart(slave, master)
     points = _points(zone, slave, master, pairing, x is not None, share)
     weight = points.weight * pairing.thickness
     if x is not None and pairing.measure == "reference":
@@ -133,6 +160,8 @@ def integrate(
     integral = share.total(np.bincount(points.macro, weight * gap, m).astype(float))
     w = share.total(np.bincount(points.macro, weight, m).astype(float))
     B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
+    if pairing.turn is not None:
+        B = pairing.turn.together(B, dim)
     B = share.add_matrices(B, (False, True))
     measured = zone.slave if pairing.measure == "reference" else slave
     area = face_measure(measured, pairing.axisymmetric) * pairing.thickness
@@ -148,7 +177,8 @@ def integrate(
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
     distance = pairing.search_distance
     if distance is None:  # that of the undeformed skins, which is constant
-        distance = default_distance(zone.slave, zone.master, zone.macro)
+        there = zone.master if pairing.turn is None else master
+        distance = default_distance(zone.slave, there, zone.macro)
     deepest = pairing.max_penetration
     if deepest is None and moved:  # during the iterations skins overlap by more than cells are deep
         deepest = distance

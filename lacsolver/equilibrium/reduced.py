@@ -144,7 +144,7 @@ class ReducedProblem:
     def _factorised(self, matrix: csr_array | None) -> Operator:
         """Return the stabilised K_q plus a scheme's matrix, factorised; for multigrid without a copy of K_q."""
         K, factors, springs = self.K, self.factors, self.stabilization.springs
-        if not (factors.on_nodes and isinstance(K, bsr_array)):
+        if not (factors.on_nodes and isinstance(K, bsr_array) and self.problem.constraints.is_selection):
             return factors.factorise(self.stabilized(self.K_q, matrix))
         free = self.problem.constraints.free
         on_nodes = with_held(K, free, self.problem.space.share.own)
@@ -179,14 +179,14 @@ class ReducedProblem:
     def _whole(self) -> NodalEmbedding | None:
         """Embedding of q in the unknowns of all nodes, with the rigid-body modes, for multigrid.
 
-        None if T does not merely select unknowns.
+        None if unknowns are no displacements of nodes along the axes of the mesh.
         """
-        space, c = self.problem.space, self.problem.constraints
-        if not c.is_selection:
+        space, free = self.problem.space, self.problem.constraints.places
+        if free is None:
             return None
         modes = rigid_modes(space, space.bodies)
-        modes[np.setdiff1d(np.arange(space.n_dof), c.free, assume_unique=True)] = 0.0
-        return NodalEmbedding(c.free, space.n_dof, space.dim, modes)
+        modes[np.setdiff1d(np.arange(space.n_dof), free, assume_unique=True)] = 0.0
+        return NodalEmbedding(free, space.n_dof, space.dim, modes)
 
     @cached_property
     def length(self) -> float:

@@ -20,9 +20,11 @@ from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
-from lacsolver.output.names import FIELDS, SOLID, collections_in, contact_stems, vtu_file
+from lacsolver.case import Cyclic
+from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
+from lacsolver.output.ring import ring_of
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
@@ -36,10 +38,13 @@ class PvdEntry(NamedTuple):
 
 
 class VtuSeries:
-    """The PVD and VTU files of a folder; existing ones are continued. Raises ReadError, WriteError."""
+    """The PVD and VTU files of a folder; existing ones are continued. Raises ReadError, WriteError.
 
-    def __init__(self, folder: Path, space: Space) -> None:
-        self._folder, self._space = folder, space
+    `sector`: the one whose whole ring is written too, None for none.
+    """
+
+    def __init__(self, folder: Path, space: Space, sector: Cyclic | None = None) -> None:
+        self._folder, self._space, self._sector = folder, space, sector
         self._parts: dict[str, Part] = {}
         self._told: dict[str, list[PvdEntry]] = {}
         if space.share.rank == 0:
@@ -50,6 +55,8 @@ class VtuSeries:
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
         self._add(SOLID, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
+        if self._sector is not None:
+            self._add(RING, self._part(SOLID, None), _solid(fields), {}, fields.time, number)
         if self._space.share.rank > 0:  # the first process has all of the skins
             return
         for zone, stem in contact_stems(fields.zones).items():
@@ -76,6 +83,8 @@ class VtuSeries:
             node_data={**part.mesh.node_data, **{name: values[part.nodes] for name, values in nodal.items()}},
             cell_data={**part.mesh.cell_data, **{name: values[part.cells] for name, values in by_cell.items()}},
         )
+        if stem == RING and self._sector is not None:
+            mesh = ring_of(mesh, self._sector)
         share, file = self._space.share, vtu_file(stem, number)
         _make(self._folder / FIELDS)
         if share.size > 1 and stem == SOLID:

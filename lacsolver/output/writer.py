@@ -17,6 +17,7 @@ from lacmesh.formats.output import signals_wait
 from lacsolver.case import Case, Output
 from lacsolver.output.folder import OutputFolder
 from lacsolver.output.names import UNCONVERGED, contact_stems
+from lacsolver.output.ring import asked
 from lacsolver.output.states import write_state
 from lacsolver.output.summary import Summary
 from lacsolver.output.tables import History, add_contact, cut_off, same_time
@@ -46,7 +47,8 @@ class Writer:
     ) -> None:  # fmt: skip
         self._path, self._output, self._space, self._prints = folder.path, case.output, space, prints
         self._orders, self._share = orders or {}, space.share
-        self._zones = tuple(zone.name for zone in (*case.contact, *case.tie))
+        self._sector = asked(case)
+        self._zones = tuple(zone.name for zone in (*case.contact, *case.ties))
         end = folder.restart.time if folder.restart else None
         with signals_wait():
             self._share.on_first(lambda: self._take(folder, end))
@@ -117,7 +119,7 @@ class Writer:
 
             series = MedSeries if self._share.own is None else GatheredSeries
             return series(folder, self._space, self._zones, end)
-        return VtuSeries(folder, self._space)
+        return VtuSeries(folder, self._space, self._sector)
 
     def _write(self, fields: Fields, state: Restart) -> None:
         self._series.write(fields, state.number)

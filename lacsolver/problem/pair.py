@@ -19,8 +19,9 @@ from lacmesh.smooth import DOUBTFUL, doubt_in_words, told_of_few
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import normals_of
 from lacmesh.topology.skin import FACE_TYPES
-from lacsolver.case import Contact, Tie
+from lacsolver.case import Contact, Cyclic, Tie
 from lacsolver.case.value import Value
+from lacsolver.constraints.cyclic import turn_of
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.friction import Bounds
@@ -56,6 +57,9 @@ class ContactPair(Described):
         except LacmeshError as error:
             raise wrong(record, str(error)) from None
         pairing = Pairing()
+        if isinstance(record, Cyclic):
+            turned = turn_of(record, space.dim)
+            pairing = Pairing(turn=turned._replace(centre=turned.centre - space.origin))
         if isinstance(record, Contact):
             _warn_of_skins(space, record, zone)
             value = record.clearance

@@ -198,7 +198,7 @@ def build(
         parts.constraints = _constraints(case, parts.space, attempt)
     if parts.space is not None and parts.prepared:
         pairs = like.joints if like is not None else ()
-        records: tuple[Contact | Tie, ...] = (*case.contact, *case.tie)
+        records: tuple[Contact | Tie, ...] = (*case.contact, *case.ties)
         for record in records:
             with attempt(record.place):
                 same = next((pair for pair in pairs if pair.record == record), None)
@@ -210,7 +210,7 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
     """True if a problem has the space of this case on this mesh: the same model, slaves and masters."""
 
     def settings(case: Case) -> tuple:
-        skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.tie))
+        skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.ties))
         return case.model, case.thickness, skins, [record.group for record in case.pretension]
 
     return distribution is UNDIVIDED and like.source is mesh and settings(case) == settings(like.case)
@@ -237,7 +237,9 @@ def _check_undivided(case: Case, distribution: Distribution) -> None:
 
 
 def _check_shared(case: Case, share: Share) -> None:
-    """Raise RequestError for MED of a model too large to be gathered on one process."""
+    """Raise RequestError for output that several processes do not write: whole rings, and MED of too large a model."""
+    if any(record.ring for record in case.cyclic):
+        raise RequestError("[[cyclic]] ring = true is written by one process only; leave it out, or run in one")
     assert share.node is not None
     n = int(share.largest(float(share.node.max(initial=-1)))) + 1
     if case.output.format == "med" and n > MED_NODES:

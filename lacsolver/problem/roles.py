@@ -25,6 +25,7 @@ from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import find_owners
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
 from lacsolver.constraints.coupling import rigid_records
+from lacsolver.constraints.cyclic import with_sectors
 from lacsolver.space.places import wrong
 
 #: fewer faces of a slave than this, by dimension, may not keep a body from turning
@@ -41,6 +42,7 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
     `mesh`: before its cut, with all groups of the case. Raises CaseError, with the line, where neither surface can be
     the slave.
     """
+    case = with_sectors(case, mesh)
     records: list[Contact | Tie] = [*case.contact, *case.tie]
     if not any(record.surfaces for record in records):
         return case
@@ -64,7 +66,7 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
 def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
     """Return the groups to be cut in a mesh, each with its kind of `hexa` cut. Raises as `with_roles`."""
     done = with_roles(case, mesh)
-    return {record.slave: record.hexa for record in (*done.contact, *done.tie)}
+    return {record.slave: record.hexa for record in (*done.contact, *done.ties)}
 
 
 def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> Contact | Tie:

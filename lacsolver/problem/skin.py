@@ -27,7 +27,7 @@ def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
     """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
     mesh = with_sections(case, mesh_of(case, mesh))
-    slaves: dict[str, Contact | Tie | Pretension] = {record.slave: record for record in (*case.contact, *case.tie)}
+    slaves: dict[str, Contact | Tie | Pretension] = {record.slave: record for record in (*case.contact, *case.ties)}
     slaves |= {sides_of(record)[0]: record for record in case.pretension if not coincide(mesh, record)}
     if is_cut(mesh):
         zones = set(Cut(mesh).zones)

@@ -53,7 +53,11 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
             zone.name: zone_figures(zone, np.unique(nodes[nodes >= 0]), x + space.origin[: space.dim])
             for zone, nodes, x in pairs
         },
-        balance=balance((zone.force, x) for zone, _, x in pairs),
+        balance=balance(
+            (zone.force, x)
+            for (zone, _, x), pair in zip(pairs, problem.joints, strict=True)
+            if pair.pairing.turn is None  # forces on the other sector are turned
+        ),
         energy=float(space.share.total(np.array(problem.kinematics.energy(state.u, state.time, state.history)))),
         displacement=space.largest(np.linalg.norm(state.u.reshape(-1, space.dim), axis=1)),
         motion=None if problem.case.dynamics is None else _motion(problem, state),

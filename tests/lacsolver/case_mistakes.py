@@ -231,6 +231,16 @@ MISTAKES = [
     (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\nlock = 1.0 #!\n', "pretension.lock is 1, and the steps end at 1; leave it out"),
     (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\n[[pretension]]\ngroup = "g" #!\nname = "h"\nforce = 1.0\n', "pretension.group is 'g', which an earlier one has"),
     (BODY + '[[pretension]]\ngroup = "g"\nforce = 1.0\n[[pretension]]\ngroup = "h"\nname = "g" #!\nforce = 1.0\n', "pretension.name calls it 'g', as an earlier one is"),
+    # sectors
+    (BODY + '[[cyclic]] #!\nslave = "a"\nmaster = "b"\n', "[[cyclic]] needs sectors"),
+    (BODY + '[[cyclic]] #!\nmaster = "b"\nsectors = 3\n', "[[cyclic]] needs slave"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 1 #!\n', "cyclic.sectors is 1; it must be >= 2"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 3\nharmonic = 1 #!\n', "cyclic.harmonic is 1; sectors with nodal diameters"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "a" #!\nsectors = 3\n', "cyclic.master is 'a', the slave itself"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 3\naxis = [0, 0, 0] #!\n', "cyclic.axis has the length 0"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 3\nring = true #!\n[output]\nformat = "med"\n', "cyclic.ring is written for ParaView"),
+    (BODY + '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 3\nsurfaces = ["a", "b"] #!\n', "cyclic.surfaces is no key of [[cyclic]]"),
+    (RING + '[[cyclic]] #!\nslave = "a"\nmaster = "b"\nsectors = 3\n', "[[cyclic]] is of a sector, and an axisymmetric model"),
     # probes, steps, solver, output
     (BODY + "[[probe]] #!\nat = [0, 0, 0]\n", "[[probe]] needs a name, for it has no group"),
     (BODY + "[[probe]] #!\n", "[[probe]] needs group or at"),

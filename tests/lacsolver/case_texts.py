@@ -346,6 +346,16 @@ axes = { origin = [0, 0, 0], x = [1, 0, 0], xy = [0, 1, 0] }
 group = "a"
 moment = [0, 0, 1]
 total = true
+[[cyclic]]
+name = "side"
+slave = "left"
+master = "right"
+sectors = 12
+axis = [0, 1, 0]
+origin = [0, 0, 1]
+harmonic = 0
+ring = true
+hexa = "auto"
 [[coupling]]
 name = "hook"
 group = "a"

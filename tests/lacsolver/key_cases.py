@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lacmesh import Mesh
-from tests.lacsolver.key_meshes import apart, bolted, cube, overhang, pair, plane, punch, roof, tower, towers
+from tests.lacsolver.key_meshes import apart, bolted, cube, overhang, pair, plane, punch, roof, tower, towers, wedge
 
 
 class KeyCase(NamedTuple):
@@ -333,6 +333,34 @@ group = "second"
 shortening = "0.015 * t"
 [steps]
 times = [1.0, 2.0]
+"""
+
+SECTOR = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.0  # held
+[[cyclic]]
+name = "side"
+slave = "a"
+master = "b"
+sectors = 6
+axis = [1.0, 0.0, 0.0]
+origin = [0.0, 1.0, 0.0]
+harmonic = 0
+ring = true
+hexa = "{hexa}"
+[[displacement]]
+group = "in"
+ux = 0.0  # held
+uy = "0.01 * (y - 1) * t"  # held
+uz = "0.01 * z * t"  # held
+[[displacement]]
+group = "out"
+ux = 0.0  # held
+uy = "0.01 * (y - 1) * t"  # held
+uz = "0.01 * z * t"  # held
 """
 
 RIGID = """
@@ -793,6 +821,7 @@ CASES = {
     "axes": KeyCase(cube, AXES),
     "coupled": KeyCase(cube, COUPLED),
     "tightened": KeyCase(bolted, TIGHTENED),
+    **{f"sector {hexa}": KeyCase(wedge, SECTOR.format(hexa=hexa)) for hexa in ("pyramid", "hexa", "auto")},
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),
     "rubbed": KeyCase(plane, RUBBED),

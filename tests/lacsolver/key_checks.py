@@ -113,6 +113,18 @@ def check_coupled(ran):
     np.testing.assert_allclose(loads["force"]["moment"], [0, 0, 0.375], atol=1e-12)
 
 
+def check_sector(ran):
+    """A body that grows evenly, tied across the sides; the whole ring is written with the fields."""
+    body = ran.solid()
+    wanted = 0.01 * (body.points - np.array([0, 1, 0])) * [0, 1, 1]
+    np.testing.assert_allclose(body.node_data["displacement"], wanted, atol=1e-12)
+    assert list(ran.results["contact"]) == ["side"] and ran.results["contact"]["side"]["unpaired"] == 0
+    ring = lacmesh.read(sorted((ran.folder / "fields").glob("ring_*.vtu"))[-1])
+    assert ring.n_nodes == 6 * body.n_nodes
+    cut = {block.type for block in body.blocks}
+    assert ("PYRAM5" in cut) == (ran.case.cyclic[0].hexa == "pyramid")
+
+
 def check_axes(ran):
     """A displacement along (3, 4) / 5, springs along the same axes, and a force about x, spread by area."""
     problem = Problem.of(ran.case, ran.mesh)
@@ -459,6 +471,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "equated": check_equated,
     "axes": check_axes,
     "coupled": check_coupled,
+    **{f"sector {hexa}": check_sector for hexa in ("pyramid", "hexa", "auto")},
     "thrown": check_thrown,
     **{f"massless {name}": check_falling for name in MASSLESS},
     "saint venant": check_saint_venant,

@@ -10,6 +10,7 @@ from lacmesh import Mesh
 from tests.checks.blocks import block as linear_block
 from tests.checks.blocks import join, skin
 from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
+from tests.lacsolver.sectors import sector
 
 
 def nodes_of(mesh, group):
@@ -89,6 +90,14 @@ def roof():
     x[low, 1] *= 1 - 0.25 * np.abs(x[low, 0] - 0.5)
     x[high, 0] += x[high, 0] - 0.5
     return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=2)
+
+
+@cache
+def wedge():
+    """A sixth of a ring about an axis along x through y = 1, whose sides `a` and `b` do not match."""
+    mesh = sector("HEXA8", (4, 1, 3), 6, skew=0.2)
+    x = mesh.points[:, [2, 0, 1]] + [0, 1, 0]
+    return Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups)
 
 
 @cache

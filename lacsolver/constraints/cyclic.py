@@ -1,0 +1,130 @@
+"""Cyclic symmetry: the sides of a sector, of which one is the other, turned about an axis by the angle of the sector.
+
+Displacements at the slave are those at the master, turned: u_s = R u_m, R the rotation that takes the master onto the
+slave. Where the nodes of both sides match, these are equations, one for each node and component, and the sector is
+exactly a part of the whole ring. Where they do not, the sides are a tie whose master is turned (`contact.interface`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.spatial import cKDTree
+
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacsolver.case.case import Case
+from lacsolver.case.joints import Cyclic
+from lacsolver.constraints.equations import Equations
+from lacsolver.constraints.rotation import turn
+from lacsolver.contact.interface import Turn
+from lacsolver.space.places import wrong
+from lacsolver.space.space import Space
+
+#: distance of matching nodes, relative to the size of the sides
+_MATCH = 1e-6
+#: mean distance of the sides about the axis, relative to that between their nodes, up to which they are those of a
+#: sector: on sides that are curved, nearest nodes are a little apart
+_APART = 0.3
+
+
+def with_sectors(case: Case, mesh: Mesh) -> Case:
+    """Return the case with the angle of each sector, and whether the nodes of its sides match.
+
+    Raises CaseError where the sides are not those of a sector.
+    """
+    if not case.cyclic:
+        return case
+    records = tuple(_with_angle(record, mesh, mesh.dim) for record in case.cyclic)
+    return case.altered(cyclic=records)
+
+
+def turn_of(record: Cyclic, dim: int) -> Turn:
+    """Return the rotation that takes the master of a sector onto its slave, in the coordinates of the mesh."""
+    centre = np.zeros(3)
+    centre[:dim] = record.origin or np.zeros(dim)
+    return Turn(_rotation(record, record.angle), centre)
+
+
+def equations_of(space: Space, case: Case) -> Iterator[Equations]:
+    """Yield the equations of the sectors whose sides match, node by node."""
+    for record in case.cyclic:
+        if not record.matching:
+            continue
+        slave, master = _nodes(space.mesh, record)
+        _, partner = cKDTree(turn_of(record, space.dim).places(space.mesh.points[master])).query(
+            space.mesh.points[slave]
+        )
+        yield _equations(space, record, slave, master[partner])
+
+
+def _equations(space: Space, record: Cyclic, slave: Ints, master: Ints) -> Equations:
+    """Return u_s - R u_m = 0 for each pair of nodes; nodes on the axis, which are both, are their own partners."""
+    R = turn_of(record, space.dim).R[: space.dim, : space.dim]
+    k, dim = len(slave), space.dim
+    row = np.arange(k * dim).reshape(k, dim)
+    of_slave = np.ones((k, dim)), (row, space.dofs(slave))
+    blocks = np.broadcast_to(-R, (k, dim, dim))
+    rows = np.broadcast_to(row[:, :, None], blocks.shape)
+    columns = np.broadcast_to(space.dofs(master)[:, None, :], blocks.shape)
+    values = np.concatenate([of_slave[0].ravel(), blocks.ravel()])
+    place = np.concatenate([row.ravel(), rows.ravel()]), np.concatenate([of_slave[1][1].ravel(), columns.ravel()])
+    C = coo_array((values, place), shape=(k * dim, space.n_dof)).tocsr()
+    C.sum_duplicates()
+    return Equations(record.name, C, lambda t: np.zeros(k * dim), partial(_in_words, record), may_follow=True)
+
+
+def _in_words(record: Cyclic, _row: int = 0) -> str:
+    return f"cyclic {record.name!r}" + (f" ({record.place})" if record.place else "")
+
+
+def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:
+    """Return a record with its angle, of the sign for which the turned master is nearer to the slave."""
+    slave, master = _nodes(mesh, record)
+    x_s, x_m = mesh.points[slave], mesh.points[master]
+    angles = [sign * 2 * np.pi / record.sectors for sign in (1, -1)]
+    turned = [turn_of(record.altered(angle=angle), dim).places(x_m) for angle in angles]
+    away = [cKDTree(x).query(x_s)[0] for x in turned]
+    best = int(np.argmin([d.mean() for d in away]))
+    size = float(np.ptp(np.concatenate([x_s, x_m]), axis=0).max())
+    apart = _about_axis(record, dim, x_s, turned[best])
+    if not apart <= _APART * max(_spacing(x_s), _spacing(x_m)):
+        message = f"turned by {360 / record.sectors:g} degrees, master {record.master!r} is {apart:.4g} away"
+        advice = "check sectors, axis and origin, and which groups are the sides of the sector"
+        raise wrong(record, f"{message} from slave {record.slave!r}; {advice}")
+    matching = len(slave) == len(master) and bool(away[best].max() <= _MATCH * size)
+    return record.altered(angle=angles[best], matching=matching)
+
+
+def _about_axis(record: Cyclic, dim: int, slave: Floats, master: Floats) -> float:
+    """Return the mean distance, about the axis, of slave nodes (n, 3) from the nearest ones of the turned master."""
+    arm = slave - turn_of(record, dim).centre
+    theta = np.cross(record.axis, arm)
+    size = np.linalg.norm(theta, axis=1, keepdims=True)
+    theta = np.divide(theta, size, out=np.zeros_like(theta), where=size > 0)
+    away = master[cKDTree(master).query(slave)[1]] - slave
+    return float(np.abs((away * theta).sum(axis=1)).mean())
+
+
+def _spacing(x: Floats) -> float:
+    """Return the median distance of points (n, 3) from their neighbours."""
+    return float(np.median(cKDTree(x).query(x, 2)[0][:, 1])) if len(x) > 1 else np.inf
+
+
+def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
+    """Return the nodes of both sides."""
+    sides = []
+    for group in (record.slave, record.master):
+        mask = np.zeros(mesh.n_nodes, bool)
+        for _, _, nodes in mesh.select(mesh.cells_of(group)):
+            mask[nodes] = True
+        sides.append(np.flatnonzero(mask))
+    return sides[0], sides[1]
+
+
+def _rotation(record: Cyclic, angle: float) -> NDArray[np.floating]:
+    axis = np.array(record.axis) / np.linalg.norm(record.axis)
+    return np.eye(3) + turn(angle * axis)

@@ -1,0 +1,150 @@
+"""Sectors against whole rings, patches across sides that do not match, contact in a sector, rings for ParaView."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import lacmesh
+from lacsolver.case import Case, CaseError, Cyclic, Displacement, Material, Output, Pressure, Solver, Steps
+from lacsolver.equilibrium.stepping import march
+from lacsolver.output import create_output
+from lacsolver.problem.problem import Problem
+from lacsolver.running import run
+from tests.lacsolver.sectors import ring, sector
+
+CELLS = ["QUAD4", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"]
+SIDES = {"slave": "a", "master": "b", "sectors": 6}
+LAWS = {"small": "elastic", "finite": "neo_hookean"}
+
+
+def dim_of(cell):
+    return 2 if cell[:4] in ("QUAD", "TRIA") else 3
+
+
+def counts_of(cell):
+    return (3, 4) if dim_of(cell) == 2 else (2, 3, 2)
+
+
+def made(mesh, kinematics="small", **keys):
+    model = "3d" if mesh.dim == 3 else "plane_strain"
+    material = Material(young=100.0, poisson=0.3, law=LAWS[kinematics])
+    return Case(mesh=mesh, model=model, kinematics=kinematics, material=material, **keys)
+
+
+def solved(case):
+    problem = Problem.of(case)
+    *_, state = march(problem)
+    return problem, state
+
+
+def loaded(dim):
+    """A load that every sector has, without any other symmetry."""
+    axes = {"origin": [0.0] * dim, "axis": [0, 0, 1]}
+    angle = "6 * atan2(y, x)"
+    held = [Displacement(group="in", ux=f"0.01 * t * sin({angle})", uy=f"0.02 * t * cos({angle})", axes=axes)]
+    held += [Displacement(group="bottom", uz=0)] if dim == 3 else []
+    return {"displacement": held, "pressure": Pressure(group="out", value=f"t * (1 + cos({angle} + 1))")}
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("kinematics", LAWS)
+def test_a_sector_with_matching_sides_is_a_part_of_the_ring(cell, kinematics):
+    dim, counts = dim_of(cell), counts_of(cell)
+    if cell in ("TETRA10", "PENTA6", "TRIA6") and kinematics == "finite":
+        pytest.skip("the same equations as with other cells")
+    whole, small = ring(cell, counts, 6), sector(cell, counts, 6)
+    _, full = solved(made(whole, kinematics, **loaded(dim)))
+    problem, part = solved(made(small, kinematics, cyclic=Cyclic(**SIDES), **loaded(dim)))
+    assert problem.case.cyclic[0].matching and not problem.joints
+    away, at = cKDTree(whole.points).query(problem.space.mesh.points)
+    assert away.max() < 1e-9
+    wanted = full.u.reshape(-1, dim)[at]
+    np.testing.assert_allclose(part.u.reshape(-1, dim), wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("kinematics", LAWS)
+def test_a_patch_across_sides_that_do_not_match(cell, kinematics):
+    """A uniform growth, u = e X, is a uniform strain that every sector has."""
+    dim = dim_of(cell)
+    axes = {"origin": [0.0] * dim, "axis": [0, 0, 1]}
+    grown = [Displacement(group="out", ux="0.05 * t * (x**2 + y**2)**0.5", uy=0, axes=axes)]
+    grown += [replace(grown[0], group="in")]
+    grown += [Displacement(group=g, uz=0) for g in ("bottom", "top")] if dim == 3 else []
+    mesh = sector(cell, counts_of(cell), 6, skew=0.2)
+    problem, state = solved(made(mesh, kinematics, cyclic=Cyclic(**SIDES), displacement=grown))
+    assert [pair.name for pair in problem.joints] == ["a"]
+    wanted = 0.05 * problem.space.mesh.points[:, :dim] * ([1, 1, 0][:dim])
+    np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, rtol=0, atol=1e-10)
+
+
+def test_sides_that_do_not_match_come_close_to_those_that_do():
+    answers = []
+    for n in (4, 8):
+        fine = [solved(made(sector("QUAD8", (n, n), 6, skew=s), cyclic=Cyclic(**SIDES), **loaded(2))) for s in (0, 0.2)]
+        energies = [problem.kinematics.energy(state.u, 1.0, ()) for problem, state in fine]
+        answers.append(abs(energies[1] / energies[0] - 1))
+    assert answers[1] < answers[0] / 4 and answers[1] < 2e-3
+
+
+@pytest.mark.parametrize("skew", [0.0, 0.2])
+def test_multigrid_solves_a_sector(skew):
+    mesh = sector("HEXA8", (3, 4, 3), 6, skew=skew)
+    answers = [
+        solved(made(mesh, cyclic=Cyclic(**SIDES), solver=Solver(backend=name), **loaded(3)))[1].u
+        for name in ("auto", "multigrid")
+    ]
+    np.testing.assert_allclose(answers[1], answers[0], rtol=0, atol=1e-8 * np.abs(answers[0]).max())
+
+
+def test_two_sectors_and_an_axis_elsewhere():
+    """Half a ring, moved, about an axis through its own middle."""
+    mesh = sector("QUAD4", (3, 8), 2)
+    moved = replace(mesh, points=mesh.points + np.array([3.0, -2.0, 0]))
+    kept = {"slave": "a", "master": "b", "sectors": 2}
+    load = {"displacement": Displacement(group="in", ux=0, uy=0), "pressure": Pressure(group="out", value=1.0)}
+    _, one = solved(made(mesh, cyclic=Cyclic(**kept), **load))
+    problem, other = solved(made(moved, cyclic=Cyclic(**kept, origin=[3.0, -2.0]), **load))
+    assert problem.case.cyclic[0].matching
+    np.testing.assert_allclose(other.u, one.u, atol=1e-13)
+
+
+def test_the_ring_is_written_for_paraview(tmp_path):
+    mesh = sector("HEXA8", (2, 2, 1), 6)
+    case = made(mesh, cyclic=Cyclic(**SIDES, ring=True), output=Output(), **loaded(3))
+    run(case, create_output(tmp_path / "out"))
+    run(case, create_output(tmp_path / "out", force=True))
+    (file,) = sorted((tmp_path / "out" / "fields").glob("ring_*.vtu"))
+    whole = lacmesh.read(file)
+    assert whole.n_nodes == 6 * mesh.n_nodes and (tmp_path / "out" / "ring.pvd").exists()
+    x, u, stress = whole.points, whole.node_data["displacement"], whole.node_data["stress"]
+    n = mesh.n_nodes
+    for k in range(6):
+        c, s = np.cos(k * np.pi / 3), -np.sin(k * np.pi / 3)
+        R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        own = slice(k * n, (k + 1) * n)
+        np.testing.assert_allclose(x[own], x[:n] @ R.T, atol=1e-14)
+        np.testing.assert_allclose(u[own], u[:n] @ R.T, atol=1e-14)
+        assert np.allclose(stress[own, :3].sum(axis=1), stress[:n, :3].sum(axis=1))
+    apart = cKDTree(x).query_pairs(1e-9, output_type="ndarray")  # where sectors meet their displacements are the same
+    assert len(apart) and np.abs(u[apart[:, 0]] - u[apart[:, 1]]).max() < 1e-12
+
+
+def test_sides_that_are_none_are_named():
+    mesh = sector("QUAD4", (3, 4), 6)
+    wrong = {**SIDES, "sectors": 7}
+    with pytest.raises(CaseError, match=r"turned by 51.4286 degrees, master 'b' is .* away from slave 'a'; check"):
+        Problem.of(made(mesh, cyclic=Cyclic(**wrong)))
+
+
+def test_a_restart_goes_on_in_a_sector(tmp_path):
+    from lacsolver.output import read_state
+
+    case = made(sector("QUAD4", (2, 3), 6, skew=0.2), cyclic=Cyclic(**SIDES), steps=Steps(count=2), **loaded(2))
+    whole = run(case, create_output(tmp_path / "one"))
+    again = run(case, create_output(tmp_path / "two"), start=read_state(tmp_path / "one", case, 0.5))
+    assert again.steps[-1].energy == pytest.approx(whole.steps[-1].energy, rel=1e-10)
