@@ -120,8 +120,8 @@ def _own_mass(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
 
 def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     """Return how a component of the reference node moves: prescribed, or free under a force, which may be 0."""
-    prescribed = _at(draft, "displacement", body.reference, c)
-    pushed = _at(draft, "force", body.reference, c)
+    prescribed = history_at(draft, "displacement", body.reference, c)
+    pushed = history_at(draft, "force", body.reference, c)
     if prescribed:
         return {f"u{AXES[c]}": written(prescribed, draft.ramped)}
     return {f"f{AXES[c]}": scaled(written(pushed, draft.ramped), draft.per_thickness) if pushed else 0.0}
@@ -130,8 +130,10 @@ def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
 def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
     """Return how a body turns: all rotations prescribed, or all free under a moment. Raises Refused for a mixture."""
     axes = range(3) if draft.dim == 3 else [2]
-    prescribed = [_at(draft, "spin", body.reference, c) or _of_node(draft, "displacement", body, c) for c in axes]
-    loaded = [_at(draft, "moment", body.reference, c) or _of_node(draft, "force", body, c) for c in axes]
+    prescribed = [
+        history_at(draft, "spin", body.reference, c) or _of_node(draft, "displacement", body, c) for c in axes
+    ]
+    loaded = [history_at(draft, "moment", body.reference, c) or _of_node(draft, "force", body, c) for c in axes]
     if any(prescribed):
         if not all(prescribed):
             raise Refused("a rigid body of lacsolver turns freely about all axes or about none; fix all or none")
@@ -144,10 +146,10 @@ def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
 
 
 def _of_node(draft: CaseDraft, kind: str, body: DeckRigid, c: int) -> Points | None:
-    return None if body.rotation is None else _at(draft, kind, body.rotation, c)
+    return None if body.rotation is None else history_at(draft, kind, body.rotation, c)
 
 
-def _at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:
+def history_at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:
     """Return the history of a component of one node, None if the deck says nothing of it. Raises Refused."""
     lines = [line for line in draft.deck.assigned if line.kind == kind and node in line.items]
     lines = [replace(line, items=np.array([node])) for line in lines]

@@ -11,7 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from lacmesh.mesh import Ints
+import numpy as np
+
+from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Card, DeckLine, Finding, Refused, look_up
 from lacsolver.decks.names import Names
 
@@ -99,6 +101,56 @@ class DeckRigid:
     reference: int
     rotation: int | None
     card: Card
+
+
+@dataclass(frozen=True)
+class DeckEquation:
+    """An equation: (node, direction, factor) of each term, at `row` of its card. `linearised`: its *MPC, or ""."""
+
+    terms: tuple[tuple[int, int, float], ...]
+    card: Card
+    row: DeckLine
+    linearised: str = ""
+
+
+@dataclass(frozen=True)
+class LocalSystem:
+    """Local axes of some nodes, as the `axes` of a case, in three dimensions."""
+
+    nodes: Ints
+    axes: dict[str, list[float]]
+    card: Card
+
+
+@dataclass
+class DeckCoupling:
+    """A coupling of the node `reference` with a group of `facets` or of `nodes`, the other one None.
+
+    `kind`: that of [[coupling]], "" as long as it is not known; `components` that follow, of a rigid one; `weights` of
+    nodes, None for those of the area.
+    """
+
+    group: str
+    facets: Ints | None
+    nodes: Ints | None
+    reference: int
+    card: Card
+    kind: str = ""
+    components: list[int] = field(default_factory=lambda: [0, 1, 2])
+    weights: dict[int, float] | None = None
+    axes: dict[str, list[float]] | None = None
+
+
+@dataclass
+class DeckSector:
+    """The sides of a sector, name and facets of each; the number of sectors, 0 if it is not known, and the axis."""
+
+    slave: tuple[str, Ints]
+    master: tuple[str, Ints]
+    card: Card
+    count: int = 0
+    origin: Floats = field(default_factory=lambda: np.zeros(3))
+    axis: Floats = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -198,6 +250,10 @@ class DeckContent:
     changes: dict[tuple[str, str], list[tuple[int, bool, Card]]] = field(default_factory=lambda: defaultdict(list))
     rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
+    equations: list[DeckEquation] = field(default_factory=list)
+    systems: list[LocalSystem] = field(default_factory=list)
+    couplings: list[DeckCoupling] = field(default_factory=list)
+    sectors: dict[str, DeckSector] = field(default_factory=dict)
     masses: list[PointMass] = field(default_factory=list)
     steps: list[DeckStep] = field(default_factory=list)
     assigned: list[Assigned] = field(default_factory=list)

@@ -11,6 +11,7 @@ import numpy as np
 import lacmesh
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, CaseError, Issue, parse_case
+from lacsolver.decks import joint_records as joints
 from lacsolver.decks import load_records as loads
 from lacsolver.decks import model_records as model
 from lacsolver.decks.body_records import centrifugal, gravity, rigid_bodies
@@ -27,8 +28,11 @@ _BUILDERS: tuple[tuple[Callable[[CaseDraft], None], str], ...] = (
     (model.top, "ELEMENT"),
     (model.materials, "SOLIDSECTION"),
     (model.contacts, "CONTACTPAIR"),
+    (joints.sectors, "CYCLICSYMMETRYMODEL"),
     (rigid_bodies, "RIGIDBODY"),
     (loads.supports, "BOUNDARY"),
+    (joints.equations, "EQUATION"),
+    (joints.couplings, "COUPLING"),
     (model.springs, "SPRING"),
     (loads.pressures, "DLOAD"),
     (loads.forces, "CLOAD"),

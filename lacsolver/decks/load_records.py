@@ -15,6 +15,7 @@ from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import COMPONENTS, Assigned, DeckStep
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Orders, history_of, orders_of, parts_of, written
+from lacsolver.decks.local_axes import by_axes
 from lacsolver.decks.model_records import expanding, initial_temperatures
 from lacsolver.decks.names import SIDES
 
@@ -31,6 +32,9 @@ def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
     deck = draft.deck
     rigid_nodes = [n for body in deck.rigid for n in (body.reference, body.rotation) if n is not None]
+    rigid_nodes += [one.reference for one in deck.couplings]
+    beside = [n for one in deck.equations for n, *_ in one.terms if not deck.names.in_cells[n]]
+    rigid_nodes += beside if kind == "displacement" else []
     lines = [line for line in deck.assigned if line.kind == kind]
     if kind in ("displacement", "force"):
         lines = [replace(line, items=np.setdiff1d(line.items, np.array(rigid_nodes, np.int64))) for line in lines]
@@ -79,9 +83,10 @@ def supports(draft: CaseDraft) -> None:
             )
             continue
         keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in part.histories.items() if c < draft.dim}
-        if keys:
-            name = part.name if len(there) == len(part.items) else ""
-            draft.add("displacement", {"group": draft.node_group(name, there, "held")} | keys, part.line.card)
+        for axes, some_nodes in by_axes(draft, there) if keys else ():
+            name = part.name if len(some_nodes) == len(part.items) else ""
+            group = draft.node_group(name, some_nodes, "held")
+            draft.add("displacement", {"group": group} | keys | axes, part.line.card)
 
 
 def forces(draft: CaseDraft) -> None:
@@ -97,7 +102,10 @@ def forces(draft: CaseDraft) -> None:
             f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness)
             for c, points in part.histories.items()
         }
-        draft.add("force", {"group": draft.node_group(part.name, part.items, "loaded")} | keys, part.line.card)
+        for axes, some_nodes in by_axes(draft, part.items):
+            name = part.name if len(some_nodes) == len(part.items) else ""
+            group = draft.node_group(name, some_nodes, "loaded")
+            draft.add("force", {"group": group} | keys | axes, part.line.card)
     if moments := [one for one in draft.deck.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
@@ -105,9 +113,13 @@ def forces(draft: CaseDraft) -> None:
 def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
     reference_nodes = [body.reference for body in draft.deck.rigid]
+    reference_nodes += [one.reference for one in draft.deck.couplings]
     for line in lines:
         if line.value and not np.isin(line.items, reference_nodes).all():
-            raise Refused("only the reference node of a *RIGID BODY turns; nodes of solid elements do not", line.row)
+            raise Refused(
+                "only the reference node of a *RIGID BODY or a *COUPLING turns; nodes of solid elements do not",
+                line.row,
+            )
 
 
 def scaled(value: Any, factor: float) -> Any:

@@ -17,10 +17,11 @@ from lacsolver.decks.content import (
     Interaction,
     Pair,
 )
+from lacsolver.decks.joint_cards import cyclic_tie
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
-_POINTS = ("SPRING1", "MASS", "ROTARYI")
+_POINTS = ("SPRING1", "MASS", "ROTARYI", "DCOUP3D")
 _VARIANTS = {
     "R": "reduced integration",
     "I": "incompatible modes",
@@ -158,6 +159,9 @@ def contact_pair(deck: DeckContent, card: Card) -> None:
 
 def tie(deck: DeckContent, card: Card) -> None:
     """Take ties; the position tolerance becomes the distance within which the master is searched."""
+    if "CYCLICSYMMETRY" in card.options:
+        cyclic_tie(deck, card)
+        return
     keys = {}
     if card.options.get("POSITIONTOLERANCE", ""):
         keys["search_distance"] = card.number("POSITIONTOLERANCE")

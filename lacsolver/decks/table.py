@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from lacsolver.decks import joint_cards as joints
 from lacsolver.decks import material_cards as materials
 from lacsolver.decks import model_cards as model
 from lacsolver.decks import step_cards as steps
@@ -33,7 +34,15 @@ READ: dict[str, tuple[Handler, str, str]] = {
     "CHANGEFRICTION": (model.change_friction, "INTERACTION", ""),
     "CONTACTPAIR": (model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
     "CLEARANCE": (model.clearance, "MASTER SLAVE VALUE", ""),
-    "TIE": (model.tie, "POSITIONTOLERANCE", "NAME ADJUST TYPE"),
+    "TIE": (model.tie, "POSITIONTOLERANCE CYCLICSYMMETRY", "NAME ADJUST TYPE"),
+    "CYCLICSYMMETRYMODEL": (joints.cyclic_model, "N TIE", "ELSET NGRAPH CHECK"),
+    "EQUATION": (joints.equation, "", ""),
+    "MPC": (joints.mpc, "", ""),
+    "TRANSFORM": (joints.transform, "NSET TYPE", ""),
+    "COUPLING": (joints.coupling, "REFNODE SURFACE ORIENTATION", "CONSTRAINTNAME"),
+    "KINEMATIC": (joints.kinematic, "", ""),
+    "DISTRIBUTING": (joints.distributing, "WEIGHTINGMETHOD", "COUPLING"),
+    "DISTRIBUTINGCOUPLING": (joints.distributing_coupling, "ELSET", ""),
     "RIGIDBODY": (model.rigid_body, "NSET ELSET REFNODE ROTNODE", ""),
     "SPRING": (model.spring, "ELSET", ""),
     "STEP": (steps.step, "NLGEOM AMPLITUDE PERTURBATION", "INC INCF NAME EXTRAPOLATION UNSYMM CONVERTSDI"),
@@ -72,7 +81,6 @@ NOTES = {
     "SECTIONCONTROLS": "lacsolver integrates in full, without hourglass modes",
 }
 _SHELLS = "lacsolver computes solid elements; model this part with them"
-_LINEAR = "lacsolver has no linear equations between nodes"
 _HEAT = "lacsolver computes no heat; give the temperatures by *TEMPERATURE"
 #: procedures of steps that lacsolver has not; nobody may leave them out, as a step without one is static
 PROCEDURES = dict.fromkeys(
@@ -85,10 +93,6 @@ PROCEDURES = dict.fromkeys(
 LACKS = {
     **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
     **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT"), _SHELLS),
-    "EQUATION": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
-    "MPC": f"{_LINEAR}; a face that stays plane may be a [[rigid]], two meshes that do not match a *TIE",
-    **dict.fromkeys(("COUPLING", "KINEMATIC", "DISTRIBUTING"), f"{_LINEAR}; what moves rigidly is a *RIGID BODY"),
-    "TRANSFORM": "supports and forces are along the global axes, or un along a normal in the case; write them so",
     "CHANGESURFACEBEHAVIOR": "contact has one law for all steps",
     "CONTACTDAMPING": "contact has no damping",
     **dict.fromkeys(("PLASTIC", "CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
@@ -96,12 +100,12 @@ LACKS = {
                     "lacsolver's materials are elastic; docs/architecture.md says how a program adds a law"),
     **dict.fromkeys(("CONDUCTIVITY", "SPECIFICHEAT", "FILM", "DFLUX", "CFLUX", "RADIATE"), _HEAT),
     "PRE-TENSIONSECTION": "pretension is not taken; shorten the bolt by *TEMPERATURE, or overlap it by *CLEARANCE",
-    "CYCLICSYMMETRYMODEL": "cyclic symmetry is not taken; model the whole, or a half with its plane of symmetry",
     "GENERALCONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
     "CONTACT": "contact is between named surfaces; write *CONTACT PAIR for each pair",
     "GAPCONDUCTANCE": _HEAT,
     "FIELD": "fields other than temperature are not taken",
     "SUBMODEL": "boundary values from another run are not taken; write them as *BOUNDARY",
     "DESIGNVARIABLES": "lacsolver computes no sensitivities; take this out",
+    "SELECTCYCLICSYMMETRYMODES": "modes with nodal diameters are not taken; static sectors are",
     "RETAINEDNODALDOFS": "lacsolver makes no substructures",
 }  # fmt: skip

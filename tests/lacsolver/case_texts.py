@@ -406,4 +406,19 @@ shortening = "0.1 * t"
 [steps]
 times = [1, 2]
 """
-VALID = [TIGHTENED, JOINTS, MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]
+SECTORS = [
+    f"""
+mesh = "ring.msh"
+model = "plane_strain"
+[[material]]
+young = 1.0
+poisson = 0.3
+[[cyclic]]
+slave = "a"
+master = "b"
+sectors = 3
+hexa = "{hexa}"
+"""
+    for hexa in ("pyramid", "hexa")
+]
+VALID = [TIGHTENED, JOINTS, *SECTORS, MOTION, DISPLACED, *IMPACTS, SMALL, FINITE, PLANE, STRAIN, *SOLVERS]

@@ -114,8 +114,8 @@ REFUSED = {
     "spring": (
         "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n-1.\n", "", "SPRING", "stiffness positive",
     ),
-    "equation": ("*EQUATION\n2\n1,1,1.,2,1,-1.\n", "", "EQUATION", "no linear equations"),
-    "transform": ("*TRANSFORM, NSET=B_N\n1,0,0,0,1,0\n", "", "TRANSFORM", "global axes"),
+    "equation": ("*EQUATION\n2\n1,1,1.,2,6,-1.\n", "", "EQUATION", "directions of an equation"),
+    "transform": ("*TRANSFORM, NSET=B_N\n1,0,0,2,0,0\n", "", "TRANSFORM", "on one line with the origin"),
     "unknown": ("*WORMHOLE\n", "", "WORMHOLE", "does not know this card"),
     "option": ("*BOUNDARY, USER\nB_Z0, 3\n", "", "BOUNDARY", "the option USER is not taken"),
     "support not 0": ("*BOUNDARY\nB_Z0, 3, 3, 1.\n", "", "BOUNDARY", "belongs into a step"),
@@ -124,7 +124,7 @@ REFUSED = {
     "no node": ("*BOUNDARY\n4711, 3\n", "", "BOUNDARY", "there is no node 4711"),
     "no set": ("*BOUNDARY\nB_Z9, 3\n", "", "BOUNDARY", "no set of nodes named 'B_Z9'"),
     "load outside": ("*CLOAD\n1, 1, 1.\n", "", "CLOAD", "between *STEP and *END STEP"),
-    "moment": ("", "*CLOAD\n1, 4, 1.\n", "CLOAD", "only the reference node of a *RIGID BODY turns"),
+    "moment": ("", "*CLOAD\n1, 4, 1.\n", "CLOAD", "only the reference node of a *RIGID BODY or a *COUPLING turns"),
     "loose force": ("*NODE\n99, 0, 0, 9.\n", "*CLOAD\n99, 1, 1.\n", "CLOAD", "no solid element, and carry no force"),
     "face": ("", "*DLOAD\nB, P7, 1.\n", "DLOAD", "a HEXA8 has the faces 1 to 6"),
     "kind of load": ("", "*DLOAD\nB, BX, 1.\n", "DLOAD", "not BX"),
@@ -193,7 +193,7 @@ def test_refused(tmp_path, name):
 
 def test_every_mistake_at_once(tmp_path):
     with pytest.raises(CaseError) as caught:
-        imported(tmp_path, deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*BOUNDARY\n4711, 3\n", "*DYNAMIC, EXPLICIT\n"))
+        imported(tmp_path, deck("*SUBMODEL, TYPE=NODE\n*BOUNDARY\n4711, 3\n", "*DYNAMIC, EXPLICIT\n"))
     assert len(caught.value.problems) == 3
 
 
@@ -275,10 +275,10 @@ def test_radial_gravity(tmp_path):
 
 def test_lenient_leaves_out_what_lacsolver_lacks(tmp_path):
     """Cards without a place are left out with a warning; mistakes stay errors."""
-    text = deck("*EQUATION\n2\n1,1,1.,2,1,-1.\n*WORMHOLE\n", LOAD)
+    text = deck("*SUBMODEL, TYPE=NODE\n*WORMHOLE\n", LOAD)
     made = imported(tmp_path, text, lenient=True)
     warned = {finding.card: finding.message for finding in made.findings if finding.level == "warning"}
-    assert set(warned) == {"EQUATION", "WORMHOLE"}
+    assert set(warned) == {"SUBMODEL", "WORMHOLE"}
     assert all(message.startswith("left out: ") for message in warned.values())
     with pytest.raises(CaseError, match=r"\*VISCO"):  # without it the step would be another one
         imported(tmp_path, text.replace("*STATIC", "*VISCO"), lenient=True)
