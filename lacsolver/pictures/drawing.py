@@ -70,7 +70,7 @@ def check_plot(path: Path, dim: int) -> None:
 
 def check_plot_of(case: Case, path: Path) -> None:
     """Raise RequestError if nothing of a case can be drawn: no contact and no tie, or as `check_plot`."""
-    if not (case.contact or case.tie):
+    if not (case.contact or case.ties):
         raise RequestError("a plot shows contacts and ties, and the case has no [[contact]] and no [[tie]]")
     check_plot(path, 3 if case.model == "3d" else 2)
 
