@@ -203,7 +203,8 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     slave, master = subject.slave, subject.master
     if master is not None:
         common = np.intersect1d(slave.nodes, master.nodes)
-        front = _front(subject)
+        closed = np.isin(slave.faces.nodes, common) | (slave.faces.nodes < 0)
+        front = np.empty(0, np.int64) if closed.all(axis=1).any() else _front(subject)
         if len(front):
             message = (
                 f"slave and master are the two sides of a crack, and share {counted(len(front), 'node')} of its front "

@@ -19,6 +19,7 @@ MODULES = {
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
     "friction": "friction",
+    "joints": "joints",
     "sliding": "sliding",
     "punches": "punches",
     "impact": "impact",

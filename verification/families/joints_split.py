@@ -1,0 +1,293 @@
+"""**Cracks.** A crack is faces inside a body along which the mesh is split (`lacmesh split`), a contact, and here a
+pressure that opens it. *edge*: the tip of an edge crack, the term of a stress intensity (opening as sqrt r) or the next
+one (a cusp), so that the rates are those of the cells. *penny*: a penny-shaped crack, axisymmetric and in space. What
+lies beyond the mesh is prescribed by the exact solution.
+
+**Bolts.** *clamped*: a bolt of columns (nu = 0) beside two columns that it clamps, all cells: tightened by F0 and
+locked, it has F0 + F kb / (kb + kc) under a load F until the columns part, F after it. *turned*: the same by a
+prescribed shortening, across a section between meshes that do not match, too. *bent*: forces across the bolt, and the
+moments of its section.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lacsolver
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacsolver.case import Displacement, Traction, Value
+from verification.exact.opened_cracks import EdgeCrack, PennyCrack
+from verification.meshes import cracks as meshes
+from verification.meshes.blocks import block, joined
+from verification.records import Case, Outcome, Result, at_most, informative, rate
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+
+Floats = NDArray[np.floating]
+#: forces of columns, to rounding
+ROUNDING = 1e-10
+#: power of h that the opening r^(n/2) reaches, less what its logarithm takes on these meshes
+RATES = {1: 0.6, 3: 1.5}
+
+
+# ---- cracks
+
+
+@dataclass(frozen=True)
+class OpenedEdge:
+    """An edge crack in cells of one type, of `levels` cells along it."""
+
+    cell: str
+    levels: tuple[int, ...]
+    exact: EdgeCrack
+    wanted: float
+
+
+def solve_edge(case: Case, levels: int) -> Outcome:
+    """The edge crack on so many meshes."""
+    given: OpenedEdge = case.parameters
+    return _judged([_edge(given, n) for n in given.levels[:levels]], given.wanted)
+
+
+def _edge(given: OpenedEdge, n: int) -> LevelSolution:
+    exact, dim = given.exact, CELLS[given.cell].dim
+
+    def moved(k: int) -> Value:
+        return Value.of(lambda x, t: exact.displacement(np.asarray(x)[:, :2])[:, k])
+
+    def pulled(k: int) -> Value:
+        which = ((0, 2), (2, 1))[k]
+        return Value.of(lambda x, normal, t: (exact.stress(np.asarray(x)[:, :2])[:, which] * normal[:, :2]).sum(axis=1))
+
+    text = case_text(
+        "plane_strain" if dim == 2 else "3d",
+        entry("material", young=exact.young, poisson=exact.poisson),
+        entry("contact", slave="crack_a", master="crack_b"),
+        entry("pressure", group="crack", value=exact.pressure),
+    )
+    supports = [Displacement(group=side, ux=moved(0), uy=moved(1)) for side in ("x1", "y0", "y1")]
+    supports += [Displacement(group=side, uz=0.0) for side in ("z0", "z1")] if dim == 3 else []
+    mouth = Traction(group="x0", tx=replace(pulled(0), takes_normals=True), ty=replace(pulled(1), takes_normals=True))
+    model = replace(lacsolver.parse_case(text), displacement=tuple(supports), traction=(mouth,))
+    one = solve(model, meshes.split_at(meshes.edge_cracked(given.cell, n), "crack"))
+    x, opening = _openings(one, 1)
+    return _level(one, n, opening, exact.opening(-x[:, 0]), np.ones(len(x)))
+
+
+@dataclass(frozen=True)
+class OpenedPenny:
+    """A penny-shaped crack, axisymmetric in cells of one type or in space, of `levels` cells along its radius."""
+
+    cell: str
+    levels: tuple[int, ...]
+    exact: PennyCrack
+
+
+def solve_penny(case: Case, levels: int) -> Outcome:
+    """The penny-shaped crack on so many meshes."""
+    given: OpenedPenny = case.parameters
+    return _judged([_penny(given, n) for n in given.levels[:levels]], RATES[1])
+
+
+def _penny(given: OpenedPenny, n: int) -> LevelSolution:
+    exact, dim = given.exact, CELLS[given.cell].dim
+
+    def moved(k: int) -> Value:
+        def component(x: Floats, t: float) -> Floats:
+            x = np.asarray(x)
+            r = np.hypot(x[:, 0], x[:, 1]) if dim == 3 else x[:, 0]
+            u = exact.displacement(r, x[:, dim - 1])
+            part = np.divide(x[:, k], r, out=np.ones_like(r), where=r > 0) if dim == 3 else 1.0
+            return u[:, 1] if k == dim - 1 else u[:, 0] * part
+
+        return Value.of(component)
+
+    text = case_text(
+        "axisymmetric" if dim == 2 else "3d",
+        entry("material", young=exact.young, poisson=exact.poisson),
+        entry("contact", slave="crack_a", master="crack_b"),
+        entry("pressure", group="crack", value=exact.pressure),
+    )
+    names = ("ux", "uy", "uz")[:dim]
+    far = {name: moved(k) for k, name in enumerate(names)}
+    if dim == 2:
+        supports = [Displacement(group=side, **far) for side in ("x1", "y0", "y1")] + [Displacement(group="x0", ux=0.0)]
+        mesh = meshes.penny(given.cell, n)
+    else:
+        supports = [
+            Displacement(group="far", **far),
+            Displacement(group="x0", ux=0.0),
+            Displacement(group="y0", uy=0.0),
+        ]
+        mesh = meshes.penny_in_space(n)
+    model = replace(lacsolver.parse_case(text), displacement=tuple(supports))
+    one = solve(model, meshes.split_at(mesh, "crack"))
+    x, opening = _openings(one, dim - 1)
+    r = np.hypot(x[:, 0], x[:, 1]) if dim == 3 else x[:, 0]
+    return _level(one, n, opening, exact.opening(r), r if dim == 2 else np.ones(len(r)))
+
+
+def _openings(one: Solved, axis: int) -> tuple[Floats, Floats]:
+    """Places (n, 3) of the nodes that a crack has on both sides, and its opening along an axis there (n,)."""
+    mesh, u = one.mesh, one.u[:, axis]
+    sides = []
+    for name in ("crack_a", "crack_b"):
+        nodes = np.unique(np.concatenate([rows.ravel() for _, _, rows in mesh.select(mesh.cells_of(name))]))
+        sides.append({tuple(np.round(mesh.points[node], 9).tolist()): int(node) for node in nodes})
+    both = [(sides[0][place], sides[1][place]) for place in sides[0].keys() & sides[1].keys()]
+    a, b = np.array(both).T
+    return mesh.points[a], np.abs(u[b] - u[a])
+
+
+def _level(one: Solved, n: int, opening: Floats, exact: Floats, weight: Floats) -> LevelSolution:
+    """Relative error of the opening at the nodes, in the square mean, and the largest pressure of contact."""
+    error = float(np.sqrt((weight * (opening - exact) ** 2).sum() / (weight * exact**2).sum()))
+    return LevelSolution(one, 1 / n, {"opening": error, "pressure": float(one.zone.pressure.max())})
+
+
+def _judged(solutions: list[LevelSolution], wanted: float) -> Outcome:
+    reason = "the opening is r^(n/2): h^n sqrt(log(1 / h)), as errors fall with 1 / sqrt(r) from the front"
+    levels = convergence(solutions, "opening")
+    return Outcome((
+        rate("opening at the nodes", levels, wanted, source="regularity at the front", reason=reason, last=3),
+        informative("relative error of the opening on the finest mesh", levels[-1].error, reason="no bound"),
+        at_most("pressure of contact", max(one.errors["pressure"] for one in solutions), 0.0, source="it is open"),
+    ))  # fmt: skip
+
+
+# ---- bolts
+
+
+@dataclass(frozen=True)
+class ClampedColumns:
+    """A bolt and the columns that it clamps; `halves`: its section lies between two meshes; `locked`: by a force."""
+
+    cell: str
+    locked: bool = True
+    halves: bool = False
+    young: float = 1000.0
+    force: float = 10.0
+
+
+def solve_clamped(case: Case, levels: int) -> Outcome:
+    """Tighten, then pull with 0, F0, 2 F0 and 3 F0: the columns part at 2 F0, as both are as stiff as the bolt."""
+    given: ClampedColumns = case.parameters
+    dim, F = CELLS[given.cell].dim, given.force
+    stiffness = given.young / 2
+    text = case_text(
+        "3d" if dim == 3 else "plane_stress",
+        entry("material", young=given.young, poisson=0.0),
+        entry("contact", slave="slave", master="master"),
+        entry("displacement", group="foot", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0)),
+        entry(
+            "rigid", group="head", **dict.fromkeys(("ux", "uy")[: dim - 1], 0.0),
+            **{"fy" if dim == 2 else "fz": [[0.0, 0.0], [1.0, 0.0], [4.0, 3 * F]]},
+        ),
+        entry("pretension", group="shank", force=[[0.0, 0.0], [1.0, F]], lock=1.0)
+        if given.locked
+        else entry("pretension", group="shank", shortening=[[0.0, 0.0], [1.0, 2 * F / stiffness]]),
+        entry("steps", times=[1.0, 2.0, 3.0, 4.0]),
+    )  # fmt: skip
+    one = solve(text, meshes.clamped(given.cell, (2, 2, 3), halves=given.halves))
+    states = [replace(one, states=one.states[: k + 1]).figures for k in range(4)]
+    off = [states[k].pretension["shank"].force / wanted - 1 for k, wanted in enumerate((F, 1.5 * F, 2 * F, 3 * F))]
+    clamp = [-states[k].contact["slave"].resultant[-1] - wanted for k, wanted in enumerate((F, F / 2, 0, 0))]
+    source = "F0 + F kb / (kb + kc) until the columns part, F after it"
+    results: list[Result] = [
+        at_most("relative error of the bolt's force", float(np.abs(off).max()), ROUNDING, source=source),
+        at_most("error of the clamping force over F0", float(np.abs(clamp).max() / F), ROUNDING, source=source),
+    ]
+    return Outcome((*results, *balanced([one])))
+
+
+@dataclass(frozen=True)
+class BentBolt:
+    """A bolt 1 wide and 3 high, fixed below, with a section at the height 1 and forces on its end."""
+
+    cell: str
+    halves: bool
+    kinematics: str = "small"
+    pull: tuple[float, float, float] = (0.3, 0.2, 5.0)
+
+
+def solve_bent(case: Case, levels: int) -> Outcome:
+    """The section carries what acts beyond it: forces, and their moments about its centre."""
+    given: BentBolt = case.parameters
+    dim = CELLS[given.cell].dim
+    pull = np.array(given.pull)[[0, 2] if dim == 2 else [0, 1, 2]]
+    text = case_text(
+        "3d" if dim == 3 else "plane_strain",
+        entry("material", young=1000.0, poisson=0.3),
+        entry("displacement", group="foot", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0)),
+        entry("traction", group="end", **dict(zip(("tx", "ty", "tz"), pull.tolist(), strict=False))),
+        entry("pretension", group="shank", shortening=0.01),
+    )
+    one = solve(text, _beam(given.cell, given.halves))
+    bolt = one.figures.pretension["shank"]
+    side = np.sign(one.problem.sections[0].normal[-1])
+    exact = np.cross([0.0, 0.0, 2.0], given.pull) if dim == 3 else np.array(-2.0 * given.pull[0])
+    assert bolt.moment is not None
+    errors = {
+        "force across and along the bolt": np.abs(side * bolt.resultant - pull).max() / given.pull[2],
+        "moment of the section": np.abs(side * bolt.moment - exact).max() / np.abs(exact).max(),
+        "shortening": abs(bolt.shortening / 0.01 - 1),
+    }
+    return Outcome(
+        tuple(at_most(f"error of the {name}", float(e), 1e-9, source="equilibrium") for name, e in errors.items())
+    )
+
+
+def _beam(kind: str, halves: bool) -> Mesh:
+    dim = CELLS[kind].dim
+    up, across = "xyz"[dim - 1], [0.0] * (dim - 1)
+    ends = [1.0] * (dim - 1)
+    if halves:
+        low, high = block(kind, 2, (*across, 0.0), (*ends, 1.0)), block(kind, 3, (*across, 1.0), (*ends, 3.0))
+        return joined([
+            (low, {"": "low", f"{up}0": "foot", f"{up}1": "shank_a"}),
+            (high, {"": "high", f"{up}0": "shank_b", f"{up}1": "end"}),
+        ])  # fmt: skip
+    mesh = joined([(block(kind, 3, (*across, 0.0), (*ends, 3.0)), {"": "bolt", f"{up}0": "foot", f"{up}1": "end"})])
+    return meshes.with_inner(mesh, "shank", lambda *x: np.abs(x[dim - 1] - 1) < 1e-9)
+
+
+#: what solves a case, by the type of its parameters
+SOLVERS = {
+    OpenedEdge: solve_edge,
+    OpenedPenny: solve_penny,
+    ClampedColumns: solve_clamped,
+    BentBolt: solve_bent,
+}
+
+
+def cases(family: str) -> Iterator[Case]:
+    """Cases of this module."""
+    for n, called, what in ((1, "edge", "of a stress intensity"), (3, "cusp", "that opens as a cusp")):
+        for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "PENTA6", "HEXA20", "TETRA10"):
+            sizes = (8, 16, 32) if CELLS[cell].order == 1 else (4, 8, 16)
+            levels = {"quick": 3, "full": 3} if cell in ("QUAD4", "TRIA6") else {"full": 3}
+            given = OpenedEdge(cell, sizes, EdgeCrack(n), RATES[n])
+            yield Case(family, f"{called}-{cell}", f"edge crack {what}, {cell}", given, levels, 6.0)
+    for cell, sizes in (("TRIA3", (8, 16, 32)), ("QUAD4", (8, 16, 32)), ("QUAD8", (4, 8, 16)), ("TRIA6", (4, 8, 16))):
+        levels = {"quick": 3, "full": 3} if cell == "QUAD4" else {"full": 3}
+        crack = OpenedPenny(cell, sizes, PennyCrack())
+        yield Case(family, f"penny-{cell}", f"penny-shaped crack, axisymmetric, {cell}", crack, levels, 6.0)
+    crack = OpenedPenny("HEXA20", (2, 3, 4), PennyCrack())
+    yield Case(family, "penny-HEXA20", "penny-shaped crack in space", crack, {"full": 3}, 30.0)
+    for cell in meshes.SECTION_TYPES:
+        quick = {"quick": 1} if cell in ("QUAD4", "TETRA10", "HEXA8") else {}
+        levels = {**quick, "full": 1}
+        yield Case(
+            family, f"clamped-{cell}", f"a locked bolt and what it clamps, {cell}", ClampedColumns(cell), levels, 3.0
+        )
+        for halves in (False, True):
+            where = "between meshes" if halves else "inside"
+            name = f"{'halves' if halves else 'whole'}-{cell}"
+            turned = ClampedColumns(cell, locked=False, halves=halves)
+            yield Case(family, f"turned-{name}", f"a bolt shortened at a section {where}, {cell}", turned, levels, 3.0)
+            bent = BentBolt(cell, halves)
+            yield Case(family, f"bent-{name}", f"a bent bolt, its section {where}, {cell}", bent, levels, 2.0)
