@@ -123,6 +123,20 @@ class LocalSystem:
 
 
 @dataclass
+class DeckBolt:
+    """A section of a bolt: its group and `facets`, its `normal` or (), and the node `reference`, whose direction 1 has
+    its force or its shortening. `lock`: the step from which this stays as it is, None if it does not.
+    """
+
+    group: str
+    facets: Ints
+    reference: int
+    normal: tuple[float, ...]
+    card: Card
+    lock: int | None = None
+
+
+@dataclass
 class DeckCoupling:
     """A coupling of the node `reference` with a group of `facets` or of `nodes`, the other one None.
 
@@ -253,6 +267,7 @@ class DeckContent:
     equations: list[DeckEquation] = field(default_factory=list)
     systems: list[LocalSystem] = field(default_factory=list)
     couplings: list[DeckCoupling] = field(default_factory=list)
+    bolts: list[DeckBolt] = field(default_factory=list)
     sectors: dict[str, DeckSector] = field(default_factory=dict)
     masses: list[PointMass] = field(default_factory=list)
     steps: list[DeckStep] = field(default_factory=list)

@@ -32,6 +32,7 @@ _BUILDERS: tuple[tuple[Callable[[CaseDraft], None], str], ...] = (
     (rigid_bodies, "RIGIDBODY"),
     (loads.supports, "BOUNDARY"),
     (joints.equations, "EQUATION"),
+    (joints.bolts, "PRE-TENSIONSECTION"),
     (joints.couplings, "COUPLING"),
     (model.springs, "SPRING"),
     (loads.pressures, "DLOAD"),

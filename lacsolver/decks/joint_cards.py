@@ -7,7 +7,7 @@ import numpy as np
 from lacmesh.deck import key_of
 from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
-from lacsolver.decks.content import DeckContent, DeckCoupling, DeckEquation, DeckSector, LocalSystem
+from lacsolver.decks.content import DeckBolt, DeckContent, DeckCoupling, DeckEquation, DeckSector, LocalSystem
 
 #: terms on one line of *EQUATION, and nodes on one of *MPC
 _TERMS = 4
@@ -157,6 +157,22 @@ def coupling(deck: DeckContent, card: Card) -> None:
         x, y = deck.orientations[look_up(deck.orientations, card.options["ORIENTATION"], "*ORIENTATION above it")]
         axes = {"x": list(x), "xy": list(y)}
     deck.couplings.append(DeckCoupling(group, facets, nodes, int(reference[0]), card, axes=axes))
+
+
+def pretension_section(deck: DeckContent, card: Card) -> None:
+    """Take a section of a bolt, with the node that has its force or its shortening, and the normal if it is given."""
+    if "ELEMENT" in card.options:
+        raise Refused("a bolt that is a beam has no section here; mesh it with solid elements, and give a SURFACE")
+    group, facets = deck.names.skin(card.needed("SURFACE"), None)
+    _, reference = deck.names.nodes(card.needed("NODE"), None)
+    if len(reference) != 1:
+        raise Refused(f"NODE should be one node, and {card.options['NODE']} has {len(reference)}")
+    if deck.names.in_cells[reference[0]]:
+        raise Refused("NODE should be a node of its own, beside those of the elements")
+    if len(card.rows) > 1:
+        raise Refused("the data line should be the normal of the section", card.rows[1])
+    normal = tuple(card.rows[0].number(k, "the normal", 0.0) for k in range(3)) if card.rows else ()
+    deck.bolts.append(DeckBolt(group, facets, int(reference[0]), normal, card))
 
 
 def kinematic(deck: DeckContent, card: Card) -> None:

@@ -1,4 +1,4 @@
-"""Records of what joins nodes: [[equation]], [[coupling]], [[cyclic]]; and the local axes of supports and loads."""
+"""Records of joints: [[equation]], [[pretension]], [[coupling]], [[cyclic]]; the local axes of supports and loads."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _terms(draft: CaseDraft, one: DeckEquation) -> tuple[list[dict[str, Any]], A
     value: Any = None
     for node, direction, factor in one.terms:
         if node in _references(draft):
-            message = f"node {number[node]} is the reference node of a rigid body or of a coupling"
+            message = f"node {number[node]} is the reference node of a rigid body, of a coupling or of a bolt"
             raise Refused(f"{message}, of which lacsolver has no equations", one.row, one.card)
         if deck.names.in_cells[node]:
             for axis, part in enumerate(directions_at(draft, node)[direction][: draft.dim].tolist()):
@@ -62,7 +62,30 @@ def _terms(draft: CaseDraft, one: DeckEquation) -> tuple[list[dict[str, Any]], A
 def _references(draft: CaseDraft) -> set[int]:
     """Return the reference nodes of rigid bodies and couplings."""
     bodies = [node for body in draft.deck.rigid for node in (body.reference, body.rotation) if node is not None]
-    return {*bodies, *(one.reference for one in draft.deck.couplings)}
+    return {*bodies, *(one.reference for one in (*draft.deck.couplings, *draft.deck.bolts))}
+
+
+def bolts(draft: CaseDraft) -> None:
+    """Add a [[pretension]] for each section of a bolt. Raises Refused for one without force and displacement."""
+    deck = draft.deck
+    for one in deck.bolts:
+        pulled, moved = (history_at(draft, kind, one.reference, 0) for kind in ("force", "displacement"))
+        keys: dict[str, Any] = {"group": draft.groups.add_skin(one.group, one.facets)}
+        if any(one.normal):
+            keys["normal"] = list(one.normal[: draft.dim])
+        if pulled and moved:
+            message = "its node has a force and then a displacement; lock the bolt by *BOUNDARY, FIXED instead"
+            raise Refused(message, None, one.card)
+        if pulled:
+            keys["force"] = scaled(written(pulled, draft.ramped), draft.per_thickness)
+        elif moved:
+            keys["shortening"] = written(moved, draft.ramped)
+        else:
+            number = draft.groups.mesh.node_number[one.reference]
+            raise Refused(f"node {number} has no *CLOAD and no *BOUNDARY in direction 1", None, one.card)
+        if one.lock is not None:
+            keys["lock"] = deck.steps[one.lock].begin
+        draft.add("pretension", keys, one.card)
 
 
 def couplings(draft: CaseDraft) -> None:

@@ -91,6 +91,9 @@ def _begin(deck: DeckContent, card: Card, *kinds: str) -> int:
 def boundary(deck: DeckContent, card: Card) -> None:
     """Take prescribed displacements; those of the model are supports, and 0."""
     now = _begin(deck, card, "displacement")
+    if "FIXED" in card.options:
+        _lock(deck, card, now)
+        return
     for row in card.rows:
         nodes = deck.names.nodes(row.text(0), row)
         named = _NAMED_SUPPORTS.get(row.text(1).upper())
@@ -105,6 +108,18 @@ def boundary(deck: DeckContent, card: Card) -> None:
         for kind, some in (("displacement", [a for a in axes if a < 3]), ("spin", [a - 3 for a in axes if a >= 3])):
             if some:
                 _assign(deck, card, row, kind, now, nodes, tuple(some), value)
+
+
+def _lock(deck: DeckContent, card: Card, now: int) -> None:
+    """Take that sections of bolts stay as they are from a step on. Raises Refused for other nodes."""
+    for row in card.rows:
+        nodes = deck.names.nodes(row.text(0), row)[1]
+        sections = [bolt for bolt in deck.bolts if bolt.reference in nodes]
+        if len(sections) < len(nodes) or row.whole(1, "the direction") != 1 or now < 1:
+            message = "FIXED is taken for nodes of *PRE-TENSION SECTION, in direction 1, from the second step on"
+            raise Refused(f"{message}; write the displacement of other nodes", row)
+        for bolt in sections:
+            bolt.lock = now if bolt.lock is None else bolt.lock
 
 
 def cload(deck: DeckContent, card: Card) -> None:
