@@ -28,7 +28,7 @@ QUICK := \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs wheel container clean
+.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs site wheel container clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -102,6 +102,10 @@ docs: $(INSTALLED) ## make the figures and tables of docs/ again
 	$(BIN)/python docs/make_pictures.py
 	$(BIN)/python docs/make_sliding.py
 	$(BIN)/python docs/tutorials/run.py
+
+site: $(INSTALLED) ## the pages of docs/ as a site for a browser, in build/site (it installs Sphinx into .venv the first time)
+	@$(BIN)/python -c 'import furo, myst_parser' 2>/dev/null || $(BIN)/pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(BIN)/python docs/make_site.py build/site
 
 wheel: $(INSTALLED) ## the wheel and the source distribution of this checkout, in dist/
 	rm -f dist/lacmesh-*

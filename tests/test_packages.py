@@ -47,8 +47,8 @@ def test_workflows_call_what_is_there(workflow):
                 ), words
 
 
-def test_the_workflows_are_those_of_tests_and_wheels():
-    assert [path.stem for path in WORKFLOWS] == ["tests", "wheels"]
+def test_the_workflows_are_those_of_tests_wheels_and_the_site():
+    assert [path.stem for path in WORKFLOWS] == ["site", "tests", "wheels"]
     systems = {step for path in WORKFLOWS for step in re.findall(r"(ubuntu|macos|windows)-", path.read_text())}
     assert systems == {"ubuntu", "macos", "windows"}
 
