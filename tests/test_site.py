@@ -44,7 +44,7 @@ def site(tmp_path_factory):
 
 
 class Page(HTMLParser):
-    """What a page of HTML links to, loads and names."""
+    """Links, loaded files and names of a page of HTML."""
 
     def __init__(self, path):
         super().__init__()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from importlib import import_module
@@ -56,16 +57,21 @@ def _signature(value: Any) -> str:
         signature = inspect.signature(value)
     except (TypeError, ValueError):
         return ""
-    line = str(signature).replace("'", "")
+    line = _unquoted(signature)
     if len(line) < 90:
         return line
     _, _, answer = line.partition(") -> ")
-    arguments = [str(p).replace("'", "") for p in signature.parameters.values()]
+    arguments = [_unquoted(p) for p in signature.parameters.values()]
     keywords = [k for k, p in enumerate(signature.parameters.values()) if p.kind is p.KEYWORD_ONLY]
     if keywords:
         arguments.insert(keywords[0], "*")
     end = f") -> {answer}" if answer else ")"
     return "(\n" + "".join(f"    {argument},\n" for argument in arguments) + end
+
+
+def _unquoted(part: inspect.Signature | inspect.Parameter) -> str:
+    """The text of a signature whose annotations are not evaluated: they are strings, whose quotes go."""
+    return re.sub(r"(: |-> )'([^']*)'", r"\1\2", str(part))
 
 
 def _members(value: type) -> Iterator[str]:

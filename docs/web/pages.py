@@ -24,6 +24,8 @@ INDEX = ROOT / "docs" / "README.md"
 LINK = re.compile(r"(\]\()([^)\s#]*)((?:#[^)\s]*)?\))")
 #: too long a page for a browser; the same report as a page that is made for one
 REPORT = {"docs/verification/report.md": "docs/verification/report.html"}
+#: pages whose own title would not do in the list of all
+TITLES = {"README.md": "Install and first commands <README>"}
 #: pages made from the code, by the section of the index that they are added to
 MADE = {
     "Start here": ("gallery",),
@@ -58,7 +60,9 @@ def sections() -> list[tuple[str, list[str]]]:
     result = []
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         heading, _, body = part.partition("\n")
-        names = [_inside(INDEX.parent / link[1]) for link in LINK.findall(body) if link[1].endswith(".md")]
+        names = [
+            _inside(INDEX.parent / link[1]) for link in LINK.findall(body) if link[1].endswith(".md") and link[2] == ")"
+        ]
         fresh = [name for name in dict.fromkeys(names) if name not in known and name not in REPORT]
         known |= set(fresh)
         result.append((heading, fresh))
@@ -93,7 +97,7 @@ def first_page() -> str:
         "",
     ]
     for heading, pages in sections():
-        names = [*(name.removesuffix(".md") for name in pages), *MADE.get(heading, ())]
+        names = [TITLES.get(name, name.removesuffix(".md")) for name in pages] + list(MADE.get(heading, ()))
         lines += ["```{toctree}", ":hidden:", f":caption: {heading}", "", *names, "```", ""]
     return "\n".join([*lines, *_directory()])
 
