@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from verification.families import balance, friction_bank, friction_bodies, friction_cattaneo, friction_inf_sup
+from verification.families import (
+    balance,
+    friction_bank,
+    friction_bodies,
+    friction_cattaneo,
+    friction_cost,
+    friction_inf_sup,
+)
 from verification.families import friction_moving as moving
 from verification.families import friction_patch as patch
 from verification.records import Case, Family, Outcome
@@ -32,7 +39,9 @@ _SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
     moving.Roller: moving.solve_roller,
     moving.RoundedPunch: moving.solve_rounded,
     moving.Ironing: moving.solve_ironing,
+    moving.RoundedDie: moving.solve_ledger,
     moving.Thrown: moving.solve_thrown,
+    friction_cost.Applications: friction_cost.solve_applications,
     friction_bank.FrictionBank: friction_bank.solve_bank,
     friction_bank.Units: friction_bank.solve_units,
 }
@@ -43,7 +52,7 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return _SOLVERS[type(case.parameters)](case, levels)
 
 
-_PROBLEMS = (patch, friction_inf_sup, friction_cattaneo, friction_bodies, moving, friction_bank)
+_PROBLEMS = (patch, friction_inf_sup, friction_cattaneo, friction_bodies, moving, friction_bank, friction_cost)
 FAMILY = Family(
     NAME,
     "Friction",

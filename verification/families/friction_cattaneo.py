@@ -107,10 +107,11 @@ def _moved(group: str, motion: Motion, dim: int) -> Displacement:
     return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if dim == 3 else None)
 
 
-def solved(given: PressedCylinders, k: int) -> Solved:
-    """Solve with about k macro-elements to the half-width."""
+def solved(given: PressedCylinders, k: int, friction: float | None = None) -> Solved:
+    """Solve with about k macro-elements to the half-width; `friction`: that of the exact solution by default."""
     exact = given.exact
-    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": exact.friction}
+    coefficient = exact.friction if friction is None else friction
+    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient}
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
     motions = {"upper": given.motion(1), "lower": given.motion(-1)}
     return solve(case_of(contact, bodies, motions, given.times), half_planes(given.cell, k, FRACTION))
@@ -272,26 +273,33 @@ def solve_balls(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
+def motion_of_ball(exact: LikeSpheres, side: int) -> Motion:
+    """Displacement far from the contact: pressed until t = 1, then sheared."""
+    kept: dict[tuple[int, float], Floats] = {}
+
+    def u(x: Floats, t: float) -> Floats:
+        if x.shape[0] == 1:
+            return np.zeros((1, 3))
+        key = len(x), t
+        if key not in kept:
+            kept[key] = min(t, 1.0) * exact.displacement(x, side, LOAD * (t - 1) if t > 1 else 0.0)
+        return kept[key]
+
+    return u
+
+
+def solved_balls(exact: LikeSpheres, cell: str, k: int, friction: float | None, times: tuple[float, ...]) -> Solved:
+    """Solve spheres, pressed until t = 1 and then sheared; `friction`: None without it."""
+    contact = {"clearance": f"(x**2 + y**2) / {2 * exact.radius!r}", "friction": friction}
+    bodies = dict.fromkeys(("upper", "lower"), (exact.young, 0.0))
+    motions = {"upper": motion_of_ball(exact, 1), "lower": motion_of_ball(exact, -1)}
+    more = entry("displacement", group="axis_y", uy=0.0)
+    return solve(case_of(contact, bodies, motions, times, more), balls(cell, k))
+
+
 def _ball(given: Balls, k: int) -> LevelSolution:
     exact = given.exact
-    kept: dict[tuple[int, int, float], Floats] = {}
-
-    def motion(side: int) -> Motion:
-        def u(x: Floats, t: float) -> Floats:
-            if x.shape[0] == 1:
-                return np.zeros((1, 3))
-            key = side, len(x), t
-            if key not in kept:
-                kept[key] = min(t, 1.0) * exact.displacement(x, side, LOAD * (t - 1) if t > 1 else 0.0)
-            return kept[key]
-
-        return u
-
-    contact = {"clearance": f"(x**2 + y**2) / {2 * exact.radius!r}", "friction": exact.friction}
-    bodies = dict.fromkeys(("upper", "lower"), (exact.young, 0.0))
-    motions = {"upper": motion(1), "lower": motion(-1)}
-    more = entry("displacement", group="axis_y", uy=0.0)
-    one = solve(case_of(contact, bodies, motions, (1.0, 2.0), more), balls(given.cell, k))
+    one = solved_balls(exact, given.cell, k, exact.friction, (1.0, 2.0))
     zone = one.fields.zones["slave"]
     t = pressure_errors(
         one.mesh, one.shear[:, 0], lambda x: exact.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None]

@@ -5,6 +5,9 @@ and ten cycles of shear that stick leave nothing behind: slip is counted from wh
 **NAFEMS and code_aster.** A roller (ssnp154a), a punch with rounded edges (ssna122a) and ironing (ssnp153a) on
 code_aster's meshes.
 
+**Ledger.** A half-cylinder is dragged over a block of rubber: the work of the supports is what bodies store and what
+friction takes.
+
 **Motion.** A block that is thrown along a plane slides v^2 / (2 mu g) far, and stays.
 """
 
@@ -21,6 +24,7 @@ from numpy.typing import NDArray
 import lacmesh
 from verification.meshes import friction as meshes
 from verification.meshes.blocks import joined
+from verification.meshes.sliding import ironing_2d
 from verification.meshes.stacks import stack
 from verification.records import Case, Outcome, Published, at_most, equal, informative
 from verification.solving import Solved, balanced, case_text, entry, solve
@@ -291,6 +295,49 @@ def solve_ironing(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
+# ---- the ledger of work
+
+
+@dataclass(frozen=True)
+class RoundedDie:
+    """A half-cylinder that is pressed into a block of rubber and dragged over it, in so many steps."""
+
+    steps: int = 96
+    friction: float = 0.3
+    part: float = 0.01
+
+
+def solve_ledger(case: Case, levels: int) -> Outcome:
+    """What the ledger leaves, and the work of pressures, over what friction takes."""
+    given: RoundedDie = case.parameters
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["block"], law="neo_hookean", young=10.0, poisson=0.4),
+        entry("material", groups=["die"], law="neo_hookean", young=500.0, poisson=0.3),
+        entry("contact", slave="slave", master="master", friction=given.friction, normals="smoothed"),
+        entry("displacement", group="bottom", ux=0.0, uy=0.0),
+        entry("displacement", group="top", ux=[[1.0, 0.0], [4.0, 4.5]], uy=[[0.0, 0.0], [1.0, -0.65]]),
+        entry("steps", end=4.0, count=given.steps),
+        kinematics="finite",
+    )
+    one = solve(text, ironing_2d())
+    work = one.state.step.work
+    if work is None:
+        raise ValueError("a static case with friction has a ledger")
+    source = "external work = strain energy + dissipation"
+    return Outcome(
+        (
+            at_most("left of the external work, over the dissipation", abs(work.left) / work.dissipation, given.part,
+                    source=source, reason="it falls with the size of the steps"),
+            at_most("work of pressures over the dissipation", abs(work.pressures) / work.dissipation, given.part,
+                    source=source, reason="3 % at sharp corners"),
+            informative("external work", work.external, reason="no bound"),
+            informative("dissipation", work.dissipation, reason="no bound"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
 # ---- motion
 
 
@@ -345,6 +392,8 @@ def cases(family: str) -> Iterator[Case]:
         yield Case(family, f"carried-{steps}", description, Carried("QUAD4", steps), {"full": 1}, 20.0)
     for dim, pair in ((2, ("QUAD4", "TRIA6")), (3, ("HEXA8", "TETRA4"))):
         yield Case(family, f"cycled-{dim}d", "ten cycles of shear that sticks", Cycled(pair, dim), {"full": 1}, 30.0)
+    description = "a half-cylinder dragged over rubber: where the work goes"
+    yield Case(family, "ledger", description, RoundedDie(), {"full": 1}, 60.0)
     yield Case(family, "thrown", "a block thrown along a plane", Thrown("QUAD4"), {"full": 1}, 20.0)
     if _MESHES.is_dir():
         yield Case(family, "ssnp154a", "NAFEMS's roller, code_aster's mesh", Roller(), {"quick": 1}, 5.0)
