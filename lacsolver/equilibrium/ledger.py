@@ -9,7 +9,8 @@ the slip of that step. `left` is what these leave over: it falls with the size o
 history keep.
 
 Pressures of contact that stays closed do no work where the normals of both skins agree; at sharp edges they do. They
-also do where an interference is pressed apart, and what contact with a stiffness stores is counted there.
+also do where macro-elements close or open within a step and where an interference is pressed apart, and what contact
+with a stiffness stores is counted there.
 """
 
 from __future__ import annotations
