@@ -31,7 +31,8 @@ class Ledger:
     def __init__(self, model: ReducedProblem, state: StepState) -> None:
         """Start from a state, or from the undeformed bodies."""
         self._now, start = state.work, state.iterate
-        self._forces = tuple(np.zeros((2, model.problem.space.n_dof)))
+        none: Floats = np.zeros(model.problem.space.n_dof)
+        self._forces: tuple[Floats, Floats] = none, none
         if start is not None:
             self._forces = _forces(LoadStep(model, state.time, state), start.q, start.p)[:2]
 
