@@ -23,7 +23,8 @@ def alternating(outcome: Outcome, space: Space) -> tuple[str, str]:
         return "", ""
     covered, active = (np.array(own) for own in zip(*outcome.recent, strict=True))
     groups = [group for group in outcome.contact.groups if group.pair is not None]
-    clauses = [_of_coverage(group, covered[:, group.rows], space) for group in groups if group.pair and group.pair.moving]
+    moving = [group for group in groups if group.pair and group.pair.moving]
+    clauses = [_of_coverage(group, covered[:, group.rows], space) for group in moving]
     if not any(count for count, *_ in clauses):
         clauses = [_of_states(group, active, space) for group in groups]
     _, what, advice = max(clauses, key=lambda clause: clause[0], default=(0, "", ""))
