@@ -308,7 +308,7 @@ class RoundedDie:
 
 
 def solve_ledger(case: Case, levels: int) -> Outcome:
-    """What the ledger leaves, and the work of pressures, over what friction takes."""
+    """Follow the ledger: its rest, and the work of pressures, over the dissipation."""
     given: RoundedDie = case.parameters
     text = case_text(
         "plane_strain",

@@ -54,7 +54,7 @@ def test_several_processes_find_the_motion_that_one_finds(n, backend, names):
     [(2, "mumps", RUBBED), (3, "multigrid", RUBBED[2:]), pytest.param(4, "mumps", RUBBED, marks=pytest.mark.slow)],
 )
 def test_several_processes_find_the_friction_that_one_finds(n, backend, names):
-    """The same sets that stick and that slide, of which there are both, with the same tractions, slips and work."""
+    """Sets that stick and that slide, of which there are both, are the same, and so are tractions, slips and work."""
     for one in compared(n, backend, names):
         assert one["sets"] and one["closed"] and one["sliding"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
