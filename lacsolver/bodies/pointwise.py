@@ -34,7 +34,7 @@ from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.hyperelastic import Hyperelastic, NeoHookean
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import PLACES, Materials, PointLaw, PointResponse
-from lacsolver.bodies.plastic import Plastic
+from lacsolver.bodies.plastic import LARGEST_FLOW, Plastic
 from lacsolver.bodies.points import Field, Piece, Span, checked, gathered, kind, piece
 from lacsolver.space.space import Space
 
@@ -69,7 +69,7 @@ class DisplacedBodies:
     `stretches`: those of `finite.thermal_stretches`. `history`: what the laws committed at the end of the last step.
     `finite`: False for small strains, of which only cells of laws that are evaluated at points are taken. Raises
     RequestError for a law of small strains if `finite`; the methods raise InadmissibleError where u inverts a cell at
-    one of its integration points.
+    one of its integration points, or lets a metal flow too far in a step.
 
     >>> from lacmesh import Mesh
     >>> bar = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
@@ -156,6 +156,11 @@ class DisplacedBodies:
         return self._gathered(of_piece)
 
     @cached_property
+    def _overstrained(self) -> tuple[NDArray[np.bool_], ...]:
+        """Mask of the cells of each block that flow too far in one step, filled by `_respond`."""
+        return tuple(np.zeros(len(block.nodes), bool) for block in self.space.blocks)
+
+    @cached_property
     def _inverted(self) -> tuple[NDArray[np.bool_], ...]:
         """Mask of the inverted cells of each block, filled by `_respond`."""
         return tuple(np.zeros(len(block.nodes), bool) for block in self.space.blocks)
@@ -207,6 +212,9 @@ class DisplacedBodies:
         if tangent:
             A = np.ascontiguousarray(answer.tangent, float).reshape(*shape, 3, 3, 3, 3)
         history = np.reshape(answer.history, (*shape, law.n_history))
+        if isinstance(law, Plastic):
+            grown = history[..., 0] - self._memory(law, part)[..., 0]
+            self._overstrained[part.block][part.cells] = (grown > LARGEST_FLOW).any(axis=1)
         return _Response(H, P.reshape(H.shape), A, np.reshape(answer.energy, shape), history, mean)
 
     def _ask(self, law: Any, part: Piece, H: Floats, tangent: bool) -> tuple[PointResponse, MeanTerms]:
@@ -215,14 +223,18 @@ class DisplacedBodies:
         mean = getattr(law, "mean_dilatation", False) and may_take_the_mean(self.space, part.block)
         if isinstance(law, NeoHookean) and mean:
             return mean_response(law, H, part.W, tangent)
-        memory = np.zeros((len(flat), law.n_history))
-        if self.history:
-            memory[:] = self.history[part.block][part.cells, :, : law.n_history].reshape(memory.shape)
+        memory = self._memory(law, part).reshape(len(flat), law.n_history)
         if isinstance(law, Plastic) and mean:
             return with_mean_pressure(law, H, part.W, law.respond(flat, memory, tangent=tangent, mean=True), tangent)
         if isinstance(law, (Hyperelastic, Plastic)):
             return law.respond(flat, memory, plane_stress=plane_stress, tangent=tangent), NO_MEAN
         return _plane_stress(law, flat, memory) if plane_stress else law.respond(flat, memory), NO_MEAN
+
+    def _memory(self, law: Any, part: Piece) -> NDArray[np.floating]:
+        """Return the history (c, q, n_history) of a piece, 0 at the start."""
+        if not self.history:
+            return np.zeros((*part.W.shape, law.n_history))
+        return np.ascontiguousarray(self.history[part.block][part.cells, :, : law.n_history])
 
     def _gradient(self, part: Piece) -> NDArray[np.floating]:
         """Return H (c, q, 3, 3) of F_e = I + H, at small strains without the thermal strain."""
@@ -240,10 +252,12 @@ class DisplacedBodies:
 
     def _check_admissible(self) -> None:
         blocks, mesh = self.space.blocks, self.space.mesh
-        cells = np.concatenate([block.cell[bad] for block, bad in zip(blocks, self._inverted, strict=True)])
-        if len(cells):
-            message = f"cells {mesh.cell_names(cells)} are inverted by this displacement; take smaller steps"
-            raise InadmissibleError(message, mesh.cell_number[cells])
+        faults = "are inverted by this displacement", f"have plastic strains that grow by more than {LARGEST_FLOW:g}"
+        for what, masks in zip(faults, (self._inverted, self._overstrained), strict=True):
+            cells = np.concatenate([block.cell[bad] for block, bad in zip(blocks, masks, strict=True)])
+            if len(cells):
+                message = f"cells {mesh.cell_names(cells)} {what}; take smaller steps"
+                raise InadmissibleError(message, mesh.cell_number[cells])
 
 
 def _no_response(part: Piece) -> _Response:

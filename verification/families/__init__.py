@@ -22,6 +22,7 @@ MODULES = {
     "joints": "joints",
     "sliding": "sliding",
     "punches": "punches",
+    "joints": "joints",
     "impact": "impact",
     "scaling": "scaling",
     "distributed": "distributed",

@@ -1,0 +1,299 @@
+"""*Metals that yield.* A thick sphere under pressure, of which a part yields, against Hill's solution, with rates; a
+tube that is opened by half its radius against a quadrature; the mean pressure under a flat punch against Prandtl's; the
+first yield of Hertz's contact; a ball that is pressed in far beyond it; a plate whose cyclic load closes its loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh import Mesh
+from lacsolver.case import Material, Value
+from lacsolver.results.figures import step_figures
+from verification.exact.plastic import FIRST_YIELD, INDENTATION, PRANDTL, Sphere, Tube
+from verification.families import hertz
+from verification.grids import lines
+from verification.meshes.blocks import block, joined, with_master
+from verification.meshes.half_spaces import half_spaces, piece
+from verification.meshes.rings import ring
+from verification.records import Case, Outcome, Result, at_least, at_most, equal, informative, rate
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+
+Floats = NDArray[np.floating]
+
+HILL = "Hill, The mathematical theory of plasticity, 1950, chapter V.2"
+JOHNSON = "Johnson, Contact mechanics, 1985, section 6"
+
+
+@dataclass(frozen=True)
+class YieldingSphere:
+    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `asked`: rate of u in L2."""
+
+    cell: str
+    asked: float
+    front: float = 1.5
+
+
+@dataclass(frozen=True)
+class OpenedTube:
+    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `asked`: relative error."""
+
+    cell: str
+    asked: float
+
+
+@dataclass(frozen=True)
+class FlatPunch:
+    """A flat rigid punch on a half-plane, `faces` to half of it, on the finest level."""
+
+    faces: int = 32
+
+
+@dataclass(frozen=True)
+class FirstYield:
+    """Hertz's contact of a body with a rigid plane, just below and just above its first yield."""
+
+    model: str
+    cell: str = "QUAD4"
+    across: int = 16
+
+
+@dataclass(frozen=True)
+class PressedBall:
+    """A rigid ball of radius 10 on a metal, `faces` to a length of 1; `young` over the yield stress."""
+
+    faces: int = 24
+    young: float = 2000.0
+
+
+@dataclass(frozen=True)
+class CyclicPlate:
+    """A plate of kinematic hardening that is pulled and pushed by 1 % three times."""
+
+    cell: str = "QUAD8"
+
+
+def metal(young: float = 500.0, poisson: float = 0.3, limit: float = 1.0, **more: object) -> str:
+    """Table of a metal of perfect plasticity, unless `hardening` is among `more`."""
+    return entry("material", law="plastic", young=young, poisson=poisson, **({"hardening": [[limit, 0.0]]} | more))
+
+
+def solve_sphere(case: Case, levels: int) -> Outcome:
+    """Load a sphere in three steps on finer and finer meshes."""
+    given: YieldingSphere = case.parameters
+    sphere, solutions = Sphere(1.0, 2.0, given.front, 500.0, 0.3, 1.0), []
+    for n in (4 * 2**k for k in range(levels)):
+        text = case_text(
+            "axisymmetric", metal(), entry("displacement", group="y0", uy=0.0),
+            entry("pressure", group="low", value=sphere.pressure), entry("steps", count=3),
+        )  # fmt: skip
+        solved = solve(text, ring(given.cell, (n, 2 * n), (1.0, 2.0)))
+        x = solved.mesh.points[:, :2]
+        r = np.hypot(*x.T)
+        u, exact = (solved.u * x).sum(axis=1) / r, sphere.displacement(r)
+        solutions.append(
+            LevelSolution(solved, 1 / n, {"u": float(np.sqrt(((u - exact) ** 2).sum() / (exact**2).sum()))})
+        )
+    source = f"{HILL}; the front of the plastic zone is on a line of nodes, so that u is smooth in each cell"
+    return Outcome((
+        rate("u at the nodes", convergence(solutions, "u"), given.asked, source=source),
+        at_most("iterations of a step", max(s.iterations for s in solutions[-1].solved.states), 7, source="Newton"),
+        at_most("residual after a step whose residual was below 1e-4, largest, over its square",
+                max(map(_quadratic, solutions)), 1e3, source="the consistent tangent: Newton's method is quadratic"),
+    ))  # fmt: skip
+
+
+def _quadratic(solution: LevelSolution) -> float:
+    """Largest r_k+1 / r_k^2 of residuals r_k below 1e-4, of those above round-off."""
+    ratios = [0.0]
+    for state in solution.solved.states:
+        r = state.residuals
+        ratios += [after / before**2 for before, after in pairwise(r) if before < 1e-4 and after > 1e-13]
+    return max(ratios)
+
+
+def solve_tube(case: Case, levels: int) -> Outcome:
+    """Open a tube by half its radius; the pressure is that of the reactions on its inner side."""
+    given: OpenedTube = case.parameters
+    young, poisson, errors = 500.0, 0.4999, []
+    exact = Tube(1.0, 2.0, young / 2 / (1 + poisson), 1.0, 2.0, 1.0).pressure(0.5)
+    for n in (4 * 2**k for k in range(levels)):
+        out = [f"0.5 * t * {axis} / sqrt(x**2 + y**2)" for axis in "xy"]
+        text = case_text(
+            "plane_strain", metal(young, poisson, hardening=[[1.0, 0.0], [21.0, 10.0]], kinematic=1.0),
+            entry("displacement", group="x0", ux=0.0), entry("displacement", group="y0", uy=0.0),
+            entry("displacement", group="low", ux=out[0], uy=out[1]), entry("steps", count=10), kinematics="finite",
+        )  # fmt: skip
+        solved = solve(text, ring(given.cell, (n, n), (1.0, 2.0)))
+        errors.append(abs(_pressure_inside(solved) / (exact * 1.5) - 1))
+    source = "quadrature of the balance of forces of an incompressible tube; poisson is 0.4999 here"
+    return Outcome((
+        at_most("relative error of the pressure", errors[-1], given.asked, source=source),
+        *(informative(f"the same, level {k + 1}", e, reason="coarser") for k, e in enumerate(errors[:-1])),
+    ))  # fmt: skip
+
+
+def _pressure_inside(solved: Solved) -> float:
+    """Force out of the inner side of a quarter of a tube, per angle."""
+    low = np.unique(np.concatenate([n.ravel() for _, _, n in solved.mesh.select(solved.mesh.cell_groups["low"])]))
+    x, force = solved.mesh.points[low, :2], solved.state.reaction.reshape(-1, 2)[low]
+    return float((force * x).sum() / np.hypot(*x[0]) / (np.pi / 2))
+
+
+def solve_punch(case: Case, levels: int) -> Outcome:
+    """Press a flat punch into a half-plane until the pressure stays, on finer and finer meshes."""
+    given: FlatPunch = case.parameters
+    solutions = [_punched(given.faces // 2**k) for k in reversed(range(levels))]
+    over = [s.errors["over"] for s in solutions]
+    source = "Prandtl 1920: (2 + pi) k"
+    results: list[Result] = [
+        equal("mean pressure over (2 + pi) k, less 1", over[-1], 0.0, 0.03, source=source, reason="the goal is 3 %"),
+        *(informative(f"the same, h = {s.h:.3g}", s.errors["over"], reason="coarser") for s in solutions[:-1]),
+    ]
+    if levels > 1:
+        results.append(at_most("largest growth of the error to a finer mesh", max(np.diff(over)), 0.0, source=source))
+    return Outcome((*results, *balanced([s.solved for s in solutions])))
+
+
+def _punched(faces: int) -> LevelSolution:
+    """A punch of half-width 1 with so many faces under half of it."""
+    h, reach = 1 / faces, 5.0
+    aside = np.concatenate([np.linspace(0, 1, faces + 1), 1 + lines(reach - 1, h, 4 * h, 1.15)[1:]])
+    text = case_text(
+        "plane_strain", metal(1000.0), entry("contact", slave="top", master="master"),
+        entry("displacement", group="axis", ux=0.0), entry("displacement", group="side", ux=0.0),
+        entry("displacement", group="bottom", ux=0.0, uy=0.0),
+        entry("rigid", group="master", ux=0.0, uy=-0.024), entry("steps", count=6),
+    )  # fmt: skip
+    solved = solve(text, _on_rigid(aside, -lines(reach - 1, h, 1.0, 1.15)[::-1], 1.0))
+    zone = solved.zone
+    return LevelSolution(solved, h, {"over": float(zone.pressure @ zone.area) * np.sqrt(3) / PRANDTL - 1})
+
+
+def _on_rigid(aside: Floats, deep: Floats, width: float) -> Mesh:
+    """A box of QUAD4 between grid lines, its top the slave, under a rigid face from the axis to a width."""
+    roles = {"": "body", "x0": "axis", "x1": "side", "y0": "bottom", "y1": "top"}
+    return with_master(joined([(piece("QUAD4", [aside, deep]), roles)]), "SEG2", np.array([[0.0, 0.0], [width, 0.0]]))
+
+
+def solve_yield(case: Case, levels: int) -> Outcome:
+    """Solve with a yield stress 2 % above and 2 % below the one at which the contact begins to yield."""
+    del levels
+    given: FirstYield = case.parameters
+    exact = hertz.Given(given.model, given.cell, "pyramid", True, (given.across,))
+    whole, limit = hertz.case_of(exact), exact.p0 / FIRST_YIELD[given.model]
+    far = [
+        replace(one, **{name: _ramped(getattr(one, name)) for name in ("ux", "uy") if one.has(name)})
+        if one.group.startswith("far")
+        else one
+        for one in whole.displacement
+    ]
+    flown = []
+    for factor in (1.02, 0.98):
+        steel = Material(law="plastic", young=exact.young[0], poisson=0.3, hardening=[[factor * limit, 0.0]])
+        problem = replace(whole, material=(steel,), displacement=tuple(far))
+        solved = solve(problem, half_spaces(given.cell, given.across, exact.fraction, rigid=True))
+        flown.append(solved)
+    low, high = (step_figures(one.problem, one.state).plastic for one in flown)
+    assert low is not None and high is not None
+    source = f"{JOHNSON}: p0 = {FIRST_YIELD[given.model]:.2f} Y"
+    return Outcome((
+        equal("largest equivalent stress over p0 / c, less 1", low.von_mises_max / limit - 1, 0.0, 0.02, source=source,
+              reason="the goal is 2 %"),
+        at_most("plastic strain with a yield stress 2 % higher", low.strain_max, 0.0, source=source),
+        at_least("plastic strain with a yield stress 2 % lower", high.strain_max, 1e-5, source=source),
+        *balanced(flown),
+    ))  # fmt: skip
+
+
+def _ramped(value: Value) -> Value:
+    """The value times t, so that loads grow from nothing."""
+    return Value.of(lambda x, t: t * value(x, 1.0))
+
+
+def solve_ball(case: Case, levels: int) -> Outcome:
+    """Press a ball in; mean pressure of the last half of the steps, over the area of closed macro-elements."""
+    del levels
+    given: PressedBall = case.parameters
+    h, reach = 1 / given.faces, 20.0
+    text = case_text(
+        "axisymmetric", metal(given.young),
+        entry("contact", slave="top", master="master", clearance="x**2 / 20"),
+        entry("displacement", group="bottom", uy=0.0), entry("rigid", group="master", uy=-0.05),
+        entry("steps", count=6),
+    )  # fmt: skip
+    solved = solve(text, _on_rigid(lines(reach, h, 1.4, 1.2), -lines(reach, h, 1.5, 1.2)[::-1], 3.0))
+    means, reach_of = [], []
+    for state in solved.states[len(solved.states) // 2 :]:
+        (zone,) = state.zones
+        area = float(zone.area[zone.status == 1].sum())
+        means.append(float(zone.pressure @ zone.area) / area)
+        reach_of.append(np.sqrt(area / np.pi))
+    mean, (low, high) = float(np.mean(means)), INDENTATION
+    source = f"{JOHNSON}.3, Tabor 1951: 2.7 to 3.0"
+    reason = "contact ends somewhere in its last face, which is counted whole: 4 % of a value"
+    return Outcome((
+        at_least("mean pressure over Y", mean, low, source=source, reason=reason),
+        at_most("mean pressure over Y, at most", mean, high, source=source, reason=reason),
+        at_least("E a / (Y R) at the end: fully plastic", given.young * reach_of[-1] / 10, 100.0, source=source),
+        *balanced([solved]),
+    ))  # fmt: skip
+
+
+def solve_cycles(case: Case, levels: int) -> Outcome:
+    """Pull and push a plate; stress and dissipation of the last cycle against the one before."""
+    del levels
+    given: CyclicPlate = case.parameters
+    young, limit, modulus = 1000.0, 2.0, 50.0
+    table = [[0.0, 0.0]] + [[float(k + 1), 0.01 * (-1) ** k] for k in range(6)]
+    text = case_text(
+        "plane_stress", metal(young, 0.3, limit, kinematic=modulus), entry("displacement", group="x0", ux=0.0),
+        entry("displacement", group="y0", uy=0.0), entry("displacement", group="y1", uy=table),
+        entry("steps", end=6.0, count=6),
+    )  # fmt: skip
+    solved = solve(text, block(given.cell, 3, (0.0, 0.0), (1.0, 1.0)))
+    figures = [step_figures(solved.problem, state) for state in solved.states]
+    force = [one.reactions["y1"][1] for one in figures]
+    plastic = (0.02 - 2 * limit / young) / (1 + modulus / young)
+    taken = [one.plastic.dissipation[0] for one in figures if one.plastic is not None]
+    source = "the loop of linear kinematic hardening: a parallelogram 2 Y high"
+    return Outcome((
+        equal("stress at the end of two cycles, over one another, less 1", force[4] / force[2] - 1, 0.0, 1e-9,
+              source=source, reason="Newton's tolerance"),
+        equal("dissipation of half a cycle over Y times its plastic range, less 1", taken[-1] / (limit * plastic) - 1,
+              0.0, 1e-9, source=source, reason="Newton's tolerance"),
+    ))  # fmt: skip
+
+
+#: what solves a case, by the type of its parameters
+SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
+    YieldingSphere: solve_sphere,
+    OpenedTube: solve_tube,
+    FlatPunch: solve_punch,
+    FirstYield: solve_yield,
+    PressedBall: solve_ball,
+    CyclicPlate: solve_cycles,
+}
+
+
+def cases(family: str) -> Iterator[Case]:
+    """The cases."""
+    for cell, asked in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
+        quick = {"quick": 3} if cell == "QUAD4" else {}
+        name = f"yielding_sphere_{cell.lower()}"
+        text = f"thick sphere that yields in part, {cell}"
+        yield Case(family, name, text, YieldingSphere(cell, asked), {**quick, "full": 4}, 10.0)
+    for cell, levels in (("QUAD4", 3), ("TRIA6", 2)):
+        name, text = f"opened_tube_{cell.lower()}", f"tube opened by half its radius, finite strains, {cell}"
+        yield Case(family, name, text, OpenedTube(cell, 1e-3), {"full": levels}, 12.0)
+    yield Case(family, "flat_punch", "flat punch on perfect plasticity", FlatPunch(), {"full": 3}, 60.0)
+    for model in FIRST_YIELD:
+        text = f"first yield below Hertz's contact, {model}"
+        yield Case(family, f"first_yield_{model}", text, FirstYield(model), {"full": 1}, 10.0)
+    yield Case(family, "pressed_ball", "rigid ball pressed into a metal", PressedBall(), {"full": 1}, 60.0)
+    yield Case(family, "cyclic_plate", "plate under a cyclic load", CyclicPlate(), {"quick": 1, "full": 1}, 3.0)
