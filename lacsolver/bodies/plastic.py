@@ -42,8 +42,8 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.logarithmic import eigenvectors, stress_and_tangent
 from lacsolver.bodies.material import PLACES, Elastic, PointResponse
 
-#: largest growth of the accumulated plastic strain in a step. Forces of a metal that hardly hardens are bounded, so that
-#: an iterate that is far off may balance them; steps that follow a load are much smaller
+#: largest growth of the accumulated plastic strain in a step. Forces of a metal that hardly hardens are bounded, so
+#: that an iterate that is far off may balance them; steps that follow a load are much smaller
 LARGEST_FLOW = 1.0
 #: excess of q over the yield stress, relative to it, that is round-off of a state on the yield surface
 _ON = 1e-11

@@ -556,6 +556,20 @@ def _hardening(given: Any) -> tuple[tuple[float, float], ...]:
     return rows
 
 
+def _pressures(given: Any) -> tuple[tuple[float, float], ...]:
+    rows = _PRESSURES.read(given)
+    if rows[0][0] != 0:
+        raise Mistake(f"begins with the pressure {rows[0][0]:g}; begin where the pressure does, at 0", (0,))
+    for k, ((p, overlap), (more, further)) in enumerate(pairwise(rows)):
+        if more <= p or further <= overlap:
+            message = f"goes from [{p:g}, {overlap:g}] to [{more:g}, {further:g}]; pressure and overlap both grow"
+            raise Mistake(message, (k + 1,))
+    return rows
+
+
+_PRESSURES = _several(numbers(2), "two or more rows [[pressure, overlap], ...]", 2)
+#: pressures from 0 on that grow with the overlap
+PRESSURES = replace(_PRESSURES, read=_pressures)
 _ROWS = _several(numbers(2), "rows [[yield stress, plastic strain], ...]", 1)
 #: yield stresses that do not fall, at plastic strains that grow from 0
 HARDENING = replace(_ROWS, read=_hardening)

@@ -28,6 +28,7 @@ from lacsolver.case.kinds import (
     NUMBER_TABLE,
     POINT,
     POSITIVE,
+    PRESSURES,
     TWO_GROUPS,
     VALUE,
     VALUE_OF_TIME,
@@ -177,6 +178,26 @@ class Contact(PairEntry):
         POSITIVE, "stress / length", "pressure per overlap, for soft contact", None, "rigid: no overlap",
         needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
+    law: str = key(
+        Choice({
+            "linear": "rigid, or with stiffness times the overlap",
+            "exponential": "pressure that grows exponentially as surfaces come near",
+            "table": "pressure against overlap, by a table",
+        }), "", "pressure under overlap", "linear", needs=Needs("type", ("unilateral",)),
+    )  # fmt: skip
+    pressure_at_contact: float | None = key(
+        POSITIVE, "stress", "pressure where the surfaces meet", None, "required if exponential",
+        needs=Needs("law", ("exponential",)),
+    )  # fmt: skip
+    clearance_at_zero: float | None = key(
+        POSITIVE, "length", "gap from which on there is no pressure", None, "required if exponential",
+        needs=Needs("law", ("exponential",)),
+    )  # fmt: skip
+    pressures: As[tuple[tuple[float, float], ...] | None, Sequence[Sequence[float]] | None] = key(
+        PRESSURES, "stress, length",
+        "pressure at each overlap (negative: at a gap), from 0 on; linear between the rows, and on beyond the last",
+        None, "required if table", needs=Needs("law", ("table",)),
+    )  # fmt: skip
     constants: dict[str, float] | None = key(
         NUMBER_TABLE, "", "constants of a contact law that a Python program has added", None
     )
@@ -215,6 +236,11 @@ class Contact(PairEntry):
     shear_limit: As[Value | None, ValueLike | None] = key(
         not_negative(positive=True), "stress", "most that friction carries (Orowan's law)", None, "none"
     )
+
+    @property
+    def is_soft(self) -> bool:
+        """True if surfaces overlap under pressure."""
+        return self.stiffness is not None or self.law in ("exponential", "table")
 
     @property
     def has_friction(self) -> bool:

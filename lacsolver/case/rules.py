@@ -124,9 +124,15 @@ def _constants(case: Case) -> Iterator[Issue]:
 
 
 def _contacts(case: Case) -> Iterator[Issue]:
-    """Check that the deformed area is the measure only of contact on the deformed skins."""
+    """Check that laws of soft contact are whole, and that the deformed area is the measure on deformed skins only."""
     usual = "current" if case.kinematics == "finite" else "reference"
     for record in case.contact:
+        if record.law in ("exponential", "table") and record.has("stiffness"):
+            yield record.wrong(f'stands beside law = "{record.law}"; give one of the two', "stiffness")
+        wanted = {"exponential": ("pressure_at_contact", "clearance_at_zero"), "table": ("pressures",)}
+        for name in wanted.get(record.law or "", ()):
+            if not record.has(name):
+                yield record.wrong(f'needs {name} with law = "{record.law}"', "law")
         if record.measure == "current" and (record.geometry or usual) == "reference":
             yield record.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
 

@@ -71,7 +71,7 @@ def _heavy_skins(problem: Problem) -> Iterator[str]:
     for pair in problem.joints if how.massless != "none" else ():
         faces = np.concatenate([skin.faces.nodes.ravel() for skin in (pair.zone.slave, pair.zone.master)])
         nodes = faces[faces >= 0]
-        soft = isinstance(pair.record, Tie) or pair.record.stiffness is not None
+        soft = isinstance(pair.record, Tie) or pair.record.is_soft
         if soft or inertia.massless.nodes[nodes].any():
             continue
         if moves[nodes].any():

@@ -13,6 +13,7 @@ from lacsolver.bodies.material import Elastic, Law, Orthotropic
 from lacsolver.bodies.plastic import FinitePlastic, Plastic
 from lacsolver.case import Contact, Material, Tie
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
+from lacsolver.contact.curves import Exponential, Table
 from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
 
 _ISOTROPIC = {"elastic": Elastic, "neo_hookean": NeoHookean, "saint_venant_kirchhoff": SaintVenantKirchhoff}
@@ -52,6 +53,12 @@ def contact_law_of(record: Contact | Tie) -> ContactLaw:
         if missing:
             raise DataError(f"the contact law {record.type!r} lacks {', '.join(missing)}; see lacsolver.contact.laws")
         return added
+    if record.law == "exponential":
+        assert record.pressure_at_contact is not None and record.clearance_at_zero is not None  # the rules say so
+        return Exponential(at_contact=record.pressure_at_contact, clearance=record.clearance_at_zero)
+    if record.law == "table":
+        assert record.pressures is not None
+        return Table(rows=record.pressures)
     compliance = 0.0 if record.stiffness is None else 1 / record.stiffness
     return (Bilateral if record.type == "bilateral" else Unilateral)(compliance)
 

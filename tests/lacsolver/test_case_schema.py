@@ -95,6 +95,16 @@ BEYOND = (
     "names a node twice",
     "of node 1.5",
     "say total = true",
+    "needs hardening",
+    "first yield",
+    "yield stresses are",
+    "plastic strains grow",
+    "softens",
+    "needs clearance_at_zero",
+    "needs pressures",
+    "stands beside law",
+    "begin where the pressure does",
+    "overlap both grow",
 )
 
 

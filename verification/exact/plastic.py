@@ -1,7 +1,7 @@
 """Metals that yield, in closed form or by a quadrature: spheres and tubes under pressure, and known ratios of punches.
 
-`Sphere`: small strains, perfect plasticity (Hill, The mathematical theory of plasticity, 1950, chapter V.2). The plastic
-zone a <= r <= c goes out as the pressure grows:
+`Sphere`: small strains, perfect plasticity (Hill, The mathematical theory of plasticity, 1950, chapter V.2). The
+plastic zone a <= r <= c goes out as the pressure grows:
 
     p = 2 Y ln(c / a) + 2 Y / 3 (1 - c^3 / b^3)
     u = Y r / E ((1 - nu) c^3 / r^3 - 2/3 (1 - 2 nu) (1 - c^3 / b^3 + 3 ln(c / r)))       r <= c

@@ -22,7 +22,6 @@ MODULES = {
     "joints": "joints",
     "sliding": "sliding",
     "punches": "punches",
-    "joints": "joints",
     "impact": "impact",
     "scaling": "scaling",
     "distributed": "distributed",

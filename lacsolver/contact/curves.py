@@ -1,0 +1,179 @@
+"""Contact laws whose pressure is a curve p(g) of the gap: an exponential, and a table.
+
+Both press from a gap `reach` on, and the more, the smaller the gap. The equation of a row is the curve's tangent:
+where the curve is softer than the macro-element's own skin, at the gap of the last solve; where it is stiffer, at the
+pressure of the last solve, but not at less than the first one from which on the curve is stiffer. So Newton's method
+takes few iterations, however stiff the curve: a small error of a gap is a large one of the pressure, or the other way
+round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacsolver.contact.laws import Bools, RowState, Unilateral
+
+#: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
+_LEAST = 1e-3
+#: iterations for the inverse of the exponential, and for its knee; each at least squares the error
+_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Curved(Unilateral):
+    """A law p(g): `pressure`, `slope` (-dp/dg) and `gap_of` give the curve, `stiff_from` its first stiff pressure."""
+
+    @property
+    def yields(self) -> bool:
+        """True: surfaces overlap under pressure."""
+        return True
+
+    @property
+    def reach(self) -> float:
+        """Gap from which on there is a pressure."""
+        raise NotImplementedError
+
+    def pressure(self, gap: Floats) -> NDArray[np.floating]:
+        """Return p (m,) at gaps (m,), 0 beyond the reach."""
+        raise NotImplementedError
+
+    def slope(self, gap: Floats) -> NDArray[np.floating]:
+        """Return -dp/dg (m,) at gaps (m,)."""
+        raise NotImplementedError
+
+    def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
+        """Return the gaps (m,) of pressures (m,) above 0."""
+        raise NotImplementedError
+
+    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
+        """Return the least pressure (m,), not below one, from which on the slope exceeds a stiffness; inf if none."""
+        raise NotImplementedError
+
+    def next_active(self, rows: RowState) -> Bools:
+        """Return the rows within the reach."""
+        return rows.gap < self.reach
+
+    def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
+        """Return the tangent at the gap, or at the pressure where the curve is stiffer than the skin."""
+        pressure = np.maximum(rows.pressure, 0.0)
+        by_gap = np.minimum(rows.gap, self.reach)
+        first = self.stiff_from(pressure, rows.skin_stiffness)
+        stiff = np.isfinite(first) & ((self.slope(by_gap) > rows.skin_stiffness) | (first <= pressure))
+        gap = np.where(stiff, self.gap_of(np.where(stiff, np.maximum(first, 1e-300), 1.0)), by_gap)
+        slope = np.maximum(self.slope(gap), _LEAST * rows.skin_stiffness)
+        return gap + self.pressure(gap) / slope, 1 / slope
+
+    def residual(self, rows: RowState) -> Floats:
+        """Return the difference of pressures over the slopes of curve and skin."""
+        return (self.pressure(rows.gap) - rows.pressure) / (self.slope(rows.gap) + rows.skin_stiffness)
+
+
+@dataclass(frozen=True)
+class Exponential(Curved):
+    """p = p0 s (e^s - 1) / (e - 1), s = 1 - g / c: 0 from a gap c on, p0 where the surfaces meet.
+
+    `at_contact`: p0; `clearance`: c.
+
+    >>> law = Exponential(at_contact=2.0, clearance=0.1)
+    >>> law.pressure(np.array([0.2, 0.1, 0.0])).tolist(), law.gap_of(np.array([2.0])).round(15).tolist()
+    ([0.0, 0.0, 2.0], [0.0])
+    """
+
+    at_contact: float = 1.0
+    clearance: float = 1.0
+
+    @property
+    def reach(self) -> float:
+        """The clearance at which there is no pressure."""
+        return self.clearance
+
+    @property
+    def _scale(self) -> float:
+        return float(self.at_contact / np.expm1(1.0))
+
+    def _s(self, gap: Floats) -> NDArray[np.floating]:
+        return np.clip(1 - gap / self.clearance, 0.0, 600.0)
+
+    def pressure(self, gap: Floats) -> NDArray[np.floating]:
+        """Return p (m,)."""
+        s = self._s(gap)
+        return np.asarray(self._scale * s * np.expm1(s))
+
+    def slope(self, gap: Floats) -> NDArray[np.floating]:
+        """Return -dp/dg (m,)."""
+        s = self._s(gap)
+        return np.asarray(self._scale / self.clearance * (np.expm1(s) + s * np.exp(s)))
+
+    def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
+        """Return the gaps (m,), by Newton's method from above on a convex function."""
+        wanted = np.asarray(pressure) / self._scale
+        s = np.minimum(np.sqrt(wanted), np.maximum(1.0, np.log1p(wanted)))
+        for _ in range(_STEPS):
+            s = s - (s * np.expm1(s) - wanted) / np.maximum(np.expm1(s) + s * np.exp(s), 1e-300)
+        return np.asarray(self.clearance * (1 - s))
+
+    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
+        """Return the pressure of the slope, or the given one if that is larger."""
+        wanted = stiffness * self.clearance / self._scale
+        s = np.minimum(wanted / 2, np.log1p(wanted))
+        for _ in range(_STEPS):
+            s = s - (np.expm1(s) + s * np.exp(s) - wanted) / ((2 + s) * np.exp(s))
+        return np.maximum(self._scale * s * np.expm1(s), pressure)
+
+
+@dataclass(frozen=True)
+class Table(Curved):
+    """Linear between `rows` (pressure, overlap) that both grow from a pressure of 0; the last slope goes on.
+
+    >>> law = Table(rows=((0.0, 0.0), (1.0, 0.1), (5.0, 0.2)))
+    >>> law.pressure(np.array([0.1, -0.05, -0.2, -0.3])).round(12).tolist()
+    [0.0, 0.5, 5.0, 9.0]
+    """
+
+    rows: Sequence[tuple[float, float]] = ()
+
+    @cached_property
+    def _columns(self) -> tuple[Floats, Floats, Floats]:
+        """Pressures (k,), gaps (k,) and slopes (k - 1,) of the table."""
+        pressure, overlap = np.array(self.rows, float).T
+        return pressure, -overlap, np.diff(pressure) / np.diff(overlap)
+
+    @property
+    def reach(self) -> float:
+        """The gap of the first row."""
+        return float(self._columns[1][0])
+
+    def _row(self, gap: Floats) -> NDArray[np.integer]:
+        """Return the segment (m,) of each gap."""
+        gaps = self._columns[1]
+        return np.clip(np.searchsorted(-gaps, -np.asarray(gap), side="left") - 1, 0, len(gaps) - 2)
+
+    def pressure(self, gap: Floats) -> NDArray[np.floating]:
+        """Return p (m,)."""
+        pressures, gaps, slopes = self._columns
+        k = self._row(gap)
+        return np.maximum(pressures[k] + slopes[k] * (gaps[k] - gap), 0.0)
+
+    def slope(self, gap: Floats) -> NDArray[np.floating]:
+        """Return -dp/dg (m,); beyond the reach that of the first rows."""
+        return self._columns[2][self._row(gap)]
+
+    def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
+        """Return the gaps (m,)."""
+        pressures, gaps, slopes = self._columns
+        k = np.clip(np.searchsorted(pressures, pressure, side="left") - 1, 0, len(slopes) - 1)
+        return np.asarray(gaps[k] - (pressure - pressures[k]) / slopes[k])
+
+    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
+        """Return the given pressure if its segment is stiff, else the first above it where a stiff one begins."""
+        pressures, _, slopes = self._columns
+        ends = np.append(pressures[1:-1], np.inf)
+        fits = (slopes > stiffness[:, None]) & (ends > pressure[:, None])
+        first = fits.argmax(axis=1)
+        return np.where(fits.any(axis=1), np.maximum(pressures[first], pressure), np.inf)

@@ -1,0 +1,87 @@
+"""Soft contact by a curve, `[[contact]] law = "exponential"` and `"table"`, against springs in series."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from lacsolver.case import parse_case
+from lacsolver.contact.curves import Exponential, Table
+from lacsolver.equilibrium.stepping import march
+from lacsolver.problem.problem import Problem
+from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
+from tests.lacsolver.patch_meshes import stack
+from tests.samples import one_in
+
+#: pressures from far softer than the bodies to far stiffer; a gasket that hardens, one that gives way
+TABLES = {
+    "soft": ((0.0, 0.0), (0.5, 0.01), (2.0, 0.02)),
+    "stiff": ((0.0, -1e-3), (10.0, -5e-4), (1e4, 0.0)),
+    "hardens": ((0.0, 0.0), (0.05, 0.002), (1.0, 0.0025), (1e3, 0.003)),
+    "gives way": ((0.0, 0.0), (1.0, 1e-5), (1.5, 0.004), (100.0, 0.005)),
+}
+LAWS = {name: Table(rows=rows) for name, rows in TABLES.items()}
+LAWS |= {f"exponential {c:g}": Exponential(at_contact=1.0, clearance=c) for c in (1e-2, 1e-4, 1e-6)}
+EXPONENTIALS = {name: law for name, law in LAWS.items() if isinstance(law, Exponential)}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_gap_and_slope_belong_to_the_pressure(name):
+    law = LAWS[name]
+    p = np.geomspace(1e-6, 50.0, 40)
+    g = law.gap_of(p)
+    assert (g < law.reach).all()
+    np.testing.assert_allclose(law.pressure(g), p, rtol=1e-7)
+    h = 1e-7 * abs(g[-1] - law.reach)
+    np.testing.assert_allclose(
+        np.median((law.pressure(g - h) - law.pressure(g + h)) / (2 * h) / law.slope(g)), 1, rtol=1e-5
+    )
+    assert law.pressure(np.array([law.reach + 1e-9, 1e3])).tolist() == [0.0, 0.0]
+    for stiffness in (1e-3, 1.0, 1e3):
+        first = law.stiff_from(np.array([0.3]), np.array([stiffness]))
+        assert first >= 0.3
+        if np.isfinite(first).all():
+            assert law.slope(law.gap_of(first * (1 + 1e-9))) > stiffness * (1 - 1e-6)
+
+
+def text_of(law):
+    """The keys of a law."""
+    if isinstance(law, Table):
+        return f'law = "table"\npressures = {[list(row) for row in law.rows]}\n'
+    return f'law = "exponential"\npressure_at_contact = {law.at_contact}\nclearance_at_zero = {law.clearance}\n'
+
+
+@pytest.mark.fuzz
+@pytest.mark.parametrize("geometry", ["reference", "current"])
+@pytest.mark.parametrize(("tolerance", "digits", "most"), [(1e-10, 2e-9, 8), (1e-12, 1e-10, 12)])
+@pytest.mark.parametrize("name", one_in(2, list(LAWS)))
+def test_columns(name, geometry, tolerance, digits, most):
+    """Pressed by d, 2 p / E - g(p) = d; then apart or nearly so, pressed again, and far apart."""
+    law = LAWS[name]
+    exact = HEAD.replace("[solver]", f"[solver]\ntolerance = {tolerance}")
+    text = exact.format(model="3d") + "[steps]\ncount = 4\nend = 4.0\nmax_halvings = 0\n[[material]]\nyoung = 1e3\n"
+    text += f'poisson = 0.0\n{JOINT}{text_of(law)}geometry = "{geometry}"\n' + SLIDING + held("bottom", uz=0.0)
+    text += held("top", uz=[[0, 0], [1, -0.01], [2, 0.002], [3, -0.005], [4, 0.5]])
+    states = march(Problem.of(parse_case(text), stack("HEXA8", "TETRA4", 3)))
+    for state, d in zip(states, (0.01, -0.002, 0.005, -0.5), strict=True):
+        p = 0.0
+        if -d < law.reach:
+            p = brentq(lambda p, d=d: float(2e-3 * p - law.gap_of(np.array([p]))[0] - d), 1e-12, 1e4, xtol=1e-15)
+        np.testing.assert_allclose(state.zones[0].pressure, p, rtol=digits, atol=digits)
+        np.testing.assert_allclose(state.zones[0].gap, 2e-3 * p - d, rtol=1e-8, atol=1e-12)
+        assert state.iterations <= most and state.halvings == 0
+
+
+def test_friction_goes_with_a_table():
+    """A block on a gasket is pushed aside: friction carries mu times the pressure of the table, and no more."""
+    text = HEAD.format(model="3d") + "[[material]]\nyoung = 1e3\npoisson = 0.0\n" + JOINT + text_of(LAWS["soft"])
+    text += "friction = 0.3\n" + held("bottom", ux=0.0, uy=0.0, uz=0.0)
+    text += held("top", ux=[[0, 0], [1, 0.05]], uy=0.0, uz=[[0, 0], [1, -0.01]])
+    text = text.replace("[solver]", "[steps]\ncount = 3\n[solver]") if "[steps]" not in text else text
+    *_, state = march(Problem.of(parse_case(text), stack("HEXA8", "HEXA8", 3, counts=(2, 2))))
+    (zone,) = state.zones
+    assert zone.pressure.min() > 0
+    shear = np.linalg.norm(zone.friction.shear, axis=1)
+    np.testing.assert_allclose(zone.pressure, LAWS["soft"].pressure(zone.gap), rtol=1e-7)
+    assert (shear <= 0.3 * zone.pressure * (1 + 1e-8)).all() and (zone.status == 2).any()
