@@ -27,6 +27,9 @@ Floats = NDArray[np.floating]
 YOUNG, POISSON, PRESSURE, FRICTION = 1e3, 0.3, 1.0, 0.3
 #: shear stress of the blocks that stick; slip of those that slide
 STICKS, SLIP = 0.2, 0.05
+#: of the solver where the blocks slide: it is relative to the largest displacement, the slip, which is 50 times that
+#: under the pressure
+SLIDING_TOLERANCE = 1e-12
 SHEAR, SLIPS = "contact shear t_m", "slip"
 #: direction of the shear
 _ALONG = {2: (1.0, 0.0), 3: (0.8, 0.6, 0.0)}
@@ -135,7 +138,7 @@ def text(given: Sheared) -> str:
             )
     return case_text(
         model_of(d),
-        entry("solver", threads=1),
+        entry("solver", threads=1, tolerance=SLIDING_TOLERANCE if given.slides else None),
         entry("material", young=YOUNG, poisson=POISSON),
         entry("contact", slave="slave", master="master", **dict(given.keys)),
         *ends,
