@@ -75,6 +75,13 @@ class Solved:
         return self.friction.in_space(self.friction.slip)
 
     @property
+    def passed(self) -> NDArray[np.floating]:
+        """Mean way (m, d) of the slave along the master, of open macro-elements too, where skins are paired once."""
+        (joint,), d = self.problem.joints, self.problem.space.dim
+        face = integrate(joint.zone, d, joint.pairing)
+        return self.friction.in_space((face.B_T @ self.state.u).reshape(-1, d - 1) / face.w[:, None])
+
+    @property
     def recovered(self) -> NDArray[np.floating]:
         """Recovered pressure (n_nodes,) at the end, on the slave of the one zone; NaN elsewhere."""
         return self.fields.zones[self.zone.name].pressure_recovered

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from verification.exact import half_space
+from verification.exact import half_space, impact
 from verification.exact.cattaneo import Cylinders, pressure, shear
 from verification.exact.crack import Crack
 from verification.exact.fits import SlidingFit, capstan
@@ -294,3 +294,14 @@ def test_force_and_moment_of_a_fit_are_friction_times_its_pressure():
 def test_capstan_is_the_end_of_many_small_turns():
     steps = np.prod(np.full(100000, 1 + 0.3 * np.pi / 100000))
     assert capstan(0.3, np.pi) == pytest.approx(steps, rel=1e-5)
+
+
+# ---- an oblique impact
+
+
+def test_an_oblique_impact_is_linear_while_it_sticks_and_coulombs_while_it_slides():
+    """Without any slip the impulse is in proportion; where all slides, it is mu times the normal one."""
+    (up, one), (_, two) = (impact.rebound(slip, 100.0, 0.3) for slip in (0.1, 0.2))
+    assert up == pytest.approx(2.0, abs=1e-3) and two == pytest.approx(2 * one, rel=1e-3)
+    assert 1 / 3.5 < one / 0.1 < 2 / 3.5  # between rolling and a velocity that is turned round
+    assert impact.rebound(3.0, 0.2, 0.3) == pytest.approx((2.0, 0.4), rel=1e-3)

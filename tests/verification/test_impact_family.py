@@ -14,7 +14,7 @@ from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, sp
 from verification.families.impact import FAMILY, solve_case
 from verification.families.impact_free import spin
 from verification.families.impact_runs import Impact, on_wall
-from verification.meshes.balls import quarter_sphere_on_wall, sphere_on_wall
+from verification.meshes.balls import half_sphere_on_wall, quarter_sphere_on_wall, sphere_on_wall
 from verification.meshes.thrown import two_rings
 
 
@@ -52,7 +52,8 @@ def test_hertz_is_consistent():
 
 
 @pytest.mark.parametrize(
-    ("make", "model", "part"), [(sphere_on_wall, "axisymmetric", 1.0), (quarter_sphere_on_wall, "3d", 0.25)]
+    ("make", "model", "part"),
+    [(sphere_on_wall, "axisymmetric", 1.0), (quarter_sphere_on_wall, "3d", 0.25), (half_sphere_on_wall, "3d", 0.5)],
 )
 def test_the_spheres_are_round(make, model, part):
     """Faces outward and on the sphere, a volume within 0.05 %, no cell inverted."""

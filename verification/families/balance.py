@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.meshes.blocks import bent, joined
+from verification.meshes.blocks import bent, joined, nodes_of
 from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
 from verification.records import Case, Family, Outcome, at_least
 from verification.solving import Solved, balanced, case_text, entry, solve
@@ -122,7 +122,7 @@ def _placed(given: Touch, slave: str, master: str) -> Mesh:
     mesh = stack(slave, master, given.dim, counts=(3, 2), gap=given.gap, bend=0.2, skew=0.05)
     x = mesh.points.copy()
     for name, width in zip(("lower", "upper"), _WIDTHS[given.shape], strict=True):
-        own = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[name])]))
+        own = nodes_of(mesh, name)
         x[own, :up] = 0.5 + width * (x[own, :up] - 0.5)
     return bent(mesh, lambda _: x)
 

@@ -16,6 +16,7 @@ import lacsolver
 from lacmesh import Mesh
 from lacsolver.case import Value
 from verification.families import hertz
+from verification.meshes.blocks import nodes_of
 from verification.meshes.half_spaces import half_spaces
 from verification.records import Case
 from verification.solving import Solved
@@ -49,7 +50,7 @@ class Lifted:
         mesh = half_spaces(given.cell, given.levels[level], given.fraction)
         points, up = mesh.points.copy(), given.dim - 1
         for group, curved in (("upper", 1 + self.socket), ("lower", self.socket)):
-            nodes = np.unique(np.concatenate([v.ravel() for _, _, v in mesh.select(mesh.cell_groups[group])]))
+            nodes = nodes_of(mesh, group)
             points[nodes, up] += curved * self._parabola(mesh.points[nodes, : given.dim])
         return replace(mesh, points=points)
 

@@ -12,8 +12,10 @@ from verification.families import (
     friction_cost,
     friction_inf_sup,
 )
+from verification.families import friction_motion as motion
 from verification.families import friction_moving as moving
 from verification.families import friction_patch as patch
+from verification.families import friction_published as published
 from verification.records import Case, Family, Outcome
 
 NAME = "friction"
@@ -32,16 +34,20 @@ _SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
     friction_bodies.Belt: friction_bodies.solve_belt,
     friction_bodies.Slit: friction_bodies.solve_crack,
     friction_bodies.SpencePunch: friction_bodies.solve_punch,
-    friction_bodies.Plate: friction_bodies.solve_plate,
     moving.PulledBlock: moving.solve_dragged,
     moving.Carried: moving.solve_carried,
     moving.Cycled: moving.solve_cycled,
-    moving.Roller: moving.solve_roller,
-    moving.RoundedPunch: moving.solve_rounded,
-    moving.Ironing: moving.solve_ironing,
+    moving.Wheel: moving.solve_wheel,
     moving.RoundedDie: moving.solve_ledger,
-    moving.Thrown: moving.solve_thrown,
     friction_cost.Applications: friction_cost.solve_applications,
+    published.Plate: published.solve_plate,
+    published.Roller: published.solve_roller,
+    published.RoundedPunch: published.solve_rounded,
+    published.LoadedPin: published.solve_pin,
+    published.Ironing: published.solve_ironing,
+    motion.Thrown: motion.solve_thrown,
+    motion.Spinning: motion.solve_spinning,
+    motion.Leaning: motion.solve_leaning,
     friction_bank.FrictionBank: friction_bank.solve_bank,
     friction_bank.Units: friction_bank.solve_units,
 }
@@ -52,7 +58,17 @@ def solve_case(case: Case, levels: int) -> Outcome:
     return _SOLVERS[type(case.parameters)](case, levels)
 
 
-_PROBLEMS = (patch, friction_inf_sup, friction_cattaneo, friction_bodies, moving, friction_bank, friction_cost)
+_PROBLEMS = (
+    patch,
+    friction_inf_sup,
+    friction_cattaneo,
+    friction_bodies,
+    moving,
+    motion,
+    published,
+    friction_bank,
+    friction_cost,
+)
 FAMILY = Family(
     NAME,
     "Friction",

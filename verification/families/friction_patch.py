@@ -18,6 +18,7 @@ from lacsolver.results.fields import point_stress
 from verification.families import balance
 from verification.families.patch import DISPLACEMENT, PRESSURES, STRESS, worst
 from verification.families.patch import StackErrors as Errors
+from verification.meshes.blocks import nodes_of
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, moved, stack, tilt
 from verification.records import Case, Outcome, at_most
 from verification.solving import balanced, case_text, entry, model_of, solve
@@ -96,12 +97,9 @@ def errors(given: Sheared, slave: str, master: str, slave_below: bool) -> Errors
     solved = solve(text(given), moved(mesh, given.turn))
     sigma = np.concatenate([s.reshape(-1, s.shape[-1]) for s in point_stress(solved.problem, solved.state)])
     exact = np.array([given.stress[a, b] for a, b in _AXES])[: sigma.shape[1]]
-    upper = np.zeros(solved.mesh.n_nodes, bool)
-    for _, _, nodes in solved.mesh.select(solved.mesh.cell_groups["upper"]):
-        upper[nodes] = True
     right = solved.mesh.points @ given.gradient.T
     if given.slides:
-        right[upper] += SLIP * given.along[:d]
+        right[nodes_of(solved.mesh, "upper")] += SLIP * given.along[:d]
     zone, side = solved.zone, -1.0 if slave_below else 1.0  # t is on the master, along the slave's slip
     shear = side * given.along[:d] * (FRICTION * PRESSURE if given.slides else STICKS)
     slip = side * given.along[:d] * (SLIP if given.slides else 0.0)

@@ -19,15 +19,12 @@ energy is looked at, and the number of Newton iterations.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from dataclasses import replace
 from math import ceil, sqrt
-from pathlib import Path
 
 import numpy as np
 
-import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacsolver.results.figures import step_figures
@@ -37,12 +34,12 @@ from verification.families.impact_free import spin, vibration
 from verification.families.impact_order import order
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, bars_text, energies, on_wall, run
 from verification.families.impact_sphere import sphere
+from verification.meshes import published
 from verification.meshes.bars import WIDTH, bar_on_wall, bars
 from verification.records import Case, Family, Outcome, Published, Result, at_least, at_most, equal, informative
 from verification.solving import entry
 
 FAMILY_NAME = "impact"
-_MESHES = Path(os.environ.get("LACMESH_SHARED") or Path(__file__).parents[3] / "shared") / "reference" / "meshes"
 
 
 def solve_case(case: Case, levels: int) -> Outcome:
@@ -152,10 +149,9 @@ def _bounce(given: Impact, levels: int) -> Iterator[Result]:
 
 def _aster(given: Impact, levels: int) -> Iterator[Result]:
     """sdnl111 on code_aster's mesh if it is there, else on the same bars made here."""
-    file = _MESHES / "sdnl111.med"
-    there = file.is_file() and given.cell == "HEXA8"
+    there = published.there("sdnl111") and given.cell == "HEXA8"
     if there:
-        mesh, names = lacmesh.read(file), ("M103", "M101", "POU1", "CL_POU2")
+        mesh, names = published.code_aster("sdnl111"), ("M103", "M101", "POU1", "CL_POU2")
         supports = [entry("displacement", group=name, ux=0.0, uy=0.0) for name in ("POU1", "POU2")]
     else:
         mesh, names = _twin(), ("slave", "master", "lower", "top")

@@ -23,6 +23,7 @@ from lacmesh.cells import CELLS
 from lacmesh.report.charts import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
+from verification.meshes.blocks import nodes_of
 from verification.meshes.rings import octant, pair, ring
 from verification.profiles import pressures
 from verification.records import Case, Family, Outcome, Published, Result, equal, informative, rate
@@ -131,7 +132,7 @@ def solution(given: PressFit, level: int) -> LevelSolution:
     mesh, zone = solved.mesh, solved.zone
     off = zone.pressure / exact.between - 1
     axial, right = given.model == "axisymmetric", _constant(exact.between)
-    slave = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups["slave"])]))
+    slave = nodes_of(mesh, "slave")
     x, u = mesh.points[slave, : given.dim], solved.u[slave]
     wanted = np.linalg.norm(exact.displacement(x, given.slave), axis=1)
     radial = (u * x).sum(axis=1) / np.linalg.norm(x, axis=1)

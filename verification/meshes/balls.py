@@ -1,5 +1,5 @@
 """Spheres of radius 1 above a rigid wall, of quadratic cells that are small near the lowest point: axisymmetric, and a
-quarter in space.
+quarter and a half in space.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from verification.grids import between, lines
 from verification.meshes.blocks import assembled, bent
 from verification.meshes.blocks import joined as together
 from verification.meshes.bodies import Body, body, joined
-from verification.meshes.revolved import quarter
+from verification.meshes.revolved import revolved
 
 Floats = NDArray[np.floating]
 #: cells of one size reach this far along the skin and up, in radii of the contact; the others grow by a factor
@@ -39,8 +39,16 @@ def quarter_sphere_on_wall(contact: float, gap: float, fineness: int = 10) -> Me
 
     Groups: as above, and `x0`, `y0`, the planes of symmetry.
     """
-    ball = quarter(_section(contact, contact / fineness), _SECTORS, "ball")
-    x = np.array([[-0.5, -0.5, 0.0], [1.5, -0.5, 0.0], [1.5, 1.5, 0.0], [-0.5, 1.5, 0.0]])
+    return _over_plane(revolved(_section(contact, contact / fineness), _SECTORS, "ball"), gap)
+
+
+def half_sphere_on_wall(contact: float, gap: float, fineness: int = 6) -> Mesh:
+    """The half of that sphere with y >= 0. Groups: as above; `y0`, `x0`: the two halves of its plane of symmetry."""
+    return _over_plane(revolved(_section(contact, contact / fineness), 2 * _SECTORS, "ball", np.pi), gap)
+
+
+def _over_plane(ball: Mesh, gap: float) -> Mesh:
+    x = np.array([[-1.5, -0.5, 0.0], [1.5, -0.5, 0.0], [1.5, 1.5, 0.0], [-1.5, 1.5, 0.0]])
     wall = assembled(x, {("QUAD4", "wall"): np.arange(4)[None]}, 3)
     return together([(_round(ball, gap), {}), (wall, {})], keep=True)
 

@@ -41,6 +41,8 @@ SPLITS: dict[str, Pattern] = {
     "PENTA6": (("PENTA6", (0, 1, 2, 4, 5, 6)), ("PENTA6", (0, 2, 3, 4, 6, 7))),
     "PYRAM5": tuple(("PYRAM5", (*facet.nodes[::-1], 8)) for facet in CELLS["HEXA8"].facets),
 }
+#: triangles along the other diagonal
+LEFT: Pattern = (("TRIA3", (0, 1, 3)), ("TRIA3", (1, 2, 3)))
 
 
 def block(kind: str, n: int, low: Sequence[float], high: Sequence[float]) -> Mesh:
@@ -115,6 +117,11 @@ def joined(parts: Sequence[tuple[Mesh, Mapping[str, str]]], *, keep: bool = Fals
 def bent(mesh: Mesh, where: Callable[[Floats], Floats]) -> Mesh:
     """The mesh with its nodes x (n, 3) at `where(x)`: nodes between others go along, so that faces are curved."""
     return Mesh.create(where(mesh.points), mesh.blocks, cell_groups=mesh.cell_groups, space_dim=mesh.space_dim)
+
+
+def nodes_of(mesh: Mesh, group: str) -> Ints:
+    """The nodes of the cells of a group, sorted."""
+    return np.unique(np.concatenate([nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[group])]))
 
 
 def rows_of(mesh: Mesh) -> dict[tuple[str, str], Ints]:

@@ -1,5 +1,5 @@
 """Meshes of problems with friction: a plane with a crack, a shaft in a hub, a belt around a cylinder, a block under a
-punch, a pad.
+punch, a pad, a slider, a ring on a hub, a wheel, a rod.
 """
 
 from __future__ import annotations
@@ -163,3 +163,27 @@ def ring_on_hub(kind: str, n: int) -> Mesh:
     start = np.arange(0, len(angle), 2)
     faces = np.stack([start, (start + 2) % len(angle), start + 1], axis=1)
     return with_skin(whole, "SEG3", np.stack([np.cos(angle), np.sin(angle)], axis=1), faces, "master")
+
+
+def wheel(kind: str, n: int) -> Mesh:
+    """The sector of a wheel, 0.5 < r < 1 about the origin, from 0.3 (radians) before its lowest point to 0.9 behind it,
+    that rolls along x on a rigid plane; n cells along it. Groups: `wheel`, `slave`, `hub`, `master`.
+    """
+    flat = piece(kind, [np.linspace(0.5, 1, n // 5 + 1), np.linspace(-0.3, 0.9, n + 1)])
+
+    def around(x: Floats) -> Floats:
+        return np.stack([x[:, 0] * np.sin(x[:, 1]), -x[:, 0] * np.cos(x[:, 1]), x[:, 2]], axis=1)
+
+    sector = bent(joined([(flat, {"": "wheel", "x0": "hub", "x1": "slave"})]), around)
+    return with_skin(sector, "SEG2", np.array([[2.0, -1.0], [-1.0, -1.0]]), np.array([[0, 1]]), "master")
+
+
+def rod(kind: str, n: int, angle: float) -> Mesh:
+    """A rod 1 long and 0.1 wide that stands at an angle on a rigid plane, with a foot parallel to it, n cells along it.
+
+    Groups: `rod`, `slave` (the foot), `master`.
+    """
+    upright = piece(kind, [np.linspace(-0.05, 0.05, max(n // 8, 2) + 1), np.linspace(0, np.sin(angle), n + 1)])
+    leaning = bent(joined([(upright, {"": "rod", "y0": "slave"})]),
+                   lambda x: x + x[:, 1:2] * [[1 / np.tan(angle), 0, 0]])  # fmt: skip
+    return with_skin(leaning, "SEG2", np.array([[9.0, 0.0], [-9.0, 0.0]]), np.array([[0, 1]]), "master")

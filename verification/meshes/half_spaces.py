@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import assembled, boxed, grid, joined
+from verification.meshes.blocks import LEFT, SPLITS, assembled, boxed, grid, joined
 
 #: how far the pieces reach, in half-widths
 REACH = 2.0
@@ -44,13 +44,14 @@ def half_spaces(kind: str, k: int, fraction: float, *, rigid: bool = False) -> M
 
 
 def half_planes(kind: str, k: int, fraction: float) -> Mesh:
-    """Two half-planes without a plane of symmetry, 4 wide and 2 deep each, about k slave cells to the half-width.
+    """Two half-planes, 4 wide and 2 deep each, about k slave cells to the half-width; triangles of the one half are
+    the other's in a mirror, so that a shear to the right and one to the left are the same.
 
     Groups: `upper`, `lower`, `slave`, `master`, `far_upper`, `far_lower`.
     """
     aside, even, deep = edge_lines(k, fraction), np.linspace(-REACH, REACH, 3 * k + 1), depth_lines(k)
-    upper = piece(kind, [np.concatenate([-aside[:0:-1], aside]), deep])
-    lower = piece(kind, [even, -deep[::-1]])
+    upper = piece(kind, [np.concatenate([-aside[:0:-1], aside]), deep], mirrored=True)
+    lower = piece(kind, [even, -deep[::-1]], mirrored=True)
     roles = (("upper", "y0", "slave"), ("lower", "y1", "master"))
     return joined([
         (mesh, {"": body} | {side: f"far_{body}" for side in ("x0", "x1", "y0", "y1")} | {surface: role})
@@ -73,12 +74,19 @@ def depth_lines(k: int) -> Floats:
     return np.concatenate([np.linspace(0, 1, k + 1), np.linspace(1, REACH, k // 2 + 1)[1:]])
 
 
-def piece(kind: str, lines: Sequence[Floats]) -> Mesh:
-    """A box of cells of type `kind` between grid lines, its sides as groups."""
+def piece(kind: str, lines: Sequence[Floats], *, mirrored: bool = False) -> Mesh:
+    """A box of cells of type `kind` between grid lines, its sides as groups.
+
+    `mirrored`: diagonals of triangles point away from the origin in all quadrants.
+    """
     counts = [len(line) - 1 for line in lines]
     places, boxes = grid(counts, (0,) * len(lines), counts)
     placed = np.stack([np.interp(places[:, s], np.arange(len(v)), v) for s, v in enumerate(lines)], axis=1)
-    return boxed(kind, placed, boxes, [line[0] for line in lines], [line[-1] for line in lines])
+    ends = [line[0] for line in lines], [line[-1] for line in lines]
+    if not mirrored or CELLS[kind].linear != "TRIA3":
+        return boxed(kind, placed, boxes, *ends)
+    left = placed[boxes].mean(axis=1).prod(axis=1) < 0
+    return boxed(kind, placed, boxes, *ends, [SPLITS["TRIA3"], LEFT], left.astype(int))
 
 
 def _roles(mesh: Mesh, body: str, names: dict[str, str]) -> dict[str, str]:

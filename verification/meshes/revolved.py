@@ -1,4 +1,4 @@
-"""Quarters of bodies of revolution: a section of QUAD4 in the plane of r and z, turned by a right angle about z."""
+"""Quarters and halves of bodies of revolution: a section of QUAD4 in the plane of r and z, turned about z."""
 
 from __future__ import annotations
 
@@ -21,18 +21,20 @@ Bools = NDArray[np.bool_]
 _Rows = Iterator[tuple[str, str, Ints]]
 
 
-def quarter(section: Body, sectors: int, name: str) -> Mesh:
-    """Turn a section into HEXA20, and PENTA15 along the axis; mid-nodes of edges around the axis lie on their circles.
+def revolved(section: Body, sectors: int, name: str, turn: float = np.pi / 2) -> Mesh:
+    """Turn a section by an angle, of a quarter or a half, into HEXA20, and PENTA15 along the axis; mid-nodes of edges
+    around the axis lie on their circles.
 
-    Groups: `name` (the cells), `x0`, `y0` (the planes of symmetry), and the faces of the section's skins.
+    Groups: `name` (the cells), `y0` (the plane y = 0 where the turn starts), `x0` (the plane where it ends: x = 0 of a
+    quarter), and the faces of the section's skins.
 
     >>> square = Body(np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]), np.array([[0, 1, 2, 3]]), {})
-    >>> quarter(square, 2, "disc").cells_by_type
+    >>> revolved(square, 2, "disc").cells_by_type
     {'PENTA15': 2, 'QUAD8': 2}
     """
     (r, z), n = section.points.T, len(section.points)
     axis = np.abs(r) < 1e-9 * r.max()
-    angle = np.linspace(0, np.pi / 2, sectors + 1)[:, None]
+    angle = np.linspace(0, turn, sectors + 1)[:, None]
     points = np.stack([np.cos(angle) * r, np.sin(angle) * r, z + 0 * angle], axis=-1)
     points[np.abs(points) < 1e-12 * r.max()] = 0.0
     number = np.where(axis, 0, n * np.arange(sectors + 1)[:, None]) + np.arange(n)
@@ -44,7 +46,7 @@ def quarter(section: Body, sectors: int, name: str) -> Mesh:
     rows["QUAD4", "x0"] = [number[-1][section.cells[:, ::-1]]]
     used = np.unique(number)
     cells = {key: np.searchsorted(used, np.concatenate(nodes)) for key, nodes in rows.items()}
-    return _rounded(lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], cells, 3), "2"), np.pi / 4 / sectors)
+    return _rounded(lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], cells, 3), "2"), turn / 2 / sectors)
 
 
 def _solids(section: Body, axis: Bools, before: Ints, after: Ints) -> _Rows:

@@ -1,0 +1,203 @@
+"""**Motion.** A block that is thrown along a plane slides v^2 / (2 mu g) far, and stays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from verification.exact import impact
+from verification.meshes import friction as meshes
+from verification.meshes.balls import half_sphere_on_wall
+from verification.meshes.blocks import nodes_of
+from verification.records import Case, Outcome, at_least, at_most, equal, informative
+from verification.solving import Solved, balanced, case_text, entry, solve
+
+Floats = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """A block that is thrown along a rigid plane. `speed`, `gravity`, `friction`; SI units."""
+
+    cell: str
+    speed: float = 1.0
+    gravity: float = 10.0
+    friction: float = 0.4
+    steps: int = 320
+
+
+def solve_thrown(case: Case, levels: int) -> Outcome:
+    """Slide until it stands."""
+    given: Thrown = case.parameters
+    stops = given.speed / (given.friction * given.gravity)
+    text = case_text(
+        "plane_strain",
+        entry("material", young=2e6, poisson=0.3, density=1000.0),
+        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("rigid", group="master"),
+        entry("gravity", gy=-given.gravity),
+        entry("initial", groups=["pad"], vx=given.speed),
+        entry("dynamics"),
+        entry("steps", end=1.2 * stops, count=given.steps),
+    )
+    one = solve(text, meshes.pad(given.cell, 8))
+    along = [float(state.u.reshape(-1, 2)[nodes_of(one.mesh, "pad"), 0].mean()) for state in one.states]
+    right = given.speed**2 / (2 * given.friction * given.gravity)
+    still = abs(along[-1] - along[-len(along) // 20]) / right
+    return Outcome(
+        (
+            equal("distance", along[-1], right, 0.005 * right, source="v^2 / (2 mu g)", reason="it sways as it stops"),
+            at_most("way in the last twentieth of the time, of the distance", still, 1e-3, source="it stands"),
+            informative("iterations of a step, mean", one.iterations / len(one.states), reason="no bound"),
+        )
+    )
+
+
+@dataclass(frozen=True)
+class Spinning:
+    """An elastic sphere that hits a rigid plane with spin. `slip`: speed of its skin along the plane, over the normal
+    one; `approach`: largest, over the radius.
+    """
+
+    slip: float
+    friction: float
+    poisson: float
+    approach: float = 1e-3
+    steps: int = 40
+
+
+def solve_spinning(case: Case, levels: int) -> Outcome:
+    """Half of the sphere; small strains, since it turns by a few thousandths during the impact."""
+    given: Spinning = case.parameters
+    nu, mu = given.poisson, given.friction
+    speed = impact.speed_for(given.approach, 1.0, 1.0, nu, 1.0)
+    dt = impact.hertz(1.0, 1.0, nu, 1.0, speed).duration / given.steps
+    count = round(1.15 * given.steps)
+    text = case_text(
+        "3d",
+        entry("material", young=1.0, poisson=nu, density=1.0),
+        entry("contact", slave="slave", master="wall", friction=mu),
+        entry("rigid", group="wall"),
+        *(entry("displacement", group=plane, uy=0.0) for plane in ("x0", "y0")),
+        entry("initial", groups=["ball"], vz=-speed, rotation=[0.0, -given.slip * speed, 0.0], centre=[0.0, 0.0, 1.0]),
+        entry("dynamics"),
+        entry("steps", end=count * dt, count=count),
+    )
+    mesh = half_sphere_on_wall(np.sqrt(given.approach), 2.5 * dt * speed, 3)
+    one = solve(text, mesh)
+    up, along, spin = (change / speed for change in _changes(one))
+    _, right = impact.rebound(given.slip, mu, nu)
+    slides = given.slip > 7 * mu
+    source = "rigid bodies: mu (1 + e) v_n" if slides else "springs side by side, each sticks or slides"
+    reason = "Hertz' contact is of half-spaces, and three cells wide"
+    within = 0.02 if slides else 0.03
+    rolls = informative("that of a rigid sphere that rolls", 2 / 7 * given.slip, reason="an elastic one is thrown back")
+    return Outcome(
+        (
+            equal("change of the normal velocity over v_n", up, 2.0, 0.02, source="Hertz 1882", reason=reason),
+            equal("change of the velocity along the plane, of the exact one", along / right, 1.0, within,
+                  source=source, reason=reason),
+            equal("change of spin, of the exact one", spin / (2.5 * right), 1.0, within, source=source, reason=reason),
+            *([] if slides else [rolls]),
+            at_most("largest energy, of that at the start", _largest(one), 1.001, source="no energy is created"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
+def _changes(one: Solved) -> tuple[float, float, float]:
+    """Changes of the velocity up, against the slip, and of the spin against it, from the momenta at the end."""
+    inertia, space = one.problem.inertia, one.problem.space
+    first, last = (state.step.motion for state in (one.states[0], one.states[-1]))
+    assert inertia is not None and first is not None and last is not None
+    whole = inertia.M.sum() / 3
+    x = space.mesh.points - [0.0, 0.0, 1.0]
+    mv = (inertia.M @ (last.velocity - first.velocity)).reshape(-1, 3)
+    spin = (x[:, 2] * mv[:, 0] - x[:, 0] * mv[:, 2]).sum() / (0.4 * whole)
+    return mv[:, 2].sum() / whole, -mv[:, 0].sum() / whole, spin
+
+
+def _largest(one: Solved) -> float:
+    """Largest kinetic and strain energy less the work of loads so far, of that at the start."""
+    table = np.array([motion.energies for state in one.states if (motion := state.step.motion) is not None])
+    whole = table[:, 0] + table[:, 1] - table[:, 2]
+    return float(1 + (whole.max() - whole[0]) / table[0, :2].sum())
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """A rod of length 1 that leans on a rigid plane and is pushed along it with its foot ahead, at a speed of 1.
+
+    Painleve (1895): with 1 + 3 cos^2 a < 3 mu sin a cos a (a: its angle) a rigid rod has no force that lets it slide.
+    """
+
+    friction: float
+    angle: float = 60.0
+    gravity: float = 1.0
+
+    @property
+    def denominator(self) -> float:
+        """m g over the normal force of a rigid rod that slides without turning yet."""
+        c, s = np.cos(np.radians(self.angle)), np.sin(np.radians(self.angle))
+        return float(1 + 3 * c**2 - 3 * self.friction * s * c)
+
+
+def solve_leaning(case: Case, levels: int) -> Outcome:
+    """An elastic rod slides where a rigid one can; where it cannot, its foot is stopped at once, and thrown up."""
+    given: Leaning = case.parameters
+    text = case_text(
+        "plane_strain",
+        entry("material", law="neo_hookean", young=1e3, poisson=0.3, density=1.0),
+        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("rigid", group="master"),
+        entry("gravity", gy=-given.gravity),
+        entry("initial", groups=["rod"], vx=-1.0),
+        entry("dynamics"),
+        entry("steps", end=0.1, count=100),
+        kinematics="finite",
+    )
+    one = solve(text, meshes.rod("QUAD4", 16, np.radians(given.angle)))
+    zones, foot = [state.zones[0] for state in one.states], nodes_of(one.mesh, "slave")
+    force = float(np.mean([zone.pressure @ zone.area for zone in zones])) / (0.1 * given.gravity)
+    slid = -float(one.u[foot, 0].mean())
+    if given.denominator > 0:
+        results = [equal("normal force over m g, mean", force, 1 / given.denominator, 0.05 / given.denominator,
+                         source="a rigid rod", reason="it turns, and its foot has a width")]  # fmt: skip
+    else:
+        early = np.array([state.u.reshape(-1, 2)[foot, 0].mean() for state in one.states[:50]])
+        results = [
+            at_most("way of the foot in half the time, of that without friction", float(np.abs(early).max()) / 0.05,
+                    0.05, source="it jams: an impact without a collision"),
+            at_least("normal force over m g, largest", max(zone.pressure @ zone.area for zone in zones) / 0.1, 10.0,
+                     source="a rigid rod has none that is finite"),
+        ]  # fmt: skip
+    return Outcome(
+        (
+            *results,
+            informative("way of the foot", slid, reason="0.1 without friction"),
+            at_most("largest energy, of that at the start", _largest(one), 1.001, source="no energy is created"),
+            *balanced([one]),
+        )
+    )
+
+
+def cases(family: str) -> Iterator[Case]:
+    """A block, a sphere, a rod."""
+    yield Case(family, "thrown", "a block thrown along a plane", Thrown("QUAD4"), {"full": 1}, 20.0)
+    slides, sticks = Spinning(4.0, 0.1, 0.3), Spinning(1.0, 0.3, 0.45)
+    yield Case(family, "spinning-slides", "a sphere with much spin hits a plane", slides, {"full": 1}, 150.0)
+    yield Case(
+        family,
+        "spinning-sticks",
+        "a sphere with spin that hits a plane slides, then sticks",
+        sticks,
+        {"full": 1},
+        150.0,
+    )
+    for friction, word in ((0.5, "slides"), (2.0, "jams")):
+        yield Case(
+            family, f"rod-{word}", "a rod pushed along a plane, Painleve's", Leaning(friction), {"full": 1}, 12.0
+        )

@@ -1,0 +1,265 @@
+"""**Published.** Problems on code_aster's own meshes: a plate pressed on a rigid plane and pushed from the side
+(ssnv128), NAFEMS's roller (ssnp154a), punch with rounded edges (ssna122a) and loaded pin (ssnp156a), and ironing
+(ssnp153a). They are left out where these meshes are not beside this tree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacsolver.results.figures import step_figures
+from verification.meshes.blocks import joined, nodes_of
+from verification.meshes.published import code_aster, there
+from verification.records import Case, Outcome, Published, at_most, equal, informative
+from verification.solving import Solved, balanced, case_text, entry, solve
+
+Floats = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Plate:
+    """ssnv128: places along the plane, and what code_aster has there with CONTINUE (m)."""
+
+    place: tuple[float, ...] = (0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3)
+    aster: tuple[float, ...] = (2.84594e-5, 2.70792e-5, 2.27403e-5, 1.97271e-5, 1.53642e-5)
+    greco: tuple[float, ...] = (2.86e-5, 2.72e-5, 2.28e-5, 1.98e-5, 1.50e-5)
+
+
+def solve_plate(case: Case, levels: int) -> Outcome:
+    """The plate on code_aster's own mesh."""
+    given: Plate = case.parameters
+    text = case_text(
+        "plane_strain",
+        entry("material", young=1.3e11, poisson=0.2),
+        entry("contact", slave="LCONTA", master="LBATI", friction=1.0),
+        entry("displacement", group="SBATI", ux=0.0, uy=0.0),
+        entry("displacement", group="LBLOCX", ux=0.0),
+        entry("pressure", group="LPRESV", value=5e7),
+        entry("pressure", group="LPRESH", value=15e7),
+    )
+    one = solve(text, code_aster("ssnv128m"))
+    mesh = one.mesh
+    nodes = nodes_of(mesh, "LCONTA")
+    order = nodes[np.argsort(mesh.points[nodes, 0])]
+    along = np.interp(given.place, mesh.points[order, 0], one.u[order, 0])
+    source = "code_aster, ssnv128, CONTINUE, the same mesh"
+    return Outcome(
+        (
+            *(
+                equal(f"u_x at {1e3 * x:g} mm", u, right, 0.005 * right, source=source, reason="two methods, one mesh",
+                      published=(Published("GRECO, mean of several codes", greco, "Feijoo, Barbosa, Zouain"),))
+                for x, u, right, greco in zip(given.place, along, given.aster, given.greco, strict=True)
+            ),
+            at_most("iterations", one.iterations, 26, source="a prototype"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Roller:
+    """NAFEMS's roller, ssnp154a. `expected`: u_y of the point B, with and without friction: code_aster's."""
+
+    expected: tuple[float, float] = (-1.26898, -1.27031)
+
+
+def solve_roller(case: Case, levels: int) -> Outcome:
+    """With friction and without, small strains in the deformed geometry."""
+    given: Roller = case.parameters
+    results, solutions = [], []
+    for friction, right in zip((0.1, 0.0), given.expected, strict=True):
+        text = case_text(
+            "plane_strain",
+            entry("material", groups=["Cylinder"], young=210e3, poisson=0.3),
+            entry("material", groups=["Block"], young=70e3, poisson=0.3),
+            entry("contact", slave="Bottom_C", master="Top_B", friction=friction or None, geometry="current"),
+            entry("displacement", group="Encast", ux=0.0, uy=0.0),
+            entry("displacement", group="Axe", ux=0.0),
+            entry("force", group="Force", fy=-17500.0),
+            entry("steps", count=2),
+        )
+        one = solve(text, code_aster("ssnp154a"))
+        (b,) = one.mesh.node_groups["B"]
+        solutions.append(one)
+        published = Published("Abaqus, Marc, quadratic", -1.3026 if friction else -1.3069, "NAFEMS, FENET")
+        results.append(equal(
+            f"u_y of B, mu = {friction:g}", float(one.u[b, 1]), right, 0.005 * abs(right),
+            source="code_aster, ssnp154a", reason="two methods, one mesh", published=(published,),
+        ))  # fmt: skip
+    return Outcome((*results, *balanced(solutions)))
+
+
+@dataclass(frozen=True)
+class RoundedPunch:
+    """NAFEMS's punch with rounded edges, ssna122a. `expected`: u_y of M with mu = 0 and 0.1: code_aster's."""
+
+    expected: tuple[float, float] = (-0.130734, -0.128580)
+
+
+def solve_rounded(case: Case, levels: int) -> Outcome:
+    """With friction and without; what friction takes off."""
+    given: RoundedPunch = case.parameters
+    u, solutions = [], []
+    for friction in (0.0, 0.1):
+        text = case_text(
+            "axisymmetric",
+            entry("material", groups=["Poincon"], law="saint_venant_kirchhoff", young=210e3, poisson=0.3),
+            entry("material", groups=["Massif"], law="saint_venant_kirchhoff", young=70e3, poisson=0.3),
+            entry("contact", slave="P_cont", master="M_cont", friction=friction or None),
+            entry("displacement", group="Encast", ux=0.0, uy=0.0),
+            entry("displacement", group="Axe", ux=0.0),
+            entry("pressure", group="Force", value=100.0),
+            entry("steps", count=4),
+            kinematics="finite",
+        )
+        one = solve(text, code_aster("ssna122a"))
+        (m,) = one.mesh.node_groups["M"]
+        solutions.append(one)
+        u.append(float(one.u[m, 1]))
+    part, right = 1 - u[1] / u[0], 1 - given.expected[1] / given.expected[0]
+    source = "code_aster, ssna122a"
+    return Outcome(
+        (
+            equal("part of u_y that friction takes off", part, right, 0.001, source=source,
+                  reason="1.61 % on a prototype"),
+            *(
+                informative(f"u_y of M, mu = {mu:g}", own, reason="its moduli are taken to be the roller's",
+                            published=(Published("code_aster", theirs, source),))
+                for mu, own, theirs in zip((0.0, 0.1), u, given.expected, strict=True)
+            ),
+            *balanced(solutions),
+        )
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LoadedPin:
+    """NAFEMS's loaded pin, ssnp156a. `computed`: largest u_x of the pin's skin, and u_x and u_y of the hole's, without
+    friction, by code_aster's Lagrangian contact (cont014a); `published`: what it compares them with, to 2 and 3 %.
+    """
+
+    computed: tuple[float, float, float] = (0.779275, 0.754844, 0.0927840)
+    published: tuple[float, float, float] = (0.762576, 0.740573, 0.0918286)
+
+
+def solve_pin(case: Case, levels: int) -> Outcome:
+    """Without friction, and with friction in one step and in eight."""
+    given: LoadedPin = case.parameters
+    (_, free), one, many = (_pin(friction, steps) for friction, steps in ((None, 1), (0.1, 1), (0.1, 8)))
+    names = "largest u_x of the pin", "largest u_x of the hole", "largest u_y of the hole"
+    rows = list(zip(names, free, given.computed, given.published, one[1], strict=True))
+    apart = float(np.abs(many[1] / one[1] - 1).max())
+    source = "code_aster, cont014a: ssnp156a without friction"
+    return Outcome(
+        (
+            *(
+                equal(f"{name}, mu = 0", own, theirs, 0.002 * theirs, source=source, reason="two methods, one mesh",
+                      published=(Published("code_aster, CONTINUE", refe, "reference of cont014a"),))
+                for name, own, theirs, refe, _ in rows
+            ),
+            *(informative(f"{name}, mu = 0.1", rubbed, reason="no figure is published") for name, *_, rubbed in rows),
+            at_most("largest difference between one step and eight", apart, 1e-6, source="loaded in proportion"),
+            *balanced([one[0], many[0]]),
+        )
+    )  # fmt: skip
+
+
+def _pin(friction: float | None, steps: int) -> tuple[Solved, Floats]:
+    """Solution, and the largest displacements (3,): along the load of the pin's skin and of the hole's, and across."""
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["Pin"], young=210e3, poisson=0.3),
+        entry("material", groups=["Sheet"], young=70e3, poisson=0.3),
+        entry("contact", slave="Slave", master="Master", friction=friction, geometry="current"),
+        entry("displacement", group="Encast", ux=0.0, uy=0.0),
+        entry("displacement", group="Axe", uy=0.0),
+        entry("force", group="F", fx=10e3),
+        entry("steps", count=steps),
+    )
+    one = solve(text, code_aster("ssnp156a"))
+    skins = np.union1d(nodes_of(one.mesh, "Slave"), nodes_of(one.mesh, "Master"))
+    pin, hole = (one.u[np.intersect1d(skins, nodes_of(one.mesh, body))] for body in ("Pin", "Sheet"))
+    return one, np.array([pin[:, 0].max(), hole[:, 0].max(), hole[:, 1].max()])
+
+
+@dataclass(frozen=True)
+class Ironing:
+    """Shallow ironing, ssnp153a: a die goes down by 1 in 10 steps, then along by 10 in `steps`.
+
+    `slaves`: groups that are the slave in turn. `iterations`: at most, of all steps.
+    """
+
+    slaves: tuple[str, ...]
+    steps: int
+    iterations: int | None = None
+
+
+#: code_aster's forces (F_x, F_y) on the die at two times; its law is not neo-Hookean, but has logarithmic strains
+_IRONED = {0.5: (1.8359e7, 9.4539e7), 1.0: (6.9020e7, 3.2990e8)}
+
+
+def solve_ironing(case: Case, levels: int) -> Outcome:
+    """Iron, with the die or the slab as the slave."""
+    given: Ironing = case.parameters
+    every = [_ironed(slave, given.steps) for slave in given.slaves]
+    forces = np.array([[_force(one, time) for time in (*_IRONED, 2.0)] for one in every])
+    most = max(one.iterations for one in every)
+    count = "iterations of all steps, of the role that takes more"
+    results = [
+        at_most("cutbacks", sum(one.halvings for one in every), 0, source="a prototype had none in 110 steps"),
+        informative(count, most, reason="no bound")
+        if given.iterations is None
+        else at_most(count, most, given.iterations, source="a prototype: 528 and 656"),
+    ]
+    if len(every) > 1:
+        apart = np.abs(forces[0, -1] / forces[1, -1] - 1).max()
+        results.append(at_most("forces at the end, difference of the roles", apart, 0.01, source="either body a slave"))
+    for k, (time, right) in enumerate(_IRONED.items()):
+        results += [
+            informative(f"|F_{axis}| at the time {time}", forces[0, k, a], reason="its law is another",
+                        published=(Published("code_aster", right[a], "ssnp153a"),))
+            for a, axis in enumerate("xy")
+        ]  # fmt: skip
+    return Outcome((*results, *balanced(every)))
+
+
+def _ironed(slave: str, steps: int) -> Solved:
+    down_and_along = {"ux": [[0.0, 0.0], [1.0, 0.0], [2.0, 10.0]], "uy": [[0.0, 0.0], [1.0, -1.0], [2.0, -1.0]]}
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["Soft"], law="neo_hookean", young=6.896e8, poisson=0.32),
+        entry("material", groups=["Hard"], law="neo_hookean", young=68.96e8, poisson=0.32),
+        entry("contact", slave=slave, master={"Master": "Slave", "Slave": "Master"}[slave], friction=0.3),
+        entry("displacement", group="Bloq", ux=0.0, uy=0.0),
+        entry("displacement", group="Depl", **down_and_along),
+        entry("steps", times=[*(0.1 * (k + 1) for k in range(10)), *(1 + (k + 1) / steps for k in range(steps))]),
+        kinematics="finite",
+    )
+    return solve(text, joined([(code_aster("ssnp153a"), {})], keep=True))
+
+
+def _force(one: Solved, time: float) -> Floats:
+    """Size of the components of the force between die and slab (2,) at the end of the step at a time."""
+    state = min(one.states, key=lambda state: abs(state.time - time))
+    (zone,) = step_figures(one.problem, state).contact.values()
+    return np.abs(np.asarray(zone.resultant))
+
+
+def cases(family: str) -> Iterator[Case]:
+    """Plate, roller, punch, pin, ironing."""
+    both = ("Master", "Slave")
+    known = (
+        ("ssnv128", "ssnv128m", "a plate on a rigid plane", Plate(), "quick", 3.0),
+        ("ssnp154a", "ssnp154a", "NAFEMS's roller", Roller(), "quick", 5.0),
+        ("ssna122a", "ssna122a", "NAFEMS's punch with rounded edges", RoundedPunch(), "full", 5.0),
+        ("ssnp156a", "ssnp156a", "NAFEMS's loaded pin", LoadedPin(), "quick", 5.0),
+        ("ironing-110", "ssnp153a", "ironing in 110 steps, both roles", Ironing(both, 100, 600), "all", 600.0),
+        ("ironing-60", "ssnp153a", "ironing in 60 steps, the die is the slave", Ironing(both[:1], 50), "all", 200.0),
+    )
+    for name, mesh, description, given, suite, seconds in known:
+        if there(mesh):
+            yield Case(family, name, f"{description}, code_aster's mesh", given, {suite: 1}, seconds)
