@@ -94,7 +94,7 @@ def solve_spinning(case: Case, levels: int) -> Outcome:
     source = "rigid bodies: mu (1 + e) v_n" if slides else "springs side by side, each sticks or slides"
     reason = "Hertz' contact is of half-spaces, and three cells wide"
     within = 0.02 if slides else 0.03
-    rolls = informative("that of a rigid sphere that rolls", 2 / 7 * given.slip, reason="an elastic one is thrown back")
+    rolls = informative("that of a rigid sphere that rolls", 2 / 7 * given.slip, reason="an elastic one swings")
     return Outcome(
         (
             equal("change of the normal velocity over v_n", up, 2.0, 0.02, source="Hertz 1882", reason=reason),
