@@ -7,13 +7,15 @@ from pathlib import Path
 
 import numpy as np
 from peer_ours import mesh_of
-from peer_problems import Pair
+from peer_problems import PRESSES, Pair
 
 import lacmesh
 
 NAME = "CalculiX"
 #: pressures for an overclosure of one unit of length, over the softer body's modulus: the ends of what is advised
 STIFFNESSES = (50.0, 5.0)
+#: shear stress for a slip of one unit of length while it sticks, over that
+STICKS = 0.1
 
 
 def absent() -> str | None:
@@ -37,10 +39,18 @@ def _cards(pair: Pair, stiffness: float) -> str:
         lines += [f"*MATERIAL, NAME=M{name}", "*ELASTIC", f"{body.young:.9g}, {pair.poisson:.9g}"]
         lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=M{name}", *(["1."] if pair.dim == 2 else [])]
     lines += ["*SURFACE INTERACTION, NAME=touch", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", f"{K:.9g}"]
+    lines += ["*FRICTION", f"{pair.friction:.9g}, {STICKS * K:.9g}"] if pair.friction else []
     lines += ["*CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE", "slave, master"]
     lines += ["*BOUNDARY", *(f"{side}, {axis + 1}, {axis + 1}" for side, axis in pair.held)]
-    lines += ["*STEP, INC=100", "*STATIC", "1., 1."]
-    if pair.push:
+    if pair.friction:
+        lines += ["*STEP, INC=100, NLGEOM", "*STATIC, DIRECT", f"{1 / PRESSES}, 1."]
+        lines += ["*BOUNDARY", "top, 1, 1", f"top, 2, 2, {pair.push:.9g}", "*END STEP"]
+        lines += ["*STEP, INC=100, NLGEOM", "*STATIC", "1., 1.", "*BOUNDARY", f"top, 1, 1, {pair.aside:.9g}"]
+    else:
+        lines += ["*STEP, INC=100", "*STATIC", "1., 1."]
+    if pair.friction:
+        lines += [f"top, 2, 2, {pair.push:.9g}"]
+    elif pair.push:
         lines += ["*BOUNDARY", f"top, {up}, {up}, {pair.push:.9g}"]
     else:
         lines += ["*DSLOAD", f"top, P, {pair.pressure:.9g}"]
@@ -64,11 +74,18 @@ def read(pair: Pair, folder: Path) -> dict[str, object]:
         if len(s) != 8 * sum(len(body.cells) for body in pair.bodies):
             raise RuntimeError(f"{len(s)} integration points were printed")
         return out | {"stress": np.abs(s[:, 2] + pair.pressure).max(), "other": np.abs(np.delete(s, 2, axis=1)).max()}
-    (force,) = (abs(float(row[1])) for row in rows if len(row) == 3 and "total" not in row and _number(row[0]))
+    *_, forces = (list(map(float, row)) for row in rows if len(row) == 3 and "total" not in row and _number(row[0]))
     places = np.concatenate([body.points for body in pair.bodies])
     slave = np.unique(pair.upper.sides["slave"]) + len(pair.lower.points)
-    p = _pressures(folder / "pair.frd", len(places))
-    return out | {"force": 2 * force, "nodes": (places[slave, 0], p[slave])}
+    contact = _contact(folder / "pair.frd", len(places))[slave]
+    if pair.friction:
+        shear, force = np.abs(forces[:2])
+        return out | {
+            "force": force,
+            "shear": shear,
+            "nodes": (places[slave, 0], np.linalg.norm(contact[:, 4:6], axis=1)),
+        }
+    return out | {"force": 2 * abs(forces[1]), "nodes": (places[slave, 0], contact[:, 3])}
 
 
 def _number(word: str) -> bool:
@@ -79,13 +96,15 @@ def _number(word: str) -> bool:
     return True
 
 
-def _pressures(path: Path, count: int) -> np.ndarray:
-    """Contact pressures (count,) at nodes 1, 2 ..., 0 where none is told: fourth of the last CONTACT block."""
-    p, inside = np.zeros(count), False
+def _contact(path: Path, count: int) -> np.ndarray:
+    """Values (count, 6) of the last CONTACT block at nodes 1, 2 ..., 0 where none are told: the fourth is the pressure,
+    the last two are shear stresses.
+    """
+    values, inside = np.zeros((count, 6)), False
     for line in path.read_text().splitlines():
         if line.startswith(" -4"):
             inside = line.split()[1] == "CONTACT"
-            p[:] = 0.0 if inside else p
+            values[:] = 0.0 if inside else values
         elif inside and line.startswith(" -1"):
-            p[int(line[3:13]) - 1] = float(line[13 + 3 * 12 : 13 + 4 * 12])
-    return p
+            values[int(line[3:13]) - 1] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(6)]
+    return values

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from peer_problems import Pair
+from peer_problems import PRESSES, Pair
 
 import lacmesh
 from lacmesh import Mesh
@@ -41,9 +41,14 @@ def case_of(pair: Pair, contact: str = "", solver: str = "threads = 1") -> str:
     for name, body in zip(("lower", "upper"), pair.bodies, strict=True):
         lines += ["[[material]]", f'groups = ["{name}"]', f"young = {body.young!r}", f"poisson = {pair.poisson!r}"]
     lines += ["[[contact]]", 'slave = "slave"', 'master = "master"', contact]
+    lines += [f"friction = {pair.friction!r}"] if pair.friction else []
     for side, axis in pair.held:
         lines += ["[[displacement]]", f'group = "{side}"', f"u{'xyz'[axis]} = 0.0"]
-    if pair.push:
+    if pair.friction:
+        down, aside = [[0, 0], [1, pair.push], [2, pair.push]], [[0, 0], [1, 0], [2, pair.aside]]
+        lines += ["[[displacement]]", 'group = "top"', f"ux = {aside}", f"uy = {down}", "[steps]"]
+        lines += [f"times = {[*((k + 1) / PRESSES for k in range(PRESSES)), 2.0]}"]
+    elif pair.push:
         lines += ["[[displacement]]", 'group = "top"', f"u{up} = {pair.push!r}"]
     else:
         lines += ["[[pressure]]", 'group = "top"', f"value = {pair.pressure!r}"]
@@ -65,8 +70,11 @@ def read(pair: Pair, folder: Path) -> dict[str, object]:
         ends = [end for body in ("lower", "upper") for end in told["stress"][body]["zz"]]
         return out | {"stress": max(abs(end + pair.pressure) for end in ends)}
     table = np.genfromtxt(folder / "pair" / "contact_slave.csv", delimiter=",", names=True)
+    shear, force = (abs(v) for v in told["contact"]["slave"]["resultant"])
+    if pair.friction:
+        last = table[table["time"] == table["time"].max()]
+        return out | {"force": force, "shear": shear, "p_m": (last["x"], np.abs(last["shear_1"]))}
     (fields,) = (folder / "pair" / "fields").glob("contact_slave*.vtu")
     skin = lacmesh.read(fields)
     nodal = skin.node_data["pressure_recovered"]
-    force = 2 * abs(told["contact"]["slave"]["resultant"][1])
-    return out | {"force": force, "p_m": (table["x"], table["pressure"]), "recovered": (skin.points[:, 0], nodal)}
+    return out | {"force": 2 * force, "p_m": (table["x"], table["pressure"]), "recovered": (skin.points[:, 0], nodal)}

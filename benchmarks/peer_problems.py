@@ -1,6 +1,7 @@
 """The problems that contact codes are compared on, and how their answers are measured. Needs numpy alone.
 
-Two blocks under a pressure (`blocks`), and a cylinder on a block (`hertz`). A lower and an upper body, each a grid of
+Two blocks under a pressure (`blocks`), a cylinder on a block (`hertz`), two like cylinders that are pressed together,
+then sheared (`cattaneo`). A lower and an upper body, each a grid of
 bilinear quadrangles or trilinear hexahedra, all sides known by name; the slave's side is `slave`, the other `master`.
 """
 
@@ -20,6 +21,11 @@ RADIUS, STEEL, ALLOY, POISSON, PUSH = 50.0, 210000.0, 70000.0, 0.3, 0.2
 FORCE = 3500.0
 #: of the two blocks
 YOUNG, PRESSURE = 1e3, 1.0
+#: of two like cylinders (Yang, Laursen and Meng 2005): radius, modulus, friction; force a length, and shear over mu
+#: times it, that the mesh is made for
+LIKE_RADIUS, LIKE_YOUNG, FRICTION, LIKE_FORCE, LIKE_SHEAR = 8.0, 200.0, 0.2, 10.0, 0.4681
+#: how far their tops are moved, down in so many steps and then aside, for about these forces
+LIKE_PUSH, LIKE_ASIDE, PRESSES = 0.1872, 0.0381, 8
 #: facets of a hexahedron across each axis, at its low and its high end, outward
 _SIDES = {
     2: {"x0": (3, 0), "x1": (1, 2), "y0": (0, 1), "y1": (2, 3)},
@@ -46,7 +52,8 @@ class Body(NamedTuple):
 class Pair(NamedTuple):
     """Two bodies. `held`: side -> axis of no displacement; `h`: size of a slave face.
 
-    Either `push`, the displacement of the top along its normal, or `pressure` on it is not 0.
+    Either `push`, the displacement of the top along its normal, or `pressure` on it is not 0. With `friction` the top
+    does not move along x, and by `aside` in a second step.
     """
 
     lower: Body
@@ -57,6 +64,8 @@ class Pair(NamedTuple):
     h: float
     push: float = 0.0
     pressure: float = 0.0
+    friction: float = 0.0
+    aside: float = 0.0
 
     @property
     def dim(self) -> int:
@@ -105,14 +114,9 @@ def blocks(lower: tuple[int, int, int], upper: tuple[int, int, int], skew: float
     return Pair(bodies[0], bodies[1], "slave", POISSON, held, 1 / lower[0], pressure=PRESSURE)
 
 
-def half_width(force: float) -> float:
-    """Hertz: the half-width of contact under a force a length."""
-    return float(np.sqrt(4 * force * RADIUS / (np.pi * modulus())))
-
-
-def modulus() -> float:
-    """Hertz: 1 / E* = (1 - nu^2) / E_1 + (1 - nu^2) / E_2."""
-    return 1 / ((1 - POISSON**2) * (1 / STEEL + 1 / ALLOY))
+def half_width(force: float, radius: float = RADIUS, young: tuple[float, float] = (STEEL, ALLOY)) -> float:
+    """Hertz: the half-width of contact under a force a length; 1 / E* = (1 - nu^2) / E_1 + (1 - nu^2) / E_2."""
+    return float(np.sqrt(4 * force * radius / np.pi * (1 - POISSON**2) * (1 / young[0] + 1 / young[1])))
 
 
 def hertz(n: int) -> Pair:
@@ -126,6 +130,25 @@ def hertz(n: int) -> Pair:
     rise = RADIUS - np.sqrt(RADIUS**2 - x**2)
     upper.points[:, 1] = rise + y * (1 - rise / 50.0)
     return Pair(lower, upper, "slave", POISSON, (("bottom", 0), ("bottom", 1), ("x0", 0)), h, push=-PUSH)
+
+
+def cattaneo(n: int) -> Pair:
+    """Two bodies 12 wide and 8 high with cylindrical skins, the upper one the slave, n faces to the half-width."""
+    a = half_width(LIKE_FORCE, LIKE_RADIUS / 2, (LIKE_YOUNG, LIKE_YOUNG))
+    bodies = []
+    for side, h, names in (
+        (-1, a / n / 1.5, {"y0": "bottom", "y1": "master"}),
+        (1, a / n, {"y0": "slave", "y1": "top"}),
+    ):
+        aside, up = lines(6.0, h, 1.5 * a), lines(8.0, h, a)
+        body = grid([np.concatenate([-aside[:0:-1], aside]), up if side > 0 else -up[::-1]], LIKE_YOUNG, names)
+        rise = LIKE_RADIUS - np.sqrt(LIKE_RADIUS**2 - body.points[:, 0] ** 2)
+        body.points[:, 1] = side * rise + body.points[:, 1] * (1 - rise / 8.0)
+        bodies.append(body)
+    return Pair(
+        *bodies, "slave", POISSON, (("bottom", 0), ("bottom", 1)), a / n, push=-LIKE_PUSH, friction=FRICTION,
+        aside=LIKE_ASIDE,
+    )  # fmt: skip
 
 
 def lines(length: float, h: float, fine: float) -> np.ndarray:
@@ -159,6 +182,32 @@ def hertz_errors(x: np.ndarray, p: np.ndarray, force: float) -> HertzErrors:
     return HertzErrors(p.max() / top - 1, float(np.sqrt(np.mean(off**2))) / top, float(np.sqrt(-start / slope)) / a - 1)
 
 
+class ShearErrors(NamedTuple):
+    """Relative errors: rms of t for |x| < 0.9 a over mu times the peak of p, and the half-width of what sticks."""
+
+    rms: float
+    stick: float
+
+
+def shear_errors(x: np.ndarray, t: np.ndarray, force: float, shear: float) -> ShearErrors:
+    """Errors of the sizes t of shear stresses at places x against Cattaneo and Mindlin under the same forces a length.
+
+    The half-width is the zero of the line fitted to (mu p - t)^2 over x^2, mu p that of Hertz, in the outer half of
+    what should stick.
+    """
+    a = half_width(force, LIKE_RADIUS / 2, (LIKE_YOUNG, LIKE_YOUNG))
+    c, top = a * np.sqrt(1 - shear / (FRICTION * force)), FRICTION * 2 * force / (np.pi * a)
+    bound = top * np.sqrt(np.maximum(1 - (x / a) ** 2, 0))
+    right = bound - top * c / a * np.sqrt(np.maximum(1 - (x / c) ** 2, 0))
+    inner = np.abs(x) <= 0.9 * a
+    outer = (np.abs(x) > 0.5 * c) & (np.abs(x) < c)
+    rms = float(np.sqrt(np.mean((t - right)[inner] ** 2))) / top
+    if outer.sum() < 6:
+        return ShearErrors(rms, np.nan)
+    slope, start = np.polyfit(x[outer] ** 2, (bound - t)[outer] ** 2, 1)
+    return ShearErrors(rms, float(np.sqrt(-start / slope)) / c - 1 if slope < 0 < start else np.nan)
+
+
 def lame(young: float, poisson: float) -> tuple[float, float]:
     """Lame's two moduli."""
     return young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
@@ -170,7 +219,9 @@ def save(pair: Pair, path: Path) -> None:
     for name, body in zip(("lower", "upper"), pair.bodies, strict=True):
         arrays |= {f"{name}.points": body.points, f"{name}.cells": body.cells, f"{name}.young": np.array(body.young)}
         arrays |= {f"{name}.side.{side}": nodes for side, nodes in body.sides.items()}
-    told = {name: getattr(pair, name) for name in ("slave", "poisson", "held", "h", "push", "pressure")}
+    told = {
+        name: getattr(pair, name) for name in ("slave", "poisson", "held", "h", "push", "pressure", "friction", "aside")
+    }
     np.savez(path, told=np.array(json.dumps(told)), **arrays)
 
 

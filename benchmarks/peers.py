@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 import peer_calculix
 import peer_ours
-from peer_problems import HertzErrors, Pair, blocks, hertz, hertz_errors, save
+from peer_problems import HertzErrors, Pair, blocks, cattaneo, hertz, hertz_errors, save, shear_errors
 
 HERE = Path(__file__).resolve().parent
 #: a run that takes longer is given up
@@ -57,12 +57,16 @@ PUBLISHED_HERTZ = {
 
 @dataclass(frozen=True)
 class Code:
-    """A code and its method: why it is absent; what writes its input and says how to run it; what reads its answer."""
+    """A code and its method: why it is absent; what writes its input and says how to run it; what reads its answer.
+
+    `friction`: whether its input here has friction.
+    """
 
     name: str
     absent: Callable[[], str | None]
     write: Callable[[Pair, Path], list[str]]
     read: Callable[[Pair, Path], dict]
+    friction: bool = False
 
 
 class Run(NamedTuple):
@@ -101,16 +105,18 @@ def codes(pythons: dict[str, str]) -> list[Code]:
             peer_calculix.absent,
             lambda pair, folder, K=K: peer_calculix.write(pair, folder, K),
             peer_calculix.read,
+            friction=True,
         )
         for K in peer_calculix.STIFFNESSES
     ]
     return [
-        Code("**lacsolver**", lambda: None, peer_ours.write, peer_ours.read),
+        Code("**lacsolver**", lambda: None, peer_ours.write, peer_ours.read, friction=True),
         Code(
             '**lacsolver**, `geometry = "current"`',
             lambda: None,
             lambda pair, folder: peer_ours.write(pair, folder, contact='geometry = "current"'),
             peer_ours.read,
+            friction=True,
         ),
         in_python("peer_kratos", "Kratos, dual mortar, augmented Lagrangian", _KRATOS, python["kratos"]),
         in_python("peer_getfem", "GetFEM, ray tracing, order 25", "getfem", python["getfem"]),
@@ -193,6 +199,25 @@ def hertz_rows(code: Code, sizes: tuple[int, ...], repeats: int) -> list[list[st
     return rows
 
 
+def cattaneo_rows(code: Code, sizes: tuple[int, ...], repeats: int) -> list[list[str]]:
+    """A row for a code whose input has friction."""
+    if not code.friction:
+        return []
+    runs = [measured(code, cattaneo(n), repeats) for n in sizes]
+    cells, widths = [], []
+    for run in runs:
+        if isinstance(run, str):
+            cells, widths = [*cells, run], [*widths, "-"]
+            continue
+        x, t = next(run.answer[kind] for kind in ("p_m", "nodes") if kind in run.answer)
+        found = shear_errors(x, t, float(run.answer["force"]), float(run.answer["shear"]))
+        cells.append(f"{100 * found.rms:.2f}")
+        widths.append(f"{100 * found.stick:+.2f}" if np.isfinite(found.stick) else "-")
+    counts = ", ".join("-" if isinstance(run, str) else str(int(run.answer["iterations"])) for run in runs)
+    seconds = ", ".join("-" if isinstance(run, str) else f"{run.wall:.1f} ({run.own:.1f})" for run in runs)
+    return [[code.name, *cells, ", ".join(widths), counts, seconds]]
+
+
 def line(cells: list[str]) -> str:
     """A row of a Markdown table, its bars kept out of the cells."""
     return f"| {' | '.join(cell.replace('|', '/') for cell in cells)} |"
@@ -211,6 +236,8 @@ def main() -> None:
         "--sizes", nargs="+", type=int, default=[4, 8, 16, 32], metavar="N", help="slave faces to a half-width"
     )
     parser.add_argument("--repeats", type=int, default=3, help="runs that seconds are the median of, after a first one")
+    problems = ("patch", "hertz", "cattaneo")
+    parser.add_argument("--problems", nargs="+", choices=problems, default=problems, help="all by default")
     parser.add_argument("--only", default="", metavar="WORD", help="codes with this word in their name")
     parser.add_argument(
         "--python", nargs="*", default=[], metavar="NAME=PATH", help="which has getfem, ngsolve, kratos"
@@ -219,7 +246,7 @@ def main() -> None:
     args = parser.parse_args()
     if args.quick:
         args.sizes, args.repeats = [4, 8], 1
-    sizes, patch, cylinder = tuple(args.sizes), [], []
+    sizes, patch, cylinder, sheared = tuple(args.sizes), [], [], []
     for code in codes(dict(pair.split("=", 1) for pair in args.python)):
         if args.only.lower() not in code.name.lower():
             continue
@@ -228,9 +255,15 @@ def main() -> None:
             patch.append([code.name, f"absent: {why}", "", "", ""])
             cylinder.append([code.name, f"absent: {why}", *[""] * (len(sizes) + 2)])
             continue
-        blocks_rows, cylinder_rows = patch_rows(code, args.repeats), hertz_rows(code, sizes, args.repeats)
-        patch, cylinder = patch + blocks_rows, cylinder + cylinder_rows
-        print(*map(line, (*blocks_rows, *cylinder_rows)), sep="\n", file=sys.stderr, flush=True)
+        rows = {
+            "patch": lambda code=code: patch_rows(code, args.repeats),
+            "hertz": lambda code=code: hertz_rows(code, sizes, args.repeats),
+            "cattaneo": lambda code=code: cattaneo_rows(code, sizes, args.repeats),
+        }
+        for name, into in (("patch", patch), ("hertz", cylinder), ("cattaneo", sheared)):
+            if name in args.problems:
+                into += rows[name]()
+                print(*map(line, into[-2:]), sep="\n", file=sys.stderr, flush=True)
     patch += [[f"*published: {name}*", *cells, ""] for name, cells in PUBLISHED_PATCH.items()]
     for name, cells in PUBLISHED_HERTZ.items():
         cylinder.append([f"*published: {name}*", *(cells.get(n, "") for n in sizes), "", "", ""])
@@ -238,6 +271,8 @@ def main() -> None:
     lines = table("Patch: worst |sigma_zz + P| / P", ["code, method", *PATCHES, "iterations", seconds], patch)
     heads = ["code, method", *(f"N = {n}" for n in sizes), "half-width, %", "iterations", seconds]
     lines += table("Hertz: error of the peak / rms error of p for r < 0.9 a, %", heads, cylinder)
+    heads = ["code, method", *(f"N = {n}" for n in sizes), "half-width of stick, %", "iterations", seconds]
+    lines += table("Cattaneo and Mindlin: rms error of t for r < 0.9 a over mu p0, %", heads, sheared)
     print("\n".join(lines))
     if args.o:
         Path(args.o).write_text("\n".join(lines))
