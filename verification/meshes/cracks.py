@@ -13,7 +13,7 @@ from lacmesh.cells import CELLS
 from verification.meshes.blocks import BLOCK_TYPES, assembled, block, joined, rows_of
 from verification.meshes.bodies import Where, at, body
 from verification.meshes.half_spaces import piece
-from verification.meshes.revolved import quarter
+from verification.meshes.revolved import revolved
 
 Floats = NDArray[np.floating]
 
@@ -53,7 +53,7 @@ def penny_in_space(n: int) -> Mesh:
     """A quarter of a cylinder of radius 2, -2 < z < 2, of HEXA20 and PENTA15; `crack`: r < 1 on z = 0; `far`."""
     r, z = np.meshgrid(np.linspace(0, 2, 2 * n + 1), np.linspace(-2, 2, 4 * n + 1), indexing="ij")
     section = body(np.stack([r, z], axis=-1), skins={"far": lambda r, z: (r > 2 - 1e-9) | (np.abs(z) > 2 - 1e-9)})
-    mesh = quarter(section, 2 * n, "body")
+    mesh = revolved(section, 2 * n, "body")
     return with_inner(mesh, "crack", lambda x, y, z: (np.abs(z) < 1e-9) & (np.hypot(x, y) < 1 + 1e-9))
 
 
