@@ -24,6 +24,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 PAGES = (
+    "flange.md",
     "friction.md",
     "from_calculix.md",
     "gmsh_script.md",
@@ -64,10 +65,20 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
 
     A block of TOML is there as well, in the file that its first line names.
     """
-    of_pages = ("stick_and_slip", "from_calculix", "gmsh_script", "own_mesh", "half_width", "own_solver", "p0_mortar")
+    of_pages = (
+        "bolt_forces",
+        "stick_and_slip",
+        "from_calculix",
+        "gmsh_script",
+        "own_mesh",
+        "half_width",
+        "own_solver",
+        "p0_mortar",
+    )
     scripts = [f"docs/tutorials/{name}.py" for name in of_pages]
     impacts = [f"data/impact/{name}.{end}" for name in ("bar_on_wall", "dropping_ball") for end in ("msh", "toml")]
     rubbed = [f"data/friction/{name}.{end}" for name in ("clamp", "cylinders") for end in ("msh", "toml")]
+    rubbed += ["data/flange/flange.msh", "data/flange/flange.toml"]
     for name in ("data/disc_on_block.msh", "data/pin_in_lug.step", "data/punch.inp", *impacts, *rubbed, *scripts):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
