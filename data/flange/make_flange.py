@@ -110,4 +110,5 @@ def main(path: str = "data/flange/flange.msh", size: float = 16.0) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:2], **{"size": float(text) for text in sys.argv[2:3]})
+    given = sys.argv[1:]
+    main(given[0] if given else "data/flange/flange.msh", float(given[1]) if len(given) > 1 else 16.0)
