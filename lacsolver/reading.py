@@ -76,6 +76,12 @@ class RunResults(Described):
         mesh, fields = self._series.read(i, tuple(self.summary.get("contact", {})))
         return Solution(mesh, time, iterations, lambda: fields, units=Units.of(self.summary.get("units")))
 
+    def report(self, path: str | Path) -> None:
+        """Write the page of `lacsolver report` on the run. Raises RequestError, ReadError, WriteError."""
+        from lacsolver.reporting.outline import write_run_report
+
+        write_run_report(self.folder, path)
+
     def to_pandas(self) -> Any:
         """Return the history as a `pandas.DataFrame` with the time as its index. Raises RequestError without pandas."""
         if find_spec("pandas") is None:

@@ -14,10 +14,15 @@ WIDTH, QUALITY = 1200, 80
 
 def address(path: Path) -> str:
     """A picture's `data:` address."""
+    return address_of(path.read_bytes())
+
+
+def address_of(png: bytes) -> str:
+    """The `data:` address of a picture in PNG."""
     if find_spec("PIL") is None:
-        return _address("png", path.read_bytes())
+        return _address("png", png)
     pillow = import_module("PIL.Image")
-    with pillow.open(path) as picture:
+    with pillow.open(io.BytesIO(png)) as picture:
         whole = picture.convert("RGB")
         if whole.width > WIDTH:
             whole = whole.resize((WIDTH, round(whole.height * WIDTH / whole.width)), pillow.Resampling.LANCZOS)

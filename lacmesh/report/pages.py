@@ -29,10 +29,11 @@ class Page(NamedTuple):
     blocks: tuple[ReportBlock, ...]
 
 
-def html_page(blocks: Iterable[ReportBlock], title: str, footer: str) -> str:
-    """Document of a single page, without a script."""
+def html_page(blocks: Iterable[ReportBlock], title: str, footer: str, *, scripted: bool = False) -> str:
+    """Document of a single page. `scripted`: its blocks have scripts, such as a model that turns; else none may run."""
     body = "\n".join(block.html for block in blocks)
-    return _document(title, _POLICY, _text("page.css"), f"<main>\n{body}\n{_footer(footer)}\n</main>")
+    policy = _SCRIPTED if scripted else _POLICY
+    return _document(title, policy, _text("page.css"), f"<main>\n{body}\n{_footer(footer)}\n</main>")
 
 
 def html_pages(content: Sequence[Page], footer: str, style: str = "") -> str:

@@ -6,7 +6,7 @@ frames = bodies at several times, drawn in the same way                 (`png`)
 page = the same faces and a small viewer            (`page`, `page.html`: one file that opens offline)
 """
 
-from lacmesh.view.page import page
+from lacmesh.view.page import Moment, page, page_text
 from lacmesh.view.png import frames, image_of, picture, thumbnail
 
-__all__ = ["frames", "image_of", "page", "picture", "thumbnail"]
+__all__ = ["Moment", "frames", "image_of", "page", "page_text", "picture", "thumbnail"]

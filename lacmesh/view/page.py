@@ -12,10 +12,11 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
-from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacmesh.reference.shapes import shape
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
@@ -54,6 +55,14 @@ SCRIPTS = ("data.js", "graphics.js", "panel.js")
 PageArrays = dict[str, NDArray]
 
 
+class Moment(NamedTuple):
+    """A time that a page shows: it in `words`, the mesh's `points` (n_nodes, 3), and the values of its cells."""
+
+    words: str
+    points: Floats
+    values: Floats
+
+
 def page(
     mesh: MeshLike,
     path: str | os.PathLike[str],
@@ -73,17 +82,43 @@ def page(
 
     Raises RequestError, GroupNotFoundError, DataError, WriteError.
     """
-    mesh = as_mesh(mesh)
     path = Path(path)
     if path.suffix.lower() not in (".html", ".htm"):
         raise RequestError(f"{path}: a page is written as .html")
+    text = page_text(
+        as_mesh(mesh), slave=slave, master=master, findings=findings, values=values,
+        camera=camera, explode=explode, near=near, cutaway=cutaway, bodies=bodies, title=title,
+    )  # fmt: skip
+    replace_file(path, text.encode("utf-8", "replace"))
+
+
+def page_text(
+    mesh: Mesh,
+    *,
+    slave: Groups = None,
+    master: Groups = None,
+    findings: Iterable[MarkedFinding] | None = None,
+    values: Values | None = None,
+    moments: Sequence[Moment] = (),
+    camera: Vector | None = None,
+    explode: float | None = None,
+    near: float | None = None,
+    cutaway: Vector | None = None,
+    bodies: str = "solid",
+    title: str | None = None,
+) -> str:
+    """Return the text of a page; the options are those of `page`.
+
+    `moments`: several times, with a slider between them, the last of which is shown first; `values` then has the scale
+    of all, and the values of the last. Raises RequestError, GroupNotFoundError, DataError.
+    """
     check_placing(camera, cutaway, explode, near, bodies)
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
-    head, arrays = _content(mesh, visible, marks, values)
+    head, arrays = _content(mesh, visible, marks, values, moments)
     head |= _placing(mesh, visible, head, camera, explode)
     head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": bodies}
-    replace_file(path, _filled(head, arrays).encode("utf-8", "replace"))
+    return _filled(head, arrays)
 
 
 class _Worst:
@@ -103,7 +138,7 @@ def _worst(mesh: Mesh, values: Values | None) -> list[Any]:
 
 
 def _content(
-    mesh: Mesh, visible: VisibleSurface, marks: Marks, values: Values | None
+    mesh: Mesh, visible: VisibleSurface, marks: Marks, values: Values | None, moments: Sequence[Moment]
 ) -> tuple[dict[str, Any], PageArrays]:
     """Data of the page: a head of names and small tables, and the arrays."""
     shown = _limited(marks)
@@ -112,13 +147,13 @@ def _content(
     slaves = visible.rows(SLAVE)
     ends = group_ends(visible.faces.take(slaves), visible.macro[slaves])
     used, place = _numbering(mesh, (faces.nodes, visible.internal, ends, marks.nodes))
-    box = mesh.points[used]
+    box = np.concatenate([mesh.points[used], *(moment.points[used] for moment in moments)])
     centre, half = (box.min(axis=0) + box.max(axis=0)) / 2, diagonal(box) / 2 or 1.0
     names, bodies = np.unique(visible.body_of_node[used], return_inverse=True)
     combination, combinations = _group_sets(mesh, visible, cell)
     edges, kind, face = _edges(mesh, visible, marks, shown)
     arrays: PageArrays = {
-        "points": ((box - centre) / half).astype(np.float32),
+        "points": ((mesh.points[used] - centre) / half).astype(np.float32),
         "nodeNumber": _numbers(mesh.node_number[used]),
         "nodeBody": bodies.astype(np.int32),
         **_face_arrays(mesh, visible, faces, place, cell, marks.of[shown]),
@@ -139,8 +174,14 @@ def _content(
         own = np.append(values.of(visible), values.values[marks.cell[shown]])
         arrays["value"] = own.astype(np.float32)
         arrays["invalid"] = values.invalid[cell].astype(np.uint8)
-        head["values"] = {"what": values.what, "bad": values.bad, "good": values.good}
+        head["values"] = {"what": values.what, "bad": values.bad, "good": values.good, "onSkin": values.on_skin}
         head["colours"]["ramp"] = values.ramp
+        none = np.full(len(shown), np.nan)
+        each = [np.append(replace(values, values=moment.values).of(visible), none) for moment in moments]
+        arrays["momentValues"] = np.concatenate([none[:0], *each]).astype(np.float32)
+    head["moments"] = [moment.words for moment in moments]
+    x = np.stack([moment.points[used] for moment in moments]) if moments else np.empty((0, 0, 3))
+    arrays["momentPoints"] = ((x - centre) / half).astype(np.float32).ravel()
     return head, arrays
 
 

@@ -10,7 +10,20 @@ from lacmesh.errors import LacmeshError
 from lacsolver.cli.options import EPILOG
 
 #: in the order of the help
-COMMANDS = ("example", "new", "run", "validate", "import", "modes", "film", "plot", "matrices", "schema")
+COMMANDS = (
+    "example",
+    "new",
+    "run",
+    "validate",
+    "import",
+    "modes",
+    "film",
+    "plot",
+    "report",
+    "compare",
+    "matrices",
+    "schema",
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -42,6 +42,11 @@ def add(commands: Any) -> None:
         help="with --restart: continue from the state at this time",
     )
     parser.add_argument("--plot", metavar="FILE.png", help="draw the contact pressure on the deformed bodies")
+    parser.add_argument(
+        "--report",
+        metavar="FILE.html",
+        help="write a page on the run: its model, which turns, pictures, curves, the case",
+    )
     parser.add_argument("--zoom", action="store_true", help="with --plot: show only the surroundings of the contact")
 
 
@@ -73,6 +78,8 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     folder = ranks.on_first(lambda: create_output(output, force=args.force, restart=start))
     if args.plot is not None:
         ranks.on_first(lambda: _check_plot(case, args))
+    if args.report is not None:
+        ranks.on_first(lambda: _check_report(args))
     results = _solve(case, mesh, folder, start, args, distribution)
     if not args.quiet:
         from lacsolver.cli.summary import print_summary
@@ -80,6 +87,8 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
         print_summary(results, folder.path, case.output.format)
     if args.plot is not None and ranks.rank == 0:
         _plot(folder, args)
+    if args.report is not None and ranks.rank == 0:
+        _report(folder, args)
 
 
 def _solve(
@@ -137,6 +146,22 @@ def _check_plot(case: Case, args: argparse.Namespace) -> None:
     target = Path(args.plot)
     check_plot_of(case, target)
     check_place(target, force=args.force)
+
+
+def _check_report(args: argparse.Namespace) -> None:
+    from lacmesh.formats.output import check_place
+    from lacsolver.reporting.outline import check_report
+
+    check_report(Path(args.report))
+    check_place(Path(args.report), force=args.force)
+
+
+def _report(folder: OutputFolder, args: argparse.Namespace) -> None:
+    from lacsolver.reporting.outline import write_run_report
+
+    write_run_report(folder.path, args.report, case=args.case)
+    if not args.quiet:
+        print(f"the report: {args.report}")
 
 
 def _plot(folder: OutputFolder, args: argparse.Namespace) -> None:

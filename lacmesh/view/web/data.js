@@ -136,7 +136,7 @@ function faceColour(f) {
   let colour = a.cutOpen[f] ? inside : bodyColours[bodyOf(f) % bodyColours.length];
   if (line) colour = state.theme === "dark" ? [150, 158, 166] : [92, 100, 108];
   if (named) colour = role === SLAVE ? palette[a.paint[f]] : masterColour;
-  if (state.colour === "value" && !line) colour = a.invalid[f] ? invalid : onRamp(a.value[f]);
+  if (state.colour === "value" && (!line || (head.values.onSkin && role === SLAVE))) colour = a.invalid[f] ? invalid : onRamp(a.value[f]);
   else if (named && wrong && state.findings) colour = mix(colour, [255, 255, 255], 0.55);
   if (state.group >= 0) colour = inGroup[a.groups[f]].has(state.group) ? ACCENT : mix(colour, [225, 227, 230], 0.75);
   if (f === state.picked) colour = mix(colour, ACCENT, 0.7);

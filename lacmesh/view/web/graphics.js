@@ -102,9 +102,12 @@ function program(vertex, fragment) {
 }
 function attributes(shader, list) {
   const array = gl.createVertexArray();
+  array.buffers = [];
   gl.bindVertexArray(array);
   for (const [names, data, size, options = {}] of list) {
-    gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    const buffer = gl.createBuffer();
+    array.buffers.push(buffer);
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
     gl.bufferData(gl.ARRAY_BUFFER, data, options.dynamic ? gl.DYNAMIC_DRAW : gl.STATIC_DRAW);
     const stride = size * names.length * data.BYTES_PER_ELEMENT;
     names.forEach((name, k) => {
@@ -127,20 +130,38 @@ function texture(width, height, inner, format, type, data) {
 }
 
 const faceShader = program(FACES, FRAGMENT), lineShader = program(LINES, FRAGMENT), dotShader = program(DOTS, BALL);
-const triangles = triangulate(), lines = segment();
-const faceArray = attributes(faceShader, [[["aPosition"], triangles.position, 3], [["aNormal"], triangles.normal, 4], [["aFace"], triangles.face, 1], [["aBody"], triangles.body, 1]]);
-const lineArray = attributes(lineShader, [[["aStart", "aEnd"], lines.ends, 3, { instanced: true }], [["aKind"], lines.kind, 1, { instanced: true }], [["aFace"], lines.face, 1, { instanced: true }], [["aBody"], lines.body, 1, { instanced: true }]]);
-triangles.position = triangles.normal = lines.ends = null; // the graphics card has them
 const dotNodes = [...a.ends, ...a.internal, ...a.markNodes];
 const dotColours = new Uint8Array(4 * dotNodes.length);
 const dots = { buffer: null, count: dotNodes.length };
-const dotArray = attributes(dotShader, [
-  [["aPosition"], Float32Array.from(dotNodes.flatMap(n => [a.points[3 * n], a.points[3 * n + 1], a.points[3 * n + 2]])), 3],
-  [["aBody"], Uint32Array.from(dotNodes, n => a.nodeBody[n]), 1],
-  [["aColour"], dotColours, 4, { dynamic: true }],
-]);
-dots.buffer = gl.getParameter(gl.ARRAY_BUFFER_BINDING);
-gl.bindVertexArray(null);
+let triangles, lines, faceArray, lineArray, dotArray;
+// The points of the mesh, or of another moment, to the graphics card.
+function place() {
+  for (const array of [faceArray, lineArray, dotArray].filter(Boolean)) {
+    array.buffers.forEach(buffer => gl.deleteBuffer(buffer));
+    gl.deleteVertexArray(array);
+  }
+  triangles = triangulate(); lines = segment();
+  faceArray = attributes(faceShader, [[["aPosition"], triangles.position, 3], [["aNormal"], triangles.normal, 4], [["aFace"], triangles.face, 1], [["aBody"], triangles.body, 1]]);
+  lineArray = attributes(lineShader, [[["aStart", "aEnd"], lines.ends, 3, { instanced: true }], [["aKind"], lines.kind, 1, { instanced: true }], [["aFace"], lines.face, 1, { instanced: true }], [["aBody"], lines.body, 1, { instanced: true }]]);
+  triangles.position = triangles.normal = lines.ends = null; // the graphics card has them
+  dotArray = attributes(dotShader, [
+    [["aPosition"], Float32Array.from(dotNodes.flatMap(n => [a.points[3 * n], a.points[3 * n + 1], a.points[3 * n + 2]])), 3],
+    [["aBody"], Uint32Array.from(dotNodes, n => a.nodeBody[n]), 1],
+    [["aColour"], dotColours, 4, { dynamic: true }],
+  ]);
+  dots.buffer = dotArray.buffers[2];
+  gl.bindVertexArray(null);
+}
+function showMoment(k) {
+  a.points = a.momentPoints.subarray(3 * nNodes * k, 3 * nNodes * (k + 1));
+  if (head.values) a.value = a.momentValues.subarray(nFaces * k, nFaces * (k + 1));
+  byId("now").textContent = head.moments[k];
+  byId("moment").value = k;
+  root.dataset.moment = k;
+  place();
+  recolour();
+}
+place();
 const faceRows = Math.max(1, Math.ceil(nFaces / 2048)), faceBytes = new Uint8Array(4 * 2048 * faceRows);
 const faceTexture = texture(2048, faceRows, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, faceBytes);
 const bodyRows = Math.max(1, Math.ceil(head.nBodies / 1024)), bodyFloats = new Float32Array(4 * 1024 * bodyRows);

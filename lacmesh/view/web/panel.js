@@ -62,7 +62,7 @@ function fillPanel() {
   if (head.values) {
     byId("colour").hidden = false;
     const legend = value => { state.colour = value; byId("ramp").hidden = value !== "value"; };
-    choice("modes", { value: "quality", role: "bodies, slave, master" }, state.colour, value => { legend(value); recolour(); });
+    choice("modes", { value: head.values.onSkin ? "values" : "quality", role: "bodies, slave, master" }, state.colour, value => { legend(value); recolour(); });
     legend(state.colour);
     byId("bad").textContent = +head.values.bad.toPrecision(3);
     byId("good").textContent = +head.values.good.toPrecision(3);
@@ -103,6 +103,20 @@ if (opening || (head.nBodies > 1 && apart > 0.02)) {
   byId("opening").hidden = false;
   byId("open").value = state.open;
   byId("open").addEventListener("input", event => { state.open = Number(event.target.value); spread(); });
+}
+if (head.moments.length > 1) {
+  const last = head.moments.length - 1;
+  byId("time").hidden = false;
+  byId("moment").max = last;
+  byId("moment").addEventListener("input", event => showMoment(Number(event.target.value)));
+  let playing = 0;
+  byId("play").addEventListener("click", () => {
+    clearInterval(playing);
+    const on = byId("play").textContent === "play";
+    byId("play").textContent = on ? "stop" : "play";
+    if (on) playing = setInterval(() => showMoment((Number(byId("moment").value) + 1) % (last + 1)), 400);
+  });
+  showMoment(last);
 }
 const pointers = new Map();
 let moved = 0, hovering = null;
