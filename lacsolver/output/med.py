@@ -2,8 +2,9 @@
 
 Times are added to the existing file: MED stores fields by name, and each field by time. A zone's fields on faces are
 defined on its slave faces only, by a profile. The layout is that of MED 4.1 (`lacmesh.formats.med`); names are those of
-code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA, and of metals that yield VARI_NOEU with the component V1, the
-accumulated plastic strain, and SIEQ_NOEU with VMIS; the names of a zone's fields begin with its name.
+code_aster where it has one: DEPL, SIEF_NOEU, REAC_NODA, SIEQ_NOEU with VMIS and with PRIN_1 to PRIN_3, which ascend,
+and of metals that yield VARI_NOEU with the component V1, the accumulated plastic strain; the names of a zone's fields
+begin with its name.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from lacmesh.mesh import Ints
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
 from lacsolver.output.tables import until
-from lacsolver.results.nodal import von_mises
+from lacsolver.results.nodal import principal, von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import COMPONENTS, Space
 
@@ -101,13 +102,14 @@ def _fields(fields: Fields, part: Part, space: Space) -> Iterator[_Field]:
     stresses = tuple(f"SI{name.upper()}" for name in COMPONENTS[: space.model.n_stress])
     yield _Field("DEPL", tuple(f"D{a}" for a in axes), True, fields.displacement, everywhere)
     yield _Field("SIEF_NOEU", stresses, True, fields.stress, everywhere)
+    of_size = np.column_stack([von_mises(fields.stress), principal(fields.stress)[:, ::-1]])  # ascending: code_aster's
+    yield _Field("SIEQ_NOEU", ("VMIS", "PRIN_1", "PRIN_2", "PRIN_3"), True, of_size, everywhere)
     yield _Field("REAC_NODA", tuple(f"D{a}" for a in axes), True, fields.reaction, everywhere)
     for name, values in (("VITE", fields.velocity), ("ACCE", fields.acceleration)):
         if values is not None:
             yield _Field(name, tuple(f"D{a}" for a in axes), True, values, everywhere)
     if fields.plastic_strain is not None:
         yield _Field("VARI_NOEU", ("V1",), True, np.asarray(fields.plastic_strain), everywhere)
-        yield _Field("SIEQ_NOEU", ("VMIS",), True, von_mises(fields.stress), everywhere)
     for name, zone in fields.zones.items():
         yield from _zone_fields(name, zone, part, everywhere, axes)
 

@@ -25,7 +25,7 @@ from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
 from lacsolver.output.ring import ring_of
-from lacsolver.results.nodal import von_mises
+from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
 
@@ -102,6 +102,8 @@ def _solid(fields: Fields) -> dict[str, NDArray]:
     return {
         "displacement": wide(fields.displacement, 3),
         "stress": wide(fields.stress, 6),
+        "von_mises": von_mises(fields.stress),
+        **dict(zip(PRINCIPAL, principal(fields.stress).T, strict=True)),
         "reaction": wide(fields.reaction, 3),
         **{name: wide(values, 3) for name, values in moving.items() if values is not None},
         **_of_yielding(fields),
@@ -109,10 +111,8 @@ def _solid(fields: Fields) -> dict[str, NDArray]:
 
 
 def _of_yielding(fields: Fields) -> dict[str, NDArray]:
-    """Return the accumulated plastic strain and von Mises' stress where a material yields."""
-    if fields.plastic_strain is None:
-        return {}
-    return {"plastic_strain": np.asarray(fields.plastic_strain), "von_mises": von_mises(fields.stress)}
+    """Return the accumulated plastic strain where a material yields."""
+    return {} if fields.plastic_strain is None else {"plastic_strain": np.asarray(fields.plastic_strain)}
 
 
 def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:

@@ -19,6 +19,7 @@ from lacsolver.constraints.pretension import carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
+from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import FrictionFigures, MotionFigures, StepFigures, ZoneFigures
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED, State, ZoneFriction, ZoneState
 from lacsolver.results.yielding import plastic_figures, yields
@@ -176,12 +177,17 @@ def _balance(force: Floats, x: Floats) -> tuple[float, float]:
 
 
 def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tuple[float, float]]]:
-    """Return the range of each stress component at integration points, for all cells ('') and for cell groups."""
-    n = space.model.n_stress
+    """Return the ranges of stresses at integration points, for all cells ('') and for cell groups.
+
+    Of each component, of von Mises' stress, and of the principal stresses, of which the first is the largest.
+    """
+    names = (*COMPONENTS[: space.model.n_stress], "von_mises", *PRINCIPAL)
+    n = len(names)
     low = np.full((space.mesh.n_cells, n), np.inf)
     high = np.full((space.mesh.n_cells, n), -np.inf)
     for block, values in zip(space.blocks, stress, strict=True):
-        low[block.cell], high[block.cell] = values.min(axis=1), values.max(axis=1)
+        own = with_invariants(values)
+        low[block.cell], high[block.cell] = own.min(axis=1), own.max(axis=1)
     ours = space.cells()
     groups = {"": ours} | {name: np.intersect1d(cells, ours) for name, cells in space.mesh.cell_groups.items()}
     ends = [
@@ -190,10 +196,17 @@ def stress_ranges(space: Space, stress: Field) -> Mapping[str, Mapping[str, tupl
     ]
     largest = space.share.gather(np.array(ends)[None]).max(axis=0)
     return {
-        name: {c: (float(-end[k]), float(end[n + k])) for k, c in enumerate(COMPONENTS[:n])}
+        name: {c: (float(-end[k]), float(end[n + k])) for k, c in enumerate(names)}
         for name, end in zip(groups, largest, strict=True)
         if end[n] > -np.inf
     }
+
+
+def with_invariants(stress: Floats) -> NDArray[np.floating]:
+    """Return stresses (cells, points, n) with von Mises' stress and the principal stresses as further components."""
+    flat = stress.reshape(-1, stress.shape[-1])
+    wide = np.concatenate([flat, von_mises(flat)[:, None], principal(flat)], axis=1)
+    return wide.reshape(*stress.shape[:-1], -1)
 
 
 def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:

@@ -26,6 +26,9 @@ _TERMS: dict[str, tuple[tuple[int, ...], ...]] = {
     "PYRAM": ((0,), (1,), (2,)),
 }
 
+#: names of the principal stresses, the largest first
+PRINCIPAL = ("principal_1", "principal_2", "principal_3")
+
 
 def von_mises(stress: Floats) -> NDArray[np.floating]:
     """Return the equivalent stress (n,) of von Mises of stresses (n, 4 or 6), xx yy zz xy (yz xz).
@@ -36,6 +39,30 @@ def von_mises(stress: Floats) -> NDArray[np.floating]:
     xx, yy, zz = stress[:, 0], stress[:, 1], stress[:, 2]
     shear = np.square(stress[:, 3:]).sum(axis=1)
     return np.sqrt(((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) / 2 + 3 * shear)
+
+
+def principal(stress: Floats) -> NDArray[np.floating]:
+    """Return the principal stresses (n, 3), the largest first, of stresses (n, 4 or 6), xx yy zz xy (yz xz).
+
+    NaN where a component is not finite.
+
+    >>> principal(np.array([[3.0, 3.0, 9.0, 2.0], [1.0, 2.0, 3.0, np.nan]])).tolist()
+    [[9.0, 5.0, 1.0], [nan, nan, nan]]
+    >>> principal(np.array([[2.0, 2.0, 7.0, 0.0, 0.0, 1.0]])).round(6).tolist()
+    [[7.192582, 2.0, 1.807418]]
+    """
+    out = np.full((len(stress), 3), np.nan)
+    known = np.isfinite(stress).all(axis=1)
+    xx, yy, zz, xy, *more = stress[known].T
+    if not more:
+        middle, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
+        values = np.sort(np.stack([middle - radius, middle + radius, zz], axis=1), axis=1)
+    else:
+        yz, xz = more
+        tensor = np.stack([np.stack(row, axis=1) for row in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], axis=1)
+        values = np.linalg.eigvalsh(tensor)
+    out[known] = values[:, ::-1]
+    return out
 
 
 def nodal_stress(space: Space, field: Field, cells: Ints | None = None) -> NDArray[np.floating]:

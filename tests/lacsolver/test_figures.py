@@ -129,6 +129,24 @@ def test_stress_ranges_of_every_group_and_of_the_whole():
     assert told["mixed"]["xy"] == pytest.approx((mixed.min(), mixed.max()))
 
 
+def test_ranges_of_von_mises_and_of_the_principal_stresses():
+    """Against the eigenvalues of each tensor, in the plane and in space."""
+    for mesh, model, n in ((square("QUAD4", 2), "plane_strain", 4), (cube("TETRA4", 1), "3d", 6)):
+        space = Space.of(with_sides(mesh), model)
+        rng = np.random.default_rng(n)
+        field = tuple(rng.uniform(-1, 1, (*at.shape[:2], n)) for at in points(space))
+        told = stress_ranges(space, field)[""]
+        flat = np.concatenate([f.reshape(-1, n) for f in field])
+        xx, yy, zz, xy, yz, xz = np.pad(flat, ((0, 0), (0, 6 - n))).T
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+        values = np.linalg.eigvalsh(tensor)
+        for k, name in enumerate(("principal_3", "principal_2", "principal_1")):
+            assert told[name] == pytest.approx((values[:, k].min(), values[:, k].max()), rel=1e-12)
+        a, b, c = values.T
+        mises = np.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 2)
+        assert told["von_mises"] == pytest.approx((mises.min(), mises.max()), rel=1e-12)
+
+
 def test_skin_cells_of_a_group_say_nothing():
     space = Space.of(with_sides(square("QUAD4", 1)), "plane_strain")
     told = stress_ranges(space, (np.full((1, 4, 4), 7.0),))

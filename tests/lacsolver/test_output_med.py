@@ -13,6 +13,7 @@ from lacmesh import read
 from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.med.types import MED_TYPES
 from lacsolver.output.med import MedSeries
+from lacsolver.results.nodal import principal, von_mises
 from lacsolver.space.space import Space
 from tests.formats.med_peer import ask
 from tests.lacsolver.bodies import mixture
@@ -34,6 +35,7 @@ def expected(run, time):
     """Name -> values on all nodes, or (faces' cells, values on them)."""
     told = fields(run.space, time)
     arrays = {"DEPL": told.displacement, "SIEF_NOEU": told.stress, "REAC_NODA": told.reaction}
+    arrays["SIEQ_NOEU"] = np.column_stack([von_mises(told.stress), principal(told.stress)[:, ::-1]])
     for name, zone in zip((ZONES[0], FIRST), told.zones.values(), strict=True):
         arrays[f"{name}.contact_force"] = zone.contact_force
         arrays[f"{name}.pressure_recovered.nodes"] = zone.pressure_recovered

@@ -13,6 +13,7 @@ from lacmesh.errors import LacmeshWarning, ReadError
 from lacsolver.output.names import contact_stems
 from lacsolver.output.parts import body
 from lacsolver.output.vtu import VtuSeries, read_pvd
+from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANES, SOLIDS, cube, mixture, square
@@ -54,6 +55,9 @@ def test_the_body_has_its_fields(run):
     assert grid.point_data["stress"].shape == (len(nodes), 6)
     width = space.model.n_stress
     np.testing.assert_array_equal(grid.point_data["stress"][:, :width], expected.stress[nodes])
+    np.testing.assert_array_equal(grid.point_data["von_mises"], von_mises(expected.stress[nodes]))
+    for name, values in zip(PRINCIPAL, principal(expected.stress[nodes]).T, strict=True):
+        np.testing.assert_array_equal(grid.point_data[name], values)
     solids = np.flatnonzero(mesh.cell_dim == d)
     bare = mesh.cell_groups["plate"]
     assert set(grid.cell_data["cell_number"]) == set(mesh.cell_number[np.concatenate([solids, bare])])
