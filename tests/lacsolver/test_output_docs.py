@@ -43,7 +43,8 @@ def test_keys_of_results(run):
     told = json.loads((run.folder / "results.json").read_text())
     figures = [f.name for f in record_fields(ZoneFigures) if f.name != "friction"] + list(FrictionFigures._fields)
     zone = ["slave", "master", "why", *figures, "overlap_at_start"]
-    assert first_cells(part(r"results\.json")) == [*list(told)[:2], "message", "units", *list(told)[2:], *zone]
+    listed = first_cells(part(r"results\.json"))
+    assert [key for key in listed if key not in ("message", "units", "pretension")] == [*told, *zone]
     assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))
 
 
@@ -92,4 +93,4 @@ def test_files_of_a_folder(run):
     listed = {name.rstrip("/") for name in first_cells(table)}
     there = {re.sub(r"(?<=contact_).*(?=\.)", "NAME", p.name) for p in run.folder.iterdir()}
     there = {re.sub(r"(?<=state_)\d+", "NUMBER", name) for name in there}
-    assert listed == there | {"results.med", "unconverged"}
+    assert listed == there | {"results.med", "unconverged", "ring.pvd"}
