@@ -13,6 +13,7 @@ from tests.skips import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 
+import peer_problems as problems
 import peers
 from peer_ours import mesh_of
 from peer_problems import RADIUS, blocks, half_width, hertz, hertz_errors, load, save
@@ -130,3 +131,16 @@ def test_others_are_given_the_same_problem(tmp_path):
 def test_what_is_absent_is_told():
     code = peers.in_python("peer_none", "None", "no_such_package", sys.executable)
     assert "no_such_package" in code.absent()
+
+
+def test_exact_shear_stresses_have_no_error():
+    """On the places of a fine mesh, under the forces that it is made for."""
+    force, share = problems.LIKE_FORCE, problems.LIKE_SHEAR
+    a = problems.half_width(force, problems.LIKE_RADIUS / 2, (problems.LIKE_YOUNG, problems.LIKE_YOUNG))
+    assert a == pytest.approx(0.6808, rel=1e-3)
+    x, c = np.linspace(-a, a, 400), a * np.sqrt(1 - share)
+    top = problems.FRICTION * 2 * force / (np.pi * a)
+    t = top * (np.sqrt(1 - (x / a) ** 2) - c / a * np.sqrt(np.maximum(1 - (x / c) ** 2, 0)))
+    off = problems.shear_errors(x, t, force, problems.FRICTION * share * force)
+    assert max(map(abs, off)) < 1e-10
+    assert problems.shear_errors(x, 1.1 * t, force, problems.FRICTION * share * force).rms > 0.02
