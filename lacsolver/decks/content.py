@@ -66,7 +66,7 @@ class Amplitude:
 
 @dataclass
 class Interaction:
-    """Surface interaction: `stiffness` of linear contact, None if hard; `tied`; and its friction.
+    """Surface interaction: `stiffness` of linear contact, None if hard; keys of a `curve`; `tied`; and its friction.
 
     `friction`: coefficient from each step on, -1 for the model's, inf if rough; `shear_limit`: the largest stress of
     friction, None without a limit.
@@ -74,6 +74,7 @@ class Interaction:
 
     card: Card
     stiffness: float | None = None
+    curve: dict[str, Any] = field(default_factory=dict)
     tied: bool = False
     friction: dict[int, float] = field(default_factory=dict)
     shear_limit: float | None = None

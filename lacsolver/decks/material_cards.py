@@ -49,6 +49,36 @@ def hyperelastic(deck: DeckContent, card: Card) -> None:
     )
 
 
+def plastic(deck: DeckContent, card: Card) -> None:
+    """Take the hardening of a metal that yields, isotropic by a table or kinematic by two lines."""
+    keys = deck.material.keys
+    if keys.get("law") != "elastic":
+        raise Refused("it should follow an isotropic *ELASTIC of the same material")
+    kind = card.word("HARDENING") or "ISOTROPIC"
+    if kind not in ("ISOTROPIC", "KINEMATIC"):
+        raise Refused(f"hardening is ISOTROPIC or KINEMATIC in lacsolver, and not {kind}; fit one of these")
+    card.first("the yield stress and the plastic strain")
+    if len({row.number(2, "the temperature", 0.0) for row in card.rows}) > 1:
+        raise Refused("yield stresses that depend on temperature are not taken; give those of one", card.rows[-1])
+    rows = [(row.number(0, "the yield stress"), row.number(1, "the plastic strain", 0.0)) for row in card.rows]
+    for k, (stress, strain) in enumerate(rows):
+        before = rows[k - 1] if k else (0.0, -1.0)
+        if stress <= 0 or stress < before[0] or strain <= before[1] or (not k and strain):
+            message = "yield stresses should be above 0 and not fall, at plastic strains that grow from 0"
+            raise Refused(message, card.rows[k])
+    keys["law"] = "plastic"
+    if kind == "ISOTROPIC" or len(rows) == 1:
+        keys["hardening"] = [list(row) for row in rows]
+        return
+    (first, _), (second, strain), *rest = rows
+    slope = (second - first) / strain
+    if any(abs(first + slope * p - y) > 1e-6 * y for y, p in rest):
+        raise Refused("kinematic hardening is linear in lacsolver; give two lines, with the mean slope", card.rows[2])
+    keys |= {"hardening": [[first, 0.0]], "kinematic": slope}
+    if slope and not rest:
+        deck.note(card, "kinematic hardening goes on beyond its last line with the same slope")
+
+
 def density(deck: DeckContent, card: Card) -> None:
     """Take the density of a material."""
     deck.material.keys["density"] = card.single("the density").number(0, "the density")

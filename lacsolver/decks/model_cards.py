@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -102,11 +104,42 @@ def behavior(deck: DeckContent, card: Card) -> None:
         which.stiffness, which.tied = stiffness, kind == "TIED"
         if which.tied:
             deck.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
-    elif kind in ("EXPONENTIAL", "TABULAR"):
-        message = f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these"
-        deck.lack(card, message, "contact is HARD")
+    elif kind == "EXPONENTIAL":
+        which.curve = _exponential(deck, card)
+    elif kind == "TABULAR":
+        which.curve = _table(card)
     elif kind != "HARD":
-        raise Refused(f"lacsolver has HARD and LINEAR contact, and not {kind}; write one of these")
+        raise Refused(
+            f"lacsolver has HARD, LINEAR, EXPONENTIAL and TABULAR contact, and not {kind}; write one of these"
+        )
+
+
+def _exponential(deck: DeckContent, card: Card) -> dict[str, Any]:
+    """Return the keys of an exponential law: its clearance, and its pressure where the surfaces meet."""
+    row = card.single("the clearance without pressure and the pressure without clearance")
+    clearance, pressure = row.number(0, "the clearance"), row.number(1, "the pressure")
+    if not (clearance > 0 and pressure > 0):
+        raise Refused("the clearance and the pressure should be positive", row)
+    deck.warn(
+        card,
+        "the exponential is Abaqus's, 0 from this clearance on; that of CalculiX falls to a hundredth there, and grows "
+        "faster with the overlap: both have this pressure where the surfaces meet",
+    )
+    return {"law": "exponential", "pressure_at_contact": pressure, "clearance_at_zero": clearance}
+
+
+def _table(card: Card) -> dict[str, Any]:
+    """Return the keys of a law by a table of pressures and overlaps. Raises Refused."""
+    card.first("a pressure and an overlap")
+    if len({row.number(2, "the temperature", 0.0) for row in card.rows}) > 1:
+        raise Refused("pressures that depend on temperature are not taken; give those of one", card.rows[-1])
+    rows = [[row.number(0, "the pressure"), row.number(1, "the overlap")] for row in card.rows]
+    if len(rows) < 2 or rows[0][0] != 0:
+        raise Refused("it should list two pressures or more, and begin with 0", card.rows[0])
+    for k, (before, after) in enumerate(pairwise(rows)):
+        if after[0] <= before[0] or after[1] <= before[1]:
+            raise Refused("pressures and overlaps should both grow", card.rows[k + 1])
+    return {"law": "table", "pressures": rows}
 
 
 def friction(deck: DeckContent, card: Card) -> None:

@@ -19,7 +19,7 @@ from lacsolver.decks.histories import JUMP
 from lacsolver.decks.names import SIDES
 from lacsolver.problem.roles import FEW
 
-_FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean"}
+_FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean", "plastic": "plastic"}
 
 
 def top(draft: CaseDraft) -> None:
@@ -171,10 +171,10 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
             draft.clearances[keys["slave"]] = draft.deck.clearances[pair.slave, pair.master]
     if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
-    stiffness = {"stiffness": law.stiffness} if law and law.stiffness else {}
+    soft = ({"stiffness": law.stiffness} if law.stiffness else law.curve) if law else {}
     friction = _friction(draft, law) if law else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
-    draft.add("contact", keys | stiffness | friction | normals | dict(first.keys), first.card)
+    draft.add("contact", keys | soft | friction | normals | dict(first.keys), first.card)
 
 
 def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], master: tuple[str, Ints]) -> bool:
