@@ -188,8 +188,8 @@ def solve_yield(case: Case, levels: int) -> Outcome:
     exact = hertz.Given(given.model, given.cell, "pyramid", True, (given.across,))
     whole, limit = hertz.case_of(exact), exact.p0 / FIRST_YIELD[given.model]
     far = [
-        replace(one, **{name: _ramped(getattr(one, name)) for name in ("ux", "uy") if one.has(name)})
-        if one.group.startswith("far")
+        one.altered(**{name: _ramped(getattr(one, name)) for name in ("ux", "uy")})
+        if (one.group or "").startswith("far")
         else one
         for one in whole.displacement
     ]
