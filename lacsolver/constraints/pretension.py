@@ -11,6 +11,7 @@ covered area. In finite kinematics n keeps its direction in space.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -222,21 +223,25 @@ class Locked(Bilateral):
 # ---- the sides of a section
 
 
-def sides_of(record: Pretension) -> tuple[str, str]:
-    """Return the names of the two skins of a section."""
-    return f"{record.group}_a", f"{record.group}_b"
+def sides_of(mesh: Mesh, record: Pretension) -> tuple[str, str]:
+    """Return the names of the two skins of a section, whose group may be named by a tag."""
+    name = record.group
+    if f"{name}_a" not in mesh.cell_groups and not name.startswith("entity:"):
+        with suppress(LacmeshError):
+            name = mesh.group(name)
+    return f"{name}_a", f"{name}_b"
 
 
 def coincide(mesh: Mesh, record: Pretension) -> bool:
     """True if each node of side a has one of side b at its place, and no side is cut."""
-    a, b = (_faces(mesh, record, name) for name in sides_of(record))
+    a, b = (_faces(mesh, record, name) for name in sides_of(mesh, record))
     return not _is_cut(mesh, record) and _partners(mesh, a, b) is not None
 
 
 def section_of(space: Space, record: Pretension) -> BoltSection:
     """Return the section of a record. Raises CaseError for sides that are no skins, that meet, or are not covered."""
     mesh = space.local
-    faces = _faces(mesh, record, sides_of(record)[0]), _faces(mesh, record, sides_of(record)[1])
+    faces = _faces(mesh, record, sides_of(mesh, record)[0]), _faces(mesh, record, sides_of(mesh, record)[1])
     a, b = map(_nodes, faces)
     shared = np.intersect1d(a, b)
     if len(shared):
@@ -280,7 +285,7 @@ def _numbers(mesh: Mesh, nodes: Ints) -> str:
 
 def _is_cut(mesh: Mesh, record: Pretension) -> bool:
     """True if side a has been cut into macro-elements."""
-    return is_cut(mesh) and bool((Cut(mesh).macro_of_face[mesh.cells_of(sides_of(record)[0])] >= 0).any())
+    return is_cut(mesh) and bool((Cut(mesh).macro_of_face[mesh.cells_of(sides_of(mesh, record)[0])] >= 0).any())
 
 
 def _partners(mesh: Mesh, one: Faces, other: Faces) -> Ints | None:
@@ -352,7 +357,7 @@ def _paired(space: Space, a: Ints, b: Ints) -> csr_array:
 
 def _tied(space: Space, record: Pretension) -> tuple[csr_array, NDArray[np.floating]]:
     """Return the rows of the mean of u_a - u_b over each macro-element of side a, and the weights of these."""
-    a, b = sides_of(record)
+    a, b = sides_of(space.mesh, record)
     try:
         zone = Zone.of(space.local, a, b, surface="faces")
         face = integrate(zone, space.dim, Pairing().within(space, None), tie=True)

@@ -233,7 +233,7 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
 def _check_undivided(case: Case, distribution: Distribution) -> None:
     """Raise RequestError for sections of bolts in a model that several processes share."""
     if case.pretension and distribution is not UNDIVIDED:
-        raise wrong(case.pretension[0], "bolts are tightened in one process only; run the case in one")
+        raise wrong(case.pretension[0], "bolts are tightened by the engine serial, in one process; run the case so")
 
 
 def _check_shared(case: Case, share: Share) -> None:

@@ -21,23 +21,23 @@ def with_sections(case: Case, mesh: Mesh) -> Mesh:
         try:
             mesh.cells_of(record.group)
         except LacmeshError as error:
-            a, b = sides_of(record)
+            a, b = sides_of(mesh, record)
             raise wrong(record, f"{error}, and no two skins {a!r} and {b!r}") from None
     try:
-        return split_skins(mesh, list(dict.fromkeys(mesh.group(record.group) for record in records))).mesh
+        return split_skins(mesh, [record.group for record in records]).mesh
     except LacmeshError as error:
         raise wrong(_culprit(records, mesh), f"the body is not divided: {error}") from None
 
 
 def _has_sides(mesh: Mesh, record: Pretension) -> bool:
-    return all(name in mesh.cell_groups for name in sides_of(record))
+    return all(name in mesh.cell_groups for name in sides_of(mesh, record))
 
 
 def _culprit(records: Sequence[Pretension], mesh: Mesh) -> Pretension:
     """Return the record whose faces cannot be divided by themselves, or the first."""
     for record in records:
         try:
-            split_skins(mesh, [mesh.group(record.group)])
+            split_skins(mesh, [record.group])
         except LacmeshError:
             return record
     return records[0]

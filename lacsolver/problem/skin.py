@@ -28,7 +28,7 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
     """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
     mesh = with_sections(case, mesh_of(case, mesh))
     slaves: dict[str, Contact | Tie | Pretension] = {record.slave: record for record in (*case.contact, *case.ties)}
-    slaves |= {sides_of(record)[0]: record for record in case.pretension if not coincide(mesh, record)}
+    slaves |= {sides_of(mesh, record)[0]: record for record in case.pretension if not coincide(mesh, record)}
     if is_cut(mesh):
         zones = set(Cut(mesh).zones)
         whole = [name for name in slaves if name not in zones and not _carried(mesh, name)]

@@ -17,6 +17,7 @@ from lacsolver.case import (
     CaseError,
     Contact,
     Displacement,
+    Dynamics,
     Material,
     Pressure,
     Pretension,
@@ -255,6 +256,39 @@ def test_the_normal_is_an_axis_whatever_its_length_and_sign():
         forces.append(marched(tightened(mesh, force=[[0, 0], [1, 10]], lock=1.0, **keys), mesh)[1][0].force)
     np.testing.assert_allclose(forces[:3], 15.0, rtol=1e-10)
     assert abs(forces[3] - 15) > 1e-3
+
+
+@pytest.mark.parametrize("spec", ["7", "2:7", "entity:2:3"])
+def test_a_section_may_be_named_by_its_tag(spec):
+    mesh = joint("HEXA8")
+    entity = np.full((mesh.n_cells, 2), -1)
+    entity[mesh.cell_groups["shank"]] = 2, 3
+    mesh = replace(mesh, group_tags={"shank": ((2, 7),)}, cell_data={"entity": entity})
+    case = tightened(mesh, force=[[0, 0], [1, 10]], lock=1.0)
+    case = replace(case, pretension=Pretension(group=spec, name="bolt", force=[[0, 0], [1, 10]], lock=1.0))
+    np.testing.assert_allclose([bolt.force for bolt, *_ in marched(case, mesh)], LOCKED, rtol=1e-10)
+
+
+@pytest.mark.parametrize("lock", [None, 0.5])
+def test_a_bolt_in_motion_swings_about_its_force(lock):
+    """A static start tightens it; then an end is let go on its own, and the section holds its force or its length."""
+    mesh = beam("HEXA8")
+    case = replace(
+        bent(mesh), traction=(), material=Material(young=E, poisson=0.0, density=1e-3), steps=Steps(count=40, end=1.0),
+        displacement=[
+            Displacement(group="foot", ux=0, uy=0, uz=0),
+            Displacement(group="end", ux=0, uy=0, uz="where(t > 0.5, 1e-3, 0)"),
+        ],
+        pretension=Pretension(group="shank", force=[[0, 0], [0.4, 5]], lock=lock), dynamics=Dynamics(start=0.5),
+    )  # fmt: skip
+    forces = [step_figures(*solution._solved[:2]).pretension["shank"] for solution in ls.march(case, mesh)]
+    assert forces[19].force == pytest.approx(5.0, rel=1e-9)
+    late = np.array([bolt.force for bolt in forces[20:]])
+    if lock is None:
+        np.testing.assert_allclose(late, 5.0, rtol=1e-8)
+    else:
+        np.testing.assert_allclose(late, 5 + E * 1e-3 / 3, atol=0.05)
+        np.testing.assert_allclose([bolt.shortening for bolt in forces[20:]], forces[19].shortening, rtol=1e-9)
 
 
 def test_a_mesh_that_is_split_and_cut_before_is_the_same():
