@@ -27,6 +27,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Mesh, MeshLike
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
+from lacsolver.constraints.pretension import SectionForces
 from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march as march_states
@@ -34,7 +35,7 @@ from lacsolver.output import Writer, create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
 from lacsolver.results.fields import point_stress, state_fields
-from lacsolver.results.figures import step_figures, stress_ranges
+from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
@@ -115,6 +116,15 @@ class Solution(Described):
     def contact(self) -> Mapping[str, ZoneFields]:
         """Fields of each contact and tie, by its name."""
         return self.fields.zones
+
+    @property
+    def pretension(self) -> Mapping[str, SectionForces]:
+        """`force`, `shortening`, `moment` and `resultant` of each section of a bolt, by its name.
+
+        Raises RequestError for a solution that was read from a folder, whose history has them.
+        """
+        problem, state, _ = self._own("forces of bolts")
+        return bolt_forces(problem, state)
 
     def stress(self, at: str = "nodes") -> NDArray[np.floating]:
         """Return the stress xx, yy, zz, xy in a plane (zz: hoop), xx, yy, zz, xy, yz, xz in space.

@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.case import Coupling
 from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state
-from lacsolver.constraints.pretension import carried_by
+from lacsolver.constraints.pretension import SectionForces, carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
@@ -65,12 +65,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         work=state.step.work,
         plastic=None if stress is None else plastic_figures(problem, state, stress),
         couplings={one.name: _coupling(problem, state, one) for one in problem.case.coupling},
-        pretension={
-            one.record.name: carried_by(
-                one, space, state.u, state.equations, displaced=problem.case.kinematics == "finite"
-            )
-            for one in problem.sections
-        },
+        pretension=bolt_forces(problem, state),
         equations={one.name: carried(one, state.equations[one.name]) for one in problem.case.equation},
     )
 
@@ -88,6 +83,15 @@ def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState
         return CouplingState(*np.split(motion, [space.dim]), *np.split(force, [space.dim]))
     further = state.further.get(record.name, np.empty(0))
     return followed_state(space, record, state.equations[record.name], further, state.time)
+
+
+def bolt_forces(problem: Problem, state: State) -> dict[str, SectionForces]:
+    """Return what each section of a bolt carries in a state, by its name."""
+    displaced = problem.case.kinematics == "finite"
+    return {
+        one.record.name: carried_by(one, problem.space, state.u, state.equations, displaced=displaced)
+        for one in problem.sections
+    }
 
 
 def _motion(problem: Problem, state: State) -> MotionFigures:
