@@ -89,7 +89,7 @@ def _begin(deck: DeckContent, card: Card, *kinds: str) -> int:
 
 
 def boundary(deck: DeckContent, card: Card) -> None:
-    """Take prescribed displacements; those of the model are supports, and 0."""
+    """Take prescribed displacements; those of the model are supports, and what is not 0 begins in the first step."""
     now = _begin(deck, card, "displacement")
     if "FIXED" in card.options:
         _lock(deck, card, now)
@@ -103,11 +103,14 @@ def boundary(deck: DeckContent, card: Card) -> None:
             raise Refused("the directions should be 1 to 3, or 4 to 6 for rotations of a rigid body", row)
         value = 0.0 if named else row.number(3, "the displacement", 0.0)
         if value and now < 0:
-            raise Refused("a displacement other than 0 belongs into a step; move it there", row)
+            deck.note(
+                card, "a displacement among the model's data that is not 0 is taken as one of the first step", row
+            )
+        begin = 0 if value and now < 0 else now
         axes = named or tuple(range(first - 1, last))
         for kind, some in (("displacement", [a for a in axes if a < 3]), ("spin", [a - 3 for a in axes if a >= 3])):
             if some:
-                _assign(deck, card, row, kind, now, nodes, tuple(some), value)
+                _assign(deck, card, row, kind, begin, nodes, tuple(some), value)
 
 
 def _lock(deck: DeckContent, card: Card, now: int) -> None:

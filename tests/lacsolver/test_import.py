@@ -449,3 +449,19 @@ def test_friction_that_steps_change(tmp_path):
         assert abs(force[2].sum()) == pytest.approx(40, rel=1e-9)
         assert abs(force[0].sum()) == pytest.approx(40 * friction, rel=1e-4, abs=1e-8)
         assert np.allclose(np.hypot(*along.T), friction * zones[time].pressure, rtol=1e-8, atol=1e-8)
+
+
+def test_a_displacement_before_the_first_step_belongs_to_it(tmp_path):
+    """As if it stood in the step: it grows over that, and the supports at 0 hold from the start."""
+    block = Block("B", high=(1, 1, 1), cells=(1, 1, 2), element="C3D8")
+    model = block.text() + section() + held()
+    moved = "*BOUNDARY\nB_Z1, 3, 3, -0.01\n"
+    print_u = "*NODE PRINT, NSET=B_N\nU\n"
+    before, inside = (
+        solved(tmp_path, text)  #
+        for text in (model + moved + step(print_u), model + step(moved + print_u))
+    )
+    np.testing.assert_array_equal(before.states[-1].u, inside.states[-1].u)
+    assert before.u(block.at(2, 1))[:, 2] == pytest.approx(-0.01)
+    (found,) = [one for one in before.made.findings if "among the model's data" in one.message]
+    assert found.level == "note"

@@ -140,7 +140,6 @@ REFUSED = {
     "transform": ("*TRANSFORM, NSET=B_N\n1,0,0,2,0,0\n", "", "TRANSFORM", "on one line with the origin"),
     "unknown": ("*WORMHOLE\n", "", "WORMHOLE", "does not know this card"),
     "option": ("*BOUNDARY, USER\nB_Z0, 3\n", "", "BOUNDARY", "the option USER is not taken"),
-    "support not 0": ("*BOUNDARY\nB_Z0, 3, 3, 1.\n", "", "BOUNDARY", "belongs into a step"),
     "direction": ("*BOUNDARY\nB_Z0, 7\n", "", "BOUNDARY", "directions should be 1 to 3"),
     "temperature as a support": ("*BOUNDARY\nB_Z0, 11\n", "", "BOUNDARY", "directions should be 1 to 3"),
     "no node": ("*BOUNDARY\n4711, 3\n", "", "BOUNDARY", "there is no node 4711"),
