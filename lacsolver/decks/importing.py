@@ -141,5 +141,8 @@ def _set_clearances(draft: CaseDraft, case: Case, mesh: Mesh) -> None:
             draft.deck.error(card, f"{message}: it replaces an even gap only; move the nodes in the mesh instead")
             continue
         record = next(one for one in draft.records if one.section == "contact" and one.keys["slave"] == slave)
-        record.keys["clearance"] = value - (gap[0] + gap[1]) / 2
+        of_steps = record.keys.get("clearance", [[0.0, 0.0]])  # of contact that is removed for some of them
+        shift = value - ((gap[0] + gap[1]) / 2 - of_steps[0][1])
+        shifted = [[t, more + shift] for t, more in of_steps]
+        record.keys["clearance"] = shifted if "clearance" in record.keys else shift
     _raise(draft.deck)

@@ -170,7 +170,7 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
         if (pair.slave, pair.master) in draft.deck.clearances:
             draft.clearances[keys["slave"]] = draft.deck.clearances[pair.slave, pair.master]
     if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
-        keys["clearance"] = _removed(draft, pairs, removed, keys["slave"])
+        keys["clearance"] = _removed(draft, pairs, removed)
     soft = ({"stiffness": law.stiffness} if law.stiffness else law.curve) if law else {}
     friction = _friction(draft, law) if law else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
@@ -200,15 +200,11 @@ def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], mas
     return False
 
 
-def _removed(
-    draft: CaseDraft, pairs: list[Pair], changes: list[tuple[int, bool, Card]], slave: str
-) -> list[list[float]]:
+def _removed(draft: CaseDraft, pairs: list[Pair], changes: list[tuple[int, bool, Card]]) -> list[list[float]]:
     """Return the clearance of contact that is removed for some steps: larger than the model, else 0. Raises Refused."""
     card = changes[0][2]
     if len(pairs) > 1:
         raise Refused("this slave has several masters, whose contact is removed together here; give it one", None, card)
-    if slave in draft.clearances:
-        raise Refused("contact that is removed for some steps has no *CLEARANCE; take one of them out", None, card)
     far = 10 * float(np.linalg.norm(np.ptp(draft.groups.mesh.points, axis=0)))
     return _from_step_on({-1: 0.0} | {step: far * (not added) for step, added, _ in changes}, draft.deck.steps)
 

@@ -234,6 +234,21 @@ def test_contact_that_is_removed_and_added(tmp_path):
     assert np.allclose(pressures[2.0], 0.02 / 2 * E, rtol=1e-9) and np.allclose(pressures[3.0], pressures[2.0])
 
 
+@pytest.mark.parametrize("first", ["ADD", "REMOVE"])
+def test_a_clearance_of_contact_that_is_removed(tmp_path, first):
+    """The clearance counts in the steps that have the contact, whether the first has it or not."""
+    below, above = two_blocks()
+    change = "*MODEL CHANGE, TYPE=CONTACT PAIR, {}\nUPPER, LOWER\n"
+    clearance = "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.005\n"
+    moved = change.format(first) + "*BOUNDARY\nC_Z1, 3, 3, -0.02\n"
+    deck = on_each_other(below, above, CONTACT + clearance, moved, nu=0.0)
+    deck += step(change.format("ADD")) + step(change.format("REMOVE"))
+    found = solved(tmp_path, deck)
+    pressures = {round(state.time, 6): state.zones[0].pressure for state in found.states}
+    assert np.allclose(pressures[1.0], 0.015 / 2 * E if first == "ADD" else 0.0, rtol=1e-9)
+    assert np.allclose(pressures[2.0], 0.015 / 2 * E, rtol=1e-9) and not pressures[3.0].any()
+
+
 @pytest.mark.parametrize(
     "between",
     [
