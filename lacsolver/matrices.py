@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -13,12 +14,13 @@ from scipy.io import mmwrite
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.errors import ReadError, WriteError
+from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.interface import with_shear
+from lacsolver.numbering import selection, unknown_of_each
 from lacsolver.space.values import ScalarField
 
 #: names of the arrays of B in a file, those of `scipy.sparse.save_npz`, and of the arrays beside it
@@ -55,11 +57,14 @@ class ContactMatrices(Described):
     node: Ints
     mesh: Mesh
     _interface: Interface | None = None
+    _numbering: csr_array | None = None
 
     @property
     def B_T(self) -> csr_array | None:
         """Slip integrals along the tangents (m (d - 1), d n_nodes); None for a tie."""
-        return None if self._sheared is None else self._sheared.B_T
+        if self._sheared is None or self._sheared.B_T is None or self._numbering is None:
+            return None if self._sheared is None else self._sheared.B_T
+        return csr_array(self._sheared.B_T @ self._numbering)
 
     @property
     def tangents(self) -> NDArray[np.floating] | None:
@@ -72,6 +77,45 @@ class ContactMatrices(Described):
         if face is None or face.B_T is not None or face.B.shape[0] != len(face.w):
             return face if face is not None and face.B_T is not None else None
         return with_shear(face)
+
+    def renumber(
+        self,
+        unknowns: str | Any = "nodes",
+        *,
+        nodes: Any = None,
+        points: Any = None,
+        n: int | None = None,
+        u0: Floats | None = None,
+    ) -> ContactMatrices:
+        """Return these matrices on the displacement unknowns of another program.
+
+        `unknowns`: "nodes" (component k of node i is unknown d i + k), "components" (it is unknown i + k N of N
+        nodes), or an array (N, d) of the unknown of each node and component, -1 for one that is eliminated. Its N
+        nodes are numbered as those of `mesh`, unless `nodes` says otherwise: an array (n_nodes,) of the program's
+        number of each node of the mesh, -1 for a node that it does not have; or the program's cells by type,
+        {"TETRA10": (k, 10)}, in the order of `mesh.block(type)` with the nodes of each in any order, and the
+        coordinates (N, d) of its nodes, `points`, by which they are found. `n`: number of unknowns, by default one
+        more than the largest. `u0` (n_nodes, d): values of displacements that are eliminated, nodes as in `mesh`; 0 by
+        default.
+
+        Raises RequestError where numbers do not fit together: a node in contact that the program does not have, an
+        unknown twice, a cell whose nodes lie elsewhere, friction with eliminated displacements that are not 0.
+
+        >>> import lacsolver as ls
+        >>> pair = ls.contact_matrices("data/two_blocks.msh", "slave", "master")
+        >>> u = np.random.default_rng(0).uniform(size=(pair.mesh.n_nodes, 3))
+        >>> bool(np.allclose(pair.renumber("components").B @ u.T.ravel(), pair.B @ u.ravel()))
+        True
+        """
+        d = self.normal.shape[1]
+        in_contact = np.unique(self.B.indices // d)
+        columns = unknown_of_each(self.mesh, d, in_contact, unknowns=unknowns, nodes=nodes, points=points, n=n)
+        values = np.where(columns < 0, 0.0 if u0 is None else np.asarray(u0, float).reshape(-1, d), 0.0).ravel()
+        if values.any() and self.B_T is not None and np.any(self.B_T @ values):
+            message = "friction counts slips from 0, so that an eliminated displacement that is not 0 would be lost"
+            raise RequestError(f"{message}; keep these unknowns, and prescribe them by fixed and u0 of solve_contact")
+        P = selection(columns, n)
+        return replace(self, B=csr_array(self.B @ P), G=self.G - self.B @ values, _numbering=P)
 
     def _facts(self) -> dict[str, str]:
         on = self.coverage > 0

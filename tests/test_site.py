@@ -115,7 +115,7 @@ def test_links_and_anchors_lead_somewhere_and_nothing_is_fetched(site):
             if not there.exists() or (anchor and unquote(anchor) not in known):
                 dead.append(f"{path.relative_to(folder)}: {link}")
         dead += [f"{path.name} loads {s}" for s in page.loads if re.match(r"(https?:)?//", s)]
-        local = [s for s in page.loads if not re.match(r"([a-z]+:|//)", s)]
+        local = [s for s in page.loads if not re.match(r"([a-z]+:|//|#)", s)]
         dead += [f"{path.name}: {s}" for s in local if not (path.parent / unquote(s.split("?")[0])).exists()]
     assert dead == []
 
