@@ -67,10 +67,11 @@ def _print_info(
         rows.add_row(name, f"{count:,}")
     out.print(rows)
     if described["groups"]:
-        rows = table("group", "dimension", "cells", "tag")
+        rows = table("group", "dimension", "cells", "length, area or volume", "tag")
         for name, group in described["groups"].items():
             dim = str(group["dim"]) if group["dim"] >= 0 else ""
-            rows.add_row(name, dim, f"{group['cells']:,}", ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
+            size = "" if group["size"] is None else f"{group['size']:.6g}"
+            rows.add_row(name, dim, f"{group['cells']:,}", size, ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
         out.print(rows)
     else:
         _print_entities(out, described["entities"])

@@ -14,6 +14,7 @@ from lacmesh.cutting.cut import Cut, is_cut
 from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.errors import CutError
 from lacmesh.mesh import ENTITY_CODE, Floats, Mesh
+from lacmesh.quality.sizes import group_sizes
 from lacmesh.report.touched import Touched, touched
 
 
@@ -49,7 +50,7 @@ class CutSummary:
 def describe(mesh: Mesh) -> dict[str, Any]:
     """All that `lacmesh info --json` says of a mesh; counts are of distinct cells."""
     low_high = [mesh.points.min(axis=0).tolist(), mesh.points.max(axis=0).tolist()] if mesh.n_nodes else None
-    lac = None
+    lac, sizes = None, group_sizes(mesh)
     if is_cut(mesh):
         with suppress(CutError):  # records that mean something else
             cut = Cut(mesh)
@@ -58,7 +59,14 @@ def describe(mesh: Mesh) -> dict[str, Any]:
         "nodes": mesh.n_nodes,
         "cells": mesh.n_cells,
         "cells_by_type": mesh.cells_by_type,
-        "groups": {name: {"dim": mesh.group_dim(name), "cells": len(g)} for name, g in mesh.cell_groups.items()},
+        "groups": {
+            name: {
+                "dim": mesh.group_dim(name),
+                "cells": len(g),
+                "size": sizes[name] if np.isfinite(sizes[name]) else None,
+            }
+            for name, g in mesh.cell_groups.items()
+        },
         "node_groups": {name: len(members) for name, members in mesh.node_groups.items()},
         "entities": list(_entities(mesh)),
         "bounding_box": low_high,

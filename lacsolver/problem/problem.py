@@ -231,9 +231,14 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
 
 
 def _check_undivided(case: Case, distribution: Distribution) -> None:
-    """Raise RequestError for sections of bolts in a model that several processes share."""
-    if case.pretension and distribution is not UNDIVIDED:
+    """Raise CaseError for what a model that several processes share cannot have: bolts, equations, couplings."""
+    if distribution is UNDIVIDED:
+        return
+    if case.pretension:
         raise wrong(case.pretension[0], "bolts are tightened by the engine serial, in one process; run the case so")
+    spread = (force for force in case.force if force.moment is not None)
+    for record in (*case.equation, *case.coupling, *spread):
+        raise wrong(record, "it joins nodes of several processes, which one process only does; run the case in one")
 
 
 def _check_shared(case: Case, share: Share) -> None:
