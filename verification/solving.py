@@ -149,6 +149,7 @@ def balance_of(problem: Problem, u: Floats, forces: Sequence[Floats]) -> Balance
     return worst(
         unbalanced(space.mesh.points + pair.moving * moved, force, axisymmetric=space.model.axisymmetric)
         for pair, force in zip(problem.joints, forces, strict=True)
+        if pair.pairing.turn is None  # forces on the next sector are turned
     )
 
 

@@ -52,13 +52,12 @@ def turn_of(record: Cyclic, dim: int) -> Turn:
 def equations_of(space: Space, case: Case) -> Iterator[Equations]:
     """Yield the equations of the sectors whose sides match, node by node."""
     for record in case.cyclic:
-        if not record.matching:
-            continue
-        slave, master = _nodes(space.mesh, record)
-        _, partner = cKDTree(turn_of(record, space.dim).places(space.mesh.points[master])).query(
-            space.mesh.points[slave]
-        )
-        yield _equations(space, record, slave, master[partner])
+        if record.matching:
+            pairs = _matching(space.mesh, record, turn_of(record, space.dim))
+            if pairs is None:
+                message = "its sides matched before slaves were cut, and do not now"
+                raise wrong(record, f"{message}; let slaves end before the sides, or cut them alike on both")
+            yield _equations(space, record, *pairs)
 
 
 def _equations(space: Space, record: Cyclic, slave: Ints, master: Ints) -> Equations:
@@ -89,14 +88,48 @@ def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:
     turned = [turn_of(record.altered(angle=angle), dim).places(x_m) for angle in angles]
     away = [cKDTree(x).query(x_s)[0] for x in turned]
     best = int(np.argmin([d.mean() for d in away]))
-    size = float(np.ptp(np.concatenate([x_s, x_m]), axis=0).max())
     apart = _about_axis(record, dim, x_s, turned[best])
     if not apart <= _APART * max(_spacing(x_s), _spacing(x_m)):
         message = f"turned by {360 / record.sectors:g} degrees, master {record.master!r} is {apart:.4g} away"
         advice = "check sectors, axis and origin, and which groups are the sides of the sector"
         raise wrong(record, f"{message} from slave {record.slave!r}; {advice}")
-    matching = len(slave) == len(master) and bool(away[best].max() <= _MATCH * size)
+    turned_record = record.altered(angle=angles[best])
+    matching = _matching(mesh, record, turn_of(turned_record, dim)) is not None
     return record.altered(angle=angles[best], matching=matching)
+
+
+def _matching(mesh: Mesh, record: Cyclic, turn: Turn) -> tuple[Ints, Ints] | None:
+    """Return the nodes (k,) of the slave and their partners of the master; None where faces do not match.
+
+    Faces are matched, and then their nodes, since nodes of several bodies may be at one place.
+    """
+    slaves, masters = (_faces(mesh, group) for group in (record.slave, record.master))
+    if {kind: len(rows) for kind, rows in slaves.items()} != {kind: len(rows) for kind, rows in masters.items()}:
+        return None
+    x, turned, pairs = mesh.points, turn.places(mesh.points), []
+    size = max(float(np.ptp(x[rows.ravel()], axis=0).max()) for rows in slaves.values())
+    for kind, rows in slaves.items():
+        away, which = cKDTree(turned[masters[kind]].mean(axis=1)).query(x[rows].mean(axis=1))
+        partner = masters[kind][which]
+        apart = np.linalg.norm(x[rows][:, :, None] - turned[partner][:, None], axis=3)
+        at = apart.argmin(axis=2)
+        if (
+            max(away.max(), apart.min(axis=2).max()) > _MATCH * size
+            or (np.sort(at, axis=1) != np.arange(rows.shape[1])).any()
+        ):
+            return None
+        pairs.append(np.stack([rows, np.take_along_axis(partner, at, axis=1)], axis=-1).reshape(-1, 2))
+    slave, master = np.unique(np.concatenate(pairs), axis=0).T
+    return None if len(np.unique(slave)) < len(slave) or len(np.unique(master)) < len(master) else (slave, master)
+
+
+def _faces(mesh: Mesh, group: str) -> dict[str, Ints]:
+    """Return the distinct faces of a group, nodes (k, n) by type."""
+    cells = mesh.cells_of(group)
+    rows = {name: nodes for name, _, nodes in mesh.select(cells[mesh.cell_dim[cells] == mesh.dim - 1])}
+    return {
+        name: nodes[np.unique(np.sort(nodes, axis=1), axis=0, return_index=True)[1]] for name, nodes in rows.items()
+    }
 
 
 def _about_axis(record: Cyclic, dim: int, slave: Floats, master: Floats) -> float:

@@ -9,12 +9,14 @@ import pytest
 from scipy.spatial import cKDTree
 
 import lacmesh
-from lacsolver.case import Case, CaseError, Cyclic, Displacement, Material, Output, Pressure, Solver, Steps
+from lacmesh import Mesh
+from lacsolver.case import Case, CaseError, Contact, Cyclic, Displacement, Material, Output, Pressure, Solver, Steps
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
 from tests.lacsolver.sectors import ring, sector
+from verification.meshes.blocks import joined
 
 CELLS = ["QUAD4", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"]
 SIDES = {"slave": "a", "master": "b", "sectors": 6}
@@ -148,3 +150,36 @@ def test_a_restart_goes_on_in_a_sector(tmp_path):
     whole = run(case, create_output(tmp_path / "one"))
     again = run(case, create_output(tmp_path / "two"), start=read_state(tmp_path / "one", case, 0.5))
     assert again.steps[-1].energy == pytest.approx(whole.steps[-1].energy, rel=1e-10)
+
+
+def stacked(make, cell):
+    """Two rings, or sectors of them, one on the other; their meshes do not match where they meet."""
+    low, high = make(cell, (3, 3, 2), 6), make(cell, (2, 2, 1), 6)
+    up = Mesh.create(high.points + np.array([0, 0, 1.0]), high.blocks, cell_groups=high.cell_groups)
+    names = {"a": "a", "b": "b"}
+    return joined([
+        (low, {**names, "body": "low", "bottom": "foot", "top": "slave"}),
+        (up, {**names, "body": "high", "bottom": "master", "top": "head"}),
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(("cell", "hexa"), [("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid")])
+def test_contact_that_touches_the_sides_is_that_of_the_ring(cell, hexa):
+    """Nodes of both bodies are at one place on the sides; the slave is cut up to them."""
+    angle = "6 * atan2(y, x)"
+    keys = {
+        "displacement": [Displacement(group="foot", ux=0, uy=0, uz=0), Displacement(group="head", ux=0, uy=0)],
+        "pressure": Pressure(group="head", value=f"2 + sin({angle})"),
+    }
+    touching = Contact(slave="slave", master="master", hexa=hexa)
+    _, whole = solved(made(stacked(ring, cell), contact=touching, **keys))
+    problem, part = solved(made(stacked(sector, cell), contact=touching, cyclic=Cyclic(**SIDES, hexa=hexa), **keys))
+    assert problem.case.cyclic[0].matching and len(problem.joints) == 1
+    zone, all_zones = part.zones[0], whole.zones[0]
+    away, at = cKDTree(all_zones.centre).query(zone.centre)
+    if cell == "HEXA8":  # tetrahedra of the ring are not split as those of the sector are
+        assert away.max() < 1e-9
+        np.testing.assert_allclose(zone.pressure, all_zones.pressure[at], rtol=1e-8)
+    sums = [(z.pressure * z.area).sum() for z in (zone, all_zones)]
+    assert 6 * sums[0] == pytest.approx(sums[1], rel=1e-9 if cell == "HEXA8" else 1e-4)
+    assert abs(part.u.reshape(-1, 3)[:, 2]).max() == pytest.approx(abs(whole.u.reshape(-1, 3)[:, 2]).max(), rel=1e-2)

@@ -162,7 +162,7 @@ def test_a_sector(tmp_path):
     x = mesh.points
     lines = "*NODE, NSET=N\n" + "".join(f"{k + 1}, {a!r}, {b!r}, {c!r}\n" for k, (a, b, c) in enumerate(x.tolist()))
     lines += "*ELEMENT, TYPE=C3D8, ELSET=B\n"
-    lines += "".join(f"{k + 1}, " + ", ".join(map(str, row + 1)) + "\n" for k, row in enumerate(mesh.blocks[0].nodes))
+    lines += "".join(f"{k + 1}, " + ", ".join(map(str, row + 1)) + "\n" for k, row in enumerate(mesh.block("HEXA8")))
     for name in ("a", "b"):
         nodes = np.unique(np.concatenate([rows.ravel() for _, _, rows in mesh.select(mesh.cell_groups[name])]))
         lines += f"*NSET, NSET=S{name}\n" + "".join(f"{n + 1}\n" for n in nodes)

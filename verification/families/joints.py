@@ -1,15 +1,15 @@
-"""Joints: cracks, bolts and metals that yield, against exact solutions."""
+"""Joints: cracks, bolts, couplings, sectors and metals that yield, against exact solutions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from verification.families import joints_plastic, joints_split
+from verification.families import joints_constraints, joints_plastic, joints_split
 from verification.records import Case, Family, Outcome
 
 NAME = "joints"
 
-_PROBLEMS = (joints_split, joints_plastic)
+_PROBLEMS = (joints_split, joints_plastic, joints_constraints)
 #: what solves a case, by the type of its parameters
 _SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
     kind: solve for problems in _PROBLEMS for kind, solve in problems.SOLVERS.items()

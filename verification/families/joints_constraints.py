@@ -1,0 +1,357 @@
+"""**Couplings.** *spread*: a force and a moment at a point, spread over a side by weights, have their resultant and
+moment. *pulled*: a body that is pulled through a distributing coupling strains as under the same tractions. *turned*: a
+body whose side is turned by a large angle, by a coupling alone, is turned as a whole, without strain.
+
+**Sectors.** *ring*: a sector with sides that match against the whole ring, under a load without any other symmetry.
+*growth*: an even growth, across sides that do not match. *disc*: a rotating disc by sectors against the exact solution,
+matching and not. *fit*: a press fit by sectors, whose contact touches the sides, against Lame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacsolver.problem.resultants import resultants
+from verification.exact.lame import Fit, Shell
+from verification.exact.rotating import Disc
+from verification.measures.norms import displacement_error
+from verification.meshes.blocks import block
+from verification.meshes.sectors import fitted, sector, whole
+from verification.records import Case, Outcome, at_most, rate
+from verification.solving import LevelSolution, case_text, convergence, entry, model_of, solve
+
+Floats = NDArray[np.floating]
+#: rounding of sums of forces, and of solutions
+EXACT, SOLVED = 1e-12, 1e-10
+SECTORS = 6
+_STEEL = {"young": 100.0, "poisson": 0.3}
+_FINITE = {"law": "neo_hookean"}
+
+
+# ---- couplings
+
+
+@dataclass(frozen=True)
+class SpreadLoad:
+    """A force and a moment at a point, spread by `weights` over a side of a block of a cell type."""
+
+    cell: str
+    kinematics: str
+    weights: str | None = "1 + x + y**2"
+
+
+def solve_spread(case: Case, levels: int) -> Outcome:
+    """Solve under the loads: what the load is, and what the support carries, about the place of the point."""
+    given: SpreadLoad = case.parameters
+    dim, point, F, M = _loads(given.cell)
+    text = _block_text(
+        given.cell, given.kinematics,
+        entry(
+            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), weights=given.weights,
+            moment=M.tolist() if dim == 3 else float(M[0]), **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)),
+        ),
+    )  # fmt: skip
+    one = solve(text, _block(given.cell))
+    problem, state = one.problem, one.state
+    (load,) = resultants(problem.space, problem.materials, problem.case, 1.0, u=state.u)
+    coupling = next(iter(one.figures.couplings.values()))
+    held = next(iter(one.figures.reactions.values()))
+    size = float(np.abs(F).max())
+    source = "the forces add up to the load at the point, whatever the weights"
+    errors = {
+        "resultant of the load": np.abs(np.array(load.force) - F).max() / size,
+        "moment of the load about the displaced point": np.abs(coupling.moment - M).max() / np.abs(M).max(),
+    }
+    off = float(np.abs(held + F).max() / size)
+    return Outcome((
+        *(at_most(f"error of the {name}", float(value), EXACT, source=source) for name, value in errors.items()),
+        at_most("error of the support's force", off, 1e-9, source="equilibrium"),
+    ))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class PulledBody:
+    """A block of a cell type, pulled by a traction, and by a coupling with the same force."""
+
+    cell: str
+    kinematics: str
+
+
+def solve_pulled(case: Case, levels: int) -> Outcome:
+    """Both solutions are the same."""
+    given: PulledBody = case.parameters
+    dim, _, F, _ = _loads(given.cell)
+    side = f"{'xyz'[dim - 1]}1"
+    traction = entry("traction", group=side, **dict(zip(("tx", "ty", "tz"), F.tolist(), strict=False)))
+    coupling = entry("coupling", group=side, **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)))
+    one, other = (
+        solve(_block_text(given.cell, given.kinematics, how), _block(given.cell)) for how in (traction, coupling)
+    )
+    error = float(np.abs(other.u - one.u).max() / np.abs(one.u).max())
+    source = "weights of the area's shape functions"
+    return Outcome((at_most("difference of the displacements", error, SOLVED, source=source),))
+
+
+@dataclass(frozen=True)
+class TurnedBody:
+    """A block of a cell type, held by one side alone, which is turned by large angles."""
+
+    cell: str
+    weights: str | None = None
+
+
+def solve_turned(case: Case, levels: int) -> Outcome:
+    """The body turns as a whole, without energy."""
+    given: TurnedBody = case.parameters
+    dim, point, _, _ = _loads(given.cell)
+    theta = [1.5, -1.2, 0.9] if dim == 3 else 2.5
+    moved = dict.fromkeys(("ux", "uy", "uz")[:dim], 0.5)
+    text = _block_text(
+        given.cell, "finite",
+        entry(
+            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=given.weights, **moved
+        ),
+        entry("steps", count=4), held=False,
+    )  # fmt: skip
+    one = solve(text, _block(given.cell))
+    arm = one.mesh.points.copy()
+    arm[:, :dim] -= point
+    wanted = (arm @ _rotation(np.atleast_1d(theta)).T - arm)[:, :dim] + 0.5
+    energy = one.figures.energy / _STEEL["young"]
+    return Outcome((
+        at_most("largest error of a displacement", float(np.abs(one.u - wanted).max()), 1e-11, source="a rotation"),
+        at_most("strain energy over young", energy, 1e-20, source="no strain"),
+    ))  # fmt: skip
+
+
+def _rotation(theta: Floats) -> Floats:
+    """Rotation by a vector (3,), or about z by an angle (1,), by Rodrigues' formula."""
+    full = theta if len(theta) == 3 else np.array([0.0, 0.0, theta[0]])
+    angle = float(np.linalg.norm(full))
+    x, y, z = full / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def _loads(cell: str) -> tuple[int, Floats, Floats, Floats]:
+    """Dimension, a point beside the block, a force and a moment there."""
+    dim = CELLS[cell].dim
+    point = np.array([0.8, 1.6, 1.9]) if dim == 3 else np.array([0.8, 1.9])
+    return dim, point, np.array([0.6, -0.4, 0.9])[3 - dim :], np.array([0.3, -0.2, 0.5])[:: 1 if dim == 3 else -3]
+
+
+def _block(cell: str) -> Mesh:
+    dim = CELLS[cell].dim
+    return block(cell, 2, (0.0,) * dim, (1.0,) * dim)
+
+
+def _block_text(cell: str, kinematics: str, *tables: str, held: bool = True) -> str:
+    dim = CELLS[cell].dim
+    law = _FINITE if kinematics == "finite" else {}
+    foot = entry("displacement", group=f"{'xyz'[dim - 1]}0", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0))
+    keys = [entry("material", **_STEEL, **law), *([foot] if held else []), *tables]
+    return case_text(model_of(dim), *keys, kinematics=kinematics)
+
+
+# ---- sectors
+
+
+@dataclass(frozen=True)
+class WholeRing:
+    """A sixth of a ring of a cell type, and the whole."""
+
+    cell: str
+    kinematics: str
+
+
+def solve_ring(case: Case, levels: int) -> Outcome:
+    """Both under a load that every sector has, without a plane of symmetry."""
+    given: WholeRing = case.parameters
+    dim = CELLS[given.cell].dim
+    counts, radii = ((3, 4) if dim == 2 else (2, 3, 2)), (1.0, 2.0)
+    angle = f"{SECTORS} * atan2(y, x)"
+    law = _FINITE if given.kinematics == "finite" else {}
+    tables = [
+        entry("material", **_STEEL, **law),
+        _axes(entry("displacement", group="in", ux=f"0.01 * t * sin({angle})", uy=f"0.02 * t * cos({angle})"), dim),
+        *([entry("displacement", group="bottom", uz=0.0)] if dim == 3 else []),
+        entry("pressure", group="out", value=f"t * (1 + cos({angle} + 1))"),
+    ]
+    one = solve(
+        case_text(model_of(dim), *tables, kinematics=given.kinematics), whole(given.cell, counts, radii, SECTORS)
+    )
+    text = case_text(model_of(dim), *tables, _cyclic(), kinematics=given.kinematics)
+    part = solve(text, sector(given.cell, counts, radii, SECTORS))
+    away, at = cKDTree(one.mesh.points).query(part.mesh.points)
+    error = np.abs(part.u - one.u[at]).max() / np.abs(one.u).max()
+    return Outcome((
+        at_most("distance of the nodes", float(away.max()), 1e-9, source="the same mesh"),
+        at_most("difference of the displacements", float(error), 1e-9, source="the sector is a part of the ring"),
+    ))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EvenGrowth:
+    """A sixth of a ring of a cell type, whose sides do not match."""
+
+    cell: str
+    kinematics: str
+
+
+def solve_growth(case: Case, levels: int) -> Outcome:
+    """The displacement e X of an even strain, which is given within and around."""
+    given: EvenGrowth = case.parameters
+    dim = CELLS[given.cell].dim
+    law = _FINITE if given.kinematics == "finite" else {}
+    grown = [
+        _axes(entry("displacement", group=g, ux="0.05 * t * sqrt(x**2 + y**2)", uy=0.0), dim) for g in ("in", "out")
+    ]
+    flat = [entry("displacement", group=g, uz=0.0) for g in ("bottom", "top")] if dim == 3 else []
+    text = case_text(
+        model_of(dim), entry("material", **_STEEL, **law), _cyclic(), *grown, *flat, kinematics=given.kinematics
+    )
+    counts = (3, 4) if dim == 2 else (2, 3, 2)
+    one = solve(text, sector(given.cell, counts, (1.0, 2.0), SECTORS, skew=0.2))
+    wanted = 0.05 * one.mesh.points[:, :dim] * np.array([1.0, 1.0, 0.0])[:dim]
+    tied = len(one.problem.joints)
+    return Outcome((
+        at_most("largest error of a displacement", float(np.abs(one.u - wanted).max()), SOLVED, source="a patch test"),
+        at_most("sides that are tied, short of one", float(1 - tied), 0.0, source="they do not match"),
+    ))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RotatingDisc:
+    """A sixth of a disc that rotates, in cells of one type; `skew`: of the sides."""
+
+    cell: str
+    skew: float
+
+
+def solve_disc(case: Case, levels: int) -> Outcome:
+    """Displacements on finer and finer meshes."""
+    given: RotatingDisc = case.parameters
+    exact, order = Disc(1.0, 2.0, 100.0, 0.3, 3.0), CELLS[given.cell].order
+    solutions = []
+    for k in range(levels):
+        n = 4 * 2**k if order == 1 else 2 * 2**k
+        one = solve(_disc_text(exact), sector(given.cell, (n, n), (1.0, 2.0), SECTORS, skew=given.skew))
+        error = displacement_error(one.mesh, one.u, exact.displacement)
+        solutions.append(LevelSolution(one, 1 / n, {"u": error}))
+    reason = "displacements of order p + 1" + ("; a tie leaves an error of the mean jumps" if given.skew else "")
+    wanted = order + 1 - (0.4 if given.skew else 0.15)
+    return Outcome(
+        (rate("displacement in L2", convergence(solutions, "u"), wanted, source="interpolation", reason=reason),)
+    )
+
+
+def _disc_text(exact: Disc) -> str:
+    return case_text(
+        "plane_stress",
+        entry("material", young=exact.young, poisson=exact.poisson),
+        _cyclic(),
+        entry("body_force", fx=f"{exact.load!r} * x * t", fy=f"{exact.load!r} * y * t"),
+        _axes(entry("displacement", group="in", uy=0.0), 2),
+    )
+
+
+@dataclass(frozen=True)
+class FittedSector:
+    """A sixth of a press fit, in cells of one type; `skew`: of the sides."""
+
+    cell: str
+    skew: float
+
+
+def solve_fit(case: Case, levels: int) -> Outcome:
+    """The pressure of contact on finer and finer meshes: its slave ends at the sides of the sector."""
+    given: FittedSector = case.parameters
+    within, around = (Shell("plane_stress", *radii, 100.0, 0.3) for radii in ((1.0, 1.5), (1.5, 2.0)))
+    exact = Fit(within, around, interference=0.01)
+    text = case_text(
+        "plane_stress",
+        entry("material", young=100.0, poisson=0.3),
+        entry("contact", slave="slave", master="master", clearance=-0.01),
+        _cyclic(),
+        *(_axes(entry("displacement", group=g, uy=0.0), 2) for g in ("inner", "outer")),
+    )
+    solutions = []
+    for k in range(levels):
+        n = 3 * 2**k
+        one = solve(text, fitted(given.cell, n, (1.0, 1.5, 2.0), SECTORS, skew=given.skew))
+        zone = next(zone for zone in one.state.zones if not zone.tie)
+        error = float(np.abs(zone.pressure / exact.between - 1).max())
+        solutions.append(LevelSolution(one, 1 / n, {"p": error}))
+    wanted, reason = (1.8 if not given.skew else 1.0), "the worst macro-element; linear cells on facets"
+    return Outcome(
+        (rate("largest error of a pressure", convergence(solutions, "p"), wanted, source="Lame", reason=reason),)
+    )
+
+
+def _cyclic() -> str:
+    return entry("cyclic", slave="a", master="b", sectors=SECTORS)
+
+
+def _axes(table: str, dim: int) -> str:
+    """A table with cylindrical axes about z."""
+    return f"{table}\naxes = {{ origin = {[0.0] * dim}, axis = [0.0, 0.0, 1.0] }}"
+
+
+#: what solves a case, by the type of its parameters
+SOLVERS = {
+    SpreadLoad: solve_spread,
+    PulledBody: solve_pulled,
+    TurnedBody: solve_turned,
+    WholeRing: solve_ring,
+    EvenGrowth: solve_growth,
+    RotatingDisc: solve_disc,
+    FittedSector: solve_fit,
+}
+CELL_TYPES = ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "PENTA6", "TETRA10", "HEXA20")
+
+
+def cases(family: str) -> Iterator[Case]:
+    """Cases of this module."""
+    for cell in CELL_TYPES:
+        quick = {"quick": 1} if cell in ("QUAD8", "HEXA8") else {}
+        levels = {**quick, "full": 1}
+        for kinematics in ("small", "finite"):
+            name, how = f"{kinematics}-{cell}", f"{kinematics} displacements, {cell}"
+            spread = SpreadLoad(cell, kinematics)
+            yield Case(family, f"spread-{name}", f"a force and a moment at a point, {how}", spread, levels, 1.0)
+            pulled = PulledBody(cell, kinematics)
+            yield Case(family, f"pulled-{name}", f"pulled by a coupling and by a traction, {how}", pulled, levels, 1.0)
+            ring = WholeRing(cell, kinematics)
+            yield Case(family, f"ring-{name}", f"a sector against the whole ring, {how}", ring, levels, 4.0)
+            growth = EvenGrowth(cell, kinematics)
+            yield Case(family, f"growth-{name}", f"growth across sides that do not match, {how}", growth, levels, 2.0)
+        for weights in (None, "1 + x"):
+            called = "area" if weights is None else "given"
+            turned = TurnedBody(cell, weights)
+            yield Case(
+                family, f"turned-by-{called}-{cell}", f"a large rotation, {called} weights, {cell}", turned, levels, 2.0
+            )
+    for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9"):
+        for skew in (0.0, 0.2):
+            sides = "matching" if not skew else "other"
+            quick = {"quick": 3} if cell == "QUAD4" else {}
+            disc = RotatingDisc(cell, skew)
+            yield Case(
+                family,
+                f"disc-{sides}-{cell}",
+                f"a rotating disc, {sides} sides, {cell}",
+                disc,
+                {**quick, "full": 3},
+                3.0,
+            )
+            fit = FittedSector(cell, skew)
+            yield Case(
+                family, f"fit-{sides}-{cell}", f"a press fit, {sides} sides, {cell}", fit, {**quick, "full": 3}, 4.0
+            )
