@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 ACTING = (
     "displacement",
     "rigid",
+    "coupling",
+    "equation",
+    "cyclic",
     "pretension",
     "spring",
     "pressure",

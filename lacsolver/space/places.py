@@ -79,7 +79,7 @@ def name_of(record: Entry) -> str:
 def where_of(record: Entry) -> str:
     """Return where a record acts: its groups, its group or place, or `everywhere`."""
     groups = getattr(record, "groups", None)
-    return ", ".join(groups) if groups else name_of(record) if hasattr(record, "group") else "everywhere"
+    return ", ".join(groups) if groups else name_of(record) if {"group", "name"} & set(vars(record)) else "everywhere"
 
 
 def said(record: Entry) -> str:

@@ -62,14 +62,14 @@ def solve_spread(case: Case, levels: int) -> Outcome:
     problem, state = one.problem, one.state
     (load,) = resultants(problem.space, problem.materials, problem.case, 1.0, u=state.u)
     coupling = next(iter(one.figures.couplings.values()))
-    held = next(iter(one.figures.reactions.values()))
+    reaction = next(iter(one.figures.reactions.values()))
     size = float(np.abs(F).max())
     source = "the forces add up to the load at the point, whatever the weights"
     errors = {
         "resultant of the load": np.abs(np.array(load.force) - F).max() / size,
         "moment of the load about the displaced point": np.abs(coupling.moment - M).max() / np.abs(M).max(),
     }
-    off = float(np.abs(held + F).max() / size)
+    off = float(np.abs(reaction + F).max() / size)
     return Outcome((
         *(at_most(f"error of the {name}", float(value), EXACT, source=source) for name, value in errors.items()),
         at_most("error of the support's force", off, 1e-9, source="equilibrium"),
@@ -118,7 +118,7 @@ def solve_turned(case: Case, levels: int) -> Outcome:
         entry(
             "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=given.weights, **moved
         ),
-        entry("steps", count=4), held=False,
+        entry("steps", count=4), fixed=False,
     )  # fmt: skip
     one = solve(text, _block(given.cell))
     arm = one.mesh.points.copy()
@@ -152,11 +152,11 @@ def _block(cell: str) -> Mesh:
     return block(cell, 2, (0.0,) * dim, (1.0,) * dim)
 
 
-def _block_text(cell: str, kinematics: str, *tables: str, held: bool = True) -> str:
+def _block_text(cell: str, kinematics: str, *tables: str, fixed: bool = True) -> str:
     dim = CELLS[cell].dim
     law = _FINITE if kinematics == "finite" else {}
     foot = entry("displacement", group=f"{'xyz'[dim - 1]}0", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0))
-    keys = [entry("material", **_STEEL, **law), *([foot] if held else []), *tables]
+    keys = [entry("material", **_STEEL, **law), *([foot] if fixed else []), *tables]
     return case_text(model_of(dim), *keys, kinematics=kinematics)
 
 
