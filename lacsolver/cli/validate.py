@@ -33,7 +33,7 @@ ACTING = (
     "temperature",
 )
 #: keys that tell where a record acts
-_WHERE = ("group", "groups", "at", "kind", "place", "centre")
+_WHERE = ("name", "group", "groups", "at", "kind", "place", "centre")
 
 
 def add(commands: Any) -> None:
