@@ -62,7 +62,8 @@ def _terms(draft: CaseDraft, one: DeckEquation) -> tuple[list[dict[str, Any]], A
 def _references(draft: CaseDraft) -> set[int]:
     """Return the reference nodes of rigid bodies and couplings."""
     bodies = [node for body in draft.deck.rigid for node in (body.reference, body.rotation) if node is not None]
-    return {*bodies, *(one.reference for one in (*draft.deck.couplings, *draft.deck.bolts))}
+    deck = draft.deck
+    return {*bodies, *(one.reference for one in deck.couplings), *(one.reference for one in deck.bolts)}
 
 
 def bolts(draft: CaseDraft) -> None:

@@ -11,7 +11,8 @@ from lacmesh.checks.spoiling import find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
-from lacsolver.case import Case, CaseError, Contact, Issue, Pretension, Tie
+from lacsolver.case import Case, CaseError, Issue, Pretension
+from lacsolver.case.records import PairEntry
 from lacsolver.constraints.pretension import coincide, sides_of
 from lacsolver.problem.sections import with_sections
 
@@ -27,7 +28,7 @@ def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
     """Return the mesh with the cut that a case's contacts and ties need. Raises ReadError, CaseError, CutError."""
     mesh = with_sections(case, mesh_of(case, mesh))
-    slaves: dict[str, Contact | Tie | Pretension] = {record.slave: record for record in (*case.contact, *case.ties)}
+    slaves: dict[str, PairEntry | Pretension] = {record.slave: record for record in (*case.contact, *case.ties)}
     slaves |= {sides_of(mesh, record)[0]: record for record in case.pretension if not coincide(mesh, record)}
     if is_cut(mesh):
         zones = set(Cut(mesh).zones)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,7 +114,7 @@ def _penny(given: OpenedPenny, n: int) -> LevelSolution:
         entry("pressure", group="crack", value=exact.pressure),
     )
     names = ("ux", "uy", "uz")[:dim]
-    far = {name: moved(k) for k, name in enumerate(names)}
+    far: dict[str, Any] = {name: moved(k) for k, name in enumerate(names)}
     if dim == 2:
         supports = [Displacement(group=side, **far) for side in ("x1", "y0", "y1")] + [Displacement(group="x0", ux=0.0)]
         mesh = meshes.penny(given.cell, n)
