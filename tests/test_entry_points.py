@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -64,3 +66,39 @@ def test_commands_can_be_interrupted_in_tests_that_are_started_with_nohup():
     one = f"{Path(__file__)}::test_an_interrupt_while_the_installed_command_loads_is_one_line[lacmesh]"
     done = subprocess.run([sys.executable, "-c", code, one], capture_output=True, text=True, cwd=ROOT)
     assert done.returncode == 0, done.stdout
+
+
+def on_a_terminal(command, **variables):
+    """Output of a command whose standard error is a terminal."""
+    import pty  # not on Windows
+
+    ours, its = pty.openpty()
+    env = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "TERM")}
+    with os.fdopen(ours, "rb", buffering=0) as reading:
+        child = subprocess.Popen(
+            command, stderr=its, stdout=subprocess.DEVNULL, env=env | {"TERM": "xterm"} | variables
+        )
+        os.close(its)
+        received = b""
+        with suppress(OSError):  # the terminal has gone
+            while block := reading.read(4096):
+                received += block
+        child.wait()
+    return received.decode().replace("\r\n", "\n")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+def test_errors_are_red_on_a_terminal_and_plain_elsewhere():
+    """NO_COLOR and a dumb terminal, or a pipe, have the words alone."""
+    command = [*script("lacmesh"), "info", "no_such_file.msh"]
+    plain = subprocess.run(command, capture_output=True, text=True).stderr
+    assert plain.startswith("lacmesh: error: no_such_file.msh")
+    assert on_a_terminal(command) == plain.replace("error", "\x1b[1;31merror\x1b[0m", 1)
+    assert on_a_terminal(command, NO_COLOR="1") == on_a_terminal(command, TERM="dumb") == plain
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no pseudo-terminals")
+def test_warnings_are_yellow_on_a_terminal():
+    code = "import warnings; from lacmesh.cli import PROGRAM; from lacmesh.errors import LacmeshWarning; "
+    code += "PROGRAM._show_warning('coarse', LacmeshWarning, '', 0)"
+    assert on_a_terminal([sys.executable, "-c", code]) == "lacmesh: \x1b[1;33mwarning\x1b[0m: coarse\n"

@@ -36,6 +36,8 @@ class Terminated(BaseException):
 EXPECTED = (LacmeshError, OSError, MemoryError)
 #: objects made and not yet freed, beyond which the collector of cycles looks at them; what a command imports is half
 SELDOM = 200_000
+#: colours of a terminal (ECMA-48)
+RED, YELLOW = "31", "33"
 
 
 @dataclass(frozen=True)
@@ -150,7 +152,7 @@ class Program:
         line: str | None = None,
     ) -> None:
         if issubclass(category, LacmeshWarning):
-            print(f"{self.name}: warning: {on_one_line(str(message))}", file=sys.stderr)
+            print(f"{self.name}: {coloured('warning', YELLOW)}: {on_one_line(str(message))}", file=sys.stderr)
 
 
 def _drop_output() -> None:
@@ -172,6 +174,15 @@ def on_one_line(message: str) -> str:
     "group 'a\\n\\x1bé'"
     """
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
+
+
+def coloured(word: str, colour: str) -> str:
+    """Return a word in bold and in a colour where standard error is a terminal that shows it, or else as it is.
+
+    The environment variable NO_COLOR (no-color.org) and TERM=dumb leave it plain.
+    """
+    shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return f"\x1b[1;{colour}m{word}\x1b[0m" if shown else word
 
 
 class _Shown:
@@ -199,7 +210,7 @@ class _Parser(argparse.ArgumentParser):
 def _fail(program: str, messages: Sequence[str], status: int) -> int:
     with suppress(OSError):  # nobody listens
         for message in messages:
-            print(f"{program}: error: {on_one_line(message)}", file=sys.stderr)
+            print(f"{program}: {coloured('error', RED)}: {on_one_line(message)}", file=sys.stderr)
     return status
 
 
