@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.sparse import issparse
 
-from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.errors import LacmeshWarning, RequestError, did_you_mean
 from lacmesh.mesh import Floats
 from lacsolver.linear.accuracy import Matrix
-from lacsolver.linear.direct import rslab
+from lacsolver.linear.direct import rslab, superlu
 from lacsolver.linear.direct.factor import DirectAnalysis, DirectFactor
 from lacsolver.linear.direct.pardiso import library
 from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
@@ -46,12 +48,32 @@ class Backend:
         """True if the solver is installed."""
         if self.name == "pardiso":
             return library() is not None
+        if self.name == "rslab":
+            return not why_no_rslab()
         return find_spec(self.module) is not None
 
     @property
     def install(self) -> str:
         """Command that installs the solver."""
         return f"pip install 'lacmesh[{self.extra}]'" if self.extra else "pip install lacmesh"
+
+
+@cache
+def why_no_rslab() -> str:
+    """Return why rslab cannot be loaded, "" if it can: a wheel may be there that does not fit the system."""
+    try:
+        import_module("rslab")
+    except Exception as error:
+        return str(error) or type(error).__name__
+    return ""
+
+
+@cache
+def _say_that_superlu_serves() -> None:
+    """Warn, once, that the slowest direct solver serves."""
+    why = f"rslab, which comes with lacmesh, cannot be loaded ({why_no_rslab()})"
+    message = f"{why}: SciPy's SuperLU serves, which is many times slower for large models; pip install rslab"
+    warnings.warn(LacmeshWarning(message), stacklevel=2)
 
 
 #: every backend by its name, the direct ones in the order in which `auto` prefers them
@@ -92,7 +114,10 @@ def choose(backend: str, n: int, n_modes: int = 0, multigrid_above: int = MULTIG
         large = n > multigrid_above and n_modes >= _MODES_3D
         if large and BACKENDS["multigrid"].installed:
             return BACKENDS["multigrid"]
-        return next(b for b in BACKENDS.values() if b.direct and b.installed)
+        best = next(b for b in BACKENDS.values() if b.direct and b.installed)
+        if best.name == "superlu":
+            _say_that_superlu_serves()
+        return best
     if backend not in BACKENDS:
         raise RequestError(f"no linear solver named {backend!r}{did_you_mean(backend, ('auto', *BACKENDS))}")
     chosen = BACKENDS[backend]
@@ -114,7 +139,7 @@ def analyse(
     """Analyse a sparse, symmetric positive definite matrix (n, n), with both triangles and the whole diagonal stored.
 
     With `definite` false it may have negative eigenvalues, like the tangent of a buckling structure: it is then
-    factorised by rslab, whose L D L^T pivots, whatever the backend.
+    factorised by rslab, whose L D L^T pivots, whatever the backend; by SuperLU where rslab cannot be loaded.
 
     `.factor(K)` may be called repeatedly, with values in the same pattern; `.factor(K).solve(b)` gives K^-1 b for b
     (n,) or (n, k): for a direct backend, columns solved together cost much less than one by one.
@@ -137,7 +162,11 @@ def analyse(
     if threads < 1:
         raise RequestError(f"threads is 1 or more, not {threads}")
     if not definite:
-        return DirectAnalysis("rslab", K, lambda triangle: rslab.analyse(triangle, threads, definite=False), False)
+        if why_no_rslab():
+            _say_that_superlu_serves()
+        pivoting: Any = superlu if why_no_rslab() else rslab
+        name = "superlu" if why_no_rslab() else "rslab"
+        return DirectAnalysis(name, K, lambda triangle: pivoting.analyse(triangle, threads, definite=False), False)
     name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block, threads)

@@ -21,16 +21,24 @@ def _worst(pivots: Floats, perm_c: Floats) -> int:
     return int(np.flatnonzero(perm_c == pivots.argmin())[0])
 
 
-def analyse(triangle: Triangle, threads: int) -> Factorise:
-    """Keep the pattern: SuperLU has no analysis that is separate from the factorisation. It runs on one core."""
+def analyse(triangle: Triangle, threads: int, definite: bool = True) -> Factorise:
+    """Keep the pattern: SuperLU has no analysis that is separate from the factorisation. It runs on one core.
+
+    Unless `definite`, rows are exchanged for larger pivots, and negative ones are accepted.
+    """
 
     def factor(values: Floats) -> Solve:
         lower = csc_array((values, triangle.indices, triangle.indptr), shape=(triangle.n,) * 2)
         diagonal = dia_array((values[triangle.indptr[:-1]][None], [0]), shape=lower.shape)
         try:
-            lu = factor_of(csc_array(lower + lower.T - diagonal))
+            lu = (factor_of if definite else splu)(csc_array(lower + lower.T - diagonal))
         except RuntimeError:  # an exact zero
             raise Breakdown from None
+        if not definite:
+            pivots = np.abs(lu.U.diagonal())
+            if pivots.min() <= np.finfo(float).eps * pivots.max():
+                raise Breakdown
+            return lu.solve
         # rows are permuted apart from columns only for a zero on the diagonal; the pivots are the diagonal of U
         pivots = lu.U.diagonal()
         if (lu.perm_r != lu.perm_c).any() or (pivots <= 0).any():
