@@ -22,7 +22,9 @@ def model_frame(states: Sequence[tuple[Mesh, Fields]], pictures: Sequence[Contac
 
     `states`: mesh and fields at each time; `pictures`: what is shown of them, to one scale and with one magnification.
     """
-    moments, shown, skins = [], pictures[-1].mesh, []
+    moments: list[Moment] = []
+    skins: list[str] = []
+    shown = pictures[-1].mesh
     for picture in pictures:
         x = picture.mesh.points + picture.times * picture.u
         shown, value, skins = with_skins(picture.mesh, x, picture.zones, picture.on_faces)

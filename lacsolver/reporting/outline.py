@@ -124,8 +124,9 @@ class FinishedRun:
         """Pictures of the pressure at those times, to one scale and with one magnification."""
         zones = [zone for _, fields in self.states for zone in fields.zones.values()]
         scale = ColourScale.of(QUANTITIES["pressure"], zones, self.units)
-        shown = {"units": self.units, "scale": scale}
-        drawn = [ContactPicture.of(mesh, fields, "pressure", **shown) for mesh, fields in self.states]
+        drawn = [
+            ContactPicture.of(mesh, fields, "pressure", units=self.units, scale=scale) for mesh, fields in self.states
+        ]
         times = min(picture.times for picture in drawn)
         return [replace(picture, magnified=times) for picture in drawn]
 
