@@ -24,7 +24,7 @@ from lacmesh.cells import CELLS
 from lacsolver.case import Displacement, Traction, Value
 from verification.exact.opened_cracks import EdgeCrack, PennyCrack
 from verification.meshes import cracks as meshes
-from verification.meshes.blocks import block, joined
+from verification.meshes.blocks import BLOCK_TYPES, block, joined
 from verification.records import Case, Outcome, Result, at_most, informative, rate
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
 
@@ -279,7 +279,7 @@ def cases(family: str) -> Iterator[Case]:
         yield Case(family, f"penny-{cell}", f"penny-shaped crack, axisymmetric, {cell}", crack, levels, 6.0)
     crack = OpenedPenny("HEXA20", (2, 3, 4), PennyCrack())
     yield Case(family, "penny-HEXA20", "penny-shaped crack in space", crack, {"full": 3}, 30.0)
-    for cell in meshes.SECTION_TYPES:
+    for cell in BLOCK_TYPES:
         quick = {"quick": 1} if cell in ("QUAD4", "TETRA10", "HEXA8") else {}
         levels = {**quick, "full": 1}
         yield Case(

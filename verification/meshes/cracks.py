@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import BLOCK_TYPES, assembled, block, joined, rows_of
+from verification.meshes.blocks import assembled, block, joined, rows_of
 from verification.meshes.bodies import Where, at, body
 from verification.meshes.half_spaces import piece
 from verification.meshes.revolved import revolved
@@ -84,10 +84,6 @@ def clamped(kind: str, counts: Sequence[int], *, halves: bool = False) -> Mesh:
     columns.append((column(0, 0, 2, 2 * bolt), {"": "bolt", f"{up}0": "foot", f"{up}1": "head"}))
     inside = at(d - 1, 1.0)
     return with_inner(joined(columns), "shank", lambda *x: inside(*x) & (x[0] < 1.5))
-
-
-#: every cell of which a bolt's section can be made: blocks of pyramids have none across them
-SECTION_TYPES = tuple(kind for kind in BLOCK_TYPES if CELLS[kind].family != "PYRAM")
 
 
 def split_at(mesh: Mesh, group: str) -> Mesh:
