@@ -17,7 +17,7 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
-from lacsolver.equilibrium.newton import LOOSE, LOOSE_OF_CONSTANT, newton_iterates
+from lacsolver.equilibrium.newton import LOOSE, LOOSE_OF_CONSTANT, newton_iterates, residual_of
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
@@ -74,7 +74,8 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
         return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
-            outcome = newton(extrapolated, first)
+            if not (state.histories.materials and _turns_round(step, extrapolated, now, tolerance)):
+                outcome = newton(extrapolated, first)
     if outcome is None:
         outcome = newton(now, first, predictor=_predictor(step, now))
     if outcome.converged or constant:
@@ -97,6 +98,16 @@ def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceToler
         elif (kept := step.model.kept_columns(step.reference, contact.rows)) is not None:
             start = start_from_columns(kept, step.f, contact, start, tolerance)
     return active_set_iterates(step.reference, step.f, step.contact, start, tolerance, free=free, geometric=geometric)
+
+
+def _turns_round(step: LoadStep, extrapolated: Iterate, now: Iterate, tolerance: ConvergenceTolerance) -> bool:
+    """True if the extrapolated state is farther from balance than the last one is at the new time: loads turn round.
+
+    A material with a history is then elastic again, and its tangent at the extrapolated state is of flow that is over.
+    Raises InadmissibleError.
+    """
+    merits = [residual_of(step.linearize(one.q), one, tolerance).merit for one in (extrapolated, now)]
+    return merits[0] > merits[1]
 
 
 def _predictor(step: LoadStep, now: Iterate) -> Linearization:

@@ -115,7 +115,7 @@ def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance
     """Return the trial to start from, without pressures on rows that are open, and its row set."""
     rows = there.contact.first_rows(start.active, start.p)
     start = Iterate(start.q, np.where(rows.state, start.p, 0.0), rows.active)
-    return Trial(start, there.contact, _residual_of(there, start, tolerance)), rows
+    return Trial(start, there.contact, residual_of(there, start, tolerance)), rows
 
 
 def _reduction(residual: Residual, loose: float, tolerance: float) -> float:
@@ -215,7 +215,7 @@ def _line_search(
             there = linearize(iterate.q)
         except InadmissibleError:
             continue
-        residual = _residual_of(there, iterate, tolerance)
+        residual = residual_of(there, iterate, tolerance)
         if best is None or residual.merit < best[0].residual.merit:
             trial = Trial(iterate, there.contact, residual, step.applications, solves=step.solves)
             best = trial, there
@@ -239,7 +239,7 @@ class _Sets:
         return before
 
 
-def _residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolerance) -> Residual:
+def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolerance) -> Residual:
     """Return the residuals of forces and gaps of an iterate."""
     contact, vectors = there.contact, tolerance.vectors
     forces = contact.rows.B_T @ at.p
