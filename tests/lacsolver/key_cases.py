@@ -544,6 +544,34 @@ value = -2.0
 group = "top"
 """
 
+SOFT = """
+mesh = "blocks.msh"
+model = "plane_strain"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+{law}
+[[displacement]]
+group = "bottom"
+uy = 0.0
+[[displacement]]
+group = "x0"
+ux = 0.0
+[[pressure]]
+group = "top"
+value = 2.0
+[[probe]]
+group = "top"
+"""
+SOFT_LAWS = {
+    "linear": 'law = "linear"\nstiffness = 400.0',
+    "exponential": 'law = "exponential"\npressure_at_contact = 0.5\nclearance_at_zero = 0.002',
+    "table": 'law = "table"\npressures = [[0.0, 0.0], [1.0, 0.004], [3.0, 0.006]]',
+}
+
 YIELDING = """
 mesh = "blocks.msh"
 model = "3d"
@@ -831,6 +859,7 @@ CASES = {
     "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "yielding": KeyCase(cube, YIELDING),
+    **{f"soft {name}": KeyCase(plane, SOFT.format(law=law)) for name, law in SOFT_LAWS.items()},
     "round": KeyCase(plane, ROUND),
     "measured": KeyCase(plane, MEASURED),
     "slid": KeyCase(plane, SLID),

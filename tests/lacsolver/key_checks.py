@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -278,6 +279,18 @@ def check_strain(ran):
     np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -p * (2 / modulus + 1 / stiffness), rtol=1e-10)
 
 
+def check_soft(ran, overlap):
+    """Columns in plane strain, shortened by their own strain and by the overlap of the law at a pressure of 2."""
+    np.testing.assert_allclose(ran.table("slave")["pressure"], 2.0, rtol=1e-9)
+    np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -2 * 2 * 0.91 / 1000 - overlap, rtol=1e-7)
+
+
+def _of_exponential():
+    """The overlap at a pressure of 2 of the law with 0.5 at contact and a clearance of 0.002."""
+    s = fsolve(lambda s: s * np.expm1(s) - 4 * np.expm1(1.0), 2.0, xtol=1e-12)[0]
+    return 0.002 * (s - 1)
+
+
 def check_yielding(ran):
     """Pulled by 1 % and pushed back beyond the yield stress, with both kinds of hardening: 90 of 1090 go on."""
     pulled = 2.0 + 90 * (dp := (0.01 * 1000 - 2.0) / 1090)
@@ -487,6 +500,9 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "glued": check_glued,
     "strain": check_strain,
     "yielding": check_yielding,
+    "soft linear": partial(check_soft, overlap=2.0 / 400),
+    "soft exponential": partial(check_soft, overlap=_of_exponential()),
+    "soft table": partial(check_soft, overlap=0.005),
     "round": check_round,
     "measured": check_measured,
     "slid": check_slid,
