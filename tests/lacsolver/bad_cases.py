@@ -250,7 +250,7 @@ CASES: list[Bad] = [
     # pictures and matrices
     Bad("a plot that is no picture", GOOD, r"^p\.jpg: a picture is written as \.png", 2, ("run CASE --plot p.jpg",)),
     Bad("a plot that exists", GOOD, r"^p\.png exists already; --force replaces it", 2, ("run CASE --plot p.png",), make=_file("p.png")),
-    Bad("a plot without a contact", without("contact") + '[[spring]]\ngroup = "top"\nky = 1.0\n', r"a plot shows the pressure of contacts, and the case has no \[\[contact\]\]", 2, ("run CASE --plot p.png",)),
+    Bad("a plot without a contact", without("contact") + '[[spring]]\ngroup = "top"\nky = 1.0\n', r"a plot shows contacts and ties, and the case has no \[\[contact\]\]", 2, ("run CASE --plot p.png",)),
     Bad("matrices of no zone", without("contact"), r"needs a \[\[contact\]\] or a \[\[tie\]\]", commands=MATRICES),
     Bad("matrices that are no .npz", GOOD, r"^m\.mat: matrices are written as \.npz", 2, ("matrices CASE -o m.mat",)),
     Bad("matrices that exist", GOOD, r"^m\.npz exists already; --force replaces it", 2, MATRICES, make=_file("m.npz")),

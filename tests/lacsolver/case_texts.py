@@ -206,6 +206,7 @@ times = [0.25, 0.5, 2.0]
 [solver]
 tangent = "consistent"
 [output]
+units = "N, mm, MPa"
 format = "vtu"
 times = [0.5, 2.0]
 """
