@@ -224,7 +224,10 @@ def test_what_is_no_case_is_told_by_what_it_is(tmp_path, capsys, command):
     (tmp_path / "empty.toml").write_text("\n")
     (tmp_path / "packed.toml").write_bytes(b"\x7fELF\x00\xff" * 20)
     for path, said in (
-        (mesh, 'is a mesh (msh), and not a case; lacsolver new press.msh writes a first case for it: a case is a text file'),
+        (
+            mesh,
+            "is a mesh (msh), and not a case; lacsolver new press.msh writes a first case for it: a case is a text file",
+        ),
         (tmp_path / "press.med", "is a mesh (med), and not a case"),
         (DATA / "punch.inp", "and not a case; lacsolver import punch.inp makes a case of it"),
         (results, "is a folder of results, and not a case; --restart"),
