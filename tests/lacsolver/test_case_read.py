@@ -226,7 +226,7 @@ def test_what_is_no_case_is_told_by_what_it_is(tmp_path, capsys, command):
     for path, said in (
         (
             mesh,
-            "is a mesh (msh), and not a case; lacsolver new press.msh writes a first case for it: a case is a text file",
+            "is a mesh (msh), and not a case; lacsolver new press.msh writes a first case for it",
         ),
         (tmp_path / "press.med", "is a mesh (med), and not a case"),
         (DATA / "punch.inp", "and not a case; lacsolver import punch.inp makes a case of it"),
