@@ -217,6 +217,15 @@ def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d
 
 
 @kernel
+def _is_there(x: Any) -> Any:
+    """Return True for a number that is not 0, as it stands for any of an array."""
+    return x != 0.0
+
+
+_is_there.plain = np.any
+
+
+@kernel
 def _move(bases: Any, edges: Any, p: Any, types: Any, sizes: Any, d: int, room: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
     (k_s, k_m), rows, N = sizes, room.rows, room.N
@@ -226,14 +235,17 @@ def _move(bases: Any, edges: Any, p: Any, types: Any, sizes: Any, d: int, room: 
                 rows[STRETCH, d * a + j] -= room.N_s[a] * edges.nu[p, j]
     s, m = edges.patch_s[p], edges.patch_m[p]
     for c in range(2 if d == 2 else 4):
-        shapes(bases, types[0], k_s, edges.corners_s[s, c, 0], edges.corners_s[s, c, 1], N, room.dN)
-        for a in range(k_s):
-            for j in range(d):
-                rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
-        shapes(bases, types[1], k_m, edges.corners_m[m, c, 0], edges.corners_m[m, c, 1], N, room.dN)
-        for b in range(k_m):
-            for j in range(d):
-                rows[STRETCH, d * (k_s + b) + j] += N[b] * edges.share[p, c] * edges.nu[p, j]
+        if _is_there(edges.turned[p, c, 0]) or _is_there(edges.turned[p, c, 1]) or _is_there(edges.turned[p, c, 2]):
+            shapes(bases, types[0], k_s, edges.corners_s[s, c, 0], edges.corners_s[s, c, 1], N, room.dN)
+            for a in range(k_s):
+                for j in range(d):
+                    rows[STRETCH, d * a + j] += N[a] * edges.turned[p, c, j]
+        share = edges.share[p, c]
+        if _is_there(share):
+            shapes(bases, types[1], k_m, edges.corners_m[m, c, 0], edges.corners_m[m, c, 1], N, room.dN)
+            for b in range(k_m):
+                for j in range(d):
+                    rows[STRETCH, d * (k_s + b) + j] += N[b] * share * edges.nu[p, j]
 
 
 @kernel

@@ -266,6 +266,7 @@ def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices
     One loop does all, as what takes long to compile is the chain of derivatives in it.
     """
     runs, room, local = loop.runs, new_room(()), np.empty(27, np.int64)
+    points, weight, distance = loop.points, loop.weight, loop.distance  # to take them out for each point costs more
     of_forces, K = len(p) > 0, np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
         if rests(shear, p, macro):
@@ -277,8 +278,8 @@ def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices
             n_rows = sizes[0] + sizes[1] if of_forces else 1
             K[: n_rows * value.shape[1], : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
-                differentiate(skins, loop.points, q, s, m, types, d, room)
-                _add_point(loop, skins, p, shear, q, macro, s, sizes, d, room, K)
+                differentiate(skins, points, q, s, m, types, d, room)
+                _add_point(points, skins, p, shear, q, macro, s, weight[q], distance[q], sizes, d, room, K)
             for a in range(n_rows):
                 row = local[a] if of_forces else macro
                 _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)
@@ -318,7 +319,7 @@ def _sums_of_runs(
     s, m, of = (np.repeat(values, count) for values in (runs.slave[some], runs.master[some], macro))
     room, K = new_room((len(q),)), np.zeros((k * n_rows, d * sizes[2], len(q)))
     differentiate(skins, loop.points, q, s, m, types, d, room)
-    _add_point(loop, skins, p, shear, q, of, s, sizes, d, room, K)
+    _add_point(loop.points, skins, p, shear, q, of, s, loop.weight[q], loop.distance[q], sizes, d, room, K)
     sums = np.add.reduceat(K, start, axis=2).reshape(n_rows, k, sizes[2], d, len(some))
     return nodes, sums.transpose(4, 0, 2, 1, 3)
 
@@ -338,10 +339,13 @@ _add.plain = _add_arrays
 
 @kernel
 def _add_point(
-    loop: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, sizes: Any, d: int, room: Any, K: Any
-) -> None:
-    """Add what point q of a macro-element, on slave face s, gives to the sums K of its run, by its rows in `room`."""
-    w, points = loop.weight[q], loop.points
+    points: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, w: Any, g: Any, sizes: Any, d: int,
+    room: Any, K: Any,
+) -> None:  # fmt: skip
+    """Add what point q of a macro-element, on slave face s, gives to the sums K of its run, by its rows in `room`.
+
+    w, g: its weight and its gap.
+    """
     if len(shear) > 0:
         if len(p) > 0:
             load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
@@ -351,7 +355,7 @@ def _add_point(
     elif len(p) > 0:
         _add_force(points, q, w * p[macro], sizes, d, room, K)
     else:
-        _add_gap(w, loop.distance[q], d * sizes[2], room.rows, K)
+        _add_gap(w, g, d * sizes[2], room.rows, K)
 
 
 @kernel
