@@ -18,6 +18,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
+from lacsolver.results.nodal import principal, von_mises
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_of, pressed
@@ -156,6 +157,7 @@ def test_stress_is_that_at_integration_points(made):
     found = stress(space, made.problem.materials, state.u)
     whole = np.concatenate([values.reshape(-1, 6) for values in found])
     assert "" in made.told["stress"] and set(made.told["stress"]) == {""}, "no group has cells of the body"
+    whole = np.concatenate([whole, von_mises(whole)[:, None], principal(whole)], axis=1)
     for k, ends in enumerate(made.told["stress"][""].values()):
         np.testing.assert_allclose(ends, [whole[:, k].min(), whole[:, k].max()], rtol=1e-9)
 
