@@ -33,6 +33,8 @@ ENTRIES = (
     Entry("Sheared cylinders", "tutorials/cylinders.png", "data/friction/cylinders.toml", "tutorials/friction.md"),
     Entry("A bar on a wall", "tutorials/bar_energies.png", "data/impact/bar_on_wall.toml", "tutorials/impact.md"),
     Entry("A ball that drops", "tutorials/ball_film.png", "data/impact/dropping_ball.toml", "tutorials/impact.md"),
+    Entry("A flange joint", "tutorials/flange.png", "data/flange/flange.toml", "tutorials/flange.md"),
+    Entry("An imprint in steel", "figures/imprint.png", "data/plastic/imprint.toml", "case.md"),
     Entry("A ring on a block", "sliding/ring.gif", "data/sliding/ring.toml", "sliding.md"),
     Entry("Ironing in the plane", "sliding/ironing_2d.gif", "data/sliding/ironing_2d.toml", "sliding.md"),
     Entry("Ironing in space", "sliding/ironing_3d.gif", "data/sliding/ironing_3d.toml", "sliding.md"),
