@@ -128,9 +128,16 @@ class LoadStep:
         return self.internal_force(u), self.load(u), self._nodal_contact(q)[1].rows.B_T @ p
 
     def pressing(self, q: Floats, p: Floats) -> NDArray[np.floating]:
-        """Return the contact forces (n_dof,) without those of friction: B^T p of the rows along normals."""
+        """Return the contact forces (n_dof,) without those of friction: B^T p along normals, and of ties."""
         system = self._nodal_contact(q)[1]
-        return system.rows.B_T @ np.where(system.along_tangents, 0.0, p)
+        return system.rows.B_T @ np.where(system.along_tangents | system.of_equality, 0.0, p)
+
+    def joining(self, q: Floats, p: Floats) -> NDArray[np.floating]:
+        """Return C^T p (n_dof,) of the rows of equality, which `forces` has among the contact forces."""
+        system = self._nodal_contact(q)[1]
+        if not system.equalities:
+            return np.zeros(self.model.problem.space.n_dof)
+        return system.rows.B_T @ np.where(system.of_equality, p, 0.0)
 
     def dissipated(self, q: Floats, p: Floats) -> float:
         """Return the energy that friction takes in the step: t . S of all macro-elements, with t at its end."""

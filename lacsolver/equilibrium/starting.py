@@ -73,8 +73,13 @@ def start_of_motion(
 
 
 def motion_forces(step: LoadStep, q: Floats, p: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return internal forces, loads and contact forces (n_dof,), with thermal forces as a part of the internal ones."""
+    """Return internal forces, loads and contact forces (n_dof,), with thermal forces as a part of the internal ones.
+
+    Rows of equality act like loads: what moves the point of a coupling does work from outside.
+    """
     internal, load, contact = step.forces(q, p)
+    joining = step.joining(q, p)
+    load, contact = load - joining, contact - joining
     problem = step.model.problem
     warm = acting.temperature(problem.space, problem.materials, problem.case)
     if warm is not None and not problem.kinematics.finite:

@@ -319,6 +319,14 @@ class ContactSystem:
             out[shear.tangential] = True
         return out
 
+    @cached_property
+    def of_equality(self) -> Bools:
+        """True for rows of equality, (m,)."""
+        out = np.zeros(len(self.G), bool)
+        for group in self.equalities:
+            out[group.rows] = True
+        return out
+
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
         t, slip = shear.vectors(p), -shear.vectors(self._mean_gaps)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lacsolver as ls
-from lacsolver.case import Case, Contact, Displacement, Dynamics, Gravity, Initial, Material, Steps
+from lacsolver.case import Case, Contact, Coupling, Displacement, Dynamics, Gravity, Initial, Material, Steps
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
@@ -45,6 +45,15 @@ def test_the_parts_are_those_of_the_states(model, geometry):
     rubbing = work(lambda state: -state.zones[0].force.ravel()) - own.pressures  # of friction, by mean forces
     assert own.left == pytest.approx(rubbing - own.dissipation, rel=1e-6)
     assert own.external == pytest.approx(own.strain + own.dissipation + own.pressures + own.left, rel=1e-12)
+
+
+def test_what_moves_a_coupling_works_from_outside():
+    case, mesh = rubbed("plane_strain", "small")
+    bottom, top = case.displacement
+    motion = Coupling(group="top", ux=top.ux, uy=top.uy, rotation=0.0)
+    _, states, _ = states_of(replace(case, displacement=(bottom,), coupling=(motion,)), mesh)
+    own = states[-1].step.work
+    assert own.external > own.strain > 0.1 and abs(own.pressures) < 1e-12
 
 
 def test_what_is_left_falls_with_the_steps():
