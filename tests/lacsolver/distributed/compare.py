@@ -1,6 +1,7 @@
 """Cases of every kind solved by several processes, compared with one: a program for `mpiexec`.
 
-Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py, `moving_cases` or `friction_cases`.
+Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py, `moving_cases`, `friction_cases` or
+`plastic_cases`.
 Rank 0 prints a line of JSON each.
 """
 
@@ -17,7 +18,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import step_figures
-from tests.lacsolver.distributed import friction_cases, moving_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
@@ -35,7 +36,7 @@ def problem_of(name):
     if name in CASES:
         case = CASES[name]
         return text_of(case, case.world), case.mesh()
-    text, mesh = (moving_cases.RIGID | moving_cases.CASES | friction_cases.CASES)[name]
+    text, mesh = (moving_cases.RIGID | moving_cases.CASES | friction_cases.CASES | plastic_cases.CASES)[name]
     return text + "[solver]\nthreads = 1\n", mesh()
 
 
@@ -74,6 +75,8 @@ def compared(text, mesh, backend, comm):
                     add(key, getattr(zone.friction, key), getattr(expected.friction, key))
         if other.step.work is not None:
             add("work", np.array(one.step.work), np.array(other.step.work))
+        if figures[1].plastic is not None:
+            add("flow", *(np.array([*of.plastic[:2], *of.plastic[2]]) for of in figures))
         if other.step.motion is not None:
             compare_motions(add, problem.space, one.step.motion, other.step.motion)
             probes = [np.concatenate([*found.motion.velocities.values()]) for found in figures]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.lacsolver.distributed import friction_cases, moving_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases
 from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
@@ -59,6 +59,15 @@ def test_several_processes_find_the_friction_that_one_finds(n, backend, names):
         assert one["sets"] and one["closed"] and one["sliding"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
         assert all(one[key] <= OF_SLIPS for key in RUBBING), one
+
+
+@pytest.mark.parametrize(("n", "backend"), [(2, "mumps"), (3, "multigrid")])
+def test_several_processes_find_the_flow_that_one_finds(n, backend):
+    """Each process keeps the flow of its own cells; strains, stresses and dissipation are those of one process."""
+    for one in compared(n, backend, [*plastic_cases.CASES]):
+        assert one["sets"] and one["closed"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+        assert one["flow"] <= BOUNDS["u"], one
 
 
 def compared(n, backend, names):
