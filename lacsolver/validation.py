@@ -110,7 +110,7 @@ def validate(case: Case | str | Path, mesh: MeshLike | None = None) -> Validatio
     validation = Validation(mesh)
     parts = build(case, mesh, validation.looking)
     case = parts.case
-    validation.mesh, validation.cut_here = parts.mesh, parts.prepared and is_cut(parts.mesh) and not is_cut(mesh)
+    validation.mesh, validation.cut_here = parts.mesh, parts.prepared and parts.mesh.n_cells > mesh.n_cells
     validation.whole = parts.prepared and _whole(parts.mesh)
     if parts.space is not None:
         validation.dim = parts.space.dim

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
+from lacsolver import Solution
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
@@ -18,7 +19,6 @@ from lacsolver.results.fields import state_fields
 from lacsolver.results.figures import step_figures
 from lacsolver.results.results import Fields, StepFigures
 from lacsolver.results.state import State, ZoneFriction, ZoneState
-from lacsolver.solution import Solution
 from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 

@@ -293,9 +293,12 @@ class Linearization:
 
     @cached_property
     def _near(self) -> tuple[Operator, csr_array] | None:
-        """A factorised tangent of this step, and the change (n_q, n_q) since then; None if there is none, or far."""
+        """A factorised tangent of this step, and the change (n_q, n_q) since then; None if there is none, or far.
+
+        None also where only contact holds bodies: entries say little about motions of so little energy.
+        """
         before = self._step.factor
-        if before is None or before.K is self._K_q:
+        if before is None or before.K is self._K_q or self.free.shape[1]:
             return None
         change, scale = csr_array(self._K_q - before.K), 1 / np.sqrt(np.abs(before.scaling))
         rows = np.repeat(scale, np.diff(change.indptr))
