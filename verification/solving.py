@@ -79,6 +79,7 @@ class Solved:
         """Mean way (m, d) of the slave along the master, of open macro-elements too, where skins are paired once."""
         (joint,), d = self.problem.joints, self.problem.space.dim
         face = integrate(joint.zone, d, joint.pairing)
+        assert face.B_T is not None
         return self.friction.in_space((face.B_T @ self.state.u).reshape(-1, d - 1) / face.w[:, None])
 
     @property

@@ -88,7 +88,10 @@ def _step(step: StepFigures) -> dict[str, Any]:
 
 def _named(figures: Mapping[str, Any]) -> dict[str, Any]:
     """Return figures by name, with the names of what they consist of; those that are None are left out."""
-    parts = {name: one._asdict() if isinstance(one, tuple) else one for name, one in figures.items()}
+    parts = {
+        name: dict(zip(one._fields, one, strict=True)) if hasattr(one, "_fields") else one
+        for name, one in figures.items()
+    }
     return {
         name: {k: v for k, v in part.items() if v is not None} if isinstance(part, dict) else part
         for name, part in parts.items()

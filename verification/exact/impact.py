@@ -67,7 +67,7 @@ def rebound(
     same forces as Hertz', Cattaneo's and Mindlin's contact: springs side by side, E* dx and 4 G / (2 - nu) dx, under a
     profile x^2 / R, each of which sticks or slides for itself. R, E and the density are 1, the speed is small.
 
-    >>> [round(v, 3) for v in rebound(5.0, 0.1, 0.3)]  # it slides all the time: mu (1 + e)
+    >>> [round(float(v), 3) for v in rebound(5.0, 0.1, 0.3)]  # it slides all the time: mu (1 + e)
     [2.0, 0.2]
     """
     speed = speed_for(1e-4, 1.0, 1.0, poisson, 1.0)

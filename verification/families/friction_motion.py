@@ -171,8 +171,8 @@ def solve_leaning(case: Case, levels: int) -> Outcome:
         results = [
             at_most("way of the foot in half the time, of that without friction", float(np.abs(early).max()) / 0.05,
                     0.05, source="it jams: an impact without a collision"),
-            at_least("normal force over m g, largest", max(zone.pressure @ zone.area for zone in zones) / 0.1, 10.0,
-                     source="a rigid rod has none that is finite"),
+            at_least("normal force over m g, largest", max(float(zone.pressure @ zone.area) for zone in zones) / 0.1,
+                     10.0, source="a rigid rod has none that is finite"),
         ]  # fmt: skip
     return Outcome(
         (
