@@ -218,7 +218,7 @@ def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
 
 def test_a_factor_serves_as_long_as_the_tangent_is_near_it():
     """The change is all that K lacks; far from it, with damping, and in the next step, there is a new factor."""
-    mesh, sections = waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + on_top(3)
+    mesh, sections = waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + held("top", ux=0.01, uy=0.0, uz=-0.05)
     first = Moved(mesh, sections)
     K = first.there.stiffness(0.0, True)
     near, far = (first.now.linearize(factor * first.q) for factor in (1.1, 8.0))
@@ -230,6 +230,13 @@ def test_a_factor_serves_as_long_as_the_tangent_is_near_it():
     for other, how in ((near, (1.0, True)), (near, (0.0, False)), (far, (0.0, True))):
         new = other.stiffness(*how)
         assert new is not K and other.change(new) is None
+
+
+def test_no_earlier_factor_serves_where_only_contact_holds_a_body():
+    """Entries of the stiffness say little of motions of so little energy."""
+    first = Moved(waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + on_top(3))
+    K = first.there.stiffness(0.0, True)
+    assert first.now.linearize(1.001 * first.q).stiffness(0.0, True) is not K
 
 
 def test_steps_have_fewer_factors_than_iterations_and_the_same_end(monkeypatch):
