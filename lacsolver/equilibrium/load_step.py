@@ -295,10 +295,11 @@ class Linearization:
     def _near(self) -> tuple[Operator, csr_array] | None:
         """A factorised tangent of this step, and the change (n_q, n_q) since then; None if there is none, or far.
 
-        None also where only contact holds bodies: entries say little about motions of so little energy.
+        None also where only contact holds bodies, as entries say little about motions of so little energy, and in
+        several processes, which would have to agree.
         """
-        before = self._step.factor
-        if before is None or before.K is self._K_q or self.free.shape[1]:
+        before, alone = self._step.factor, self._step.model.problem.space.share.own is None
+        if before is None or before.K is self._K_q or self.free.shape[1] or not alone:
             return None
         change, scale = csr_array(self._K_q - before.K), 1 / np.sqrt(np.abs(before.scaling))
         rows = np.repeat(scale, np.diff(change.indptr))

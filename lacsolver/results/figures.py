@@ -210,7 +210,7 @@ def with_invariants(stress: Floats) -> NDArray[np.floating]:
     """Return stresses (cells, points, n) with von Mises' stress and the principal stresses as further components."""
     flat = stress.reshape(-1, stress.shape[-1])
     wide = np.concatenate([flat, von_mises(flat)[:, None], principal(flat)], axis=1)
-    return wide.reshape(*stress.shape[:-1], -1)
+    return wide.reshape(*stress.shape[:-1], wide.shape[1])
 
 
 def probe(space: Space, u: Floats, nodes: Ints) -> NDArray[np.floating]:

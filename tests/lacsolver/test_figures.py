@@ -7,7 +7,7 @@ from lacmesh import Mesh
 from lacsolver.bodies.small import points
 from lacsolver.case import parse_case
 from lacsolver.problem.problem import Problem
-from lacsolver.results.figures import balance, moment, probe, stress_ranges, zone_figures
+from lacsolver.results.figures import balance, moment, probe, stress_ranges, with_invariants, zone_figures
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, ZoneState
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, plane_mixture, square
@@ -226,3 +226,7 @@ def test_springs_hold_energy():
 def test_a_probe_is_the_mean_over_its_nodes():
     space = space_of("plane_strain")
     assert probe(space, np.arange(8.0), np.array([0, 3])) == pytest.approx([3, 4])
+
+
+def test_a_process_without_cells_of_a_type_has_no_invariants_of_them():
+    assert with_invariants(np.empty((0, 4, 6))).shape == (0, 4, 10)
