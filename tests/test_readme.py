@@ -63,7 +63,7 @@ def out_of_reach(named):
     extras = project["optional-dependencies"]
     bare = {extra: {re.match(r"[\w-]+", need)[0] for need in needs} for extra, needs in extras.items()}
     brought = {re.match(r"[\w-]+", need)[0] for need in project["dependencies"]}.union(*(bare[e] for e in named))
-    left = set().union(*bare.values()) - brought
+    left = set().union(*bare.values()) - brought - {project["name"]}
     return [module for module, owners in packages_distributions().items() if left & set(owners)]
 
 

@@ -78,7 +78,7 @@ def test_the_model_turns_and_its_slider_shows_the_times(page, tmp_path):
     browser = Browser(tmp_path / "browser")
     try:
         browser.ask("Page.navigate", url=page.as_uri())
-        inside = "document.querySelector('iframe')?.contentDocument?.documentElement.dataset"
+        inside = "document.querySelector('iframe')?.contentDocument?.documentElement?.dataset"
         browser.wait(f"{inside}?.state === 'ready'")
         assert browser.value(f"{inside}.glError") == "0" and browser.value(f"{inside}.moment") == "2"
         frame = "document.querySelector('iframe').contentDocument"
