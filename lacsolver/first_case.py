@@ -81,7 +81,7 @@ def _skins(mesh: Mesh) -> Iterator[_Skin]:
             surface = Surface.of(local, mesh.cells_of(name))
         except LacmeshError:  # faces of several dimensions, or no faces
             continue
-        nodes = np.unique(surface.faces.nodes[surface.faces.nodes >= 0])
+        nodes = surface.faces.distinct_nodes
         x = local.points[nodes]
         box = np.stack([x.min(axis=0), x.max(axis=0)])
         yield _Skin(name, surface, frozenset(np.unique(body[nodes]).tolist()), nodes, box)

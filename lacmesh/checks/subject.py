@@ -61,7 +61,7 @@ class CheckedSkin:
     @cached_property
     def nodes(self) -> Ints:
         """All nodes of the faces."""
-        return np.unique(self.faces.nodes[self.faces.nodes >= 0])
+        return self.faces.distinct_nodes
 
 
 @dataclass(frozen=True, eq=False)

@@ -96,7 +96,7 @@ def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
     skins: dict[str, tuple[str, str]] = {}
     for group, other in zip(groups, exchanged, strict=True):
         new, skins[group.name] = _with_skins(new, group, sides.exchanged(other), places)
-    on = np.unique(faces.nodes[opened][faces.nodes[opened] >= 0])
+    on = faces.take(np.flatnonzero(opened)).distinct_nodes
     n_sides = 1 + np.bincount(nodes.copied, minlength=mesh.n_nodes)[on]
     return Split(new, skins, closed, n_sides, (_n_bodies(mesh), _n_bodies(new)))
 

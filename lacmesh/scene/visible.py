@@ -287,7 +287,7 @@ def _macros(mesh: Mesh, cells: Ints, slave: Bools) -> Ints:
 def _internal_nodes(mesh: Mesh, slaves: Faces) -> Ints:
     """Nodes of the slave faces that carry an internal dof."""
     owner = mesh.node_data.get("lac_internal")
-    nodes = np.unique(slaves.nodes[slaves.nodes >= 0])
+    nodes = slaves.distinct_nodes
     return nodes[owner[nodes] >= 0] if owner is not None else nodes[:0]
 
 

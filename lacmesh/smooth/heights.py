@@ -67,7 +67,7 @@ def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smoot
     there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
-    origin = origin_of(faces.x[np.unique(faces.faces.nodes[faces.faces.nodes >= 0])])
+    origin = origin_of(faces.x[faces.faces.distinct_nodes])
     x = faces.x - origin
     angle = CREASE_ANGLE + _ROUNDING if crease_angle is None else crease_angle
     few = shapes_of_few(faces, x, angle) if crease_angle is None else ()

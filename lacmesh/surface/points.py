@@ -155,7 +155,7 @@ def _check(
 def _check_radii(*surfaces: Surface) -> None:
     """Raise DataError if nodes lie beyond the axis (x < 0) by more than rounding."""
     for surface, what in zip(surfaces, ("slave", "master"), strict=True):
-        x = surface.x[np.unique(surface.faces.nodes[surface.faces.nodes >= 0]), :2]
+        x = surface.x[surface.faces.distinct_nodes, :2]
         fine = x[np.isfinite(x).all(axis=1)]
         size = np.ptp(fine, axis=0).max() if len(fine) else 0.0
         beyond = int((x[:, 0] < -_BEYOND * size).sum())

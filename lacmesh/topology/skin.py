@@ -42,6 +42,11 @@ class Faces:
         return Faces(self.type[rows], self.nodes[rows])
 
     @property
+    def distinct_nodes(self) -> Ints:
+        """(n,): the nodes of all faces, each once, sorted."""
+        return np.unique(self.nodes[self.nodes >= 0])
+
+    @property
     def corners(self) -> Ints:
         """(f, 4): the corners, padded with -1."""
         corners = self.nodes[:, :MAX_CORNERS].copy()

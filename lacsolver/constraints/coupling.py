@@ -37,7 +37,7 @@ from lacsolver.constraints.spread import Spread
 from lacsolver.contact.laws import Bilateral, ContactLaw
 from lacsolver.space.axes import cartesian
 from lacsolver.space.measure import nodal_measures
-from lacsolver.space.places import cells_of, nodes_of, wrong
+from lacsolver.space.places import cells_of, in_words, nodes_of, wrong
 from lacsolver.space.space import Space
 
 _AXES = "xyz"
@@ -206,8 +206,7 @@ class CouplingRows:
         s = self.spread
         R = np.eye(3) + turn(theta) if s.finite else np.eye(3)
         turned = s.r @ R.T
-        S = turned.T @ (s.w[:, None] * turned)
-        return R, (np.trace(S) * np.eye(3) - S)[np.ix_(s.axes, s.axes)]
+        return R, s.inertia(turned.T @ (s.w[:, None] * turned))
 
     def _displacements(
         self, u: Floats, t: float, theta: Floats | None, R: Floats, K: Floats
@@ -370,7 +369,7 @@ class _Followed:
         def forces(t: float) -> NDArray[np.floating]:
             return (_at(motion.loads, t) * self.unit)[free]
 
-        said, E = partial(_in_words, self.record), csr_array(-self.by_motion[:, free])
+        said, E = partial(in_words, self.record), csr_array(-self.by_motion[:, free])
         return Equations(self.record.name, C, held, said, E if len(free) else None, forces if len(free) else None)
 
     @cached_property
@@ -417,10 +416,6 @@ def _free_motions(record: Coupling, motion: PointMotion, by_motion: Floats) -> I
         message = "its nodes are one point or on one line, or have too few components, so that a motion moves none"
         raise wrong(record, f"{message}; prescribe its rotation, or name more nodes")
     return free
-
-
-def _in_words(record: Coupling, _row: int = 0) -> str:
-    return f"coupling {record.name!r}" + (f" ({record.place})" if record.place else "")
 
 
 def _is_body(record: Coupling) -> bool:

@@ -21,7 +21,7 @@ from lacsolver.case.joints import Cyclic
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rotation import turn
 from lacsolver.contact.interface import Turn
-from lacsolver.space.places import wrong
+from lacsolver.space.places import in_words, nodes_on, wrong
 from lacsolver.space.space import Space
 
 #: distance of matching nodes, relative to the size of the sides
@@ -73,11 +73,7 @@ def _equations(space: Space, record: Cyclic, slave: Ints, master: Ints) -> Equat
     place = np.concatenate([row.ravel(), rows.ravel()]), np.concatenate([of_slave[1][1].ravel(), columns.ravel()])
     C = coo_array((values, place), shape=(k * dim, space.n_dof)).tocsr()
     C.sum_duplicates()
-    return Equations(record.name, C, lambda t: np.zeros(k * dim), partial(_in_words, record), may_follow=True)
-
-
-def _in_words(record: Cyclic, _row: int = 0) -> str:
-    return f"cyclic {record.name!r}" + (f" ({record.place})" if record.place else "")
+    return Equations(record.name, C, lambda t: np.zeros(k * dim), partial(in_words, record), may_follow=True)
 
 
 def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:
@@ -149,13 +145,7 @@ def _spacing(x: Floats) -> float:
 
 def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
     """Return the nodes of both sides."""
-    sides = []
-    for group in (record.slave, record.master):
-        mask = np.zeros(mesh.n_nodes, bool)
-        for _, _, nodes in mesh.select(mesh.cells_of(group)):
-            mask[nodes] = True
-        sides.append(np.flatnonzero(mask))
-    return sides[0], sides[1]
+    return nodes_on(mesh, mesh.cells_of(record.slave)), nodes_on(mesh, mesh.cells_of(record.master))
 
 
 def _rotation(record: Cyclic, angle: float) -> NDArray[np.floating]:

@@ -22,7 +22,7 @@ from scipy.sparse import coo_array, csr_array, diags_array, kron
 
 from lacmesh.checks.bodies import same_place
 from lacmesh.cutting.records import Cut, is_cut
-from lacmesh.errors import LacmeshError
+from lacmesh.errors import LacmeshError, some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import Faces, find_owners, label_rows
@@ -33,7 +33,7 @@ from lacsolver.constraints.equations import Equations
 from lacsolver.contact.interface import Pairing, integrate
 from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
 from lacsolver.contact.zone import Zone
-from lacsolver.space.places import wrong
+from lacsolver.space.places import in_words, wrong
 from lacsolver.space.space import Space
 
 #: distance of two nodes at one place, relative to the section's extent
@@ -82,12 +82,12 @@ class BoltSection:
 
     def equations(self) -> Equations:
         """Return the equations of the section, with the shortening as a further unknown where the force is given."""
-        record, n = self.record, np.tile(self.normal, len(self.weight))
+        record, n, words = self.record, np.tile(self.normal, len(self.weight)), partial(in_words, self.record)
         if record.force is None:
-            return Equations(self.name, self.C, partial(self._prescribed, n), self._words, may_follow=True)
+            return Equations(self.name, self.C, partial(self._prescribed, n), words, may_follow=True)
         E, loads = csr_array(-n[:, None]), self._load
         zeros = np.zeros(len(n))
-        return Equations(self.name, self.C, lambda t: zeros, self._words, E=E, loads=loads, may_follow=True)
+        return Equations(self.name, self.C, lambda t: zeros, words, E=E, loads=loads, may_follow=True)
 
     def _prescribed(self, n: Floats, t: float) -> NDArray[np.floating]:
         assert self.record.shortening is not None
@@ -96,10 +96,6 @@ class BoltSection:
     def _load(self, t: float) -> NDArray[np.floating]:
         assert self.record.force is not None
         return np.array([self.record.force.at(self.held_until(t))])
-
-    def _words(self, _row: int) -> str:
-        place = f" ({self.record.place})" if self.record.place else ""
-        return f"pretension {self.record.name!r}{place}"
 
 
 class SectionForces(NamedTuple):
@@ -242,11 +238,14 @@ def section_of(space: Space, record: Pretension) -> BoltSection:
     """Return the section of a record. Raises CaseError for sides that are no skins, that meet, or are not covered."""
     mesh = space.local
     faces = _faces(mesh, record, sides_of(mesh, record)[0]), _faces(mesh, record, sides_of(mesh, record)[1])
-    a, b = map(_nodes, faces)
+    a, b = (side.distinct_nodes for side in faces)
     shared = np.intersect1d(a, b)
     if len(shared):
-        message = f"its sides share nodes {_numbers(mesh, shared)}, where the faces end inside the body: a bolt is "
-        raise wrong(record, f"{message}shortened at faces that go all through it; add those that are missing")
+        message = (
+            f"its sides share nodes {some(mesh.node_number[shared], limit=8)}, where the faces end inside the body"
+        )
+        advice = "a bolt is shortened at faces that go all through it; add those that are missing"
+        raise wrong(record, f"{message}: {advice}")
     n, centre = _normal(space, record, faces[0]), _centre(mesh, faces[0])
     pairs = None if _is_cut(mesh, record) else _partners(mesh, *faces)
     if pairs is None:
@@ -274,15 +273,6 @@ def _faces(mesh: Mesh, record: Pretension, name: str) -> Faces:
     return faces
 
 
-def _nodes(faces: Faces) -> Ints:
-    return np.unique(faces.nodes[faces.nodes >= 0])
-
-
-def _numbers(mesh: Mesh, nodes: Ints) -> str:
-    more = f" and {len(nodes) - 8} more" if len(nodes) > 8 else ""
-    return ", ".join(str(number) for number in mesh.node_number[nodes[:8]]) + more
-
-
 def _is_cut(mesh: Mesh, record: Pretension) -> bool:
     """True if side a has been cut into macro-elements."""
     return is_cut(mesh) and bool((Cut(mesh).macro_of_face[mesh.cells_of(sides_of(mesh, record)[0])] >= 0).any())
@@ -295,7 +285,7 @@ def _partners(mesh: Mesh, one: Faces, other: Faces) -> Ints | None:
     """
     if len(one) != len(other):
         return None
-    nodes = np.union1d(_nodes(one), _nodes(other))
+    nodes = Faces.stack([one, other]).distinct_nodes
     x = mesh.points[nodes]
     place = np.full(mesh.n_nodes + 1, -1)  # one more, for the padding's -1
     place[nodes] = same_place(x, _PLACE * float(np.ptp(x, axis=0).max()))

@@ -61,7 +61,7 @@ class Spread:
     @cached_property
     def J(self) -> NDArray[np.floating]:
         """Moments of inertia (a, a) of the weights about the axes."""
-        return self._inertia(self.r.T @ (self.w[:, None] * self.r))
+        return self.inertia(self.r.T @ (self.w[:, None] * self.r))
 
     @cached_property
     def gyration(self) -> float:
@@ -97,7 +97,7 @@ class Spread:
         size[2] *= np.sign(np.linalg.det(U) * np.linalg.det(V)) or 1.0
         sign = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ V))])
         R = U @ sign @ V
-        return R, self._inertia(U @ np.diag(size) @ sign @ U.T)
+        return R, self.inertia(U @ np.diag(size) @ sign @ U.T)
 
     def mean(self, u: Floats) -> NDArray[np.floating]:
         """Return the mean displacement (3,)."""
@@ -156,7 +156,8 @@ class Spread:
     def _moment(self, arm: Floats, v: Floats) -> NDArray[np.floating]:
         return (self.w @ np.cross(arm, v))[self.axes]
 
-    def _inertia(self, S: Floats) -> NDArray[np.floating]:
+    def inertia(self, S: Floats) -> NDArray[np.floating]:
+        """Return tr(S) 1 - S (a, a) about the axes, of S (3, 3)."""
         return (np.trace(S) * np.eye(3) - S)[np.ix_(self.axes, self.axes)]
 
 

@@ -18,7 +18,7 @@ from lacsolver.case.keys import Section
 from lacsolver.case.records import AtNodes
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equations import Equations
-from lacsolver.space.places import nodes_of, wrong
+from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
 
 _COMPONENTS = ("ux", "uy", "uz")
@@ -53,11 +53,6 @@ def carried(record: Equation, forces: Floats) -> float:
         return float(forces[0])
     by_component = forces.reshape(-1, len(record.same or ()))
     return float((np.abs(by_component).sum() + np.abs(by_component.sum(axis=0)).sum()) / 2)
-
-
-def in_words(record: Equation, _row: int = 0) -> str:
-    """Return an equation in words, with its line."""
-    return f"equation {record.name!r}" + (f" ({record.place})" if record.place else "")
 
 
 def _sum(space: Space, record: Equation, nodes: Ints) -> Equations:

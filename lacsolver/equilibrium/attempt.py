@@ -106,8 +106,9 @@ def _turns_round(step: LoadStep, extrapolated: Iterate, now: Iterate, tolerance:
     A material with a history is then elastic again, and its tangent at the extrapolated state is of flow that is over.
     Raises InadmissibleError.
     """
-    merits = [residual_of(step.linearize(one.q), one, tolerance).merit for one in (extrapolated, now)]
-    return merits[0] > merits[1]
+    # the extrapolated state last: mostly the search goes on from there, and its skins are paired by then
+    before, ahead = (residual_of(step.linearize(one.q), one, tolerance).merit for one in (now, extrapolated))
+    return ahead > before
 
 
 def _predictor(step: LoadStep, now: Iterate) -> Linearization:

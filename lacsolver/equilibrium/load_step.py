@@ -153,9 +153,8 @@ class LoadStep:
         out = np.zeros((len(system.pairs), space.dim))
         for k, group in enumerate(system.pairs):
             assert group.pair is not None and group.face is not None
-            nodes = group.pair.zone.slave.faces.nodes
             force = -(group.face.all_rows.T @ p[group.every]).reshape(-1, space.dim)
-            out[k] = force[np.unique(nodes[nodes >= 0])].sum(axis=0)
+            out[k] = force[group.pair.zone.slave.faces.distinct_nodes].sum(axis=0)
         return out
 
     def commit(self, q: Floats, p: Floats, active: NDArray[np.bool_], contact: ContactSystem) -> Histories:

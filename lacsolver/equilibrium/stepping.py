@@ -305,12 +305,11 @@ def _zone_with_friction(
     assert group.shear is not None and face is not None and face.B_T is not None and face.frame is not None
     zone, w = _zone(group, rows, contact.above_threshold[group.rows], space), contact.rows.w[group.rows]
     force = -(face.B_T.T @ slid.t.ravel()).reshape(-1, space.dim)
-    nodes = face.zone.slave.faces.nodes
     friction = ZoneFriction(
         face.frame, slid.t, slid.slip, slid.kept.path,
         np.divide(np.linalg.norm(slid.t, axis=1), slid.bound, out=np.zeros(len(w)), where=slid.bound > 0),
         slid.kept.dissipation / w, (float(slid.energy.sum()), float(slid.kept.dissipation.sum())),
-        force[np.unique(nodes[nodes >= 0])].sum(axis=0),
+        force[face.zone.slave.faces.distinct_nodes].sum(axis=0),
     )  # fmt: skip
     status = np.where(slid.slides & (zone.status == CONTACT), SLIDES, zone.status).astype(np.int8)
     traction = zone.traction - friction.in_space(slid.t)

@@ -131,7 +131,7 @@ def _zone_fields(
     status = on_faces(np.asarray(zone.status, np.int32), zone.macro, -1)
     yield _Field(f"{name}.status", ("status",), False, status, faces)
     yield _Field(f"{name}.contact_force", tuple(f"D{a}" for a in axes), True, zone.contact_force, everywhere)
-    slave = np.unique(zone.surface.faces.nodes[zone.surface.faces.nodes >= 0])
+    slave = zone.surface.faces.distinct_nodes
     on_slave = (_Support("NOE", 1, slave, slave),)
     yield _Field(f"{name}.{_LONGEST}", ("pressure",), True, zone.pressure_recovered, on_slave)
     if zone.shear_recovered is not None:

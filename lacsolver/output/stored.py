@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -34,10 +35,11 @@ def stored_fields(folder: Path) -> StoredFields:
 
 
 class StoredVtu:
-    """Fields in VTU files."""
+    """Fields in VTU files. What all times have in one file, series and tables, is read once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder, self._entries = folder, read_pvd(folder / f"{SOLID}.pvd")
+        self._series, self._table = cache(read_pvd), cache(_contact_table)
 
     @property
     def times(self) -> Sequence[float]:
@@ -51,9 +53,11 @@ class StoredVtu:
         nodal = _vectors(solid, solid.node_data)
         contact = {}
         for zone, stem in contact_stems(zones).items():
-            skin = next((e.file for e in read_pvd(self._folder / f"{stem}.pvd") if same_time(e.time, time)), None)
+            series = self._series(self._folder / f"{stem}.pvd")
+            skin = next((entry.file for entry in series if same_time(entry.time, time)), None)
             if skin is not None:
-                contact[zone] = _of_skin(solid, read(self._folder / skin), _rows_at(self._folder / f"{stem}.csv", time))
+                rows = _rows_at(self._table(self._folder / f"{stem}.csv"), time)
+                contact[zone] = _of_skin(solid, read(self._folder / skin), rows)
         stress = solid.node_data["stress"]
         stress = stress[:, :4] if solid.dim == 2 else stress
         moving = (nodal.get("velocity"), nodal.get("acceleration"))
@@ -62,10 +66,10 @@ class StoredVtu:
 
 
 class StoredMed:
-    """Fields in results.med."""
+    """Fields in results.med; tables of contacts are read once."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._mesh = folder, read(folder / MED)
+        self._folder, self._mesh, self._table = folder, read(folder / MED), cache(_contact_table)
         steps = self._mesh.steps.values()
         self._times = sorted({step.time for step in steps if step.field == "DEPL"})
 
@@ -83,7 +87,7 @@ class StoredMed:
         for zone, stem in contact_stems(zones).items():
             pressure = mesh.cell_data[now[f"{zone}.pressure"]].reshape(-1)
             surface = Surface.of(mesh, np.flatnonzero(np.isfinite(pressure)))
-            rows = _rows_at(self._folder / f"{stem}.csv", time)
+            rows = _rows_at(self._table(self._folder / f"{stem}.csv"), time)
             macro = _places(mesh.cell_data["lac_macro"][surface.cell], rows["macro"])
             recovered = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
             contact[zone] = _zone(surface, macro, rows, nodal[f"{zone}.contact_force"], recovered)
@@ -140,11 +144,16 @@ def _vectors(mesh: Mesh, values: Mapping[str, NDArray]) -> dict[str, NDArray[np.
     return {k: np.asarray(v, float)[:, :d] for k, v in values.items() if v.ndim == 2 and v.shape[1] >= d}
 
 
-def _rows_at(path: Path, time: float) -> dict[str, NDArray[np.floating]]:
-    """Return the rows (m,) of a contact's table at a time, by column. Raises ReadError."""
+def _contact_table(path: Path) -> dict[str, NDArray[np.floating]]:
+    """Return the columns of a contact's table. Raises ReadError."""
     table = read_table(path)
     if not set(CONTACT_COLUMNS) <= set(table):
         raise ReadError(path, "is no table of a contact")
+    return table
+
+
+def _rows_at(table: Mapping[str, NDArray], time: float) -> dict[str, NDArray[np.floating]]:
+    """Return the rows (m,) of a contact's table at a time, by column."""
     at = np.array([same_time(t, time) for t in table["time"]], bool)
     return {name: values[at] for name, values in table.items()}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -34,7 +34,7 @@ from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
 from lacsolver.pictures.frames import DrawnSurface
-from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, without_frame
+from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
 from lacsolver.pictures.profiles import along
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
 from lacsolver.pictures.skins import SkinView, macro_places, outlines, rings_of, views_of
@@ -63,9 +63,14 @@ def check_plot(path: Path, dim: int) -> None:
     """Raise RequestError if no picture can be drawn: another file than .png, a package that is missing."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a picture is written as .png")
-    for package in ("matplotlib", "pyvista")[: dim - 1]:
-        if find_spec(package) is None:
-            raise RequestError(f"a plot needs {package}; pip install 'lacmesh[view]' brings it")
+    missing = missing_packages(dim)
+    if missing:
+        raise RequestError(f"a plot needs {missing[0]}; pip install 'lacmesh[view]' brings it")
+
+
+def missing_packages(dim: int) -> list[str]:
+    """Return the packages that pictures of a model of a dimension need, and that are not installed."""
+    return [package for package in ("matplotlib", "pyvista")[: dim - 1] if find_spec(package) is None]
 
 
 def check_plot_of(case: Case, path: Path) -> None:
@@ -121,6 +126,15 @@ def stored_at(times: Sequence[float], time: float | None) -> int:
         some = ", ".join(f"{t:g}" for t in times[:8]) + (f", ... {times[-1]:g}" if len(times) > 8 else "")
         raise RequestError(f"no fields were written at t = {time:g}; there are {some}")
     return near[0]
+
+
+def pictures_of(
+    states: Iterable[tuple[Mesh, Fields]], field: str, scale: ColourScale, units: Units, title: str | None = None
+) -> list[ContactPicture]:
+    """Return pictures of a field at several times, to one scale of colours and with one magnification."""
+    drawn = [ContactPicture.of(mesh, fields, field, (), units, title=title, scale=scale) for mesh, fields in states]
+    times = min(picture.times for picture in drawn)
+    return [replace(picture, magnified=times) for picture in drawn]
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +262,7 @@ class ContactPicture:
         scene = make_scene(mesh, skins, values=shown, bodies="ghost", camera=self.camera)
         labels = []
         if len(self.zones) > 1:
-            points = (x[_nodes(zone)].mean(axis=0) for zone in self.zones.values())
+            points = (x[zone.surface.faces.distinct_nodes].mean(axis=0) for zone in self.zones.values())
             labels = [
                 Label((p[0], p[1], p[2]), readable(name), "44546a") for name, p in zip(self.zones, points, strict=True)
             ]
@@ -310,8 +324,7 @@ class ContactPicture:
 
     def on_faces(self, zone: ZoneFields) -> NDArray[np.floating]:
         """Return the value of each face of a zone (f,), NaN where there is none."""
-        values = np.append(self.quantity.of(zone), np.nan)
-        return np.asarray(values[np.where(zone.macro >= 0, zone.macro, -1)])
+        return _on_faces(zone, self.quantity.of(zone))
 
     def _draw_skin(self, axes: Any, name: str, zone: ZoneFields, view: SkinView) -> None:
         """Draw a skin laid flat, in colours, with the outlines of macro-elements and arrows of shear."""
@@ -345,23 +358,14 @@ class ContactPicture:
         start = (k + 1) * np.arange(len(view.rows))[:, None]
         around = np.arange(k)
         fan = np.stack(np.broadcast_arrays(start + around, start + (around + 1) % k, start + k), axis=-1).reshape(-1, 3)
-        corners = view.paper.reshape(-1, 2)
         real = (points[fan[:, 0]] != points[fan[:, 1]]).any(axis=1) & np.isfinite(value[fan]).all(axis=1)
-        if real.any() and len(corners):
-            triangles = import_module("matplotlib.tri").Triangulation(*points.T, fan[real])
-            known = np.nan_to_num(value, nan=self.scale.low)
-            axes.tripcolor(
-                triangles, known, shading="gouraud", norm=self.scale.norm, cmap=self.scale.bar.cmap, rasterized=True
-            )
+        shade(axes, points, fan[real], value, self.scale)
 
     def _zoom_skin(self, axes: Any, view: SkinView, zone: ZoneFields) -> None:
-        pressed = np.append(zone.pressure, 0.0)[np.where(zone.macro[view.rows] >= 0, zone.macro[view.rows], -1)] != 0
-        if not (self.zoom and pressed.any()):
-            return
-        points = view.paper[pressed].reshape(-1, 2)
-        low, high = points.min(axis=0), points.max(axis=0)
-        margin = _MARGIN * (high - low).max()
-        axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+        pressed = np.nan_to_num(_on_faces(zone, zone.pressure))[view.rows] != 0
+        if self.zoom and pressed.any():
+            window = _window(view.paper[pressed].reshape(-1, 2))
+            axes.set(xlim=window[:, 0], ylim=window[:, 1])
 
     def _add_skin_arrows(self, axes: Any, zone: ZoneFields, view: SkinView) -> str:
         """Add arrows of the shear on the master; return a line that explains them, "" if there are none."""
@@ -396,7 +400,7 @@ class ContactPicture:
         quantity = QUANTITIES["pressure"] if status else self.quantity
         s, values = along(ends, _on_faces(zone, quantity.of(zone)), X)
         axes.plot(s, values, color=_INK, linewidth=1.4, label="macro-elements", zorder=4)
-        if quantity.unit == "stress" and quantity.label != "shear traction of friction":
+        if quantity.unit == "stress" and not quantity.friction:
             self._add_curves(axes, zone, ends, X)
         low, high = quantity.range_of(self.zones.values()) if status else (self.scale.low, self.scale.high)
         if zone.friction is not None and quantity.unit == "stress":
@@ -470,11 +474,6 @@ def _on_faces(zone: ZoneFields, values: Floats) -> NDArray[np.floating]:
     return np.append(np.asarray(values, float), np.nan)[np.where(zone.macro >= 0, zone.macro, -1)]
 
 
-def _nodes(zone: ZoneFields) -> Ints:
-    nodes = zone.surface.faces.nodes
-    return np.unique(nodes[nodes >= 0])
-
-
 def _plain(text: str) -> str:
     """Return text in which a dollar is only a dollar for matplotlib."""
     return readable(text).replace("$", r"\$")
@@ -485,8 +484,11 @@ def pressed_window(zones: Any, x: Floats) -> NDArray[np.floating] | None:
     faces = [zone.surface.faces.nodes[_on_faces(zone, zone.pressure) > 0] for zone in zones]
     pressed = np.concatenate([nodes.ravel() for nodes in faces])
     points = x[pressed[pressed >= 0]]
-    if not len(points):
-        return None
+    return _window(points) if len(points) else None
+
+
+def _window(points: Floats) -> NDArray[np.floating]:
+    """Return the corners (2, d) of a box around points (n, d), with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = _MARGIN * (high - low).max()
     return np.stack([low - margin, high + margin])
@@ -510,7 +512,7 @@ def _closed(mesh: Mesh, u: Floats, zones: Any) -> float:
     x, largest = mesh.points + u, 0.0
     for zone in zones:
         rows = np.flatnonzero(np.nan_to_num(_on_faces(zone, zone.pressure)) != 0)
-        others = np.flatnonzero((body >= 0) & ~np.isin(body, body[_nodes(zone)]))
+        others = np.flatnonzero((body >= 0) & ~np.isin(body, body[zone.surface.faces.distinct_nodes]))
         if len(rows) and len(others):
             corners = zone.surface.faces.nodes[rows, :2]
             near = others[tree(x[others]).query(x[corners].mean(axis=1))[1]]

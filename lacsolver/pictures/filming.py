@@ -34,7 +34,7 @@ from lacsolver.output.names import HISTORY, MODES_PVD
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
-from lacsolver.pictures.drawing import ContactPicture
+from lacsolver.pictures.drawing import pictures_of
 from lacsolver.pictures.frames import COLOURS, SHAPE, DrawnSurface, Frame, Frames, even_times, read_frames, read_mode
 from lacsolver.pictures.plane import draw_bodies, draw_faces, level_out, without_frame
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale, quantity_of
@@ -164,12 +164,8 @@ def _contact_images(
     scale = ColourScale.of(quantity, zones, units)
     if not scale.states:
         scale = replace(scale, **_ends(ends, log, (scale.low, scale.high)))
-    pictures = [
-        replace(ContactPicture.of(mesh, fields, field, units=units, title=title, scale=scale), camera=camera)
-        for mesh, fields in states
-    ]
-    magnified = min(picture.times for picture in pictures)
-    return [_image(replace(picture, magnified=magnified).figure(path)) for picture in pictures]
+    pictures = pictures_of(states, field, scale, units, title)
+    return [_image(replace(picture, camera=camera).figure(path)) for picture in pictures]
 
 
 def _tiled(images: list[Any]) -> Any:

@@ -34,13 +34,18 @@ def draw_bodies(axes: Any, surface: DrawnSurface, x: Floats, value: Floats, scal
     if not whole.all():
         plain = x[surface.triangles[~whole]]
         axes.add_collection(import_module("matplotlib.collections").PolyCollection(plain, color=_PLAIN, linewidth=0.3))
-    if whole.any():
-        triangles = import_module("matplotlib.tri").Triangulation(*x.T, surface.triangles[whole])
-        known = np.nan_to_num(value, nan=scale.low)
-        axes.tripcolor(triangles, known, shading="gouraud", norm=scale.norm, cmap=scale.bar.cmap, rasterized=True)
+    shade(axes, x, surface.triangles[whole], value, scale)
     axes.add_collection(lines(x[surface.edges], color=_INK, linewidth=0.25, alpha=0.35))
     axes.add_collection(lines(x[surface.outline], color=_INK, linewidth=0.8))
     axes.add_collection(lines(x[surface.segments], color=_SEGMENTS, linewidth=2.5, capstyle="round"))
+
+
+def shade(axes: Any, x: Floats, triangles: Ints, value: Floats, scale: ColourScale) -> None:
+    """Draw triangles (t, 3) of points x (p, 2) in the colours of values (p,), which are interpolated between them."""
+    if len(triangles):
+        drawn = import_module("matplotlib.tri").Triangulation(*x.T, triangles)
+        known = np.nan_to_num(value, nan=scale.low)
+        axes.tripcolor(drawn, known, shading="gouraud", norm=scale.norm, cmap=scale.bar.cmap, rasterized=True)
 
 
 def draw_faces(axes: Any, pieces: NDArray, values: Floats, scale: ColourScale) -> None:

@@ -108,7 +108,7 @@ def _rigid(problem: Problem) -> NDArray[np.bool_]:
 def _nodes(space: Space, record: Initial) -> Ints:
     if record.groups is None:
         return np.flatnonzero(space.attached)
-    nodes = nodes_on(space, np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
+    nodes = nodes_on(space.mesh, np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
     if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the groups {', '.join(map(repr, record.groups))} are empty; name some that have cells")
     return nodes

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from html import escape
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from lacsolver.output.names import HISTORY
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import read_table
-from lacsolver.pictures.drawing import ContactPicture
+from lacsolver.pictures.drawing import ContactPicture, missing_packages, pictures_of
 from lacsolver.pictures.frames import even_times
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale
 from lacsolver.reporting.model import model_frame
@@ -124,11 +123,7 @@ class FinishedRun:
         """Pictures of the pressure at those times, to one scale and with one magnification."""
         zones = [zone for _, fields in self.states for zone in fields.zones.values()]
         scale = ColourScale.of(QUANTITIES["pressure"], zones, self.units)
-        drawn = [
-            ContactPicture.of(mesh, fields, "pressure", units=self.units, scale=scale) for mesh, fields in self.states
-        ]
-        times = min(picture.times for picture in drawn)
-        return [replace(picture, magnified=times) for picture in drawn]
+        return pictures_of(self.states, "pressure", scale, self.units)
 
     @property
     def case_text(self) -> str:
@@ -196,14 +191,12 @@ def _warnings(run: FinishedRun) -> Iterator[ReportBlock]:
 
 def _pictures(run: FinishedRun, path: Path) -> Iterator[ReportBlock]:
     """Yield pictures of the last time: the pressure and the status of each zone."""
-    needed = ("matplotlib", "pyvista")[: run.pictures[-1].mesh.dim - 1]
-    missing = [package for package in needed if find_spec(package) is None]
+    mesh, fields = run.states[-1]
+    missing = missing_packages(mesh.dim)
     if missing:
         yield blocks.sentence(f"Pictures need {' and '.join(missing)}; pip install 'lacmesh[view]' brings them.")
         return
-    _, fields = run.states[-1]
     for field in ("pressure", "status"):
-        mesh = run.states[-1][0]
         drawn = run.pictures[-1] if field == "pressure" else ContactPicture.of(mesh, fields, field, (), run.units)
         try:
             source = address_of(drawn.png(path))

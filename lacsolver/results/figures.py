@@ -40,7 +40,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
     if stress is None and yields(problem):
         stress = problem.kinematics.stress(state.u, state.time, state.history)
     pairs = [
-        (zone, pair.zone.slave.faces.nodes, pair.places(space, state.u)[:, : space.dim])
+        (zone, pair.zone.slave.faces.distinct_nodes, pair.places(space, state.u)[:, : space.dim])
         for pair, zone in zip(problem.joints, state.zones, strict=True)
     ]
     return StepFigures(
@@ -50,10 +50,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         residuals=state.residuals,
         reactions=problem.constraints.reactions(state.reaction, state.equations),
         probes={name: probe(space, state.u, nodes) for name, nodes in problem.probes.items()},
-        contact={
-            zone.name: zone_figures(zone, np.unique(nodes[nodes >= 0]), x + space.origin[: space.dim])
-            for zone, nodes, x in pairs
-        },
+        contact={zone.name: zone_figures(zone, nodes, x + space.origin[: space.dim]) for zone, nodes, x in pairs},
         balance=balance(
             (zone.force, x)
             for (zone, _, x), pair in zip(pairs, problem.joints, strict=True)

@@ -276,8 +276,7 @@ class ZoneFields(Described):
     @property
     def resultant(self) -> Floats:
         """Resultant (d,) of the contact forces on the slave."""
-        nodes = self.surface.faces.nodes
-        total: Floats = self.contact_force[np.unique(nodes[nodes >= 0])].sum(axis=0)
+        total: Floats = self.contact_force[self.surface.faces.distinct_nodes].sum(axis=0)
         return total
 
     def _title(self) -> str:

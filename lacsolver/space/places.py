@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Equation
@@ -36,7 +36,7 @@ def nodes_of(space: Space, record: OfNodes) -> Ints:
         return space.own_nodes(_node_at(space, record, np.array(at)))
     assert record.group is not None  # the schema asks for a group where there is no `at`
     cells = cells_of(space, record)
-    nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space, cells)
+    nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space.mesh, cells)
     if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the group {record.group!r} is empty; name one that has cells or nodes")
     return space.own_nodes(nodes)
@@ -62,10 +62,10 @@ def cells_of(space: Space, record: OfNodes) -> Ints | None:
     raise wrong(record, f"no {what} named {group!r}{did_you_mean(group, known)}")
 
 
-def nodes_on(space: Space, cells: Ints) -> Ints:
+def nodes_on(mesh: Mesh, cells: Ints) -> Ints:
     """Return the sorted nodes (k,) of some cells (indices)."""
-    chosen = np.zeros(space.mesh.n_nodes, bool)
-    for _, _, nodes in space.mesh.select(cells):
+    chosen = np.zeros(mesh.n_nodes, bool)
+    for _, _, nodes in mesh.select(cells):
         chosen[nodes] = True
     return np.flatnonzero(chosen)
 
@@ -85,7 +85,15 @@ def where_of(record: Entry) -> str:
 def said(record: Entry) -> str:
     """Describe a record in a message: `displacement 'left' (press.toml, line 12)`."""
     name = getattr(record, "group", None)
-    which = repr(name) if name else name_of(record)
+    return _with_line(record, repr(name) if name else name_of(record))
+
+
+def in_words(record: Entry, _row: int = 0) -> str:
+    """Describe a record that has a name in a message, as each row of its equations: `coupling 'head' (line 12)`."""
+    return _with_line(record, repr(name_of(record)))
+
+
+def _with_line(record: Entry, which: str) -> str:
     return f"{record.SECTION.name} {which}" + (f" ({record.place})" if record.place else "")
 
 
@@ -104,7 +112,7 @@ def _node_at(space: Space, record: Entry, at: Floats) -> Ints:
     """Return the node (1,) at a place; none (0,) if another process has it."""
     points = space.mesh.points[:, : space.dim]
     candidate = np.zeros(len(points), bool)
-    candidate[nodes_on(space, np.flatnonzero(space.mesh.cell_dim > 0))] = True
+    candidate[nodes_on(space.mesh, np.flatnonzero(space.mesh.cell_dim > 0))] = True
     away = np.linalg.norm(points - at, axis=1)
     near = away <= _NEAR * space.extent
     place = _written(at)
