@@ -128,7 +128,7 @@ def transform(deck: DeckContent, card: Card) -> None:
     _, nodes = deck.names.nodes(card.needed("NSET"), None)
     kind = card.word("TYPE") or "R"
     row = card.first("six coordinates")
-    a, b = (np.array([row.number(k, "a coordinate", 0.0) for k in some]) for some in ((0, 1, 2), (3, 4, 5)))
+    a, b = _two_points(row)
     if kind == "R":
         if not np.linalg.norm(np.cross(a, b)) > _FLAT * np.linalg.norm(a) * np.linalg.norm(b):
             raise Refused("the two points of *TRANSFORM are on one line with the origin; give two that are not", row)
@@ -140,6 +140,12 @@ def transform(deck: DeckContent, card: Card) -> None:
     else:
         raise Refused(f"axes are rectangular (TYPE=R) or cylindrical (TYPE=C), and not {kind}")
     deck.systems.append(LocalSystem(np.asarray(nodes), axes, card))
+
+
+def _two_points(row: DeckLine) -> tuple[np.ndarray, np.ndarray]:
+    """Return the two points (3,) of a line of six coordinates, 0 where they are left out."""
+    x = np.array([row.number(k, "a coordinate", 0.0) for k in range(6)])
+    return x[:3], x[3:]
 
 
 def coupling(deck: DeckContent, card: Card) -> None:
@@ -249,7 +255,7 @@ def cyclic_model(deck: DeckContent, card: Card) -> None:
     if card.options.get("ELSET", ""):
         deck.note(card, "the fields of the whole ring are written if the case says ring = true")
     row = card.first("two points of the axis")
-    a, b = (np.array([row.number(k, "a coordinate", 0.0) for k in some]) for some in ((0, 1, 2), (3, 4, 5)))
+    a, b = _two_points(row)
     if not (b - a).any():
         raise Refused("the two points of the axis are the same", row)
     which.count, which.origin, which.axis = int(card.number("N")), a, b - a

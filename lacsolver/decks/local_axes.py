@@ -10,6 +10,7 @@ import numpy as np
 from lacmesh.mesh import Floats, Ints
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.draft import CaseDraft
+from lacsolver.space.axes import cartesian, cylindrical
 
 
 def directions_at(draft: CaseDraft, node: int) -> Floats:
@@ -17,19 +18,12 @@ def directions_at(draft: CaseDraft, node: int) -> Floats:
     axes = axes_of(draft, node)
     if axes is None:
         return np.eye(3)
-    x = draft.groups.mesh.points[node]
-    if "axis" in axes:
-        z = np.array(axes["axis"]) / np.linalg.norm(axes["axis"])
-        arm = x - np.array(axes["origin"])
-        arm -= (arm @ z) * z
-        if not np.linalg.norm(arm) > 0:
-            raise Refused(f"node {draft.groups.mesh.node_number[node]} is on the axis of its *TRANSFORM")
-        r = arm / np.linalg.norm(arm)
-        return np.array([r, np.cross(z, r), z])
-    first = np.array(axes["x"]) / np.linalg.norm(axes["x"])
-    second = np.array(axes["xy"]) - (np.array(axes["xy"]) @ first) * first
-    second /= np.linalg.norm(second)
-    return np.array([first, second, np.cross(first, second)])
+    if "axis" not in axes:
+        return cartesian(axes, 3)
+    (directions,), (radius,) = cylindrical(axes, draft.groups.mesh.points[[node]])
+    if not radius > 0:
+        raise Refused(f"node {draft.groups.mesh.node_number[node]} is on the axis of its *TRANSFORM")
+    return directions
 
 
 def axes_of(draft: CaseDraft, node: int) -> dict[str, list[float]] | None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import some
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Floats, Ints
 from lacsolver.case.entry import Entry
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -28,18 +28,26 @@ def directions(space: Space, record: Entry, nodes: Ints) -> NDArray[np.floating]
         return np.tile(np.eye(space.dim), (len(nodes), 1, 1))
     if "axis" not in axes:
         return np.tile(cartesian(axes, space.dim), (len(nodes), 1, 1))
-    z = np.array(axes["axis"]) / np.linalg.norm(axes["axis"])
-    arm = space.mesh.points[nodes]
-    arm[:, : space.dim] -= np.array(axes["origin"])
-    arm -= (arm @ z)[:, None] * z
-    radius = np.linalg.norm(arm, axis=1)
+    rows, radius = cylindrical(axes, space.mesh.points[nodes])
     on = radius <= _ON_AXIS * space.extent
     if on.any():
         numbers = some(space.mesh.node_number[nodes[on]])
         raise wrong(record, f"nodes {numbers} are on the axis of its axes, where r and theta have no direction")
-    r = arm / radius[:, None]
-    rows = np.stack([r, np.cross(z, r), np.broadcast_to(z, r.shape)], axis=1)
     return rows[:, : space.dim, : space.dim]
+
+
+def cylindrical(axes: Mapping[str, Any], x: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return the directions r, theta, z (k, 3, 3) of cylindrical axes at points x (k, 3), and their radii (k,).
+
+    On the axis, where the radius is 0, r and theta are 0.
+    """
+    z, origin = np.array(axes["axis"]) / np.linalg.norm(axes["axis"]), np.zeros(3)
+    origin[: len(axes["origin"])] = axes["origin"]
+    arm = x - origin
+    arm -= (arm @ z)[:, None] * z
+    radius = np.linalg.norm(arm, axis=1)
+    r = arm / np.where(radius > 0, radius, 1.0)[:, None]
+    return np.stack([r, np.cross(z, r), np.broadcast_to(z, r.shape)], axis=1), radius
 
 
 def cartesian(axes: Mapping[str, Any] | None, dim: int) -> NDArray[np.floating]:
