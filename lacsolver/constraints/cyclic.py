@@ -13,7 +13,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
-from scipy.spatial import cKDTree
 
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.case.case import Case
@@ -82,7 +81,7 @@ def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:
     x_s, x_m = mesh.points[slave], mesh.points[master]
     angles = [sign * 2 * np.pi / record.sectors for sign in (1, -1)]
     turned = [turn_of(record.altered(angle=angle), dim).places(x_m) for angle in angles]
-    away = [cKDTree(x).query(x_s)[0] for x in turned]
+    away = [_nearest(x, x_s)[0] for x in turned]
     best = int(np.argmin([d.mean() for d in away]))
     apart = _about_axis(record, dim, x_s, turned[best])
     if not apart <= _APART * max(_spacing(x_s), _spacing(x_m)):
@@ -105,7 +104,7 @@ def _matching(mesh: Mesh, record: Cyclic, turn: Turn) -> tuple[Ints, Ints] | Non
     x, turned, pairs = mesh.points, turn.places(mesh.points), []
     size = max(float(np.ptp(x[rows.ravel()], axis=0).max()) for rows in slaves.values())
     for kind, rows in slaves.items():
-        away, which = cKDTree(turned[masters[kind]].mean(axis=1)).query(x[rows].mean(axis=1))
+        away, which = _nearest(turned[masters[kind]].mean(axis=1), x[rows].mean(axis=1))
         partner = masters[kind][which]
         apart = np.linalg.norm(x[rows][:, :, None] - turned[partner][:, None], axis=3)
         at = apart.argmin(axis=2)
@@ -134,13 +133,13 @@ def _about_axis(record: Cyclic, dim: int, slave: Floats, master: Floats) -> floa
     theta = np.cross(record.axis, arm)
     size = np.linalg.norm(theta, axis=1, keepdims=True)
     theta = np.divide(theta, size, out=np.zeros_like(theta), where=size > 0)
-    away = master[cKDTree(master).query(slave)[1]] - slave
+    away = master[_nearest(master, slave)[1]] - slave
     return float(np.abs((away * theta).sum(axis=1)).mean())
 
 
 def _spacing(x: Floats) -> float:
     """Return the median distance of points (n, 3) from their neighbours."""
-    return float(np.median(cKDTree(x).query(x, 2)[0][:, 1])) if len(x) > 1 else np.inf
+    return float(np.median(_nearest(x, x, 2)[0][:, 1])) if len(x) > 1 else np.inf
 
 
 def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
@@ -151,3 +150,11 @@ def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
 def _rotation(record: Cyclic, angle: float) -> NDArray[np.floating]:
     axis = np.array(record.axis) / np.linalg.norm(record.axis)
     return np.eye(3) + turn(angle * axis)
+
+
+def _nearest(points: Floats, places: Floats, count: int = 1) -> tuple[Floats, Ints]:
+    """Return the distances and rows of the nearest points of some places: (k,) of one, (k, count) of more."""
+    # imported where used, for it takes a tenth of the start of a run
+    from scipy.spatial import cKDTree
+
+    return cKDTree(points).query(places, count)
