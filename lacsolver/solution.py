@@ -11,6 +11,7 @@ of the stiffness again as far as the new case leaves them unchanged.
 from __future__ import annotations
 
 import logging
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -39,6 +40,7 @@ from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
+from lacsolver.results.step_table import StepTable
 from lacsolver.results.units import NO_UNITS, Units
 
 _LOG = logging.getLogger("lacsolver")
@@ -266,8 +268,9 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     """Solve a case on a mesh and return its last state; slaves that are not cut are cut here.
 
     `case`: a case, or the path of a case file. `mesh`: a mesh, or the path of its file; None for the one that the case
-    names. `progress`: show a bar on stderr. Solved again with the same mesh and another case, what the change leaves as
-    it was is taken again: the cut, the pairing, the stiffness and its factor.
+    names. `progress`: show a bar on stderr, or where that is no terminal a line for each step.
+    Solved again with the same mesh and another case, what the change leaves as it was is taken again: the cut, the
+    pairing, the stiffness and its factor.
 
     Raises CaseError, ReadError, CutError, DataError and RequestError for what is wrong in the case or the mesh, and
     NotConvergedError.
@@ -295,10 +298,22 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     case = as_case(case)
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
-    with _progress(case.steps.last if progress else None) as report:
+    bar = progress and _shows_bars()
+    table = StepTable.of(case) if progress and not bar else None
+    with _progress(case.steps.last if bar else None) as report:
         for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
+            if table is not None:
+                print(*table.lines(number, step_figures(problem, state)), sep="\n", file=sys.stderr, flush=True)
             yield Solution.of(problem, state, number)
+
+
+def _shows_bars() -> bool:
+    """Return True if stderr is a terminal, or the output that of a notebook."""
+    from rich.console import Console
+
+    console = Console(stderr=True)
+    return console.is_terminal or console.is_jupyter
 
 
 @contextmanager

@@ -50,7 +50,7 @@ def add_resultants(rows: Any, loads: Sequence[Resultant], t: float) -> None:
 def _figures(results: Results) -> Iterator[tuple[str, str]]:
     steps = results.steps
     halvings, iterations = (sum(getattr(step, name) for step in steps) for name in ("halvings", "iterations"))
-    yield "steps", f"{len(steps):,}" + (f", {halvings:,} halvings" if halvings else "")
+    yield "steps", f"{len(steps):,}" + (f", {halvings:,} cutbacks" if halvings else "")
     yield "iterations", f"{iterations:,}"
     if steps:
         force, moment = np.max([step.balance for step in steps], axis=0)

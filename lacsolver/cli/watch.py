@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.terminal import tell
+from lacsolver.results.step_table import StepTable
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
@@ -19,9 +20,6 @@ if TYPE_CHECKING:
 SHOWN = 8
 #: least time between two updates of the iterations, in seconds
 _PAUSE = 0.1
-#: columns of the table of steps: heading, width
-_COLUMNS = (("step", 5), ("time", 11), ("iterations", 12), ("halvings", 10), ("balance", 9))
-_OF_ZONES = (("in contact", 16), ("max pressure", 14))
 
 
 class Watch:
@@ -34,8 +32,7 @@ class Watch:
     def __init__(self, case: Case, *, quiet: bool) -> None:
         self.time: float | None = None
         self._quiet, self._end = quiet, case.steps.last
-        self._zones = bool(case.contact or case.ties)
-        self._steps = 0
+        self._table, self._steps = StepTable.of(case), 0
         self._iterations: deque[Progress] = deque(maxlen=SHOWN)
         self._begun, self._shown = time.perf_counter(), 0.0
         self._live: Any = None
@@ -77,23 +74,8 @@ class Watch:
         self._steps += 1
         self._iterations.clear()
         if not self._quiet:
-            if self._steps == 1:
-                print(self._header())
-            print(self._line(step), flush=True)
-
-    def _header(self) -> str:
-        return "".join(f"{name:>{wide}}" for name, wide in (*_COLUMNS, *(_OF_ZONES if self._zones else ())))
-
-    def _line(self, step: StepFigures) -> str:
-        """Return a row of the table of steps."""
-        cells = [f"{self._steps:,}", f"{step.time:.6g}", f"{step.iterations:,}", f"{step.halvings:,}"]
-        cells.append(f"{max(step.balance):.1e}")
-        if self._zones:
-            zones = step.contact.values()
-            active, every = sum(z.active for z in zones), sum(z.active + z.open + z.unpaired for z in zones)
-            cells += [f"{active:,} of {every:,}", f"{max(z.pressure_max for z in zones):.6g}"]
-        columns = (*_COLUMNS, *(_OF_ZONES if self._zones else ()))
-        return "".join(f"{cell:>{wide}}" for cell, (_, wide) in zip(cells, columns, strict=True))
+            for line in self._table.lines(self._steps, step):
+                print(line, flush=True)  # a log is read while it grows
 
     def _now(self) -> Any:
         """Return the display of the current step and its iterations."""

@@ -174,7 +174,7 @@ def _facts(run: FinishedRun) -> ReportBlock:
     return blocks.facts(
         (
             fact("status", summary["status"], f"to t = {last:.6g}", "met" if done else "missed"),
-            fact("steps", f"{len(steps):,}", f"{iterations:,} iterations, {halved:,} halvings"),
+            fact("steps", f"{len(steps):,}", f"{iterations:,} iterations, {halved:,} cutbacks"),
             fact("in contact", f"{closed:,}", f"of {every:,} macro-elements"),
             fact("largest pressure", _number(top), run.units.stress),
             fact("balance of contact forces", _number(balance), "relative, largest of all steps"),
@@ -286,7 +286,7 @@ def _convergence(run: FinishedRun) -> Iterator[ReportBlock]:
     yield title("Convergence")
     x = tuple(step["time"] for step in steps)
     counts = Line("iterations", x, tuple(float(step["iterations"]) for step in steps))
-    halved = Line("halvings", x, tuple(float(step["halvings"]) for step in steps))
+    halved = Line("cutbacks", x, tuple(float(step["halvings"]) for step in steps))
     longest = sorted(steps, key=lambda step: -len(step["residuals"]))[:4]
     residuals = [
         _numbered(f"step to {step['time']:.6g}", step["residuals"])

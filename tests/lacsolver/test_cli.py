@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import pty
@@ -10,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 
@@ -107,7 +109,7 @@ def test_run_writes_the_results_beside_the_case_and_says_so(folder, capsys):
     assert zone["pressure_min"] == pytest.approx(1.0, rel=1e-9) and zone["pressure_max"] == pytest.approx(1.0, rel=1e-9)
     lines = out.out.splitlines()
     assert lines[0].split() == [
-        *("step", "time", "iterations", "halvings", "balance"),
+        *("step", "time", "iterations", "cutbacks", "balance"),
         *("in", "contact", "max", "pressure"),
     ]
     step = told["steps"][0]
@@ -126,6 +128,53 @@ def test_every_step_has_a_line(folder, capsys):
     assert main(["run", "case.toml"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in lines[1:5]] == [["1", "0.25"], ["2", "0.5"], ["3", "0.75"], ["4", "1"]]
+
+
+FRICTION = GOOD.replace('master = "master"\n', 'master = "master"\nfriction = 0.3\n')
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_log_has_a_line_for_each_step_and_nothing_that_moves(folder, quiet):
+    """Output of a batch job: no terminal, standard output and error in one file."""
+    (folder / "case.toml").write_text(FRICTION + "[steps]\ncount = 3\n")
+    with command("run", "case.toml", *(["-q"] if quiet else []), stderr=subprocess.STDOUT) as child:
+        log, _ = child.communicate(timeout=300)
+    assert child.returncode == 0, log
+    if quiet:
+        assert log == ""
+        return
+    assert "\x1b" not in log and "\r" not in log and "iteration " not in log
+    heading, *lines = log.splitlines()[:4]
+    columns = re.split(r"  +", heading.strip())
+    assert columns[:5] == ["step", "time", "iterations", "cutbacks", "balance"]
+    assert columns[5:] == ["in contact", "sticking", "sliding", "max pressure"]
+    with (folder / "case" / "history.csv").open() as file:
+        history = list(csv.DictReader(file))
+    for line, step, row in zip(lines, results(folder / "case")["steps"], history, strict=True):
+        cells = dict(zip(columns, re.split(r"  +", line.strip()), strict=True))
+        friction = [int(row[f"contact.joint.{name}"]) for name in ("sticking", "sliding")]
+        assert float(cells["time"]) == pytest.approx(step["time"], rel=1e-5)
+        assert [cells["iterations"], cells["cutbacks"]] == [str(step["iterations"]), str(step["halvings"])]
+        assert cells["in contact"] == f"{sum(friction)} of 3"
+        assert [int(cells["sticking"]), int(cells["sliding"])] == friction
+
+
+def test_a_terminal_shows_iterations_and_keeps_a_line_for_each_step(folder):
+    (folder / "case.toml").write_text(FRICTION + "[steps]\ncount = 3\n")
+    ours, theirs = pty.openpty()
+    env = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120"}
+    with command("run", "case.toml", stdout=theirs, stderr=theirs, text=False, env=env) as child:
+        os.close(theirs)
+        shown = b""
+        with suppress(OSError):  # the other end is closed
+            while piece := os.read(ours, 4096):
+                shown += piece
+    os.close(ours)
+    assert child.returncode == 0
+    text = shown.decode()
+    assert re.search(r"towards t = \S+ of 1", text) and "\x1b[2K" in text  # the display that is erased again
+    kept = re.findall(r"\x1b\[2K +(\d) +(?:0\.\d+|1) +\d+ +0 +\S+ +\d of 3.*\n", text)
+    assert kept == ["1", "2", "3"]
 
 
 def test_quiet_prints_nothing(folder, capsys):

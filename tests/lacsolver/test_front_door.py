@@ -335,9 +335,16 @@ def test_steps_are_logged(mesh, caplog):
     assert said.count("INFO") == 1 and "DEBUG" in said
 
 
-def test_a_bar_is_shown_where_it_is_asked_for(mesh, capsys):
+def test_a_bar_is_shown_where_it_is_asked_for(mesh, capsys, monkeypatch):
+    monkeypatch.setattr("lacsolver.solution._shows_bars", lambda: True)
     ls.solve(case_of(), mesh, progress=True)
     assert "t = 1" in capsys.readouterr().err
+
+
+def test_in_a_log_each_step_is_a_line(mesh, capsys):
+    ls.solve(case_of(), mesh, progress=True)
+    heading, line = capsys.readouterr().err.splitlines()
+    assert heading.split()[:3] == ["step", "time", "iterations"] and line.split()[:2] == ["1", "1"]
 
 
 @pytest.mark.vtk
