@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from lacsolver.problem.resultants import Resultant
     from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
+#: rigid-body modes without support that are listed
+_MODES = 3
+
 
 def print_summary(results: Results, folder: Path, fields: str) -> None:
     """Print the summary of a finished run; `fields`: the format of its fields."""
@@ -33,6 +36,8 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
         if results.overlap.get(zone, 0.0) > 0:
             rows.add_row("deepest overlap at the start", f"{results.overlap[zone]:.6g}")
     if last:
+        for name, value in _joints(last):
+            rows.add_row(name, value)
         add_resultants(rows, results.loads, last.time)
     console().print(rows)
     opened = "results.med for Salome" if fields == "med" else "solid.pvd for ParaView"
@@ -61,8 +66,10 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
         if steps[-1].work is not None:
             yield "work", ", ".join(f"{name} {value:.6g}" for name, value in steps[-1].work._asdict().items())
         yield "largest displacement", f"{steps[-1].displacement:.6g}"
-    for motion in results.held:
+    for motion in results.held[:_MODES]:
         yield "rigid-body mode without support", motion
+    if len(results.held) > _MODES:
+        yield "", f"and {len(results.held) - _MODES} more, which `lacsolver validate` lists"
     if results.sizes:
         yield "sizes", ", ".join(f"{count:,} {name.replace('_', '-')}" for name, count in results.sizes.items())
     phases = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in results.timings.items())
@@ -89,6 +96,23 @@ def _zone(zone: ZoneFigures) -> Iterator[tuple[str, str]]:
     yield "contact area", f"{zone.contact_area:.6g}"
     yield "force on the slave", _vector(zone.resultant)
     yield "its moment", _vector(zone.moment)
+    if zone.friction is not None:
+        rubbing = zone.friction
+        states = f"{rubbing.sticking:,} macro-elements stick, {rubbing.sliding:,} slide"
+        yield "friction", f"{states}; largest slip of the step {rubbing.slip_max:.6g}"
+        yield "friction on the slave", _vector(rubbing.friction)
+
+
+def _joints(step: StepFigures) -> Iterator[tuple[str, str]]:
+    """Yield what bolts, couplings and equations carry at the end of a step."""
+    for name, bolt in step.pretension.items():
+        yield f"bolt {name}", f"force {bolt.force:.6g}, shortening {bolt.shortening:.6g}"
+    for name, point in step.couplings.items():
+        yield f"coupling {name}", f"moved by {_vector(point.displacement)}; force {_vector(point.force)}"
+        if point.moment.size:
+            yield "", f"turned by {_vector(point.rotation)}; moment {_vector(point.moment)}"
+    for name, force in step.equations.items():
+        yield f"equation {name}", f"force {force:.6g}"
 
 
 def _span(low: float, high: float) -> str:

@@ -123,6 +123,20 @@ def test_run_writes_the_results_beside_the_case_and_says_so(folder, capsys):
     assert re.search(r"largest displacement 0\.00\d+ rigid-body mode without support 'upper' moves along y", text)
 
 
+def test_the_summary_tells_friction_and_what_joints_carry(folder, capsys):
+    text = GOOD.replace('master = "master"\n', 'master = "master"\nfriction = 0.3\n')
+    point = '[[coupling]]\nname = "load"\ngroup = "top"\nat = [0.0, 2.0]\nfx = 0.1\nfy = -0.2\n'
+    equation = '[[equation]]\nname = "level"\ngroup = "top"\nsame = ["uy"]\n'
+    (folder / "case.toml").write_text(text + point + equation)
+    assert main(["run", "case.toml"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    zone = results(folder / "case")["contact"]["joint"]
+    stick, slide = zone["sticking"], zone["sliding"]
+    assert f"friction {stick} macro-elements stick, {slide} slide; largest slip of the step" in printed
+    assert re.search(r"coupling load moved by \S+, \S+; force 0\.1, -0\.2 turned by \S+; moment ", printed)
+    assert "equation level force" in printed and stick + slide == zone["active"] > 0
+
+
 def test_every_step_has_a_line(folder, capsys):
     (folder / "case.toml").write_text(GOOD + "[steps]\ncount = 4\n")
     assert main(["run", "case.toml"]) == 0
