@@ -27,6 +27,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create_output
 from lacsolver.output.states import scatter_state
 from lacsolver.problem.first_look import doubts
+from lacsolver.problem.opening import inexact_friction, opening_angles
 from lacsolver.problem.overlap import scarcely_covered, start_of
 from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
@@ -128,6 +129,7 @@ class RunOutput:
         self._orders = orders_of(problem.constraints, points)
         faces, self._number = _undeformed(problem), 0
         self._starts = {pair.name: start_of(pair, faces[pair.name], problem.space) for pair in problem.joints}
+        self._angles = [opening_angles(pair, faces[pair.name], problem.space.share) for pair in problem.joints]
         self._writer: Writer | None = None
         self._last: State | None = None
         self._compressed: Floats | None = None
@@ -239,8 +241,16 @@ class RunOutput:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)
             yield from alternating(problem, last)
+            yield from self._inexact(last)
             if not problem.kinematics.finite:
                 yield from filter(None, [beyond_a_cell(problem.space, last.u)])
+
+    def _inexact(self, last: State) -> Iterator[str]:
+        """Yield a warning for each zone whose friction is inexact at the end, as its gap closed at an angle."""
+        for pair, angles, zone in zip(self._problem.joints, self._angles, last.zones, strict=True):
+            bounds = pair.bounds(self._problem.space, last.time)
+            if angles is not None and bounds is not None:
+                yield from filter(None, [inexact_friction(pair.name, angles, bounds, zone.pressure)])
 
     def _softened(self) -> tuple[str, ...]:
         """Return warnings about bodies that a step so far has crushed, of all processes."""

@@ -27,6 +27,7 @@ from lacsolver.linear import choose
 from lacsolver.problem import acting
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
+from lacsolver.problem.opening import inexact_friction, opening_angles
 from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
@@ -168,7 +169,7 @@ def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tupl
         assert space is not None
         with validation.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            validation.zones.append(_zone_found(pair, face, space))
+            validation.zones.append(_zone_found(pair, face, space, case.steps.planned[0]))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
@@ -177,15 +178,25 @@ def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tupl
     return faces
 
 
-def _zone_found(joint: ContactPair, face: Interface, space: Space) -> ZoneFound:
+def _zone_found(joint: ContactPair, face: Interface, space: Space, t: float) -> ZoneFound:
     start = start_of(joint, face, space)
     record, on = joint.record, joint.above_threshold(face)
     gap = face.gap[on] if on.any() else np.array([np.nan])
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
         start.covered, (float(gap.min()), float(gap.max())), start.overlap, record.why,
-        start.told,
+        (*start.told, *_opening(joint, face, space, t)),
     )  # fmt: skip
+
+
+def _opening(pair: ContactPair, face: Interface, space: Space, t: float) -> Iterator[str]:
+    """Yield a warning if friction would be inexact wherever the gap of a pair closed, under a pressure of 1."""
+    angles, bounds = opening_angles(pair, face, space.share), pair.bounds(space, t)
+    if angles is not None and bounds is not None:
+        coulomb = bounds._replace(
+            cohesion=np.where(bounds.friction > 0, 0.0, np.inf), limit=np.full(len(angles), np.inf)
+        )
+        yield from filter(None, [inexact_friction(pair.name, angles, coulomb, np.ones(len(angles)))])
 
 
 def _look_at_motions(

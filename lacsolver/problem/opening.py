@@ -1,0 +1,55 @@
+"""Gaps that open at an angle, as between a cylinder and a plane: there friction on undeformed skins is inexact.
+
+With `geometry = "reference"` the traction p n + t e is along the undeformed slave. Skins that are at an angle phi to
+each other touch along a plane that is at up to phi to it once they are pressed together, so that up to p phi of t are
+no friction, and count against its bound b: t is off by up to p phi / b of the bound, phi / mu for Coulomb's law, in any
+number of steps. Skins that touch in the mesh, and skins that a `clearance` alone keeps apart, are parallel.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.mesh import Floats
+from lacmesh.surface.normals import normals_of
+from lacsolver.contact import Interface
+from lacsolver.contact.faces import tangents, unit
+from lacsolver.contact.friction import Bounds
+from lacsolver.contact.shear import integrals
+from lacsolver.distributed.share import Share
+from lacsolver.problem.pair import ContactPair
+
+#: gap, of a macro-element's size, below which it is that of flat faces on curved skins
+_SMALL = 0.05
+#: part of the bound that friction may be off by
+_MUCH = 0.1
+
+
+def opening_angles(pair: ContactPair, face: Interface, share: Share) -> NDArray[np.floating] | None:
+    """Return the angle (m,) between the mean normals of slave and master over each macro-element, in radians.
+
+    `face`: interface of the undeformed skins. 0 where the gap is small; None for a pair without friction, and for one
+    that is paired again on deformed skins.
+    """
+    if pair.moving or not pair.pairing.friction:
+        return None
+    points = face.points
+    other = unit(normals_of(tangents(face.master, points.master, points.xi_master)))
+    sums = share.total(integrals(points.normal + other, points.macro, face.weight, len(face.w)))
+    apart = np.divide(np.linalg.norm(sums, axis=1), face.w, out=np.zeros_like(face.w), where=face.w > 0)
+    return np.where(face.gap > _SMALL * face.length, 2 * np.arcsin(np.minimum(apart / 2, 1.0)), 0.0)
+
+
+def inexact_friction(name: str, angles: Floats, bounds: Bounds, p: Floats) -> str:
+    """Return a warning where friction may be off by much at angles (m,) and pressures p (m,); "" if it is nowhere."""
+    bound = bounds.at(p)[0]
+    part = np.divide(p * angles, bound, out=np.zeros_like(p), where=bound > 0)
+    worst = int(part.argmax()) if len(part) else 0
+    if not part.max(initial=0.0) > _MUCH:
+        return ""
+    return (
+        f"friction of contact {name!r} may be off by up to {100 * part[worst]:.2g} % of its bound where a gap closes "
+        f"between skins that are at an angle of {np.degrees(angles[worst]):.2g} degrees to each other in the mesh; "
+        'take geometry = "current", or flat skins with the gap as a clearance'
+    )
