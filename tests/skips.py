@@ -107,6 +107,7 @@ NEEDS = {
     "petsc": _no_petsc,
     "calculix": lambda: _no_program("ccx", "calculix-ccx"),
     "index": _no_index,
+    "paraview": lambda: _no_program("pvbatch", "paraview python3-paraview") or _no_program("Xvfb", "xvfb"),
     "felupe": lambda: _no_package("felupe"),
     "ngsolve": lambda: _no_package("ngsolve"),
     "mfem": lambda: _no_package("mfem"),
@@ -116,7 +117,7 @@ NEEDS = {
 
 
 #: what a test may lack even under `make test`
-FORGIVEN = ("shared", "index", "docs", "felupe", "ngsolve", "mfem", "compiler")
+FORGIVEN = ("shared", "index", "paraview", "docs", "felupe", "ngsolve", "mfem", "compiler")
 
 
 def missing(item):

@@ -40,7 +40,7 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
             rows.add_row(name, value)
         add_resultants(rows, results.loads, last.time)
     console().print(rows)
-    opened = "results.med for Salome" if fields == "med" else "solid.pvd for ParaView"
+    opened = "results.med for Salome" if fields == "med" else "paraview_state.py for ParaView"
     print(f"results: {folder} (results.json, history.csv, {opened})")
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 
 RESULTS, HISTORY, MED = "results.json", "history.csv", "results.med"
 SOLID, CONTACT, RING = "solid", "contact_", "ring"
+#: the state of ParaView: a module of this package, which is copied
+PARAVIEW = "paraview_state.py"
 #: files of `lacsolver modes`
 MODES, MODES_PVD = "modes.json", "modes.pvd"
 #: subfolders: of the VTU files, and of the last state tried by a run that failed
@@ -16,7 +18,8 @@ FIELDS, UNCONVERGED = "fields", "unconverged"
 _STATE = re.compile(r"state_(\d{4,})\.npz")
 _VTU = re.compile(r"(?:solid|ring|contact_.+)_(\d{4,})(?:\.vtu|\.pvtu|\.r\d{5}\.vtu)")
 _OURS = re.compile(
-    r"results\.json|history\.csv|results\.med|solid\.pvd|ring\.pvd|contact_.+\.(?:csv|pvd)|state_\d{4,}\.npz"
+    r"results\.json|history\.csv|results\.med|solid\.pvd|ring\.pvd|paraview_state\.py|contact_.+\.(?:csv|pvd)"
+    r"|state_\d{4,}\.npz"
 )
 #: names of results while they are written, hidden: a stem that may be shortened, a token, a suffix
 _HIDDEN = re.compile(

@@ -1,4 +1,4 @@
-"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, and a VTU file for each time of each.
+"""Fields for ParaView: solid.pvd, contact_NAME.pvd on the slave skins, a VTU file for each time of each, and a state.
 
 Displacements, forces and normals have three components, and stresses six (xx yy zz xy yz xz, VTK's order), in plane
 models too, so that ParaView takes them for vectors and tensors. Points are undeformed.
@@ -21,7 +21,7 @@ from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
-from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_stems, vtu_file
+from lacsolver.output.names import FIELDS, PARAVIEW, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
 from lacsolver.output.ring import ring_of
@@ -62,6 +62,8 @@ class VtuSeries:
         for zone, stem in contact_stems(fields.zones).items():
             of_zone = fields.zones[zone]
             self._add(stem, self._part(stem, of_zone), _nodal(of_zone, fields), _by_face(of_zone), fields.time, number)
+        if not (self._folder / PARAVIEW).exists():
+            replace_file(self._folder / PARAVIEW, Path(__file__).with_name(PARAVIEW).read_bytes())
 
     def _part(self, stem: str, zone: ZoneFields | None) -> Part:
         if stem not in self._parts:
