@@ -143,6 +143,7 @@ class RunOutput:
             roles={pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints},
             overlap={name: one.overlap for name, one in self._starts.items()},
             units=problem.case.output.units or "",
+            adjusted=problem.adjusted,
         )
 
     def continued(self, start: Restart, mesh: Mesh) -> Restart:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
 from lacsolver.problem import acting
+from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.first_look import MotionFound, motion_found
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.opening import inexact_friction, opening_angles
@@ -48,7 +49,8 @@ class ZoneFound:
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
     `overlap`: largest penetration of the slave into the master, 0 without overlap. `why`: why the slave was chosen, ""
-    where the case says which it is. `told`: warnings.
+    where the case says which it is. `told`: warnings. `adjusted`: how far slave nodes were moved onto the master, None
+    where the case does not ask for it; the other figures are of the mesh after that.
     """
 
     name: str
@@ -62,6 +64,7 @@ class ZoneFound:
     overlap: float = 0.0
     why: str = ""
     told: tuple[str, ...] = ()
+    adjusted: Adjustment | None = None
 
 
 @dataclass(repr=False)
@@ -169,7 +172,8 @@ def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tupl
         assert space is not None
         with validation.looking(pair.record.place):
             face = pair.integrate(space, np.zeros(space.n_dof), case.steps.planned[0])
-            validation.zones.append(_zone_found(pair, face, space, case.steps.planned[0]))
+            zone = _zone_found(pair, face, space, case.steps.planned[0])
+            validation.zones.append(replace(zone, adjusted=parts.adjusted.get(pair.name)))
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)

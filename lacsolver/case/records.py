@@ -223,6 +223,10 @@ class Contact(PairEntry):
     clearance: As[Value, ValueLike] = key(
         VALUE, "length", "added to the gap; negative: interference", Value(0.0), "0.0"
     )
+    adjust: float | None = key(
+        POSITIVE, "length", "slave nodes within this distance of the master are moved onto it, without strain", None,
+        "none are moved",
+    )  # fmt: skip
     friction: As[Value, ValueLike] = key(
         not_negative(infinite=True),
         "",

@@ -12,6 +12,7 @@ from lacmesh.cli.terminal import console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
+    from lacsolver.problem.adjust import Adjustment
     from lacsolver.problem.resultants import Resultant
     from lacsolver.results.results import Results, StepFigures, ZoneFigures
 
@@ -31,6 +32,8 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
         slave, master, why = results.roles.get(zone, ("", "", ""))
         if why:
             rows.add_row("slave chosen", f"{slave}, with master {master}: {why}")
+        if zone in results.adjusted:
+            rows.add_row("slave nodes adjusted", adjusted_in_words(results.adjusted[zone]))
         for name, value in _zone(figures):
             rows.add_row(name, value)
         if results.overlap.get(zone, 0.0) > 0:
@@ -50,6 +53,13 @@ def add_resultants(rows: Any, loads: Sequence[Resultant], t: float) -> None:
         rows.add_section()
     for load in loads:
         rows.add_row(f"resultant, t = {t:g}", f"{load.section} {load.where}: {_vector(np.array(load.force))}")
+
+
+def adjusted_in_words(moved: Adjustment) -> str:
+    """Describe how far slave nodes were moved onto the master."""
+    if not moved.count:
+        return "none: all within the distance are on the master"
+    return f"{moved.count:,}, by {moved.largest:.4g} at most, {moved.mean:.4g} in the mean"
 
 
 def _figures(results: Results) -> Iterator[tuple[str, str]]:

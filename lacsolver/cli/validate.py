@@ -128,6 +128,10 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
     yield "tie" if zone.tie else "contact", f"{zone.name}: slave {zone.slave}, master {zone.master}"
     if zone.why:
         yield "slave chosen", zone.why
+    if zone.adjusted is not None:
+        from lacsolver.cli.summary import adjusted_in_words
+
+        yield "slave nodes adjusted", adjusted_in_words(zone.adjusted)
     paired = f"{zone.macros - zone.unpaired:,} of {zone.macros:,} face the master"
     yield "macro-elements", f"{paired}; {100 * zone.covered:.4g} % of the slave is covered"
     if zone.unpaired < zone.macros:

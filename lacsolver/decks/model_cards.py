@@ -182,12 +182,24 @@ def _with_friction(deck: DeckContent) -> tuple[Interaction, int]:
 
 def contact_pair(deck: DeckContent, card: Card) -> None:
     """Take pairs of a slave and a master; slaves that are surfaces of nodes become the faces on these nodes."""
+    keys: dict[str, Any] = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
     if "ADJUST" in card.options:
-        raise Refused("nodes of the slave are not moved (ADJUST); move them in the mesh, or give a *CLEARANCE")
-    keys = {"geometry": "reference"} if "SMALLSLIDING" in card.options else {}
+        keys["adjust"] = _adjust(deck, card)
     for row in card.rows:
         slave, master = _skins(deck, card, row)
         deck.pairs.append(Pair(slave, master, card.options.get("INTERACTION", ""), keys, card))
+
+
+def _adjust(deck: DeckContent, card: Card) -> float:
+    """Return the distance within which nodes of the slave are moved onto the master. Raises Refused."""
+    text = card.options["ADJUST"]
+    if key_of(text) in deck.names.deck.node_sets:
+        message = f"ADJUST={text} names a set of nodes, and lacsolver moves those within a distance"
+        raise Refused(f"{message}; give that, as ADJUST=0.01")
+    distance = card.number("ADJUST")
+    if not distance > 0:
+        raise Refused(f"the distance of ADJUST should be positive, not {distance:g}; give the largest gap or overlap")
+    return distance
 
 
 def tie(deck: DeckContent, card: Card) -> None:

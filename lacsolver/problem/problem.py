@@ -7,7 +7,7 @@ and for a validation alike; `march` solves for the rest.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -31,6 +31,7 @@ from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.constraints.pretension import BoltSection, section_of
 from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
+from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import law_of
@@ -49,6 +50,8 @@ MED_NODES = 5_000_000
 class Problem(Described):
     """The problem of a case on its mesh; built by `Problem.of`. `joints`: contacts, then ties, in the case's order.
 
+    `adjusted`: by contact, how far slave nodes were moved onto the master in the mesh of `space`.
+
     >>> from lacsolver import read_case
     >>> problem = Problem.of(read_case("data/two_blocks.toml"))
     >>> problem.space.n_dof, [pair.name for pair in problem.joints]
@@ -61,6 +64,7 @@ class Problem(Described):
     constraints: Constraints
     joints: tuple[ContactPair, ...]
     source: Mesh | None = None
+    adjusted: Mapping[str, Adjustment] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -81,7 +85,8 @@ class Problem(Described):
         assert parts.space is not None and parts.materials is not None and parts.constraints is not None
         for pair in parts.pairs:
             check_hypothesis(parts.case, pair, parts.space, parts.constraints, parts.materials)
-        return cls(parts.case, parts.space, parts.materials, parts.constraints, tuple(parts.pairs), source)
+        pairs = tuple(parts.pairs)
+        return cls(parts.case, parts.space, parts.materials, parts.constraints, pairs, source, parts.adjusted)
 
     def shares_bodies_with(self, other: Problem) -> bool:
         """True if another problem has the same bodies: cells, materials, springs and temperatures."""
@@ -156,6 +161,7 @@ class ProblemParts:
     materials: Materials | None = None
     constraints: Constraints | None = None
     pairs: list[ContactPair] = field(default_factory=list)
+    adjusted: Mapping[str, Adjustment] = field(default_factory=dict)
 
 
 def build(
@@ -188,6 +194,7 @@ def build(
         return parts
     if like is not None and _same_space(case, source, like, distribution):
         parts.mesh, parts.prepared, parts.space = like.space.mesh, True, like.space
+        parts.adjusted = like.adjusted
     else:
         like = None
         _space(case, parts, attempt, distribution)
@@ -211,13 +218,14 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
 
     def settings(case: Case) -> tuple:
         skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.ties))
-        return case.model, case.thickness, skins, [record.group for record in case.pretension]
+        moves = [(record.adjust, record.surface, record.crease_angle) for record in case.contact if record.adjust]
+        return case.model, case.thickness, skins, moves, [record.group for record in case.pretension]
 
     return distribution is UNDIVIDED and like.source is mesh and settings(case) == settings(like.case)
 
 
 def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Distribution) -> None:
-    """Check and cut the mesh of `parts`, and make its space."""
+    """Check and cut the mesh of `parts`, move its slave nodes onto their masters, and make its space."""
     with attempt(""):
         check_mesh(case, parts.mesh)
     with attempt(""):
@@ -227,6 +235,7 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
         parts.mesh, share = distribution.take(parts.mesh, case.skins)
         if share.own is not None:
             _check_shared(case, share)
+        parts.mesh, parts.adjusted = adjusted(case, parts.mesh, share.origin)
         parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
 
 

@@ -20,6 +20,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacsolver.constraints.coupling import CouplingState
 from lacsolver.constraints.pretension import SectionForces
+from lacsolver.problem.adjust import Adjustment
 from lacsolver.problem.resultants import Resultant
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, State, StepState, Work, ZoneFriction, ZoneState
 
@@ -167,7 +168,8 @@ class Results(Described):
     run, rigid-body motions that only contact constrains, in words. `roles`: by zone its slave, its master, and why the
     slave was chosen, "" where the case says which it is. `loads`: for a finished run, the resultant of
     each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
-    `units`: the names of units that the case gives.
+    `units`: the names of units that the case gives. `adjusted`: by zone, how far slave nodes were moved onto the
+    master.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -187,6 +189,7 @@ class Results(Described):
     loads: tuple[Resultant, ...] = ()
     overlap: Mapping[str, float] = field(default_factory=dict)
     units: str = ""
+    adjusted: Mapping[str, Adjustment] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

@@ -11,7 +11,20 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from lacmesh import Mesh
-from tests.lacsolver.key_meshes import apart, bolted, cube, overhang, pair, plane, punch, roof, tower, towers, wedge
+from tests.lacsolver.key_meshes import (
+    apart,
+    bolted,
+    cube,
+    gapped,
+    overhang,
+    pair,
+    plane,
+    punch,
+    roof,
+    tower,
+    towers,
+    wedge,
+)
 
 
 class KeyCase(NamedTuple):
@@ -566,6 +579,8 @@ value = 2.0
 [[probe]]
 group = "top"
 """
+#: a gap that is closed before the solution
+ADJUSTED = SOFT.format(law="adjust = 0.02")
 SOFT_LAWS = {
     "linear": 'law = "linear"\nstiffness = 400.0',
     "exponential": 'law = "exponential"\npressure_at_contact = 0.5\nclearance_at_zero = 0.002',
@@ -859,6 +874,7 @@ CASES = {
     "glued": KeyCase(lambda: overhang(0.6), GLUED),
     "strain": KeyCase(plane, STRAIN),
     "yielding": KeyCase(cube, YIELDING),
+    "adjusted": KeyCase(gapped, ADJUSTED),
     **{f"soft {name}": KeyCase(plane, SOFT.format(law=law)) for name, law in SOFT_LAWS.items()},
     "round": KeyCase(plane, ROUND),
     "measured": KeyCase(plane, MEASURED),

@@ -503,6 +503,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "glued": check_glued,
     "strain": check_strain,
     "yielding": check_yielding,
+    "adjusted": partial(check_soft, overlap=0.0),
     "soft linear": partial(check_soft, overlap=2.0 / 400),
     "soft exponential": partial(check_soft, overlap=_of_exponential()),
     "soft table": partial(check_soft, overlap=0.005),

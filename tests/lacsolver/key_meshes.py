@@ -82,6 +82,12 @@ def plane(slave="QUAD8", master="TRIA3"):
 
 
 @cache
+def gapped():
+    """Two blocks, one above the other with a gap of 0.01."""
+    return stack("QUAD8", "TRIA3", 2, counts=(3, 2), gap=0.01)
+
+
+@cache
 def roof():
     """A slave of two faces that slope to both sides of x = 1/2, by 1/4; the master above is flat and twice as wide."""
     mesh = stack("QUAD4", "QUAD4", 2, counts=(2, 1), even=True, gap=0.5)

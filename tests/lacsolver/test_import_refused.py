@@ -121,7 +121,12 @@ REFUSED = {
     ),
     "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
-    "adjust": (SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=0.1\nTOP, LOW\n", "", "CONTACT PAIR", "ADJUST"),
+    "adjusted set": (
+        SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=B_Z1\nTOP, LOW\n", "", "CONTACT PAIR", "those within a dist",
+    ),
+    "adjust by nothing": (
+        SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=0.\nTOP, LOW\n", "", "CONTACT PAIR", "should be positive",
+    ),
     "interaction": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n", "", "CONTACT PAIR", "SURFACE INTERACTION"),
     "slave of a node": (
         SURFACES + "*SURFACE, NAME=ONE, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nONE, LOW\n",

@@ -78,3 +78,15 @@ def test_with_the_slave_of_one_face_the_block_turns(tmp_path):
     (problem,) = validate(replace(made.case, contact=[before]), made.mesh).problems
     assert "nothing holds a part of the model" in problem.message
     assert not validate(made.case, made.mesh).problems
+
+
+def test_the_nodes_of_a_slave_are_moved_onto_the_master(tmp_path):
+    """A gap of 0.01 that ADJUST closes: the block goes down by its own strain and the overlap, without the gap."""
+    text = pressed(above=(2, 2, 2)).replace("TYPE=SURFACE TO SURFACE", "TYPE=SURFACE TO SURFACE, ADJUST=0.02")
+    lines = [line.replace(", 1.0", ", 1.01") if line.endswith(", 1.0") and line[0] == "1" and "," in line and
+             int(line.split(",")[0]) > 10000 else line for line in text.splitlines()]  # fmt: skip
+    found = solved(tmp_path, "\n".join(lines) + "\n")
+    assert found.made.case.contact[0].adjust == 0.02
+    assert found.problem.adjusted["U"].count == 9
+    np.testing.assert_allclose(found.problem.adjusted["U"].largest, 0.01, rtol=1e-9)
+    np.testing.assert_allclose(found.zone.pressure, P, rtol=1e-3)

@@ -18,7 +18,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import step_figures
-from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases, soft_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
@@ -36,7 +36,8 @@ def problem_of(name):
     if name in CASES:
         case = CASES[name]
         return text_of(case, case.world), case.mesh()
-    text, mesh = (moving_cases.RIGID | moving_cases.CASES | friction_cases.CASES | plastic_cases.CASES)[name]
+    others = (moving_cases, friction_cases, plastic_cases, soft_cases)
+    text, mesh = {**moving_cases.RIGID, **{k: v for one in others for k, v in one.CASES.items()}}[name]
     return text + "[solver]\nthreads = 1\n", mesh()
 
 

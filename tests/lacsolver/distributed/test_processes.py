@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases
+from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases, soft_cases
 from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
@@ -68,6 +68,14 @@ def test_several_processes_find_the_flow_that_one_finds(n, backend):
         assert one["sets"] and one["closed"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
         assert one["flow"] <= BOUNDS["u"], one
+
+
+@pytest.mark.parametrize(("n", "backend"), [(2, "mumps"), (3, "multigrid")])
+def test_several_processes_find_the_contact_that_one_finds(n, backend):
+    """Slave nodes are moved alike by all processes."""
+    for one in compared(n, backend, [*soft_cases.CASES]):
+        assert one["sets"] and one["closed"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
 
 
 def compared(n, backend, names):
