@@ -12,8 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 _THREADS = 8
-#: least number of rows or cells for a thread: fewer take less time than its start
-_WORTH = 64
+#: least number of rows or cells for a thread: fewer take less time than its start and what each thread does in Python
+_WORTH = 256
 
 T = TypeVar("T")
 

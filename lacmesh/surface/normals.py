@@ -29,7 +29,8 @@ def normals_of(J: Floats) -> Floats:
     """(..., 3): normals from tangents J (..., 3, 1 or 2); their length is the Jacobian."""
     if J.shape[-1] == 1:
         return np.stack([J[..., 1, 0], -J[..., 0, 0], np.zeros(J.shape[:-2])], axis=-1)
-    return np.cross(J[..., 0], J[..., 1])
+    (ax, bx), (ay, by), (az, bz) = np.moveaxis(J, (-2, -1), (0, 1))  # np.cross takes several times as long
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def smoothed(surface: Surface, crease_angle: float | None) -> Floats:

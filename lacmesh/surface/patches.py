@@ -7,6 +7,7 @@ that is not convex in its mean plane is split into two triangles.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,8 @@ Bools = NDArray[np.bool_]
 _STEPS = np.array([0.2, 0.8])
 #: corners nearer than this, against the patch, are one: the direction of so short an edge would be rounding
 _SAME = 1e-8
+#: name under which a surface keeps its patches
+_KEPT = "patches"
 
 
 class Patches(NamedTuple):
@@ -53,7 +56,14 @@ class Patches(NamedTuple):
 
 
 def patches(surface: Surface) -> Patches:
-    """Divide a surface into patches, sorted by face."""
+    """Divide a surface into patches, sorted by face. They are kept with it, as its pairing and its edges need them."""
+    if _KEPT not in surface.__dict__:
+        surface.__dict__[_KEPT] = _divided(surface)
+    kept: Patches = surface.__dict__[_KEPT]
+    return kept
+
+
+def _divided(surface: Surface) -> Patches:
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates: such faces have no patch
         G = coefficients(surface)
         kind, warp, curved = kinds(G, surface.n_corners)
@@ -81,6 +91,7 @@ def _grids(surface: Surface, level: Ints) -> tuple[Ints, Ints, Floats]:
     return face[order], np.concatenate(ns)[order], np.concatenate(xis)[order]
 
 
+@cache
 def reference_grid(family: str, n: int) -> Floats:
     """(cells, 4, 2): the reference element of a family divided into n parts per side; the cells have its winding.
 

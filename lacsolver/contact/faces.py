@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,9 +34,17 @@ def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
 
 def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
-    out = np.empty((len(face), 3, surface.dim))
-    for rows, name, nodes in by_type(surface, face):
-        out[rows] = surface.x[nodes].transpose(0, 2, 1) @ gradient(name, xi[rows, : surface.dim])
+    return tangents_of((surface,), face, xi)[0]
+
+
+def tangents_of(surfaces: Sequence[Surface], face: Ints, xi: Floats) -> list[NDArray[np.floating]]:
+    """Return the tangents, as `tangents` does, of the same faces of a surface in several configurations."""
+    first = surfaces[0]
+    out = [np.empty((len(face), 3, first.dim)) for _ in surfaces]
+    for rows, name, nodes in by_type(first, face):
+        dN = gradient(name, xi[rows, : first.dim])
+        for J, surface in zip(out, surfaces, strict=True):
+            J[rows] = surface.x[nodes].transpose(0, 2, 1) @ dN
     return out
 
 

@@ -24,7 +24,7 @@ from lacmesh.surface import ContactPoints, Surface, contact_points, default_dist
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.record import mean_normals
-from lacsolver.contact.faces import places, tangents
+from lacsolver.contact.faces import places, tangents, tangents_of
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.shear import Tangents, frames, integrals, jump_rows
 from lacsolver.contact.zone import Zone
@@ -163,13 +163,14 @@ def integrate(
     if pairing.turn is not None:
         B = pairing.turn.together(B, dim)
     B = share.add_matrices(B, (False, True))
-    measured = zone.slave if pairing.measure == "reference" else slave
-    area = face_measure(measured, pairing.axisymmetric) * pairing.thickness
+    if pairing.measure == "reference":
+        total = (zone.area_of_revolution if pairing.axisymmetric else zone.area) * pairing.thickness
+    else:
+        total = zone.sums(face_measure(slave, pairing.axisymmetric)) * pairing.thickness
     with np.errstate(invalid="ignore", divide="ignore"):
         average = np.where(w > 0, integral / w, np.nan)
     G = np.zeros(dim * m) if tie else integral
     centre, normal, length = _places(zone, slave, dim)
-    total = zone.sums(area)
     face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t)
     return with_shear(face, share) if pairing.friction else face
 
@@ -177,8 +178,8 @@ def integrate(
 def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
     distance = pairing.search_distance
     if distance is None:  # that of the undeformed skins, which is constant
-        there = zone.master if pairing.turn is None else master
-        distance = default_distance(zone.slave, there, zone.macro)
+        turned = pairing.turn is not None
+        distance = default_distance(zone.slave, master, zone.macro) if turned else zone.search_distance
     deepest = pairing.max_penetration
     if deepest is None and moved:  # during the iterations skins overlap by more than cells are deep
         deepest = distance
@@ -214,7 +215,7 @@ def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
 
 def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bool) -> NDArray[np.floating]:
     """Return the ratio of undeformed to deformed area (length in a plane) of the slave at points xi (n, 2) of faces."""
-    before, after = (np.linalg.norm(normals_of(tangents(s, face, xi)), axis=1) for s in (zone.slave, slave))
+    before, after = (np.linalg.norm(normals_of(J), axis=1) for J in tangents_of((zone.slave, slave), face, xi))
     if axisymmetric:
         before, after = (size * places(s, face, xi)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))

@@ -14,7 +14,6 @@ from __future__ import annotations
 import numpy as np
 
 from lacmesh.mesh import Floats
-from lacmesh.surface.coverage import face_measure
 from lacsolver.contact.interface import Interface, Pairing
 
 #: largest part of a macro-element that is covered in a sliver
@@ -29,9 +28,9 @@ def allowed_overlap(face: Interface, pairing: Pairing) -> tuple[Floats, Floats]:
     Sizes are those of the undeformed macro-elements, or that of the whole master if it is smaller than these.
     """
     zone = face.zone
-    own = zone.sums(face_measure(zone.slave))
-    size = np.minimum(own, face_measure(zone.master).sum())
-    whole = zone.sums(face_measure(zone.slave, pairing.axisymmetric)) * pairing.thickness
+    own = zone.area
+    size = np.minimum(own, zone.area_of_master)
+    whole = (zone.area_of_revolution if pairing.axisymmetric else own) * pairing.thickness
     w_0, h = _COVERED * whole * size / own, size ** (1 / zone.slave.dim)
     missing = np.where(face.w > 0, np.maximum(1 - face.w / w_0, 0.0), 0.0)
     return _OVERLAP * h * w_0 * missing**2, -2 * _OVERLAP * h * missing

@@ -12,7 +12,8 @@ The edges of mortar segments move too, by V (`edges`), which adds the line integ
 With friction q = p n + t_alpha e_alpha stands in the place of p n, and its arm across the ray is added (`tractions`).
 
 One loop over the points, and over those of the edges, sums these for each run of points with the same two faces, as the
-matrix of an element is summed over its quadrature points, and adds the sums to a sparse matrix. With smoothed normals
+matrix of an element is summed over its quadrature points, and adds the sums to sparse matrices: where forces are asked,
+those of the gaps come with them, since the chain of derivatives at a point is the same for both. With smoothed normals
 h(u) its columns are those of the nodes, then those of the normals: the latter are eliminated at the end, once for each
 normal, by dh/du (`normals`):
 
@@ -52,7 +53,7 @@ from lacsolver.contact.interface import Interface, Pairing, clearance, stretch
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
-from lacsolver.contact.tractions import Shear, add_slip, add_traction, rests
+from lacsolver.contact.tractions import Shear, add_slip, add_traction, asks
 
 #: runs of points that are taken at once where the loop runs as it stands
 _AT_ONCE = 64
@@ -75,6 +76,24 @@ class SlidingPoints(NamedTuple):
     tangents: Tangents
 
 
+class Sums(NamedTuple):
+    """Blocks `value` (entries, k, d) of a sparse matrix with a known pattern; without entries where it is not asked."""
+
+    indptr: Ints
+    indices: Ints
+    value: NDArray[np.floating]
+
+    @classmethod
+    def of(cls, entries: csr_array, k: int, d: int) -> Sums:
+        """Return zeros."""
+        return cls(entries.indptr, entries.indices, np.zeros((entries.nnz, k, d)))
+
+    @classmethod
+    def none(cls) -> Sums:
+        """Return those of a matrix that is not asked."""
+        return cls(np.zeros(1, np.int64), np.empty(0, np.int64), np.empty((0, 0, 0)))
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """Points that the derivatives of an interface are summed over, those on moving edges included.
@@ -92,13 +111,23 @@ class Motion:
     normals: NodalNormals | None
     along: tuple[SlidingPoints, SlidingPoints] | None = None
 
+    def gaps(self, fading: Floats | None = None) -> csr_array:
+        """Return the derivative (m, n_dof) of the integrals of the gap.
+
+        `fading` (m,): what is added of the derivative of the covered measure, 0 by default.
+        """
+        entries, value = self._macro_nodes, self._of_gaps[:, :1]
+        if fading is not None and fading.any():
+            row = np.repeat(np.arange(len(fading)), np.diff(entries.indptr))
+            value = value + fading[row, None, None] * self._of_gaps[:, 1:]
+        return self._on_unknowns(entries, value)
+
     @cached_property
-    def gaps(self) -> tuple[csr_array, csr_array]:
-        """The derivatives (m, n_dof) of the integrals of the gap, and of the covered measure."""
-        entries = self._macro_nodes
-        value = self._summed(np.empty(0), entries, 2, [(), ()])
-        dG, dw = (self._on_unknowns(entries, value[:, [row]]) for row in (0, 1))
-        return dG, dw
+    def _of_gaps(self) -> NDArray[np.floating]:
+        """Blocks (entries, 2, d) of the derivatives of the integrals of the gap, and of the covered measure."""
+        sums = Sums.of(self._macro_nodes, 2, self.d)
+        self._add(np.zeros(len(self.loops[0].runs.start) - 1), ((), ()), sums, Sums.none())
+        return sums.value
 
     def slips(self, which: NDArray[np.bool_], slips: Sequence[tuple[Floats, Floats]]) -> csr_array:
         """Return the derivative (m (d - 1), n_dof) of the integrals of the slip since another state.
@@ -106,30 +135,31 @@ class Motion:
         `which` (m,): macro-elements that it is asked for; `slips`: for the points (n,) of each loop the slip (n, d - 1)
         and its derivative (n, d - 1, d - 1) by the point's coordinates in the master's face.
         """
-        shear = [Shear.since(which, *slip) for slip in slips]
-        return self._on_unknowns(self._macro_nodes, self._summed(np.empty(0), self._macro_nodes, self.d - 1, shear))
+        shear, sums = [Shear.since(which, *slip) for slip in slips], Sums.of(self._macro_nodes, self.d - 1, self.d)
+        self._add(np.empty(0), shear, sums, Sums.none())
+        return self._on_unknowns(self._macro_nodes, sums.value)
 
     def forces(self, p: Floats, t: Floats | None = None) -> csr_array:
         """Return the derivative (n_dof, n_dof) of the forces B^T p + B_T^T t.
 
         `p` (m,): pressures; `t` (m (d - 1),): tractions, None where there are none.
         """
-        entries = self._node_pairs
-        shear: list[Any] = [(), ()]
+        shear: Sequence[Any] = ((), ())
         if t is not None:
             assert self.along is not None
             shear = [Shear.of(t.reshape(-1, self.d - 1), points.tangents) for points in self.along]
-        return self._on_rows(self._on_unknowns(entries, self._summed(p, entries, self.d, shear)))
+        known = "_of_gaps" in self.__dict__
+        of_gaps = Sums.none() if known else Sums.of(self._macro_nodes, 2, self.d)
+        sums = Sums.of(self._node_pairs, self.d, self.d)
+        self._add(p, shear, of_gaps, sums)
+        if not known:
+            self.__dict__["_of_gaps"] = of_gaps.value
+        return self._on_rows(self._on_unknowns(self._node_pairs, sums.value))
 
-    def _summed(self, p: Floats, entries: csr_array, k: int, shear: Sequence[Any]) -> NDArray[np.floating]:
-        """Return the blocks (entries, k, d) of the derivatives: of the forces, or without p (0,) of gaps or slips.
-
-        `shear`: tractions, or slips, of each loop; () without.
-        """
-        value = np.zeros((entries.nnz, k, self.d))
+    def _add(self, p: Floats, shear: Sequence[Any], of_macros: Sums, of_nodes: Sums) -> None:
+        """Add the derivatives from all points, see the kernel; `shear`: tractions, or slips, of each loop."""
         for loop, own in zip(self.loops, shear, strict=True):
-            _add(loop, self.skins, p, own, self.d, entries.indptr, entries.indices, value)
-        return value
+            _add(loop, self.skins, p, own, self.d, of_macros, of_nodes)
 
     @property
     def _n_columns(self) -> int:
@@ -232,14 +262,11 @@ def tangent(motion: Motion, p: Floats, t: Floats | None = None) -> csr_array:
     return motion.forces(p, t)
 
 
-def gap_derivative(motion: Motion) -> csr_array:
-    """Return -dG/du (m, n_dof), with all terms."""
-    return csr_array(-motion.gaps[0])
-
-
-def covered_derivative(motion: Motion) -> csr_array:
-    """Return dw/du (m, n_dof): of the weights, if they change, and of the edges of mortar segments that move."""
-    return motion.gaps[1]
+def gap_derivative(motion: Motion, fading: Floats | None = None) -> csr_array:
+    """Return -dG/du (m, n_dof), with all terms; `fading` (m,): G has a part that changes by so much with w."""
+    out = motion.gaps(fading)
+    np.negative(out.data, out=out.data)
+    return out
 
 
 @kernel
@@ -258,70 +285,92 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
 
 
 @kernel
-def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, indptr: Any, indices: Any, value: Any) -> None:
-    """Add the derivatives of the forces at pressures p (m,), from all points, to blocks `value` (.., d, d).
+def _add(loop: Any, skins: Any, p: Any, shear: Any, d: int, of_macros: Any, of_nodes: Any) -> None:
+    """Add the derivatives from all points to two matrices, of which one that is not asked has no entries.
 
-    `shear`: the tractions beside the pressures, or (), for which nothing of them is compiled. Without pressures, add
-    the derivatives of the gaps and of the covered measure to `value` (.., 2, d), or those of slips to (.., d - 1, d).
-    One loop does all, as what takes long to compile is the chain of derivatives in it.
+    `of_nodes` (.., d, d): of the forces on nodes, at pressures p (m,). `of_macros`: of the gaps and of the covered
+    measure, (.., 2, d); without pressures, p (0,), of slips, (.., d - 1, d). `shear`: the tractions beside the
+    pressures, the slips, or (), for which nothing of them is compiled. One loop does all, as what takes long, to
+    compile and to compute, is the chain of derivatives in it.
     """
     runs, room, local = loop.runs, new_room(()), np.empty(27, np.int64)
     points, weight, distance = loop.points, loop.weight, loop.distance  # to take them out for each point costs more
-    of_forces, K = len(p) > 0, np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
+    n_own, K = of_macros.value.shape[1], np.empty((MOST_UNKNOWNS, MOST_UNKNOWNS))
+    own = np.empty((2, MOST_UNKNOWNS))
     for macro in range(len(runs.start) - 1):
-        if rests(shear, p, macro):
+        asked = asks(shear, p, macro, len(of_macros.value) > 0, len(of_nodes.value) > 0)
+        if not (asked[0] or asked[1]):
             continue
         for r in range(runs.start[macro], runs.start[macro + 1]):
             s, m = runs.slave[r], runs.master[r]
             types = (skins.type_s[s], skins.type_m[m])
             sizes = _local(skins, s, m, local)
-            n_rows = sizes[0] + sizes[1] if of_forces else 1
-            K[: n_rows * value.shape[1], : d * sizes[2]] = 0.0
+            n_rows = sizes[0] + sizes[1] if asked[1] else 0
+            K[: n_rows * d, : d * sizes[2]] = 0.0
+            own[:, : d * sizes[2]] = 0.0
             for q in range(runs.first[r], runs.last[r]):
                 differentiate(skins, points, q, s, m, types, d, room)
-                _add_point(points, skins, p, shear, q, macro, s, weight[q], distance[q], sizes, d, room, K)
+                if asked[0]:
+                    _add_to_macro(p, shear, q, weight[q], distance[q], d * sizes[2], d, room.rows, own)
+                if asked[1]:
+                    _add_to_nodes(points, skins, p, shear, q, macro, s, weight[q], sizes, d, room, K)
+            if asked[0]:
+                _add_row(own, 0, n_own, local, sizes[2], of_macros, macro)
             for a in range(n_rows):
-                row = local[a] if of_forces else macro
-                _add_row(K, a, local, sizes[2], indptr[row], indptr[row + 1], indices, value)
+                _add_row(K, d * a, d, local, sizes[2], of_nodes, local[a])
 
 
-def _add_arrays(
-    loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, indptr: Ints, indices: Ints, value: Floats
-) -> None:
+def _add_arrays(loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, of_macros: Sums, of_nodes: Sums) -> None:
     """Do what `_add` does, for arrays of points whose faces have the same types: what runs if it is not compiled."""
     runs, m = loop.runs, len(loop.runs.start) - 1
     macro = np.repeat(np.arange(m), np.diff(runs.start))
     types = np.stack([skins.type_s[runs.slave], skins.type_m[runs.master]], axis=1)
-    moves = np.array([not rests(shear, p, k) for k in range(m)], bool)[macro]
-    n = max(len(skins.x) + len(skins.normals), 1)
-    keys = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr)) * n + indices  # ascending
-    for pair in np.unique(types[moves], axis=0):
-        own = np.flatnonzero(moves & (types == pair).all(axis=1))
-        for first in range(0, len(own), _AT_ONCE):
-            some = own[first : first + _AT_ONCE]
-            nodes, K = _sums_of_runs(loop, skins, p, shear, d, tuple(pair), some, macro[some])
-            rows = nodes[:, : K.shape[1]] if len(p) else macro[some, None]
-            np.add.at(value, np.searchsorted(keys, rows[:, :, None] * n + nodes[:, None, :]), K)
+    wanted = len(of_macros.value) > 0, len(of_nodes.value) > 0
+    asked = np.array([asks(shear, p, k, *wanted) for k in range(m)], bool).reshape(m, 2)[macro]
+    for pair in np.unique(types[asked.any(axis=1)], axis=0):
+        for one in np.unique(asked, axis=0):
+            own = np.flatnonzero((asked == one).all(axis=1) & (types == pair).all(axis=1) & one.any())
+            for first in range(0, len(own), _AT_ONCE):
+                some = own[first : first + _AT_ONCE]
+                nodes, *sums = _sums_of_runs(loop, skins, p, shear, d, tuple(pair), some, macro[some], one)
+                _add_blocks(macro[some, None], nodes, sums[0], of_macros)
+                _add_blocks(nodes[:, : sums[1].shape[1]], nodes, sums[1], of_nodes)
+
+
+def _add_blocks(rows: Ints, columns: Ints, blocks: NDArray[np.floating], out: Sums) -> None:
+    """Add blocks (r, rows, columns, k, d) to `rows` (r, .) and `columns` (r, .) of a matrix, if there are any."""
+    if blocks.shape[1]:
+        n = int(max(columns.max(), out.indices.max())) + 1
+        keys = np.repeat(np.arange(len(out.indptr) - 1), np.diff(out.indptr)) * n + out.indices  # ascending
+        np.add.at(out.value, np.searchsorted(keys, rows[:, :, None] * n + columns[:, None, :]), blocks)
 
 
 def _sums_of_runs(
-    loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, types: Any, some: Ints, macro: Ints
-) -> tuple[Ints, NDArray[np.floating]]:
+    loop: Loop, skins: Skins, p: Floats, shear: Any, d: int, types: Any, some: Ints, macro: Ints, asked: Any
+) -> tuple[Ints, NDArray[np.floating], NDArray[np.floating]]:
     """Return the nodes and normals (r, columns) that `some` runs (r,) know, and their sums (r, rows, columns, k, d).
 
-    `types`: those of the faces of all of them; `macro` (r,): their macro-elements.
+    These are those of macro-elements and of nodes, without rows where they are not `asked` (2,). `types`: those of the
+    faces of all of them; `macro` (r,): their macro-elements.
     """
     runs, sizes, nodes = loop.runs, *_known(skins, types, loop.runs.slave[some], loop.runs.master[some])
-    n_rows, k = (sizes[0] + sizes[1], d) if len(p) else (1, d - 1 if len(shear) else 2)
+    n_rows, k = (sizes[0] + sizes[1]) * int(asked[1]), 2 if len(p) else d - 1
     count = runs.last[some] - runs.first[some]
     start = np.cumsum(count) - count
     q = np.arange(count.sum()) + np.repeat(runs.first[some] - start, count)
     s, m, of = (np.repeat(values, count) for values in (runs.slave[some], runs.master[some], macro))
-    room, K = new_room((len(q),)), np.zeros((k * n_rows, d * sizes[2], len(q)))
+    room, K = new_room((len(q),)), np.zeros((d * n_rows, d * sizes[2], len(q)))
+    own = np.zeros((k * int(asked[0]), d * sizes[2], len(q)))
     differentiate(skins, loop.points, q, s, m, types, d, room)
-    _add_point(loop.points, skins, p, shear, q, of, s, loop.weight[q], loop.distance[q], sizes, d, room, K)
-    sums = np.add.reduceat(K, start, axis=2).reshape(n_rows, k, sizes[2], d, len(some))
-    return nodes, sums.transpose(4, 0, 2, 1, 3)
+    if asked[0]:
+        _add_to_macro(p, shear, q, loop.weight[q], loop.distance[q], d * sizes[2], d, room.rows, own)
+    if asked[1]:
+        _add_to_nodes(loop.points, skins, p, shear, q, of, s, loop.weight[q], sizes, d, room, K)
+    by_run = [
+        np.add.reduceat(all_, start, axis=2).reshape(-1, rows, sizes[2], d, len(some)).transpose(4, 0, 2, 1, 3)
+        for all_, rows in ((own, k), (K, d))
+    ]
+    return nodes, *by_run
 
 
 def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, int], Ints]:
@@ -338,24 +387,25 @@ _add.plain = _add_arrays
 
 
 @kernel
-def _add_point(
-    points: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, w: Any, g: Any, sizes: Any, d: int,
-    room: Any, K: Any,
-) -> None:  # fmt: skip
-    """Add what point q of a macro-element, on slave face s, gives to the sums K of its run, by its rows in `room`.
+def _add_to_macro(p: Any, shear: Any, q: Any, w: Any, g: Any, n: int, d: int, rows: Any, K: Any) -> None:
+    """Add what point q, of weight w and gap g, gives to the sums K (., n) of its macro-element, by its `rows`."""
+    if len(p) > 0:
+        _add_gap(w, g, n, rows, K)
+    elif len(shear) > 0:
+        add_slip(shear, q, w, n, d, rows, K)
 
-    w, g: its weight and its gap.
-    """
+
+@kernel
+def _add_to_nodes(
+    points: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, w: Any, sizes: Any, d: int, room: Any,
+    K: Any,
+) -> None:  # fmt: skip
+    """Add what point q of a macro-element, on slave face s with weight w, gives to the sums K of the nodes."""
     if len(shear) > 0:
-        if len(p) > 0:
-            load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
-            add_traction(skins, points, shear, q, s, load, sizes, d, room, K)
-        else:
-            add_slip(shear, q, w, d * sizes[2], d, room.rows, K)
-    elif len(p) > 0:
-        _add_force(points, q, w * p[macro], sizes, d, room, K)
+        load = (w * p[macro], w * shear.t[macro, 0], w * shear.t[macro, 1])
+        add_traction(skins, points, shear, q, s, load, sizes, d, room, K)
     else:
-        _add_gap(w, g, d * sizes[2], room.rows, K)
+        _add_force(points, q, w * p[macro], sizes, d, room, K)
 
 
 @kernel
@@ -390,11 +440,12 @@ def _add_force(points: Any, q: Any, load: Any, sizes: Any, d: int, room: Any, K:
 
 
 @kernel
-def _add_row(K: Any, a: int, local: Any, n: int, low: int, high: int, indices: Any, value: Any) -> None:
-    """Add row a of the blocks of K, in the columns of n nodes and normals, to a row of `value` (.., k, d)."""
-    k, d = value.shape[1], value.shape[2]
+def _add_row(K: Any, first: int, k: int, local: Any, n: int, sums: Any, row: int) -> None:
+    """Add k rows of K, from `first` on, in the columns of n nodes and normals, to a row of a matrix."""
+    indices, value, d = sums.indices, sums.value, sums.value.shape[2]
+    low, high = sums.indptr[row], sums.indptr[row + 1]
     for b in range(n):
         at = position(indices, low, high, local[b])
         for i in range(k):
             for j in range(d):
-                value[at, i, j] += K[k * a + i, d * b + j]
+                value[at, i, j] += K[first + i, d * b + j]

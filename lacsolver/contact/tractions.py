@@ -95,12 +95,15 @@ def _combined(f: float, a: Any, g: float, b: Any) -> Any:
 
 
 @kernel
-def rests(shear: Any, p: Any, macro: int) -> bool:
-    """Return True for a macro-element without pressure and traction; without pressures, for one without traction."""
+def asks(shear: Any, p: Any, macro: int, of_macros: bool, of_nodes: bool) -> Any:
+    """Return what is asked of a macro-element: its own derivatives, and those of the forces on nodes.
+
+    Forces without pressure and traction are not; without pressures, p (0,), slips are where `shear.t` is not 0.
+    """
     pressed = len(p) > 0 and p[macro] != 0.0
     if len(shear) > 0:
-        return not pressed and shear.t[macro, 0] == 0.0 and shear.t[macro, 1] == 0.0
-    return not pressed and len(p) > 0
+        pressed = pressed or shear.t[macro, 0] != 0.0 or shear.t[macro, 1] != 0.0
+    return of_macros and (len(p) > 0 or pressed), of_nodes and pressed
 
 
 @kernel

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.smooth import surface_of
-from lacmesh.surface import Surface
+from lacmesh.surface import Surface, default_distance
+from lacmesh.surface.coverage import face_measure
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,26 @@ class Zone:
     def n_macros(self) -> int:
         """Number of macro-elements."""
         return len(self.number)
+
+    @cached_property
+    def area(self) -> Floats:
+        """Areas (n_macros,) of the undeformed macro-elements, lengths in a plane, without 2 pi r."""
+        return self.sums(face_measure(self.slave))
+
+    @cached_property
+    def area_of_revolution(self) -> Floats:
+        """Areas (n_macros,) of the undeformed macro-elements around the axis, in axisymmetry."""
+        return self.sums(face_measure(self.slave, axisymmetric=True))
+
+    @cached_property
+    def area_of_master(self) -> float:
+        """Area of the whole undeformed master, as `area`."""
+        return float(face_measure(self.master).sum())
+
+    @cached_property
+    def search_distance(self) -> float:
+        """Search distance of the undeformed skins, where no other is given."""
+        return default_distance(self.slave, self.master, self.macro)
 
     def sums(self, values: Floats) -> Floats:
         """Return the sums (n_macros, ...) of values (faces, ...) over the faces of each macro-element."""

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array, vstack
+from scipy.sparse import csr_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
@@ -30,7 +30,7 @@ from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, r
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
-from lacsolver.contact.tangent import Motion, covered_derivative, gap_derivative, motion_of, tangent
+from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
@@ -181,11 +181,8 @@ class RowGroup:
         assert self.pair is not None and self.face is not None
         if self.motion is None:
             return self.face.B
-        out = gap_derivative(self.motion)
-        if self.pair.one_sided:
-            fading = diags_array(allowed_overlap(self.face, self.pair.pairing)[1])
-            out = csr_array(out - fading @ covered_derivative(self.motion))
-        return self.share.add_matrices(out, (False, True))
+        fading = allowed_overlap(self.face, self.pair.pairing)[1] if self.pair.one_sided else None
+        return self.share.add_matrices(gap_derivative(self.motion, fading), (False, True))
 
 
 @dataclass(frozen=True, eq=False)
