@@ -56,12 +56,13 @@ class WholeMesh:
 class Part:
     """The part of a mesh that process `rank` of `n_ranks` needs.
 
-    `mesh`: the cells that touch a node of this process, and those of the groups `everywhere`; nodes and cells are in
-    the order of the whole mesh, so that sums over the cells at a node have the terms of the whole mesh in the same
-    order. It has all groups, numbers, data and records of a cut of the whole mesh, as far as they are on its nodes and
-    cells. `node` (n_nodes,), `cell` (n_cells,): the indices of its nodes and cells in the whole mesh, ascending.
-    `owner` (n_nodes,): the rank that owns each node. `body` (n_nodes,): the connected body of the whole mesh, of the
-    cells of its highest dimension, to which each node belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
+    `mesh`: the cells that touch a node of this process, those of the groups `everywhere`, and the nodes that all
+    processes need, with the cells that have no others; nodes and cells are in the order of the whole mesh, so that sums
+    over the cells at a node have the terms of the whole mesh in the same order. It has all groups, numbers, data and
+    records of a cut of the whole mesh, as far as they are on its nodes and cells. `node` (n_nodes,), `cell` (n_cells,):
+    the indices of its nodes and cells in the whole mesh, ascending. `owner` (n_nodes,): the rank that owns each node.
+    `body` (n_nodes,): the connected body of the whole mesh, of the cells of its highest dimension, to which each node
+    belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
     """
 
     mesh: Mesh
@@ -110,11 +111,12 @@ class Part:
         return self.whole.box
 
 
-def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = ()) -> Part:
+def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (), nodes: Bools | None = None) -> Part:
     """Return the part of a mesh that process `rank` needs.
 
     `owner` (n_nodes,): the rank that owns each node, as by `distribute_nodes`. `everywhere`: groups of skin faces, such
-    as slaves and masters, that are in every part, with all cells that touch them. Raises GroupNotFoundError, and
+    as slaves and masters, that are in every part, with all cells that touch them. `nodes` (n_nodes,): a mask of nodes
+    that are in every part, with the cells all of whose nodes are among them. Raises GroupNotFoundError, and
     RequestError.
 
     >>> row = Mesh.create([[0, 0], [1, 0], [2, 0], [3, 0]], [("SEG2", [[0, 1], [1, 2], [2, 3]])])
@@ -126,7 +128,7 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
     n_ranks = int(owner.max(initial=0)) + 1
     if owner.shape != (mesh.n_nodes,) or not 0 <= rank < n_ranks:
         raise ValueError(f"no rank {rank} of {n_ranks} owns nodes of a mesh of {mesh.n_nodes} nodes")
-    node, cell = needed(mesh, owner == rank, everywhere)
+    node, cell = needed(mesh, owner == rank, everywhere, nodes)
     body = bodies_of(mesh)
     return Part(
         mesh=restrict(mesh, node, cell),
@@ -160,11 +162,17 @@ def whole_of(mesh: Mesh, body: Ints) -> WholeMesh:
     )
 
 
-def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str]) -> tuple[Ints, Ints]:
-    """Return the nodes and the cells, ascending, that a process needs: see `Part`; `own` (n_nodes,): its own nodes."""
+def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str], nodes: Bools | None = None) -> tuple[Ints, Ints]:
+    """Return the nodes and the cells, ascending, that a process needs: see `Part`; `own` (n_nodes,): its own nodes.
+
+    `nodes` (n_nodes,): nodes that all processes need.
+    """
     cells = touching(mesh, own)
     for skin in cells_of_skins(mesh, everywhere):
         cells[skin] = True
+    if nodes is not None:
+        own = own | nodes
+        cells |= ~touching(mesh, ~nodes)
     return np.flatnonzero(nodes_of(mesh, cells) | own), np.flatnonzero(cells)
 
 

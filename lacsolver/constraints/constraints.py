@@ -89,6 +89,11 @@ class Constraints:
         """The constraints without free motions of rigid bodies, on the nodes' own unknowns."""
         return self if self.n_nodal == self.n_q else replace(self, T=csr_array(self.T[:, : self.n_nodal]), rigid=())
 
+    @property
+    def at_nodes(self) -> Constraints:
+        """Constraints whose T takes each of the nodes' own unknowns to its own node, and to no other."""
+        return self.nodal
+
     @cached_property
     def own(self) -> NDArray[np.bool_] | None:
         """Mask (n_q,) of the unknowns that count for this process; None if all do.
@@ -102,7 +107,7 @@ class Constraints:
 
     @cached_property
     def common(self) -> Ints | None:
-        """Unknowns at nodes of contact skins, and motions, which all processes have in this order; None for one."""
+        """Unknowns at nodes that all processes have, and motions, in an order that all have; None for one process."""
         if self.space.share.common is None:
             return None
         at_nodes = np.flatnonzero(self.space.share.common[self.node_of_unknown])
@@ -180,7 +185,7 @@ class Constraints:
         """Return unknowns q (n_q,) with the values at the nodes of other processes that they have."""
         if self.own is None:
             return q
-        n, T = self.n_nodal, self.nodal.T
+        n, T = self.n_nodal, self.at_nodes.T
         return np.append(T.T @ self.space.updated(T @ q[:n]), q[n:])
 
     @property

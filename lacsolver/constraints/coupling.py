@@ -103,8 +103,8 @@ def spread_of(space: Space, record: Coupling, finite: bool) -> Spread:
 
     Raises CaseError for nodes without a body, weights that are wrong, and a moment or rotation that they cannot take.
     """
-    nodes = nodes_of(space, record)
-    loose = nodes[~space.attached[nodes]]
+    nodes = space.known(nodes_of(space, record))
+    loose = nodes[~space.attached[nodes] & space.mask_own(nodes)]
     if len(loose):
         raise wrong(
             record, f"node {space.mesh.node_number[loose[0]]} belongs to no cell of a body; name nodes of bodies"
@@ -132,7 +132,7 @@ def distributing(case: Case) -> Iterator[Coupling]:
 
 def rigid_records(case: Case) -> tuple[Rigid, ...]:
     """Return the rigid bodies of a case, and its rigid couplings of all components as such bodies."""
-    return (*case.rigid, *(_as_rigid(one, case.model) for one in case.coupling if _is_body(one)))
+    return (*case.rigid, *(_as_rigid(one, case.model) for one in case.coupling if is_body(one)))
 
 
 def rows_of(space: Space, case: Case) -> Iterator[CouplingRows]:
@@ -159,8 +159,8 @@ class CouplingRows:
 
     @property
     def name(self) -> str:
-        """Name in the results."""
-        return self.record.name
+        """Name of the rows' forces in a state."""
+        return force_name(self.record)
 
     @property
     def linear(self) -> bool:
@@ -314,7 +314,7 @@ def equations_of(space: Space, case: Case) -> Iterator[Equations]:
     Raises CaseError for finite kinematics, and for motions that no node follows.
     """
     for record in case.coupling:
-        if record.kind == "rigid" and not _is_body(record):
+        if record.kind == "rigid" and not is_body(record):
             if case.kinematics == "finite":
                 message = "a rigid coupling with axes is for small kinematics; leave axes out"
                 raise wrong(record, message)
@@ -340,7 +340,7 @@ class _Followed:
     @classmethod
     def of(cls, space: Space, record: Coupling) -> _Followed:
         """Return those of a record."""
-        nodes, motion, dim = nodes_of(space, record), PointMotion.of(space, record), space.dim
+        nodes, motion, dim = space.known(nodes_of(space, record)), PointMotion.of(space, record), space.dim
         x = space.local.points[nodes]
         point = x.mean(axis=0)
         if record.at is not None:
@@ -370,7 +370,9 @@ class _Followed:
             return (_at(motion.loads, t) * self.unit)[free]
 
         said, E = partial(in_words, self.record), csr_array(-self.by_motion[:, free])
-        return Equations(self.record.name, C, held, said, E if len(free) else None, forces if len(free) else None)
+        return Equations(
+            force_name(self.record), C, held, said, E if len(free) else None, forces if len(free) else None
+        )
 
     @cached_property
     def free(self) -> Ints:
@@ -418,7 +420,12 @@ def _free_motions(record: Coupling, motion: PointMotion, by_motion: Floats) -> I
     return free
 
 
-def _is_body(record: Coupling) -> bool:
+def force_name(record: Coupling) -> str:
+    """Return the name of a coupling's forces in a state; equations may have the same group."""
+    return f"coupling {record.name}"
+
+
+def is_body(record: Coupling) -> bool:
     """True for a rigid coupling that is a rigid body."""
     return record.kind == "rigid" and record.axes is None and record.components is None
 

@@ -72,7 +72,9 @@ def _equations(space: Space, record: Cyclic, slave: Ints, master: Ints) -> Equat
     place = np.concatenate([row.ravel(), rows.ravel()]), np.concatenate([of_slave[1][1].ravel(), columns.ravel()])
     C = coo_array((values, place), shape=(k * dim, space.n_dof)).tocsr()
     C.sum_duplicates()
-    return Equations(record.name, C, lambda t: np.zeros(k * dim), partial(in_words, record), may_follow=True)
+    return Equations(
+        f"cyclic {record.name}", C, lambda t: np.zeros(k * dim), partial(in_words, record), may_follow=True
+    )
 
 
 def _with_angle(record: Cyclic, mesh: Mesh, dim: int) -> Cyclic:

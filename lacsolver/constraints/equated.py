@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, vstack
 from scipy.sparse.linalg import SuperLU
 
-from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.constraints import Constraints
-from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked
+from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked, words_of
 from lacsolver.linear.direct.superlu import factor_of
 
 #: displacement that is round-off, relative to the bodies' extent
@@ -41,17 +41,17 @@ class EquatedConstraints(Constraints):
     def with_equations(cls, plain: Constraints, equations: tuple[Equations, ...], times: list[float]) -> Constraints:
         """Return constraints with equations, which are the plain ones if there is none.
 
-        Equations that follow from others are warned of. Raises CaseError for those that contradict one another at one
-        of the `times`, or hold a rigid body that turns freely by finite rotations; RequestError in several processes.
+        Of several processes all have all nodes of equations, and one process owns those of equations that share
+        unknowns (`of_case.node_sets`), so that all choose the same unknowns to eliminate, and rows of own nodes are
+        complete. Equations that follow from others are warned of. Raises CaseError for those that contradict one
+        another at one of the `times`, hold a rigid body that turns freely by finite rotations, or, in several
+        processes, join nodes by the motion of a rigid body.
         """
         if not equations:
             return plain
-        if plain.space.share.own is not None:
-            raise RequestError(
-                f"{equations[0].said(0)} is an equation, and equations are solved by one process only; run it in one"
-            )
         _check_turning(plain, equations)
         system = EquationSystem.of(stacked(equations, plain.T), plain.n_nodal)
+        _check_owners(plain, equations, system)
         T = csr_array(plain.T @ system.Z[: plain.n_q])
         out = cls(plain.space, T, plain.local, plain.rigid, plain.names, equations, before=plain, system=system)
         for t in times:
@@ -79,6 +79,11 @@ class EquatedConstraints(Constraints):
     def nodal(self) -> Constraints:
         """The constraints on the nodes' own unknowns."""
         return replace(self.plain, T=csr_array(self.T[:, : self.n_nodal]), rigid=())
+
+    @cached_property
+    def at_nodes(self) -> Constraints:
+        """Constraints whose T takes each of the nodes' own unknowns to its own node, and to no other."""
+        return replace(self.plain, T=csr_array(self.plain.T[:, self.system.kept[: self.n_nodal]]), rigid=())
 
     @cached_property
     def node_of_unknown(self) -> Ints:
@@ -113,7 +118,14 @@ class EquatedConstraints(Constraints):
         return self.T if T is self.plain.T else self.through_equations(T)
 
     def unknowns(self, u: Floats) -> NDArray[np.floating]:
-        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others."""
+        """Return q (n_q,) with T q = u, for a u (n_dof,) in the range of T; the nearest one for others.
+
+        Of several processes, for others the one with the values of u at the nodes whose unknowns are kept.
+        """
+        if self.own is not None:
+            at_nodes = np.asarray(self.at_nodes.T.T @ u)
+            beside = u - self.T[:, : self.n_nodal] @ at_nodes
+            return at_nodes if self.n_nodal == self.n_q else np.append(at_nodes, self._motions(beside))
         q = self._normal.solve(self.T.T @ u)
         return q + self._normal.solve(self.T.T @ (u - self.T @ q))
 
@@ -146,9 +158,18 @@ class EquatedConstraints(Constraints):
         """
         r = np.zeros(self.system.Z.shape[0])
         r[: self.plain.n_q] = self.plain.on_unknowns(reaction, self.plain.tangent(self._plain(q, t), t))
-        forces = self.system.forces(r - self._forces(t, q))
+        forces = self.system.forces(self._from_owners(r - self._forces(t, q)))
         parts = np.split(forces, np.cumsum([one.C.shape[0] for one in self.equations])[:-1])
         return {one.name: part for one, part in zip(self.equations, parts, strict=True)}
+
+    def _from_owners(self, r: Floats) -> NDArray[np.floating]:
+        """Return r (n_x,) with the values at eliminated unknowns of nodes that their owners have."""
+        if self.plain.own is None:
+            return r
+        at = self.system.columns[self.system.columns < self.plain.n_nodal]
+        out = r.copy()
+        out[at] = self.space.share.total(np.where(self.plain.own[at], r[at], 0.0))
+        return out
 
     def of_supports(self, reaction: Floats, forces: Mapping[str, Floats]) -> NDArray[np.floating]:
         """Return reactions (n_dof,) without the `forces` of the equations."""
@@ -183,6 +204,24 @@ class EquatedConstraints(Constraints):
     @cached_property
     def _normal(self) -> SuperLU:
         return factor_of(csc_array(self.T.T @ self.T))
+
+
+def _check_owners(plain: Constraints, equations: tuple[Equations, ...], system: EquationSystem) -> None:
+    """Raise CaseError for an equation that makes an unknown of one process that of nodes of another.
+
+    The motion of a rigid body is one of all processes, and so is a further unknown: nodes of several may be joined by
+    one that is eliminated.
+    """
+    if plain.own is None:
+        return
+    Z = csr_array(system.Z[: plain.n_q])[:, system.kept < plain.n_nodal].tocoo()
+    owned = plain.own & (np.arange(plain.n_q) < plain.n_nodal)
+    column = system.kept[Z.col]
+    wrong = np.unique(Z.row[(owned[Z.row] != owned[column]) | (Z.row >= plain.n_nodal)])
+    first = plain.space.share.gather(np.flatnonzero(np.isin(system.columns, wrong))[:1])
+    if len(first):
+        message = f"{words_of(equations, int(system.rows[first.min()]))} joins nodes by the motion of a whole"
+        raise CaseError([Issue(f"{message}, which is solved by one process only; run the case in one")])
 
 
 def _check_turning(plain: Constraints, equations: tuple[Equations, ...]) -> None:

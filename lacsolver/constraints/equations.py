@@ -14,7 +14,7 @@ of the equations act on the bodies by C^T lambda, and on s by E^T lambda.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -59,6 +59,10 @@ class Equations:
     E: csr_array | None = None
     loads: Callable[[float], Floats] | None = None
     may_follow: bool = False
+
+    def on(self, unknowns: Ints) -> Equations:
+        """Return the equations on some of the unknowns (k,), among which are all that they have."""
+        return replace(self, C=csr_array(self.C[:, unknowns]))
 
     @property
     def n_further(self) -> int:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
+import numpy as np
+from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse.csgraph import connected_components
+
+from lacmesh.mesh import Ints
 from lacsolver.case.case import Case
+from lacsolver.case.entry import Entry
+from lacsolver.case.joints import Coupling
+from lacsolver.case.records import Force
 from lacsolver.constraints import coupling, cyclic, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
+from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 
 #: functions that return the equations that are eliminated, each for its own records of a case
@@ -23,16 +32,48 @@ EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [
 EQUALITIES: list[Callable[[Space, Case], Iterable[EqualityRows]]] = [coupling.rows_of, pretension.locks_of]
 
 
-def constraints_of(space: Space, case: Case) -> Constraints:
-    """Return the constraints of a case, with its equations.
+def equations_of(space: Space, case: Case) -> tuple[Equations, ...]:
+    """Return the equations of a case that are eliminated, on a space that has all nodes. Raises CaseError."""
+    return tuple(one for of_records in EQUATIONS for one in of_records(space, case))
+
+
+def constraints_of(space: Space, case: Case, equations: tuple[Equations, ...] | None = None) -> Constraints:
+    """Return the constraints of a case, with its equations: those of `equations_of` unless they are given.
 
     Raises CaseError for records that contradict one another, as `Constraints.of` and `EquatedConstraints` do.
     """
     plain = Constraints.of(space, case)
-    equations = tuple(one for of_records in EQUATIONS for one in of_records(space, case))
+    equations = equations_of(space, case) if equations is None else equations
     return EquatedConstraints.with_equations(plain, equations, probed_times(case))
 
 
 def equalities_of(space: Space, case: Case) -> tuple[EqualityRows, ...]:
     """Return the rows of equality of a case. Raises CaseError for mistakes in its records."""
     return tuple(rows for of_records in EQUALITIES for rows in of_records(space, case))
+
+
+# ---- for several processes
+
+
+def joining(case: Case) -> Iterator[Entry]:
+    """Yield the records of a case that join nodes which several processes may have, but for rigid bodies."""
+    yield from (*case.pretension, *case.equation, *(one for one in case.cyclic if one.matching))
+    yield from (one for one in case.coupling if not coupling.is_body(one))
+    yield from (one for one in case.force if one.moment is not None)
+
+
+def node_sets(space: Space, case: Case, equations: tuple[Equations, ...]) -> Ints:
+    """Return a number (n_nodes,) for each node that all processes need, -1 for others, on a space that has all nodes.
+
+    Nodes of one number are joined by equations, and one process owns them.
+    """
+    C = vstack([csr_array((0, space.n_dof)), *(one.C for one in equations)]).tocoo()
+    node, n = C.col // space.dim, space.mesh.n_nodes
+    graph = coo_array((np.ones(len(node)), (n + C.row, node)), shape=(n + C.shape[0],) * 2)
+    label = connected_components(graph, directed=False)[1][:n]
+    used = np.zeros(n, bool)
+    used[node] = True
+    for record in joining(case):
+        if isinstance(record, Coupling | Force):
+            used[nodes_of(space, record)] = True
+    return np.where(used, label, -1)

@@ -32,14 +32,22 @@ class Processes(Distribution):
         self._read: Part | None = None  # as the file has it
         self._part: Part | None = None  # with the slaves cut
 
-    def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
+    @property
+    def divided(self) -> bool:  # type: ignore[override]
+        """True once a mesh was read of which each process has its part."""
+        return self._part is not None
+
+    def read(
+        self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]], whole: bool = False
+    ) -> Mesh:
         """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`.
-        Raises ReadError, CutError, and RequestError for a folder with parts for another number of processes.
+        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`;
+        `whole`: True for the whole mesh of a large file, too. Raises ReadError, CutError, and RequestError for a folder
+        with parts for another number of processes.
         """
         names = sorted(set(skins))
-        part = self._divided(path, names) if path.is_dir() else self._sliced(path, names)
+        part = self._divided(path, names) if path.is_dir() else None if whole else self._sliced(path, names)
         if part is None:
             return lacmesh.read(path)
         self._read = part
@@ -78,16 +86,35 @@ class Processes(Distribution):
             return mesh, ALONE
         return self._read.mesh, PartShare(self.comm.mpi, self._read)
 
-    def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, ProcessShare]:
-        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
-        part = self._part
+    def take(self, mesh: Mesh, skins: Sequence[str], sets: Ints | None = None) -> tuple[Mesh, ProcessShare]:
+        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`.
+
+        `sets` (n_nodes,): a number for nodes that all processes have, -1 for others; nodes of one number are those of
+        one process. Raises RequestError where a process would be left without nodes.
+        """
+        part, common = self._part, np.zeros(mesh.n_nodes, bool)
         if part is None or part.mesh is not mesh:
-            part = part_of(mesh, distribute_nodes(mesh, self.comm.size), self.comm.rank, everywhere=skins)
-        common = np.zeros(part.mesh.n_nodes, bool)
+            joined = np.full(mesh.n_nodes, -1) if sets is None else sets
+            owner = _owners(mesh, self.comm.size, joined)
+            part = part_of(mesh, owner, self.comm.rank, everywhere=skins, nodes=joined >= 0)
+            common = (joined >= 0)[part.node]
         for name in skins:
             for _, _, nodes in part.mesh.select(part.mesh.cells_of(name)):
                 common[nodes] = True
         return part.mesh, ProcessShare(self.comm.mpi, part, common)
+
+
+def _owners(mesh: Mesh, n: int, sets: Ints) -> Ints:
+    """Return the process (n_nodes,) of each node: of nodes of one set that of the first; `sets`: -1 for none."""
+    owner = distribute_nodes(mesh, n)
+    nodes = np.flatnonzero(sets >= 0)
+    _, first, which = np.unique(sets[nodes], return_index=True, return_inverse=True)
+    owner[nodes] = owner[nodes[first]][which]
+    empty = n - len(np.unique(owner))
+    if empty:
+        message = f"{empty} of {n} processes would have no nodes, as equations join so many in one process"
+        raise RequestError(f"{message}; start fewer processes")
+    return owner
 
 
 class PartShare(MpiCommunicator, Share):

@@ -28,8 +28,9 @@ class Share(Communicator):
 
     `own` (n_nodes,): True for its own nodes, None if all are. What follows is None for the whole model: `number`
     (n_nodes,), which counts the nodes through one process after the other; `node` (n_nodes,) and `cell` (n_cells,), the
-    indices in the whole model; `common` (n_nodes,): True for nodes of contact skins, which all processes have; `origin`
-    (3,) of the coordinates of the whole model, and `body` (n_nodes,), the connected body of each node in it.
+    indices in the whole model; `common` (n_nodes,): True for nodes of contact skins and of equations, which all
+    processes have; `origin` (3,) of the coordinates of the whole model, and `body` (n_nodes,), the connected body of
+    each node in it.
     """
 
     own: NDArray[np.bool_] | None = None
@@ -58,13 +59,21 @@ ALONE = Share()
 
 
 class Distribution:
-    """Division of a model among processes: here none; `processes.Processes` divides it."""
+    """Division of a model among processes: here none; `processes.Processes` divides it.
 
-    def read(self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]]) -> Mesh:
+    `divided`: True once a mesh was read of which each process has its part.
+    """
+
+    divided = False
+
+    def read(
+        self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]], whole: bool = False
+    ) -> Mesh:
         """Return the mesh of a file, or a part of one that has been divided, with its slaves cut.
 
         `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`.
-        Raises ReadError, and RequestError for a mesh that is divided otherwise.
+        `whole`: True if every process needs the whole mesh of a file first. Raises ReadError, and RequestError for a
+        mesh that is divided otherwise.
         """
         if path.is_dir():
             raise RequestError(f"{path} is a folder; if it has parts of a mesh, start as many processes: mpiexec -n N")
@@ -74,8 +83,12 @@ class Distribution:
         """Return a mesh of `read` before its cut, and its share in the mesh of the file."""
         return mesh, ALONE
 
-    def take(self, mesh: Mesh, skins: Sequence[str]) -> tuple[Mesh, Share]:
-        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`."""
+    def take(self, mesh: Mesh, skins: Sequence[str], sets: Ints | None = None) -> tuple[Mesh, Share]:
+        """Return the part of a mesh that this process takes, and its share; all processes have the groups `skins`.
+
+        `sets` (n_nodes,): a number for nodes that all processes have, -1 for others; nodes of one number are those of
+        one process. Raises RequestError where a process would be left without nodes.
+        """
         return mesh, ALONE
 
 

@@ -28,7 +28,9 @@ from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
 from lacsolver.constraints import Constraints, constraints_of, equalities_of
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equality_rows import EqualityRows
-from lacsolver.constraints.pretension import BoltSection, section_of
+from lacsolver.constraints.equations import Equations
+from lacsolver.constraints.of_case import equations_of, joining, node_sets
+from lacsolver.constraints.pretension import BoltSection, section_of, sides_of
 from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.adjust import Adjustment, adjusted
@@ -151,13 +153,15 @@ Attempt = Callable[[str], AbstractContextManager[None]]
 class ProblemParts:
     """Parts of a problem as `build` returns them: the mesh, cut if `prepared`; others are None where they failed.
 
-    `case`: with the roles of all surfaces, if they could be chosen.
+    `case`: with the roles of all surfaces, if they could be chosen. `equations`: those to eliminate, for several
+    processes only, which cannot make them of their parts.
     """
 
     case: Case
     mesh: Mesh
     prepared: bool = False
     space: Space | None = None
+    equations: tuple[Equations, ...] | None = None
     materials: Materials | None = None
     constraints: Constraints | None = None
     pairs: list[ContactPair] = field(default_factory=list)
@@ -182,13 +186,14 @@ def build(
     attempt = attempt or (lambda place: nullcontext())
     parts, source, usable = ProblemParts(case, mesh), mesh, False
     with attempt(""):
-        _check_undivided(case, distribution)
+        _check_divided(case, distribution)
         parts.mesh = mesh = with_sections(case, mesh)
         if distribution is UNDIVIDED:
             named = f" {case.mesh.name}" if isinstance(case.mesh, Path) else ""
             check_dimension(mesh, case.model, f"the mesh{named}")
         check_groups(case, mesh)
         parts.case = case = with_roles(case, distribution.as_read(mesh)[0])
+        _check_divided(case, distribution)
         usable = True
     if not usable:
         return parts
@@ -202,7 +207,7 @@ def build(
         with attempt(""):
             kept = like is not None and (case.material, case.kinematics) == (like.case.material, like.case.kinematics)
             parts.materials = like.materials if like and kept else materials_of(case, parts.space)
-        parts.constraints = _constraints(case, parts.space, attempt)
+        parts.constraints = _constraints(case, parts.space, attempt, parts.equations)
     if parts.space is not None and parts.prepared:
         pairs = like.joints if like is not None else ()
         records: tuple[Contact | Tie, ...] = (*case.contact, *case.ties)
@@ -232,22 +237,35 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
         parts.mesh = prepared(case, parts.mesh)
         parts.prepared = True
     with attempt(""):
-        parts.mesh, share = distribution.take(parts.mesh, case.skins)
-        if share.own is not None:
-            _check_shared(case, share)
-        parts.mesh, parts.adjusted = adjusted(case, parts.mesh, share.origin)
-        parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+        if distribution is not UNDIVIDED and any(joining(case)):
+            _joined_space(case, parts, distribution)
+        else:
+            parts.mesh, share = distribution.take(parts.mesh, case.skins)
+            parts.mesh, parts.adjusted = adjusted(case, parts.mesh, share.origin)
+            parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+        if parts.space.share.own is not None:
+            _check_shared(case, parts.space.share)
 
 
-def _check_undivided(case: Case, distribution: Distribution) -> None:
-    """Raise CaseError for what a model that several processes share cannot have: bolts, equations, couplings."""
-    if distribution is UNDIVIDED:
-        return
-    if case.pretension:
-        raise wrong(case.pretension[0], "bolts are tightened by the engine serial, in one process; run the case so")
-    spread = (force for force in case.force if force.moment is not None)
-    for record in (*case.equation, *case.coupling, *spread):
-        raise wrong(record, "it joins nodes of several processes, which one process only does; run the case in one")
+def _joined_space(case: Case, parts: ProblemParts, distribution: Distribution) -> None:
+    """Make the space of this process for a case that joins nodes, and its equations, of those of the whole mesh."""
+    parts.mesh, parts.adjusted = adjusted(case, parts.mesh, None)
+    whole = Space.of(parts.mesh, case.model, case.thickness)
+    equations = equations_of(whole, case)
+    sides = [side for record in case.pretension for side in sides_of(parts.mesh, record)]
+    sets = node_sets(whole, case, equations)
+    parts.mesh, share = distribution.take(parts.mesh, [*case.skins, *sides], sets)
+    parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+    if share.node is not None:
+        equations = tuple(one.on(whole.dofs(share.node).ravel()) for one in equations)
+    parts.equations = equations
+
+
+def _check_divided(case: Case, distribution: Distribution) -> None:
+    """Raise CaseError for records that join nodes of a mesh that was divided without them."""
+    for record in joining(case) if distribution.divided else ():
+        message = "it joins nodes, which one process then has, and the mesh was divided before"
+        raise wrong(record, f"{message}; name the mesh file itself, not the folder of its parts")
 
 
 def _check_shared(case: Case, share: Share) -> None:
@@ -265,10 +283,13 @@ def read_mesh(case: Case, distribution: Distribution = UNDIVIDED) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
     if not isinstance(case.mesh, Path):
         return mesh_of(case)
-    return distribution.read(case.mesh, case.skins, lambda mesh: slaves_of(case, mesh))
+    whole = bool(case.cyclic) or any(joining(case))
+    return distribution.read(case.mesh, case.skins, lambda mesh: slaves_of(case, mesh), whole)
 
 
-def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | None:
+def _constraints(
+    case: Case, space: Space, attempt: Attempt, equations: tuple[Equations, ...] | None
+) -> Constraints | None:
     """Return the constraints; None if the nodes of a prescribed record are not found, or if they contradict."""
     placed: tuple[Displacement | Rigid, ...] = (*case.displacement, *rigid_records(case))
     there = []
@@ -279,7 +300,7 @@ def _constraints(case: Case, space: Space, attempt: Attempt) -> Constraints | No
                 _tell_of_no_body(space, record, there[-1])
     if len(there) == len(placed):
         with attempt(""):
-            return constraints_of(space, case)
+            return constraints_of(space, case, equations)
     return None
 
 

@@ -255,8 +255,11 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     rows = [constraints.local.D @ own, apart]
     alone = _modes(space, frame, rigid[~attached], group[~attached])
     further = n + len(constraints.rigid)
-    for one in constraints.equations:
-        rows.append(_equation_rows(one, csr_array(own + alone), int(np.searchsorted(frame.block, further))))
+    moved = csr_array(diags_array(space.of_own(np.ones(space.n_dof))) @ (own + alone))
+    for one in constraints.equations:  # all processes have all of them
+        of_bodies = space.share.total_matrix(csr_array(one.C @ moved))
+        equated = _equation_rows(one, of_bodies, int(np.searchsorted(frame.block, further)))
+        rows.append(equated if space.share.rank == 0 else equated[:0])
         further += one.n_further
     if springs is not None:
         stiffness = springs.diagonal()
@@ -265,12 +268,11 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
     return space.share.gather_rows(vstack(rows, format="csr"))
 
 
-def _equation_rows(one: Equations, moved: csr_array, first: int) -> csr_array:
+def _equation_rows(one: Equations, rows: csr_array, first: int) -> csr_array:
     """Return equations on the amplitudes, each of size 1; `first`: amplitude of their first further unknown.
 
-    `moved` (n_dof, a): displacements of unit amplitudes.
+    `rows` (k, a): their parts C u of displacements u under unit amplitudes.
     """
-    rows = csr_array(one.C @ moved)
     size = np.sqrt(np.asarray(one.C.power(2).sum(axis=1)).ravel())
     if one.E is not None:
         E = one.E.tocoo()

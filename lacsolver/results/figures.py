@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.case import Coupling
-from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state
+from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state, force_name
 from lacsolver.constraints.pretension import SectionForces, carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
@@ -72,14 +72,15 @@ def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState
     space, constraints = problem.space, problem.constraints
     if record.kind == "distributing":
         rows = CouplingRows.of(space, record, problem.case.kinematics == "finite")
-        forces = state.equations.get(record.name, np.empty(0))
+        forces = state.equations.get(rows.name, np.empty(0))
         return distributing_state(space, rows, forces, state.time, state.u)
     if record.name in state.rigid:
         motion = state.rigid[record.name]
         force = constraints.rigid_reactions(state.reaction, state.rigid)[record.name]
         return CouplingState(*np.split(motion, [space.dim]), *np.split(force, [space.dim]))
-    further = state.further.get(record.name, np.empty(0))
-    return followed_state(space, record, state.equations[record.name], further, state.time)
+    name = force_name(record)
+    further = state.further.get(name, np.empty(0))
+    return followed_state(space, record, state.equations[name], further, state.time)
 
 
 def bolt_forces(problem: Problem, state: State) -> dict[str, SectionForces]:

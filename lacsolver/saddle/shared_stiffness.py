@@ -92,7 +92,7 @@ class SharedStiffness(Operator):
 
     def _blocks_of(self, B: csr_array) -> bsr_array:
         """Return rows B at the unknowns of own nodes, as blocks."""
-        space, nodal = self.constraints.space, self.constraints.nodal
+        space, nodal = self.constraints.space, self.constraints.at_nodes
         assert space.share.own is not None
         own = space.dofs(np.flatnonzero(space.share.own)).ravel()
         return bsr_array(csr_array((B[:, : nodal.n_q] @ nodal.T.T).tocsc()[:, own]).tobsr((1, space.dim)))
@@ -113,7 +113,7 @@ class SharedStiffness(Operator):
 
     def _on_nodes(self, apply: Callable[[Floats], Floats], f: Floats) -> NDArray[np.floating]:
         """Apply an operator on the unknowns of own nodes to forces f (n_nodal,); return displacements of all nodes."""
-        space, nodal = self.constraints.space, self.constraints.nodal
+        space, nodal = self.constraints.space, self.constraints.at_nodes
         u = np.zeros((space.mesh.n_nodes, space.dim))
         made = apply(space.own(np.asarray(nodal.T @ f)).ravel())
         u[space.share.own] = made.reshape(-1, space.dim)
@@ -171,7 +171,7 @@ class SharedFactors:
             return None
         c, spring = self._constraints, np.zeros(len(diagonal))
         assert c.own is not None
-        spring[leading_unknowns(self._R, c.common)] = _mean(diagonal[: c.n_nodal], c.nodal)
+        spring[leading_unknowns(self._R, c.common)] = _mean(diagonal[: c.n_nodal], c.at_nodes)
         return np.asarray(spring * c.own)
 
     @cached_property
@@ -204,7 +204,7 @@ def _cycle(K: Matrix, constraints: Constraints, backend: str) -> Cycle | PetscCy
     """
     if isinstance(K, bsr_array):
         return _aggregated(K, constraints)
-    n, nodal, space = constraints.n_nodal, constraints.nodal, constraints.space
+    n, nodal, space = constraints.n_nodal, constraints.at_nodes, constraints.space
     assert space.share.own is not None
     own = space.dofs(np.flatnonzero(space.share.own)).ravel()
     rows = _own_rows(K if n == K.shape[0] else csr_array(K[:n, :n]), nodal, own)

@@ -144,6 +144,16 @@ def test_skins_are_whole_in_every_part_with_the_cells_that_touch_them(n):
             assert part.node[small.internal_nodes[k]].tolist() == cut.internal_nodes[k].tolist()
 
 
+def test_nodes_that_all_need_are_in_all_parts():
+    """With the cells that have no other nodes, and no others."""
+    row = Mesh.create([[k, 0] for k in range(6)], [("SEG2", [[k, k + 1] for k in range(5)])])
+    asked = np.array([False, False, False, True, True, False])
+    part = part_of(row, np.repeat([0, 1], 3), 0, nodes=asked)
+    assert part.node.tolist() == [0, 1, 2, 3, 4] and part.cell.tolist() == [0, 1, 2, 3]
+    part = part_of(row, np.array([0, 1, 1, 1, 1, 1]), 0, nodes=asked)
+    assert part.node.tolist() == [0, 1, 3, 4] and part.cell.tolist() == [0, 3]
+
+
 def test_periodic_nodes_stay_pairs():
     mesh = Mesh.create(
         [[0, 0], [1, 0], [0, 1], [1, 1]],

@@ -18,7 +18,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.problem import Problem
 from lacsolver.results.figures import step_figures
-from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases, soft_cases
+from tests.lacsolver.distributed import friction_cases, joined_cases, moving_cases, plastic_cases, soft_cases
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
@@ -36,7 +36,7 @@ def problem_of(name):
     if name in CASES:
         case = CASES[name]
         return text_of(case, case.world), case.mesh()
-    others = (moving_cases, friction_cases, plastic_cases, soft_cases)
+    others = (moving_cases, friction_cases, plastic_cases, soft_cases, joined_cases)
     text, mesh = {**moving_cases.RIGID, **{k: v for one in others for k, v in one.CASES.items()}}[name]
     return text + "[solver]\nthreads = 1\n", mesh()
 
@@ -74,6 +74,10 @@ def compared(text, mesh, backend, comm):
             if expected.friction is not None:
                 for key in ("shear", "slip", "path", "dissipation", "resultant"):
                     add(key, getattr(zone.friction, key), getattr(expected.friction, key))
+        for key in ("pretension", "couplings", "equations"):
+            values = [joint_numbers(getattr(of, key)) for of in figures]
+            if len(values[0]):
+                add(key, *values)
         if other.step.work is not None:
             add("work", np.array(one.step.work), np.array(other.step.work))
         if figures[1].plastic is not None:
@@ -86,6 +90,14 @@ def compared(text, mesh, backend, comm):
     if problem.inertia is not None:
         worst["told"] = doubts(problem) == doubts(whole_problem)
     return worst
+
+
+def joint_numbers(records):
+    """All numbers of the figures of bolts, couplings or equations."""
+    parts = [
+        np.ravel(part) for record in records.values() for part in (record if isinstance(record, tuple) else [record])
+    ]
+    return np.concatenate([np.empty(0), *parts])
 
 
 def compare_motions(add, space, one, other):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.lacsolver.distributed import friction_cases, moving_cases, plastic_cases, soft_cases
+from tests.lacsolver.distributed import friction_cases, joined_cases, moving_cases, plastic_cases, soft_cases
 from tests.lacsolver.distributed.mpi import printed
 from tests.lacsolver.invariant_cases import CASES
 
@@ -18,6 +18,7 @@ SOLID = [name for name, case in CASES.items() if case.dim == 3]
 RIGID = [*moving_cases.RIGID]
 MOVED = [*moving_cases.CASES]
 RUBBED = [*friction_cases.CASES]
+JOINED = [*joined_cases.CASES]
 #: and of those of friction, with their bound: the tolerance is of displacements, beside which slips are small
 RUBBING, OF_SLIPS = ("shear", "slip", "path", "dissipation", "resultant", "work"), 2e-7
 
@@ -76,6 +77,16 @@ def test_several_processes_find_the_contact_that_one_finds(n, backend):
     for one in compared(n, backend, [*soft_cases.CASES]):
         assert one["sets"] and one["closed"], one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+
+
+@pytest.mark.parametrize(("n", "backend", "names"), [(2, "mumps", JOINED), (3, "multigrid", JOINED[3:])])
+def test_several_processes_join_nodes_as_one_does(n, backend, names):
+    """Equations, couplings, sections of bolts and sides of sectors have nodes of several processes before they move."""
+    for one in compared(n, backend, names):
+        assert one["sets"] and one["closed"] + one["sliding"], one
+        assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
+        joints = [one[key] for key in ("pretension", "couplings", "equations") if key in one]
+        assert joints and max(joints) <= BOUNDS["u"], one
 
 
 def compared(n, backend, names):

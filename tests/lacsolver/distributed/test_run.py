@@ -88,6 +88,17 @@ def test_parts_are_solved_by_as_many_processes(runs):
     assert "has 3 parts, and 2 processes were started; start 3 processes, name the mesh file itself, or" in line
 
 
+def test_parts_that_were_divided_without_equations_are_refused(runs):
+    text = (runs / "parts.toml").read_text() + '[[equation]]\ngroup = "top"\nsame = ["ux"]\n'
+    (runs / "joined.toml").write_text(text)
+    done = in_ranks(3, COMMAND, "run", runs / "joined.toml", "-o", runs / "joined")
+    assert done.returncode == 2 and not (runs / "joined").exists()
+    (line,) = own_lines(done.stderr)
+    assert (
+        "equation: it joins nodes, which one process then has, and the mesh was divided before; name the mesh" in line
+    )
+
+
 def test_med_is_the_file_of_one_process(runs):
     text = (runs / "two_blocks.toml").read_text() + '[output]\nformat = "med"\n'
     (runs / "med.toml").write_text(text)
