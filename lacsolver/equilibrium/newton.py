@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from itertools import count
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -33,7 +32,7 @@ from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.operator import product
+from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -96,7 +95,8 @@ def newton_iterates(
         limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
-        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit)
+        first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
+        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first)
         worst = np.inf if damping else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
         if step is None or then is None:
@@ -145,11 +145,12 @@ class _Step(NamedTuple):
 
 
 def _newton_step(
-    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int
+    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool
 ) -> _Step | None:
     """Return the step of a linear problem, whose row set is updated until it is consistent, in `limit` solves.
 
-    p (m,): pressures of the geometric stiffness. None if the tangent is singular, or the system cannot be solved.
+    p (m,): pressures of the geometric stiffness. `first`: True for the first step from a predictor, see `_let_go`.
+    None if the tangent is singular, or the system cannot be solved.
     """
     contact, R = there.contact, there.free
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
@@ -158,20 +159,45 @@ def _newton_step(
             C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
             now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
-            pressures, pivots, applications = p, Pivots(), 0
-            for solves in count(1):
-                linear = contact.linear(now, pressures)
-                h = linear.load(there.r, contact.rows.B_T)
-                problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
-                dq, reduced, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(pressures), goal)
-                pressures, applications = linear.full(reduced), applications + more
-                if solves == limit:
-                    return _Step(dq, pressures, now, solves, applications)
-                wanted = contact.with_gaps(contact.G - contact.rows.D @ dq).next_rows(now, pressures)
-                if wanted.equals(now):
-                    return _Step(dq, pressures, now, solves, applications)
-                now = pivots.next(now, wanted, exact=True)
+            step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots()
+            while True:
+                step = _solved(there, K, C, step, there.r, goal)
+                if step.solves == limit and not first:
+                    return step
+                wanted = contact.with_gaps(contact.G - contact.rows.D @ step.dq).next_rows(step.rows, step.p)
+                if first and (let_go := _let_go(there, p, step, wanted)) is not None:
+                    rows, kept = let_go
+                    alone = _solved(there, K, C, step._replace(rows=rows), there.r - contact.rows.B_T @ kept, goal)
+                    return alone._replace(p=alone.p + kept, rows=wanted)
+                if step.solves == limit or wanted.equals(step.rows):
+                    return step
+                step = step._replace(rows=pivots.next(step.rows, wanted, exact=True))
     return None
+
+
+def _solved(
+    there: Linearization, K: Operator, C: csr_array | None, before: _Step, r: Floats, goal: LinearTolerance
+) -> _Step:
+    """Return the step with the row set and from the pressures of one before, under the unbalanced forces r (n_q,)."""
+    linear = there.contact.linear(before.rows, before.p)
+    h = linear.load(r, there.contact.rows.B_T)
+    problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
+    dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal)
+    return _Step(dq, linear.full(p), before.rows, before.solves + 1, before.applications + more)
+
+
+def _let_go(there: Linearization, p: Floats, step: _Step, wanted: RowSet) -> tuple[RowSet, Floats] | None:
+    """Return rows for a first step with skins let go, and the contact forces p (m,) that act on them instead; or None.
+
+    It is for a first step in which most of what stuck under pressures p (m,) would slide: the rows of one configuration
+    say little about skins that slide over several faces. Bodies then go where they are moved to under the contact
+    forces of before, and meet there. Not where only contact holds them.
+    """
+    tractions = None if there.free.shape[1] else there.contact.sliding_tractions(p, step.rows, wanted)
+    if tractions is None:
+        return None
+    rows = there.contact.first_rows(np.zeros(len(p), bool), np.zeros_like(p))  # those that are always closed
+    return rows, np.where(rows.state, 0.0, tractions)
 
 
 def _total(A: csr_array | None, B: csr_array | None) -> csr_array | None:

@@ -337,6 +337,20 @@ class ContactSystem:
         """The mean gaps (m,), along tangents slips with the sign changed; 0 in rows that are not enforceable."""
         return np.where(self.enforceable, self.G / self.rows.w, 0.0)
 
+    def sliding_tractions(self, p: Floats, before: RowSet, after: RowSet) -> NDArray[np.floating] | None:
+        """Return p (m,) with the tractions of what slides in the set `after`; None where less than a half begins to.
+
+        p: pressures and tractions, whose macro-elements under pressure count; most of these stick in the set `before`.
+        """
+        out, pressed, leaving = p.copy(), 0, 0
+        for shear in self.sheared:
+            own, states = p[shear.normal], shear.states(after)
+            pressed += int((own > 0).sum())
+            leaving += int(((own > 0) & shear.sticks(before.active) & states.slides).sum())
+            sliding = shear.bounds.at(own)[0][:, None] * states.direction
+            shear.vectors(out)[:] = np.where(states.slides[:, None], sliding, shear.vectors(p))
+        return out if leaving > pressed / 2 else None
+
     def start_active(self, closed: Bools) -> Bools:
         """Return the active set (m,) to start from: the rows `closed`, and those that the laws always close."""
         out = closed.copy()
