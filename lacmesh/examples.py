@@ -45,7 +45,9 @@ CASES: Mapping[str, Example] = {
     "press_fit": _case("", "press_fit", "a hub upon a shaft that is too large by 0.02 mm, in space"),
     "clamp": _case("friction/", "clamp", "two plates under a bolt, pulled until they slip: friction"),
     "cylinders": _case("friction/", "cylinders", "Cattaneo and Mindlin: two cylinders, pressed and sheared"),
-    "flange": _case("flange/", "flange", "half a flange joint: two bolts tightened, then bent; friction, a gasket"),
+    "flange": _case(
+        "flange/", "flange", "a flange joint by sectors: bolts tightened, then a pull and a torque; friction, a gasket"
+    ),
     "imprint": _case("plastic/", "imprint", "a ball that leaves an imprint in a metal, axisymmetric"),
     "bar_on_wall": _case("impact/", "bar_on_wall", "a bar that hits a rigid wall: waves, with inertia"),
     "dropping_ball": _case("impact/", "dropping_ball", "a rubber ball that bounces, axisymmetric, with inertia"),

@@ -25,6 +25,7 @@ from lacsolver.equilibrium.attempt import Progress
 from lacsolver.equilibrium.holding import beyond_a_cell, warnings_of
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import OutputFolder, Writer, check_same, create_output
+from lacsolver.output.ring import described
 from lacsolver.output.states import scatter_state
 from lacsolver.problem.first_look import doubts
 from lacsolver.problem.opening import inexact_friction, opening_angles
@@ -144,6 +145,7 @@ class RunOutput:
             overlap={name: one.overlap for name, one in self._starts.items()},
             units=problem.case.output.units or "",
             adjusted=problem.adjusted,
+            sectors=described(problem.case),
         )
 
     def continued(self, start: Restart, mesh: Mesh) -> Restart:

@@ -206,20 +206,28 @@ class Solution(Described):
         field: str = "pressure",
         zone: Sequence[str] = (),
         zoom: bool = False,
+        ring: bool = False,
         title: str | None = None,
     ) -> Picture:
         """Draw the contact of this state: the deformed model, small, and beside it each zone by itself.
 
-        Writes the picture to `path` (.png) if one is given; `field`, `zone`, `zoom`, `title` as of `lacsolver.plot`.
+        Writes the picture to `path` (.png) if one is given; `field`, `zone`, `zoom`, `ring`, `title` as of
+        `lacsolver.plot`.
         Raises RequestError if there is no contact, for a field or zone that is not there, or if a package is missing;
         WriteError.
         """
         from lacmesh.formats.output import replace_file
+        from lacsolver.output.ring import described, fields_of_ring, sector_of
         from lacsolver.pictures.drawing import ContactPicture, check_plot
 
         target = Path("picture.png" if path is None else path)
         check_plot(target, self.mesh.dim)
-        drawn = ContactPicture.of(self.mesh, self.fields, field, zone, self.units, zoom=zoom, title=title)
+        mesh, fields = self.mesh, self.fields
+        if ring:
+            mesh, fields = fields_of_ring(
+                mesh, fields, sector_of({"cyclic": described(self._own("whole rings")[0].case)})
+            )
+        drawn = ContactPicture.of(mesh, fields, field, zone, self.units, zoom=zoom, title=title)
         picture = Picture(drawn.png(target))
         if path is not None:
             replace_file(target, picture.png)

@@ -1,4 +1,4 @@
-"""Draw the forces of the bolts of a flange joint against the moment that bends it, from the folder of a run.
+"""Draw the forces of bolt and gasket of a flange joint, and how far its pipe turns, from the folder of a run.
 
 python docs/tutorials/bolt_forces.py        reads the folder flange, writes flange_bolts.png; needs matplotlib
 """
@@ -10,20 +10,23 @@ import lacsolver as ls
 matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
+BOLTS = 8
 history = ls.read_results("flange").history
-moment = 2e-6 * history["coupling.end.moment.y"]  # of both halves, kN m
-force = {bolt: 1e-3 * history[f"pretension.{bolt}.force"] for bolt in ("bolt_1", "bolt_2")}
-bending = {bolt: 1e-3 * history[f"pretension.{bolt}.moment.y"] for bolt in force}
+bolt = 1e-3 * history["pretension.shank.force"]  # kN
+gasket = -1e-3 * history["contact.gasket.fz"]  # of one sector, kN
+pull = BOLTS * (bolt - gasket)  # by the balance of forces
+torque = BOLTS * 1e-3 * history["coupling.end.moment.z"]  # N m
+turn = 1e3 * history["coupling.end.rotation.z"]  # mrad
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), dpi=100)
-for bolt in force:
-    left.plot(moment, force[bolt], "o-", label=bolt)
-    right.plot(moment, bending[bolt], "o-", label=bolt)
-left.set(xlabel="bending moment, kN m", ylabel="force of a bolt, kN", title="forces of the bolts")
-right.set(xlabel="bending moment, kN m", ylabel="moment about y, N m", title="moments at the sections of the bolts")
+left.plot(pull, bolt, "o-", label="bolt")
+left.plot(pull, gasket, "o-", label="gasket, of one sector")
+left.set(xlabel="pull on the joint, kN", ylabel="force, kN", title="forces while the pipe is pulled", ylim=(0, 22))
 left.legend()
-right.legend()
+right.plot(torque[history["time"] >= 2], turn[history["time"] >= 2], "o-")
+right.set(xlabel="torque, N m", ylabel="rotation of the pipe's end, mrad", title="rotation while the pipe is twisted")
 figure.tight_layout()
 figure.savefig("flange_bolts.png")
-for time, m, one, two in zip(history["time"], moment, *force.values(), strict=True):
-    print(f"t = {time:.2f}: {m:.1f} kN m, bolts {one:.1f} and {two:.1f} kN")
+for time, *values in zip(history["time"], pull, torque, bolt, gasket, strict=True):
+    values = [round(float(value), 3) + 0.0 for value in values]  # and no -0
+    print("t = {:.2f}: pull {:.1f} kN, torque {:.0f} N m, bolt {:.2f} kN, gasket {:.2f} kN".format(time, *values))

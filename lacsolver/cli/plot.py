@@ -12,7 +12,7 @@ from lacsolver.cli.options import add_command, add_folder, folder_of, print_size
 from lacsolver.cli.ranks import check_alone
 
 #: options of a picture of contact, and the values that stand for "not given"
-_OF_CONTACT: dict[str, Any] = {"field": None, "zone": [], "time": None, "zoom": False}
+_OF_CONTACT: dict[str, Any] = {"field": None, "zone": [], "time": None, "zoom": False, "ring": False}
 
 
 def add(commands: Any) -> None:
@@ -31,6 +31,7 @@ def add(commands: Any) -> None:
         "--time", type=float, metavar="T", help="a time of which fields were written (default: the last)"
     )
     parser.add_argument("--zoom", action="store_true", help="show only the surroundings of what is under pressure")
+    parser.add_argument("--ring", action="store_true", help="draw the whole ring of a sector ([[cyclic]])")
     parser.add_argument(
         "--history",
         nargs="*",
@@ -64,5 +65,5 @@ def run(args: argparse.Namespace) -> None:
         from lacsolver.pictures.drawing import plot
 
         title = args.title or folder.resolve().name
-        plot(folder, target, field=name, zone=args.zone, time=args.time, zoom=args.zoom, title=title)
+        plot(folder, target, field=name, zone=args.zone, time=args.time, zoom=args.zoom, ring=args.ring, title=title)
     print_size(target, args)

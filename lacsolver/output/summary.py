@@ -64,6 +64,7 @@ def _parts(results: Results, balance: Floats) -> tuple[str, str]:
     tail = {
         "contact": {name: _zone(zone, results, name) for name, zone in (last.contact if last else {}).items()},
         **({"pretension": _named(last.pretension)} if last and last.pretension else {}),
+        **({"cyclic": results.sectors} if results.sectors else {}),
         "balance": dict(zip(_BALANCE, balance.tolist(), strict=True)),
         "loads": [load._asdict() for load in results.loads],
         "stress": results.stress,

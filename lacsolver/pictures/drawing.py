@@ -30,6 +30,7 @@ from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacmesh.view import image_of
 from lacsolver.case import Case
+from lacsolver.output.ring import fields_of_ring, sector_of
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
@@ -88,13 +89,15 @@ def plot(
     zone: Sequence[str] = (),
     time: float | None = None,
     zoom: bool = False,
+    ring: bool = False,
     title: str | None = None,
 ) -> float:
     """Draw the contact of a finished run from its folder into a PNG file; return the time that is shown.
 
     `field`: one of `lacsolver.pictures.quantities.QUANTITIES`. `zone`: names of zones, all by default. `time`: one at
     which fields were written, the last by default. `zoom`: show only the surroundings of what is under pressure, to
-    scale. `title`: a line above. Raises RequestError for what is not there or cannot be drawn, ReadError, WriteError.
+    scale. `ring`: draw the whole ring of a sector. `title`: a line above. Raises RequestError for what is not there or
+    cannot be drawn, ReadError, WriteError.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -108,6 +111,8 @@ def plot(
     summary, stored = read_summary(folder), stored_fields(folder)
     k = stored_at(stored.times, time)
     mesh, fields = stored.read(k, tuple(summary.get("contact", {})))
+    if ring:
+        mesh, fields = fields_of_ring(mesh, fields, sector_of(summary))
     units = Units.of(summary.get("units"))
     picture = ContactPicture.of(mesh, fields, field, zone, units, zoom=zoom, title=title)
     check_plot(path, mesh.dim)

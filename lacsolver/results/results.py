@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +169,7 @@ class Results(Described):
     slave was chosen, "" where the case says which it is. `loads`: for a finished run, the resultant of
     each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
     `units`: the names of units that the case gives. `adjusted`: by zone, how far slave nodes were moved onto the
-    master.
+    master. `sectors`: by name, the sides, the axis and the number of the sectors of a ring.
 
     >>> results = Results(version="0.1.0")
     >>> results.status, len(results.steps)
@@ -190,6 +190,7 @@ class Results(Described):
     overlap: Mapping[str, float] = field(default_factory=dict)
     units: str = ""
     adjusted: Mapping[str, Adjustment] = field(default_factory=dict)
+    sectors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.status not in STATUSES:

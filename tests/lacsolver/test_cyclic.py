@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,28 @@ import pytest
 from scipy.spatial import cKDTree
 
 import lacmesh
+import lacsolver as ls
 from lacmesh import Mesh
-from lacsolver.case import Case, CaseError, Contact, Cyclic, Displacement, Material, Output, Pressure, Solver, Steps
+from lacmesh.errors import RequestError
+from lacsolver.case import (
+    Case,
+    CaseError,
+    Contact,
+    Cyclic,
+    Displacement,
+    Material,
+    Output,
+    Pressure,
+    Solver,
+    Steps,
+    parse_case,
+)
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
+from lacsolver.output.ring import described, fields_of_ring, sector_of
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
+from tests.lacsolver.distributed.joined_cases import CASES
 from tests.lacsolver.sectors import ring, sector
 from verification.meshes.blocks import joined
 
@@ -182,3 +199,28 @@ def test_contact_that_touches_the_sides_is_that_of_the_ring(cell, hexa):
     sums = [(z.pressure * z.area).sum() for z in (zone, all_zones)]
     assert 6 * sums[0] == pytest.approx(sums[1], rel=1e-9 if cell == "HEXA8" else 1e-4)
     assert abs(part.u.reshape(-1, 3)[:, 2]).max() == pytest.approx(abs(whole.u.reshape(-1, 3)[:, 2]).max(), rel=1e-2)
+
+
+def test_the_zones_of_a_whole_ring_are_those_of_the_sector_turned():
+    text, made = CASES["a sector with friction"]
+    mesh = made()
+    solution = ls.solve(parse_case(text), mesh)
+    record = sector_of(json.loads(json.dumps({"cyclic": described(solution._solved[0].case)})))
+    whole, fields = fields_of_ring(solution.mesh, solution.fields, record)
+    (name,) = fields.zones
+    zone, part = (f.zones["zone"] for f in (fields, solution.fields))
+    assert (
+        name == "zone" and len(zone.pressure) == 6 * len(part.pressure) and zone.macro.max() == len(zone.pressure) - 1
+    )
+    same = cKDTree(whole.points).query_pairs(1e-9, output_type="ndarray")
+    same = same[whole.points[same[:, 0], 2] > 1.1]  # above the contact, whose nodes are those of two bodies
+    assert len(same) and np.abs(np.diff(fields.displacement[same], axis=1)).max() < 1e-12
+    force = zone.contact_force.sum(axis=0)
+    np.testing.assert_allclose(force[2], 6 * part.contact_force[:, 2].sum(), rtol=1e-12)
+    np.testing.assert_allclose(force[:2], 0, atol=1e-12 * abs(force[2]))
+    np.testing.assert_allclose(zone.friction.resultant[:2], 0, atol=1e-12 * abs(force[2]))
+    middle = whole.points[zone.surface.faces.corners].mean(axis=1)
+    radius = np.hypot(*middle.T[:2]).reshape(6, -1)
+    np.testing.assert_allclose(radius, np.broadcast_to(radius[0], radius.shape))
+    with pytest.raises(RequestError, match=r"has no \[\[cyclic\]\]"):
+        sector_of({"contact": {}})
