@@ -134,6 +134,7 @@ class RunOutput:
         self._writer: Writer | None = None
         self._last: State | None = None
         self._compressed: Floats | None = None
+        self._linear_solver = ""
         #: largest covered fraction of each zone so far, 1 once it has been in contact
         self._covered: dict[str, float] = {}
         #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
@@ -167,6 +168,7 @@ class RunOutput:
             touches = (zone.status >= CONTACT).any()
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
+        self._linear_solver = self._linear_solver or state.linear_solver
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         stress = point_stress(problem, state)
@@ -199,7 +201,7 @@ class RunOutput:
             modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
             weight = None if problem.inertia is None else problem.inertia.weight
             loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
-        message = "\n".join(messages)
+        message = "\n".join([*filter(None, [self._linear_solver]), *messages])  # that was warned of when it happened
         self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:
             warnings.warn(LacmeshWarning(message), stacklevel=4)

@@ -272,6 +272,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
         step.state.histories.materials, held, problem.space.largest(step.u0),
         constraints.equation_forces(reaction, q, step.t) | rows, constraints.further(q, step.t),
+        step.model.factors.note,
     )  # fmt: skip
 
 

@@ -79,3 +79,12 @@ def backward_error(scale: Floats, x: Floats, r: Floats, b: Floats) -> float:
     size = np.linalg.norm(x / scale, axis=0) + np.linalg.norm(b * scale, axis=0)
     left = np.linalg.norm(r * scale, axis=0)
     return float(np.max(np.where(left == 0, 0.0, left / np.where(size == 0, 1.0, size)), initial=0.0))
+
+
+def solves(K: Matrix, d: Floats, solve: Callable[[Floats], Floats]) -> bool:
+    """True if a solver solves K x = b, for one b, as well as refinement can mend; d (n,): a positive diagonal."""
+    scale = 1 / np.sqrt(d)
+    b = np.random.default_rng(2).normal(size=len(d)) / scale
+    with np.errstate(over="ignore", invalid="ignore"):
+        x = solve(b.copy())
+        return bool(backward_error(scale, x, b - K @ x, b) <= _WRONG)

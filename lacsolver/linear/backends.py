@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from scipy.sparse import issparse
 
-from lacmesh.errors import LacmeshWarning, RequestError, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
 from lacsolver.linear.accuracy import Matrix
-from lacsolver.linear.direct import rslab, superlu
 from lacsolver.linear.direct.factor import DirectAnalysis, DirectFactor
 from lacsolver.linear.direct.pardiso import library
+from lacsolver.linear.direct.reserve import superlu_serves
 from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
 
 #: factor of a matrix; `iterative` if its basic operation approximates K^-1, and a solution takes many of them
@@ -68,12 +67,9 @@ def why_no_rslab() -> str:
     return ""
 
 
-@cache
-def _say_that_superlu_serves() -> None:
-    """Warn, once, that the slowest direct solver serves."""
-    why = f"rslab, which comes with lacmesh, cannot be loaded ({why_no_rslab()})"
-    message = f"{why}: SciPy's SuperLU serves, which is many times slower for large models; pip install rslab"
-    warnings.warn(LacmeshWarning(message), stacklevel=2)
+def _superlu_serves() -> str:
+    """Return the sentence that the slowest direct solver serves, and warn of it the first time."""
+    return superlu_serves("cannot be loaded", why_no_rslab(), "pip install rslab")
 
 
 #: every backend by its name, the direct ones in the order in which `auto` prefers them
@@ -114,10 +110,7 @@ def choose(backend: str, n: int, n_modes: int = 0, multigrid_above: int = MULTIG
         large = n > multigrid_above and n_modes >= _MODES_3D
         if large and BACKENDS["multigrid"].installed:
             return BACKENDS["multigrid"]
-        best = next(b for b in BACKENDS.values() if b.direct and b.installed)
-        if best.name == "superlu":
-            _say_that_superlu_serves()
-        return best
+        return next(b for b in BACKENDS.values() if b.direct and b.installed)
     if backend not in BACKENDS:
         raise RequestError(f"no linear solver named {backend!r}{did_you_mean(backend, ('auto', *BACKENDS))}")
     chosen = BACKENDS[backend]
@@ -139,7 +132,8 @@ def analyse(
     """Analyse a sparse, symmetric positive definite matrix (n, n), with both triangles and the whole diagonal stored.
 
     With `definite` false it may have negative eigenvalues, like the tangent of a buckling structure: it is then
-    factorised by rslab, whose L D L^T pivots, whatever the backend; by SuperLU where rslab cannot be loaded.
+    factorised by rslab, whose L D L^T pivots, whatever the backend. SuperLU takes the place of rslab where that cannot
+    be loaded (for `auto`) or fails: a warning says so, and the analysis has it as its `note`.
 
     `.factor(K)` may be called repeatedly, with values in the same pattern; `.factor(K).solve(b)` gives K^-1 b for b
     (n,) or (n, k): for a direct backend, columns solved together cost much less than one by one.
@@ -161,17 +155,14 @@ def analyse(
         raise RequestError("a linear solver takes a sparse square matrix")
     if threads < 1:
         raise RequestError(f"threads is 1 or more, not {threads}")
-    if not definite:
-        if why_no_rslab():
-            _say_that_superlu_serves()
-        pivoting: Any = superlu if why_no_rslab() else rslab
+    if definite:
+        name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
+    else:
         name = "superlu" if why_no_rslab() else "rslab"
-        return DirectAnalysis(name, K, lambda triangle: pivoting.analyse(triangle, threads, definite=False), False)
-    name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block, threads)
-    method = import_module(f"lacsolver.linear.direct.{name}")
-    return DirectAnalysis(name, K, lambda triangle: method.analyse(triangle, threads))
+    note = _superlu_serves() if name == "superlu" and why_no_rslab() and backend != "superlu" else ""
+    return DirectAnalysis(name, K, threads, definite, note)
 
 
 def factorise(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Floats
 
@@ -43,8 +45,19 @@ class SingularError(LinearError):
 
 
 class Breakdown(Exception):  # noqa: N818 (never leaves this package: it becomes a SingularError)
-    """A backend met a pivot that is not positive, at the row `dof` if it can tell."""
+    """A backend met a pivot that is not positive, at the row `dof` if it can tell.
 
-    def __init__(self, dof: int | None = None) -> None:
+    `solve`: the solution with the factor that it has all the same, which shows if the signs of its pivots are right.
+    """
+
+    def __init__(self, dof: int | None = None, solve: Callable[[Floats], Floats] | None = None) -> None:
         super().__init__(dof)
-        self.dof = dof
+        self.dof, self.solve = dof, solve
+
+
+class Doubted(Exception):  # noqa: N818 (never leaves this package)
+    """A backend calls a matrix singular, by `error`, and neither a motion nor a factor shows that it is."""
+
+    def __init__(self, error: SingularError) -> None:
+        super().__init__("it calls a matrix singular without a motion that shows it")
+        self.error = error

@@ -197,7 +197,8 @@ class State(Described):
     that of the materials before the step, with which stress and energy at u are evaluated. At the last time of a case,
     `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
     `equations`: forces (k,) of the equations C u = g of each record that has some, by name, which act on the bodies by
-    C^T times them; `further`: values (n_s,) of the further unknowns of equations, by name.
+    C^T times them; `further`: values (n_s,) of the further unknowns of equations, by name. `linear_solver`: a sentence
+    about the solver that had to take the place of rslab, "" where none had.
 
     >>> from lacsolver import read_case
     >>> from lacsolver.problem.problem import Problem
@@ -222,3 +223,4 @@ class State(Described):
     prescribed: float = 0.0
     equations: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     further: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
+    linear_solver: str = ""

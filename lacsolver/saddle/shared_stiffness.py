@@ -126,8 +126,10 @@ class SharedStiffness(Operator):
 class SharedFactors:
     """Preconditions matrices one after the other, see `stiffness.FactorCache`.
 
-    `backend`: multigrid, or gamg, hypre or mumps of PETSc.
+    `backend`: multigrid, or gamg, hypre or mumps of PETSc. `note`: "", as none takes the place of another.
     """
+
+    note = ""
 
     def __init__(self, R: NDArray[np.floating], backend: str, constraints: Constraints, vectors: Vectors) -> None:
         self._R, self._backend, self._constraints, self._vectors = R, backend, constraints, vectors

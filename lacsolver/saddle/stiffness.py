@@ -130,6 +130,7 @@ class FactorCache:
         self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
         self._analyses: dict[bool, Analysis] = {}
         self._last: MultigridFactor | None = None
+        self._note = ""
 
     @property
     def on_nodes(self) -> bool:
@@ -139,6 +140,11 @@ class FactorCache:
     @cached_property
     def _chosen(self) -> Backend:
         return choose(self._backend, len(self._R), 0 if self._whole is None else self._whole.modes.shape[1])
+
+    @property
+    def note(self) -> str:
+        """Sentence about SuperLU, where it had to take the place of rslab; "" where it had not."""
+        return self._note or next((analysis.note for analysis in self._analyses.values() if analysis.note), "")
 
     def forget(self) -> None:
         """Drop the hierarchy of multigrid: the next matrix is not similar to the last one."""
@@ -185,6 +191,7 @@ class FactorCache:
         if definite in self._analyses:
             with suppress(RequestError):  # another pattern
                 return self._analyses[definite].factor(K)
+        self._note = self.note  # of the analysis that goes
         analysis = analyse(K, backend=self._chosen.name, threads=self._threads, definite=definite)
         self._analyses[definite] = analysis
         return analysis.factor(K)

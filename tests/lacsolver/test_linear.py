@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csc_array, csr_array
 
-from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, RequestError
+from lacmesh.errors import DataError, LacmeshError, RequestError
 from lacsolver.case.case import Solver
 from lacsolver.case.rules import BACKENDS_OF
 from lacsolver.linear import Backend, LinearError, analyse, backends, choose, factorise
@@ -237,39 +237,3 @@ def test_the_page_does_what_it_says():
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert tried > 8 and not failed
     assert {b.name for b in backends().values()} <= set(re.findall(r"^\| `(\w+)`", page.read_text(), re.MULTILINE))
-
-
-@pytest.fixture
-def without_rslab(monkeypatch):
-    """rslab cannot be loaded, as where its wheel does not fit; nor are other direct solvers but SciPy's."""
-    module = sys.modules["lacsolver.linear.backends"]
-    monkeypatch.setitem(sys.modules, "rslab", None)
-    for cached in (module.why_no_rslab, module._say_that_superlu_serves):
-        cached.cache_clear()
-    others = {name: one for name, one in module.BACKENDS.items() if name in ("rslab", "superlu", "multigrid")}
-    monkeypatch.setattr(module, "BACKENDS", others)
-    yield
-    monkeypatch.undo()
-    for cached in (module.why_no_rslab, module._say_that_superlu_serves):
-        cached.cache_clear()
-
-
-def test_superlu_serves_where_rslab_cannot_be_loaded_and_it_is_said_once(without_rslab):
-    K = csr_array(np.diag([2.0, 3.0, 4.0]) + np.diag([-1.0, -1.0], 1) + np.diag([-1.0, -1.0], -1))
-    b = np.arange(3.0)
-    with pytest.warns(LacmeshWarning, match="SciPy's SuperLU serves.*pip install rslab") as told:
-        factors = [factorise(K), factorise(K)]
-    assert len(told) == 1
-    for factor in factors:
-        np.testing.assert_allclose(factor.solve(b), np.linalg.solve(K.toarray(), b), rtol=1e-14)
-    with pytest.raises(RequestError, match="the linear solver rslab is not installed"):
-        factorise(K, backend="rslab")
-
-
-def test_an_indefinite_matrix_is_solved_by_superlu_too(without_rslab):
-    K = csr_array(np.array([[0.5, 2.0, 0.0], [2.0, 0.5, 1.0], [0.0, 1.0, -3.0]]))
-    b = np.array([1.0, 2.0, 3.0])
-    with pytest.warns(LacmeshWarning, match="SuperLU serves"):
-        analysis = analyse(K, definite=False)
-    assert analysis.backend == "superlu"
-    np.testing.assert_allclose(analysis.factor(K).solve(b), np.linalg.solve(K.toarray(), b), rtol=1e-13)

@@ -158,7 +158,7 @@ class MultigridAnalysis:
     node, numbered consecutively.
     """
 
-    backend = "multigrid"
+    backend, note = "multigrid", ""
 
     def __init__(self, K: Matrix, modes: Floats | None, block: int | None, threads: int = 1) -> None:
         n = K.shape[0]
