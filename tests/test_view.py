@@ -21,9 +21,10 @@ from lacmesh.scene.edges import edges_of
 from lacmesh.scene.layers import CURVED, curved_parts
 from lacmesh.scene.marks import Values, cell_values, find_marks
 from lacmesh.scene.placing import SEEN_AT
+from lacmesh.scene.request import BODIES_AS
 from lacmesh.scene.visible import BODY, MASTER, SLAVE, find_visible
 from lacmesh.topology.skin import Faces
-from lacmesh.view import page, picture
+from lacmesh.view import page, page_text, picture
 from tests.meshes import box, cell_with_faces, random_mesh
 from tests.viewing import DATA
 
@@ -546,3 +547,43 @@ def test_slave_and_master_have_different_swatches_where_cells_are_coloured_by_va
     assert slave.colours == (colours.INK,) and master.colours == (colours.MASTER,)
     drawn = {tuple(colour) for layer in scene.layers if layer.kind == "lines" for colour in layer.rgb[:1].tolist()}
     assert tuple(colours.rgb([colours.MASTER])[0].tolist()) in drawn
+
+
+def sandwich():
+    """Three cubes on one another, each a group; the group `slave` is on both sides of the middle one."""
+    points, hexahedra = box(2)
+    n = len(points)
+    low, high = hexahedra[:, [0, 3, 2, 1]], hexahedra[:, 4:]
+    skin = np.vstack([f[(points[f][:, :, 2] == z).all(axis=1)] for f, z in ((low, 0), (high, 1))])
+    solids = np.vstack([hexahedra + k * n for k in range(3)])
+    x = np.vstack([points + np.array([0, 0, k - 1]) for k in range(3)])
+    cells = np.split(np.arange(len(skin), len(skin) + len(solids)), 3)
+    groups = {"slave": np.arange(len(skin)), **dict(zip(("foot", "core", "lid"), cells, strict=True))}
+    return Mesh.create(x, [("QUAD4", skin + n), ("HEXA8", solids)], cell_groups=groups)
+
+
+def opacity_of_bodies(drawn):
+    return next(layer.opacity for layer in drawn.layers if layer.kind == "faces")
+
+
+def test_bodies_are_ghosts_where_nothing_can_be_moved_to_show_the_slave():
+    """A skin on both sides of a body, or an underside where bodies stay; else bodies are solid."""
+    assert opacity_of_bodies(make_scene(sandwich(), "slave")) == BODIES_AS["ghost"]
+    assert opacity_of_bodies(make_scene(sandwich(), "slave", bodies="solid")) == 1.0
+    below = {"camera": (1, -1, 1), "explode": 0, "tilt": 0}
+    assert opacity_of_bodies(make_scene(two_cubes(), "slave", **below)) == BODIES_AS["ghost"]
+    for options in ({}, {"cutaway": (1, 0, 0), **below}):
+        assert opacity_of_bodies(make_scene(two_cubes(), "slave", **options)) == 1.0
+    assert opacity_of_bodies(make_scene(cube(2), "slave")) == 1.0
+    for mesh, explode, way in ((sandwich(), None, "ghost"), (two_cubes(), 0, "ghost"), (two_cubes(), None, "solid")):
+        assert f'"bodiesAs":"{way}"' in page_text(mesh, slave="slave", explode=explode, camera=(1, -1, 1))
+
+
+def test_bodies_have_the_names_of_their_groups():
+    """In the legend with their colours, and on a page under the pointer."""
+    (line,) = [entry for entry in make_scene(sandwich()).legend if entry.words.startswith("bodies")]
+    assert line.words == "bodies: 'foot', 'core', 'lid'" and line.colours == colours.BODIES[:3]
+    assert not any("bodies" in entry.words for entry in make_scene(sandwich(), bodies="hidden").legend)
+    assert """"bodyNames":["'foot'","'core'","'lid'"]""" in page_text(sandwich())
+    assert not any("bodies" in entry.words for entry in make_scene(two_cubes()).legend)  # skins alone name them
+    assert '"bodyNames":["the body with \'slave\'","the body with \'master\'"]' in page_text(two_cubes())

@@ -50,8 +50,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--bodies",
         choices=("solid", "ghost", "hidden"),
-        default="solid",
-        help="ghost: see-through, so that nothing hides the skins; hidden: the skins alone (default: solid)",
+        help="ghost: see-through, so that nothing hides the skins; hidden: the skins alone (default: solid, or ghost"
+        " where nothing can be moved to show the slave skin)",
     )
     parser.add_argument("--size", type=_size, metavar="WxH", help="pixels of a picture (default: 1600x1000)")
     parser.add_argument("--title", help="a line above (default: the file's name, or what the mesh holds)")

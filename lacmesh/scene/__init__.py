@@ -26,10 +26,10 @@ from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import exploded, find_exploded_view, find_eye, fit_camera
+from lacmesh.scene.placing import drawn_bodies, exploded, find_exploded_view, find_eye, fit_camera
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.visible import MASTER as IS_MASTER
-from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_visible
+from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_visible, names_of_bodies
 
 #: the part of the picture's height above which the mesh ends, and what a line of the legend takes below it
 HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
@@ -37,6 +37,8 @@ HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
 RAMP_LINES = 3
 #: in units (`unit_of`): where words begin beside a box of the legend, what a ramp takes, a letter of a legend's words
 INDENT, RAMP_ROOM, LETTER = 82, 480, 12.4
+#: bodies that the legend names
+NAMED = 4
 #: findings that get a line in the legend, and cells of theirs that get a label
 LISTED, LABELLED = 5, 8
 
@@ -96,16 +98,17 @@ def make_scene(
     tilt: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
-    bodies: str = "solid",
+    bodies: str | None = None,
 ) -> Scene:
     """Make the scene that `view.picture` draws, by its options. Raises RequestError, GroupNotFoundError, DataError."""
     check_placing(camera, cutaway, explode, near, bodies)
-    mesh = from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
+    given, mesh = mesh, from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     eye = find_eye(mesh, visible, camera)
-    if bodies != "solid" and explode is None and tilt is None:
+    if bodies in ("ghost", "hidden") and explode is None and tilt is None:
         explode, tilt = 0.0, 0.0  # nothing hides the skin
     view = find_exploded_view(mesh, visible, eye, explode, tilt)
+    bodies = bodies or drawn_bodies(mesh, visible, eye, view, near is not None or cutaway is not None)
     points = exploded(mesh, visible, view)
     marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(
@@ -114,6 +117,7 @@ def make_scene(
         title=title_of(mesh),
         legend=(
             *legend_of(visible, marked=marks is not None and marks.wrong, valued=values is not None),
+            *([] if bodies == "hidden" else _bodies_legend(given, visible)),
             *_values_legend(mesh, values),
             *_marks_legend(marks),
         ),
@@ -172,6 +176,17 @@ def legend_of(visible: VisibleSurface, *, marked: bool = False, valued: bool = F
         words = f"{counted(len(visible.internal), 'internal node')}, each with a dof of its own"
         entries.append(Entry("dot", words, (INK if marked else DOT,)))
     return tuple(entries)
+
+
+def _bodies_legend(mesh: Mesh, visible: VisibleSurface) -> list[Entry]:
+    """Legend of the bodies that groups of their cells name: one line, with the colours in the order of the names."""
+    names = {k: name for k, name in names_of_bodies(mesh, visible).items() if not name.startswith("the body with ")}
+    if len(np.unique(visible.body)) < 2 or not names:
+        return []
+    shown = list(names)[:NAMED]
+    words = ", ".join(names[k].replace("the body ", "that ") for k in shown)
+    more = f", and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return [Entry("area", f"bodies: {words}{more}", tuple(BODIES[k % len(BODIES)] for k in shown))]
 
 
 def _values_legend(mesh: Mesh, values: Values | None) -> list[Entry]:

@@ -96,6 +96,18 @@ def find_exploded_view(
     return ExplodedView(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
 
 
+def drawn_bodies(
+    mesh: Mesh, visible: VisibleSurface, eye: Floats, view: ExplodedView | None, opened: bool = False
+) -> str:
+    """Return how bodies are drawn by default: `solid`, or `ghost` where they hide the slave skin and none is moved.
+
+    `opened`: True where only a part of the cells is drawn, which shows the skin.
+    """
+    if view is not None or opened or mesh.space_dim == 2 or not visible.hidden:
+        return "solid"
+    return "ghost" if find_outward(mesh.points, visible) @ eye <= 0 else "solid"
+
+
 def _why_still(visible: VisibleSurface) -> str:
     """Say why no body moves, and what to try."""
     if not len(visible.rows(SLAVE)):

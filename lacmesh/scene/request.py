@@ -33,7 +33,7 @@ def check_placing(
     cutaway: Sequence[float] | None,
     explode: float | None,
     near: float | None,
-    bodies: str = "solid",
+    bodies: str | None = None,
 ) -> None:
     """Raise RequestError for the first option that cannot be drawn; None leaves the choice to the drawing."""
     for name, direction in (("camera", camera), ("cutaway", cutaway)):
@@ -43,5 +43,5 @@ def check_placing(
         check_gap("explode", explode)
     if near is not None and not near >= 0:
         raise RequestError(f"near {near:g} is no distance; say a part of the mesh's diagonal")
-    if bodies not in BODIES_AS:
+    if bodies is not None and bodies not in BODIES_AS:
         raise RequestError(f"bodies are drawn {', '.join(BODIES_AS)}, not {bodies!r}{did_you_mean(bodies, BODIES_AS)}")

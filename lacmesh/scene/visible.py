@@ -21,6 +21,7 @@ from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
 from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners, label_faces
@@ -31,6 +32,8 @@ Groups = str | Sequence[str] | None
 
 #: the largest coordinate that is drawn: squares of greater ones are no numbers
 FARTHEST = 1e150
+#: bodies of a mesh whose bodies are named
+MOST_NAMED = 200
 #: what a face is
 BODY, SLAVE, MASTER = range(3)
 
@@ -71,6 +74,24 @@ class VisibleSurface:
     def hidden(self) -> bool:
         """True if another body is in sight, which may hide the slave skin."""
         return bool(len(self.slave_bodies)) and not np.isin(self.body, self.slave_bodies).all()
+
+
+def names_of_bodies(mesh: Mesh, visible: VisibleSurface) -> dict[int, str]:
+    """Return the names that groups give the bodies in sight, for a sentence; none where there are very many bodies.
+
+    >>> cells = [("QUAD4", [[0, 1, 2, 3], [4, 5, 6, 7]])]
+    >>> points = [[x + k, y] for k in (0, 3) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    >>> mesh = Mesh.create(points, cells, cell_groups={"left": [0]})
+    >>> names_of_bodies(mesh, find_visible(mesh))
+    {0: "'left'"}
+    """
+    solid = [b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim and len(b.nodes)]
+    n = 1 + max((int(visible.body_of_node[nodes].max()) for nodes in solid), default=-1)
+    if not 0 < n <= MOST_NAMED:
+        return {}
+    of_node = np.where(visible.body_of_node < n, visible.body_of_node, -1)
+    names = body_names(mesh, of_node, n)
+    return {k: names[k] for k in np.unique(visible.body).tolist() if k < n and "'" in names[k]}
 
 
 def find_visible(

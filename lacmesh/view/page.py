@@ -30,7 +30,7 @@ from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import find_exploded_view, find_eye
+from lacmesh.scene.placing import ExplodedView, drawn_bodies, find_exploded_view, find_eye
 from lacmesh.scene.request import check_placing
 from lacmesh.scene.visible import (
     BODY,
@@ -41,6 +41,7 @@ from lacmesh.scene.visible import (
     as_faces,
     diagonal,
     find_visible,
+    names_of_bodies,
 )
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, label_faces
 
@@ -75,7 +76,7 @@ def page(
     explode: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
-    bodies: str = "solid",
+    bodies: str | None = None,
     title: str | None = None,
 ) -> None:
     """Write a page that shows a mesh and opens without a network; the options are those of `picture`.
@@ -104,7 +105,7 @@ def page_text(
     explode: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
-    bodies: str = "solid",
+    bodies: str | None = None,
     title: str | None = None,
 ) -> str:
     """Return the text of a page; the options are those of `page`.
@@ -116,8 +117,13 @@ def page_text(
     visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
     head, arrays = _content(mesh, visible, marks, values, moments)
-    head |= _placing(mesh, visible, head, camera, explode)
-    head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": bodies}
+    eye = find_eye(mesh, visible, camera)
+    view = find_exploded_view(mesh, visible, eye, explode or None)
+    head |= _placing(visible, head, eye, view, explode)
+    shown = bodies or drawn_bodies(
+        mesh, visible, eye, None if explode == 0 else view, near is not None or cutaway is not None
+    )
+    head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": shown}
     return _filled(head, arrays)
 
 
@@ -150,6 +156,7 @@ def _content(
     box = np.concatenate([mesh.points[used], *(moment.points[used] for moment in moments)])
     centre, half = (box.min(axis=0) + box.max(axis=0)) / 2, diagonal(box) / 2 or 1.0
     names, bodies = np.unique(visible.body_of_node[used], return_inverse=True)
+    named = names_of_bodies(mesh, visible)
     combination, combinations = _group_sets(mesh, visible, cell)
     edges, kind, face = _edges(mesh, visible, marks, shown)
     arrays: PageArrays = {
@@ -169,6 +176,7 @@ def _content(
     head = _head(mesh, visible, marks, faces) | {
         **{"centre": centre.tolist(), "half": half},
         **{"nBodies": len(names), "bodies": names.tolist(), "combinations": combinations},
+        "bodyNames": [named.get(body, "") for body in names.tolist()],
     }
     if values is not None:
         own = np.append(values.of(visible), values.values[marks.cell[shown]])
@@ -313,12 +321,10 @@ def _on_faces(mesh: Mesh, visible: VisibleSurface) -> tuple[Ints, Ints]:
 
 
 def _placing(
-    mesh: Mesh, visible: VisibleSurface, head: dict[str, Any], camera: Vector | None, explode: float | None
+    visible: VisibleSurface, head: dict[str, Any], eye: Floats, view: ExplodedView | None, explode: float | None
 ) -> dict[str, Any]:
     """Direction of the eye, and motion of the bodies with the slave skin that shows it, in the page's own lengths."""
-    eye = find_eye(mesh, visible, camera)
     placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
-    view = find_exploded_view(mesh, visible, eye, explode or None)
     if view is not None:
         mine = np.searchsorted(head["bodies"], visible.slave_bodies)
         placed["opening"] = {

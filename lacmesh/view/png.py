@@ -51,7 +51,7 @@ def picture(
     tilt: float | None = None,
     near: float | None = None,
     cutaway: Vector | None = None,
-    bodies: str = "solid",
+    bodies: str | None = None,
     title: str | None = None,
     timeout: float = 600.0,
 ) -> None:
@@ -64,7 +64,8 @@ def picture(
     slave faces are turned to show them, `explode`: the gap then left between these bodies and the others. By default
     both are what shows the skin, and 0 where no other body hides it. `near`: only cells no farther than this from a
     slave face. `cutaway`: cells beyond the middle in this direction are left out. `bodies`: `solid`,
-    `ghost` (see-through) or `hidden`. `title`: a line above; what was moved stands behind it.
+    `ghost` (see-through) or `hidden`; by default solid, or ghosts where nothing can be moved to show the slave skin.
+    `title`: a line above; what was moved stands behind it.
     `explode` and `near` are parts of the mesh's diagonal. `timeout`: seconds that the drawing may take.
 
     Raises RequestError where pyvista is missing, GroupNotFoundError, DataError for places too far away, WriteError

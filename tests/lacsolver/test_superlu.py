@@ -46,7 +46,7 @@ CHECKS = (
 
 @pytest.fixture(autouse=True)
 def as_if_never_said():
-    """What a process says once is said again in every test, and what it knows of rslab is asked again afterwards."""
+    """Let every test hear what a process says only once."""
     warn_once.cache_clear()
     yield
     warn_once.cache_clear()

@@ -425,6 +425,7 @@ function describe(f) {
     if (role === SLAVE && head.cut) said.push(`macro-element ${a.macro[f]}`);
     if (a.cell[f] !== a.skin[f]) said.push(`of cell ${a.cell[f]}, ${type}`);
   } else said.push(`cell ${a.cell[f]}, ${type}`);
+  if (head.nBodies > 1 && head.bodyNames[a.nodeBody[a.nodes[firstNode[f]]]]) said.push(`body ${head.bodyNames[a.nodeBody[a.nodes[firstNode[f]]]].replace(/^the body /, "")}`);
   if (groups.length) said.push(`${groups.length > 1 ? "groups" : "group"} ${groups.join(", ")}`);
   if (head.values && Number.isFinite(a.value[f])) said.push(`${head.values.what} ${a.value[f].toPrecision(4)}${a.invalid[f] ? " (invalid)" : ""}`);
   if (role === MARK) said.push(head.findings[a.of[f]].message);
