@@ -104,4 +104,4 @@ def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float 
     t = case.steps.last if t is None else t
     none = np.zeros(problem.space.n_dof)
     K = csr_array(problem.kinematics.tangent(none, t))
-    return System(problem, K, problem.load(t), problem.constraints.u0(t), t)
+    return System(problem, K, problem.load(t), problem.constraints.u0(t).copy(), t)

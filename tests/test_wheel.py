@@ -11,6 +11,7 @@ import sysconfig
 import tarfile
 import venv
 import zipfile
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ import pytest
 
 import lacmesh
 from lacsolver.cli import COMMANDS
-from tests.packaging import PIP, PROJECT, build, install, linked_environment, user_environment
+from tests.packaging import PACKAGES, PIP, PROJECT, build, install, linked_environment, user_environment
 
 ROOT = Path(__file__).resolve().parents[1]
 #: a case of a fraction of a second
@@ -65,41 +66,36 @@ def built(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def installed(built, tmp_path_factory):
-    """The folder of a user, and the Python of an environment that has the wheel, and our environment's dependencies."""
+def user(built, tmp_path_factory):
+    """The folder of a user with meshes, a case and scripts, and a shell's variables: the environment has the base."""
     folder = tmp_path_factory.mktemp("user")
-    wheel, _ = built
-    venv.create(folder / "env")
-    packages = sysconfig.get_path("purelib", "venv", {"base": str(folder / "env"), "platbase": str(folder / "env")})
-    python = folder / "env" / "bin" / "python"
-    install(python, wheel)
-    ours = sysconfig.get_path("purelib")
-    Path(packages, "dependencies.pth").write_text(ours + "\n", encoding="utf-8")
+    install(linked_environment(folder / "env", PROJECT["dependencies"]), built[0])
+    for name in ("two_blocks.msh", "two_blocks.toml"):
+        shutil.copy(ROOT / "data" / name, folder / name)
     mesh = lacmesh.read(ROOT / "data" / "two_blocks.msh")
-    held = np.unique(np.concatenate([mesh.cells_of(name) for name in ("bottom", "symmetry_x", "symmetry_y")]))
-    groups = {"pin": mesh.cells_of("slave"), "hole": mesh.cells_of("master"), "top": mesh.cells_of("top"), "base": held}
+    supports = np.unique(np.concatenate([mesh.cells_of(name) for name in ("bottom", "symmetry_x", "symmetry_y")]))
+    groups = {name: mesh.cells_of(of) for name, of in (("pin", "slave"), ("hole", "master"), ("top", "top"))}
     solids = {name: mesh.cells_of(name) for name in ("upper", "lower")}
-    lacmesh.write(folder / "assembly.msh", replace(mesh, cell_groups=groups | solids, group_tags={}))
+    cell_groups = groups | {"base": supports} | solids
+    lacmesh.write(folder / "assembly.msh", replace(mesh, cell_groups=cell_groups, group_tags={}))
     (folder / "first.py").write_text(SCRIPT, encoding="utf-8")
-    return folder, python
+    return folder, user_environment(folder / "env")
 
 
-def ran(installed, *args):
-    folder, python = installed
-    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run([python, *args], cwd=folder, capture_output=True, text=True, env=env)
-
-
-def test_the_packages_are_those_of_the_wheel(installed):
-    done = ran(installed, "-c", "import lacmesh, lacsolver; print(lacmesh.__file__); print(lacsolver.__file__)")
-    assert done.stdout.count(str(installed[0])) == 2, done.stderr
+def typed(user, line, **variables):
+    """Run a line as a user types it in the folder; it must succeed, and what it prints comes back."""
+    folder, env = user
+    done = subprocess.run(line, shell=True, cwd=folder, env=env | variables, capture_output=True, text=True)
+    assert done.returncode == 0, f"{line}: {done.stderr}"
+    return done.stdout
 
 
 @pytest.mark.vtk
-def test_the_first_lines_run(installed):
-    done = ran(installed, "first.py")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == [
+def test_the_first_lines_run(user):
+    """With our environment's packages, but for our own, which are those of the wheel."""
+    line = "python -c \"import runpy, lacsolver; runpy.run_path('first.py'); print(lacsolver.__file__)\""
+    *printed, place = typed(user, line, PYTHONPATH=sysconfig.get_path("purelib")).splitlines()
+    assert place.startswith(str(user[0])) and printed == [
         "(512, 3) (36,)",
         "512 1.0 True",
         "1.0",
@@ -108,92 +104,67 @@ def test_the_first_lines_run(installed):
     ]
 
 
-def test_a_type_checker_knows_the_types(installed):
+def test_a_type_checker_knows_the_types(user):
     """A right script has no error, and one that takes a number for a mesh has one."""
-    folder, _ = installed
+    folder, env = user
     (folder / "wrong.py").write_text(
         "import lacsolver as ls\nls.solve(3)\nreveal_type(ls.solve('a.toml').contact['pin'].pressure)\n"
     )
-    check = [sys.executable, "-m", "mypy", "--python-executable", installed[1], "--cache-dir", folder / "cache"]
-    env = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "MYPYPATH")}
-    right, wrong = (
-        subprocess.run([*check, name], cwd=folder, capture_output=True, text=True, env=env)
-        for name in ("first.py", "wrong.py")
-    )
-    assert right.returncode == 0, right.stdout
-    assert wrong.stdout.count("error") >= 1 and 'Argument 1 to "solve"' in wrong.stdout
-    assert "numpy.ndarray" in wrong.stdout
+    python = folder / "env" / "bin" / "python"
+    check = [sys.executable, "-m", "mypy", "--python-executable", python, "--cache-dir", os.devnull]
+    done = subprocess.run([*check, "first.py", "wrong.py"], cwd=folder, capture_output=True, text=True, env=env)
+    *lines, last = done.stdout.splitlines()
+    assert lines and all(line.startswith("wrong.py:") for line in lines) and last.startswith("Found 1 error in 1 file")
+    assert 'Argument 1 to "solve"' in done.stdout and "numpy.ndarray" in done.stdout
 
 
-# ---- base dependencies only
-
-
-@pytest.fixture(scope="module")
-def base(built, tmp_path_factory):
-    """The folder of a user with a mesh and a case, and the variables of a shell whose environment has the base only."""
-    folder = tmp_path_factory.mktemp("base")
-    install(linked_environment(folder / "env", PROJECT["dependencies"]), built[0])
-    for name in ("two_blocks.msh", "two_blocks.toml"):
-        shutil.copy(ROOT / "data" / name, folder / name)
-    return folder, user_environment(folder / "env")
-
-
-def typed(base, line):
-    """Run a line as a user types it in the folder; it must succeed, and what it prints comes back."""
-    folder, env = base
-    done = subprocess.run(line, shell=True, cwd=folder, env=env, capture_output=True, text=True)
-    assert done.returncode == 0, f"{line}: {done.stderr}"
-    return done.stdout
-
-
-def test_the_environment_has_the_base_only(base):
+def test_the_environment_has_the_base_only(user):
     """All that the wheel requires is there, and nothing of its extras."""
-    folder, _ = base
+    folder, _ = user
     subprocess.run([*PIP, "--python", str(folder / "env" / "bin" / "python"), "check"], check=True)
     looked_for = "import importlib.util as u; print([u.find_spec(n) for n in ('gmsh', 'pyvista', 'sympy', 'meshio')])"
-    assert typed(base, f'python -c "{looked_for}"') == "[None, None, None, None]\n"
-    assert typed(base, 'python -c "import lacmesh; print(lacmesh.__file__)"').startswith(str(folder))
+    assert typed(user, f'python -c "{looked_for}"') == "[None, None, None, None]\n"
+    assert typed(user, 'python -c "import lacmesh; print(lacmesh.__file__)"').startswith(str(folder))
 
 
-def test_the_commands_run_with_the_base_only(base):
-    typed(base, "lacmesh cut two_blocks.msh --slave slave -o two_blocks.lac.msh")
-    typed(base, "lacmesh check two_blocks.lac.msh --slave slave --master master")
-    assert "36 of 36" in typed(base, "lacsolver run two_blocks.toml -o results")
-    assert (base[0] / "results" / "solid.pvd").is_file()
+def test_the_commands_run_with_the_base_only(user):
+    typed(user, "lacmesh cut two_blocks.msh --slave slave -o two_blocks.lac.msh")
+    typed(user, "lacmesh check two_blocks.lac.msh --slave slave --master master")
+    assert "36 of 36" in typed(user, "lacsolver run two_blocks.toml -o results")
+    assert (user[0] / "results" / "solid.pvd").is_file()
     if "example" in COMMANDS:
-        assert "two_blocks" in typed(base, "lacsolver example")
+        assert "two_blocks" in typed(user, "lacsolver example")
 
 
-def test_the_verification_is_in_the_wheel(base):
+def test_the_verification_is_in_the_wheel(user):
     """A case with levels of its quick suite, whose result is met, and the list of all."""
-    assert "cases, about" in typed(base, "python -m verification list --suite quick")
-    printed = typed(base, f"python -m verification run --suite quick {CASE} -j 1 -o report")
-    manufactured = typed(base, "python -m verification run --family manufactured -o none 2>&1; true")
+    assert "cases, about" in typed(user, "python -m verification list --suite quick")
+    printed = typed(user, f"python -m verification run --suite quick {CASE} -j 1 -o report")
+    manufactured = typed(user, "python -m verification run --family manufactured -o none 2>&1; true")
     assert "pip install 'lacmesh[verification]'" in manufactured  # which brings sympy
-    assert "met 5 of 5" in printed and (base[0] / "report" / "report.html").is_file()
+    assert "met 5 of 5" in printed and (user[0] / "report" / "report.html").is_file()
 
 
-def test_the_source_distribution_builds_the_same_wheel(built, tmp_path):
-    """From what is unpacked, with no checkout beside it, tests and data included."""
+def test_the_wheel_has_the_files_of_the_checkout(built):
+    """It was built from what the source distribution holds, with no checkout beside it, tests and data included."""
     wheel, source = built
     with tarfile.open(source) as archive:
-        archive.extractall(tmp_path, filter="data")
-    (unpacked,) = tmp_path.iterdir()
-    assert (unpacked / "tests" / "test_wheel.py").is_file() and (unpacked / "data" / "two_blocks.msh").is_file()
-    command = [
-        sys.executable,
-        "-m",
-        "build",
-        "--wheel",
-        "--no-isolation",
-        "--outdir",
-        str(tmp_path / "again"),
-        unpacked,
-    ]
-    subprocess.run(command, check=True, capture_output=True)
-    (again,) = (tmp_path / "again").iterdir()
-    ours, theirs = ({f.filename: f.CRC for f in zipfile.ZipFile(w).infolist()} for w in (wheel, again))
-    assert ours == theirs
+        inside = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"tests/test_wheel.py", "data/two_blocks.msh"} <= inside
+    ours = {}
+    for place, source_folder in (*((name, name) for name in PACKAGES), ("lacmesh/data", "data")):
+        for name in tracked(source_folder):
+            ours[f"{place}/{name.relative_to(source_folder)}"] = zlib.crc32((ROOT / name).read_bytes())
+    ours["verification/meshes/pin_in_lug.step"] = ours["lacmesh/data/pin_in_lug.step"]
+    theirs = {f.filename: f.CRC for f in zipfile.ZipFile(wheel).infolist() if ".dist-info/" not in f.filename}
+    assert theirs == ours
+
+
+def tracked(folder):
+    """The files of a folder of the checkout that are kept, and those that are new."""
+    line = ["git", "ls-files", "--cached", "--others", "--exclude-standard", folder]
+    names = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
+    return [Path(name) for name in names if (ROOT / name).exists()]
 
 
 # ---- with a package index
@@ -230,7 +201,7 @@ def test_the_install_line_of_the_readme_as_it_is_typed(tmp_path):
             (tmp_path / "checkout" / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, tmp_path / "checkout" / name)
     venv.create(tmp_path / "env", with_pip=True)
-    base = tmp_path / "checkout", user_environment(tmp_path / "env")
+    user = tmp_path / "checkout", user_environment(tmp_path / "env")
     for words in (line, *commands):
-        typed(base, words)
+        typed(user, words)
     assert (tmp_path / "checkout" / "two_blocks_pressure.png").stat().st_size > 10_000

@@ -145,11 +145,26 @@ class Constraints:
         return T if own is None else csr_array(diags_array(np.repeat(own, self.space.dim).astype(float)) @ T)
 
     def u0(self, t: float) -> NDArray[np.floating]:
-        """Return the displacement (n_dof,) at time t with q = 0. Raises CaseError where conditions contradict."""
-        u = self.local.P @ self.local.values(t)
-        for body in self.rigid:
-            u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
-        return self.space.updated(u)
+        """Return the displacement (n_dof,) at time t with q = 0, not to be written to.
+
+        That of the last two times is kept, as a step asks for it many times, and a motion for that of its start.
+        Raises CaseError where conditions contradict.
+        """
+        kept = self._last_u0
+        if t not in kept:
+            u = self.local.P @ self.local.values(t)
+            for body in self.rigid:
+                u[self.space.dofs(body.nodes).ravel()] = body.displacement(body.held(t))
+            kept[t] = self.space.updated(u)
+            kept[t].flags.writeable = False
+            for earlier in list(kept)[:-2]:
+                del kept[earlier]
+        return kept[t]
+
+    @cached_property
+    def _last_u0(self) -> dict[float, NDArray[np.floating]]:
+        """The displacements of `u0` at the last times that were asked for, by time."""
+        return {}
 
     def displacement(self, q: Floats, t: float) -> NDArray[np.floating]:
         """Return the displacement (n_dof,) at time t with unknowns q (n_q,), exact for finite rotations."""

@@ -58,7 +58,7 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Case:
-    """`make`: the content of the input, or what puts files into a folder; `says`: a pattern found in the sentence.
+    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern found in the sentence.
 
     `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
     `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond; `needs`:
@@ -149,10 +149,9 @@ def run(case: Case, folder: Path) -> Outcome:
 def made(case: Case, folder: Path) -> list[str]:
     """Put the files of a case, and an older output, into an empty folder; return the command."""
     folder.chmod(0o777)  # `nobody` may work here, unless the case says otherwise
-    if callable(case.make):
-        case.make(folder)
-    else:
-        (folder / case.input).write_bytes(case.make)
+    content = case.make(folder) if callable(case.make) else case.make
+    if isinstance(content, bytes):
+        (folder / case.input).write_bytes(content)
     out = folder / case.out
     if "{out}" in case.command and len(Path(case.out).parts) == 1 and not os.path.lexists(out):
         with contextlib.suppress(OSError):  # a name that is too long, a folder that takes no files

@@ -21,12 +21,16 @@ VERSIONS = {"MED 2.3": (2, 3, 6), "MED 3.0": (3, 0, 0), "MED 4.1": (4, 1, 0)}
 Edit = Callable[[h5py.File, h5py.Group], object]
 
 
-def edited(name: str, edit: Edit) -> bytes:
-    """The mesh of `raw`, changed; `edit` gets the file and the group that holds nodes and cells."""
-    image = BytesIO(raw.med(two_hexahedra(), VERSIONS[name]))
-    with h5py.File(image, "r+") as file:
-        edit(file, file[HOME[name]])
-    return image.getvalue()
+def edited(name: str, edit: Edit) -> Callable[[Path], bytes]:
+    """What makes the mesh of `raw`, changed; `edit` gets the file and the group that holds nodes and cells."""
+
+    def make(_: Path) -> bytes:
+        image = BytesIO(raw.med(two_hexahedra(), VERSIONS[name]))
+        with h5py.File(image, "r+") as file:
+            edit(file, file[HOME[name]])
+        return image.getvalue()
+
+    return make
 
 
 def put(group: h5py.Group, name: str, values: object, **attributes: int) -> None:

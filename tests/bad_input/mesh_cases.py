@@ -393,10 +393,16 @@ def cases() -> Iterator[Case]:
             expected = next((defect.says[key] for key in (name, name.split()[0], "any") if key in defect.says), None)
             if expected is None:
                 continue
-            mesh = two_hexahedra()
-            defect.edit(mesh)
-            yield Case(defect.kind, name, defect.what, writer(mesh), expected[1], expected[0], defect.command)
+            make = partial(_spoilt, defect, writer)
+            yield Case(defect.kind, name, defect.what, make, expected[1], expected[0], defect.command)
     yield from _latin()
+
+
+def _spoilt(defect: Defect, writer: Callable[[Raw], bytes], _: Path) -> bytes:
+    """The content of a file with a defect."""
+    mesh = two_hexahedra()
+    defect.edit(mesh)
+    return writer(mesh)
 
 
 def _latin() -> Iterator[Case]:

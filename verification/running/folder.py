@@ -18,6 +18,7 @@ import types
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
 from itertools import count, takewhile
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
@@ -245,7 +246,7 @@ def plain(value: Any) -> Any:
 def made_of(kind: Any, value: Any) -> Any:
     """A record of a kind from what JSON has: the inverse of `plain`."""
     if is_dataclass(kind):
-        hints = get_type_hints(kind)
+        hints = _hints(kind)
         return kind(**{name: made_of(hints[name], own) for name, own in value.items()})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         return tuple(made_of(get_args(kind)[0], own) for own in value)
@@ -253,6 +254,12 @@ def made_of(kind: Any, value: Any) -> Any:
         (own,) = (a for a in get_args(kind) if a is not type(None))
         return None if value is None else made_of(own, value)
     return math.nan if kind is float and value is None else float(value) if kind is float else value
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    """The types of a record's fields, which are words until they are asked for."""
+    return get_type_hints(kind)
 
 
 def _json(value: Any) -> bytes:
