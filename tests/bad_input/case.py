@@ -11,21 +11,19 @@ import io
 import os
 import re
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
 
 from lacmesh.cli import main
 
-#: of the processor's time, for one command: ten on a machine of today, and five times that on a slow one
+#: of the processor's time, for one command: ten on a machine of today, and five times that on a slow one, or on one
+#: that has to compile kernels, which `make test` has done
 SECONDS = 50
 #: seconds of the clock for one of the processor: other processes have their turns, and a command may wait in vain
 WAITS = 20
@@ -58,7 +56,7 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Case:
-    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern found in the sentence.
+    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern of the sentence.
 
     `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
     `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond; `needs`:
@@ -102,16 +100,6 @@ class Outcome(NamedTuple):
         """The error, or the warnings where there is none, without the prefix."""
         said = [line for line in self.lines if line.startswith("lacmesh: error: ")] or self.lines
         return " / ".join(re.sub(r"^lacmesh: (error|warning): ", "", line) for line in said)
-
-
-@cache
-def compiled() -> None:
-    """Compile the commands' kernels in a separate process, so that compiling does not count in a command's time."""
-    data = Path(__file__).parents[2] / "data"
-    for mesh in ("two_blocks.msh", "disc_on_block.msh"):
-        for words in (("check", "--slave", "slave", "--master", "master"), ("quality",)):
-            command = [sys.executable, "-m", "lacmesh", words[0], str(data / mesh), *words[1:], "-q"]
-            subprocess.run(command, check=False, capture_output=True)
 
 
 class TooSlow(BaseException):
@@ -171,7 +159,6 @@ def temporary_files_in(folder: str) -> Iterator[None]:
 
 def command(args: list[str], folder: Path, as_nobody: bool = False, file_size: int | None = None) -> Outcome:
     """Run the command in this process, in a folder, with limits of time and memory."""
-    compiled()
     said = io.StringIO()
     start = time.process_time()
     with (

@@ -278,6 +278,6 @@ def _noted(notes: bytes) -> Edit:
 
 
 def _superblock(folder: Path) -> None:
-    content = bytearray(edited("MED 4.1", lambda f, s: None))
+    content = bytearray(edited("MED 4.1", lambda f, s: None)(folder))
     content[8] = 99
     (folder / "bad.med").write_bytes(content)

@@ -44,7 +44,7 @@ def by_type(content, values):
 def test_slices_together_are_the_whole(seed, tmp_path):
     mesh = random_mesh(np.random.default_rng(seed), dim=2 + seed % 2, order=1 + seed // 2, twins=True)
     write(tmp_path / "mesh.med", mesh)
-    for n in (2, 3, 50):
+    for n in (2, 3, 50) if seed == 0 else (2, 3):
         check(tmp_path / "mesh.med", n)
 
 

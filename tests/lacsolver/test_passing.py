@@ -144,11 +144,9 @@ def pushed(down, steps):
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_block_that_is_pushed_through_is_an_error_that_says_so(kinematics):
     """Statics: one step takes it to the other side of the plate, where it finds no master."""
-    steps = "[steps]\nend = 1.0\ncount = 1\nmax_halvings = 2\n"
+    steps = "[steps]\nend = 1.0\ncount = 1\nmax_halvings = 0\n"
     made = case(2, pushed(10.0, steps), "search_distance = 0.3", kinematics=kinematics)
-    with pytest.raises(
-        NotConvergedError, match=r"'c': in the step to time 0.25 \d faces of slave 'slave' pass through"
-    ):
+    with pytest.raises(NotConvergedError, match=r"'c': in the step to time 1 \d faces of slave 'slave' pass through"):
         list(march(Problem.of(made, block_over_plate(2))))
 
 
