@@ -56,7 +56,7 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Case:
-    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern of the sentence.
+    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern in the words.
 
     `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
     `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond; `needs`:

@@ -22,7 +22,7 @@ Edit = Callable[[h5py.File, h5py.Group], object]
 
 
 def edited(name: str, edit: Edit) -> Callable[[Path], bytes]:
-    """What makes the mesh of `raw`, changed; `edit` gets the file and the group that holds nodes and cells."""
+    """A maker of the mesh of `raw`, changed; `edit` gets the file and the group that holds nodes and cells."""
 
     def make(_: Path) -> bytes:
         image = BytesIO(raw.med(two_hexahedra(), VERSIONS[name]))
