@@ -198,6 +198,11 @@ class Contact(PairEntry):
         "pressure at each overlap (negative: at a gap), from 0 on; linear between the rows, and on beyond the last",
         None, "required if table", needs=Needs("law", ("table",)),
     )  # fmt: skip
+    damping: float = key(
+        NOT_NEGATIVE, "stress × time / length",
+        "pressure per approach velocity while surfaces overlap, beside that of soft contact; with [dynamics]", 0.0,
+        needs=Needs("type", ("unilateral",)),
+    )  # fmt: skip
     constants: dict[str, float] | None = key(
         NUMBER_TABLE, "", "constants of a contact law that a Python program has added", None
     )

@@ -133,6 +133,11 @@ def _contacts(case: Case) -> Iterator[Issue]:
         for name in wanted.get(record.law or "", ()):
             if not record.has(name):
                 yield record.wrong(f'needs {name} with law = "{record.law}"', "law")
+        if record.damping and case.dynamics is None:
+            yield record.wrong("goes with velocities, and there are none without [dynamics]; leave it out", "damping")
+        elif record.damping and not record.is_soft:
+            message = "acts on an overlap, which rigid contact does not have; give a stiffness, or a law"
+            yield record.wrong(message, "damping")
         if record.measure == "current" and (record.geometry or usual) == "reference":
             yield record.wrong('is "current", which needs geometry = "current": say that, or leave it out', "measure")
 

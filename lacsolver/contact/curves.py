@@ -75,6 +75,30 @@ class Curved(Unilateral):
 
 
 @dataclass(frozen=True)
+class Linear(Curved):
+    """p = stiffness times the overlap."""
+
+    stiffness: float = 1.0
+
+    @property
+    def reach(self) -> float:
+        """No gap: it presses where surfaces overlap."""
+        return 0.0
+
+    def pressure(self, gap: Floats) -> NDArray[np.floating]:
+        """Return p (m,)."""
+        return np.asarray(self.stiffness * np.maximum(-np.asarray(gap), 0.0))
+
+    def slope(self, gap: Floats) -> NDArray[np.floating]:
+        """Return the stiffness for every gap."""
+        return np.full(np.shape(gap), self.stiffness)
+
+    def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
+        """Return offsets of 0, and one over the stiffness: it is linear."""
+        return np.zeros(len(rows.gap)), np.full(len(rows.gap), 1 / self.stiffness)
+
+
+@dataclass(frozen=True)
 class Exponential(Curved):
     """p = p0 s (e^s - 1) / (e - 1), s = 1 - g / c: 0 from a gap c on, p0 where the surfaces meet.
 

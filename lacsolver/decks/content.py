@@ -69,7 +69,7 @@ class Interaction:
     """Surface interaction: `stiffness` of linear contact, None if hard; keys of a `curve`; `tied`; and its friction.
 
     `friction`: coefficient from each step on, -1 for the model's, inf if rough; `shear_limit`: the largest stress of
-    friction, None without a limit.
+    friction, None without a limit. `damping`: pressure per approach velocity, and its card; None without.
     """
 
     card: Card
@@ -78,6 +78,7 @@ class Interaction:
     tied: bool = False
     friction: dict[int, float] = field(default_factory=dict)
     shear_limit: float | None = None
+    damping: tuple[float, Card] | None = None
 
 
 @dataclass(frozen=True)

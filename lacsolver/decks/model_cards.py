@@ -142,6 +142,19 @@ def _table(card: Card) -> dict[str, Any]:
     return {"law": "table", "pressures": rows}
 
 
+def damping(deck: DeckContent, card: Card) -> None:
+    """Take the damping of contact, a pressure per approach velocity. Raises Refused."""
+    if (kind := card.word("DEFINITION") or "DAMPINGCOEFFICIENT") != "DAMPINGCOEFFICIENT":
+        raise Refused(f"damping of contact is a DAMPING COEFFICIENT in lacsolver, and not {kind}; give that")
+    if "TANGENTFRACTION" in card.options and card.number("TANGENTFRACTION"):
+        raise Refused("damping acts along the normal only; leave TANGENT FRACTION out, or say 0")
+    row = card.single("the damping coefficient")
+    value = row.number(0, "the damping coefficient")
+    if value < 0 or row.number(1, "the clearance without damping", 0.0):
+        raise Refused("the coefficient should not be negative, and acts where surfaces overlap: give it alone", row)
+    deck.interaction.damping = value, card
+
+
 def friction(deck: DeckContent, card: Card) -> None:
     """Take Coulomb friction, with a largest stress (TAUMAX), or ROUGH surfaces, which do not slip while they touch."""
     which, now = _with_friction(deck)

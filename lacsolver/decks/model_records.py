@@ -172,7 +172,7 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed)
     soft = ({"stiffness": law.stiffness} if law.stiffness else law.curve) if law else {}
-    friction = _friction(draft, law) if law else {}
+    friction = (_friction(draft, law) | _damping(draft, law)) if law else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
     draft.add("contact", keys | soft | friction | normals | dict(first.keys), first.card)
 
@@ -207,6 +207,20 @@ def _removed(draft: CaseDraft, pairs: list[Pair], changes: list[tuple[int, bool,
         raise Refused("this slave has several masters, whose contact is removed together here; give it one", None, card)
     far = 10 * float(np.linalg.norm(np.ptp(draft.groups.mesh.points, axis=0)))
     return _from_step_on({-1: 0.0} | {step: far * (not added) for step, added, _ in changes}, draft.deck.steps)
+
+
+def _damping(draft: CaseDraft, law: Interaction) -> dict[str, Any]:
+    """Return the key of damping, {} where no step is in motion. Raises Refused for contact without an overlap."""
+    if law.damping is None or not law.damping[0]:
+        return {}
+    value, card = law.damping
+    if all(step.alpha is None for step in draft.deck.steps):
+        draft.deck.note(card, "damping of contact has no effect without *DYNAMIC, and is left out")
+        return {}
+    if not (law.stiffness or law.curve):
+        message = "hard contact is rigid in lacsolver, without an overlap that damping could act on"
+        raise Refused(f"{message}; give *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", None, card)
+    return {"damping": value}
 
 
 def _friction(draft: CaseDraft, law: Interaction) -> dict[str, Any]:

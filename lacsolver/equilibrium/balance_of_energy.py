@@ -3,10 +3,10 @@
     kinetic + strain - external + damped + contact + friction + numerical = 0
 
 `external`: the energy at the start, and the work of loads, supports and heat since then; `damped`, `contact`,
-`friction`: what damping, contact and its friction have taken. Work is that of mean forces, dw . (F + F') / 2. Friction
-takes its traction at the end of each step times the slip of that step, and the rest of the work of contact forces is
-`contact`. `numerical`: what the time scheme has taken, by its own formula, with d for differences over a step and m for
-means,
+`friction`: what damping (also that of contact), contact and its friction have taken. Work is that of mean forces, dw .
+(F + F') / 2. Friction takes its traction at the end of each step times the slip of that step, and the rest of the work
+of contact forces is `contact`. `numerical`: what the time scheme has taken, by its own formula, with d for differences
+over a step and m for means,
 
     dT = dv . M v_m = dw . M a_m - N,
     N = dt^2 (beta - gamma/2) (d(a . M a) / 2 + (gamma - 1/2) da . M da) - (gamma - 1/2) da . M dw
@@ -80,11 +80,11 @@ def energies(
     stored, heat = strain(step, q, after.internal), heat_of(step, q)
     damped = 0.0 if scheme.C is None else 0.5 * inertia.dot(dw, scheme.C @ (before.velocity + after.velocity))
     supports, turned = _supports(scheme, step, q, after, dw)
-    rubbed = step.dissipated(q, p)
+    rubbed, in_contact = step.dissipated(q, p), step.damped_by_contact(q, p)
     added = [
         work("load") + supports + heat,
-        damped,
-        work("contact") - rubbed,
+        damped + in_contact,
+        work("contact") - rubbed - in_contact,
         rubbed,
         turned + _dissipated(scheme, before, after, dt, dw),
     ]

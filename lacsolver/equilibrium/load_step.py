@@ -24,6 +24,7 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.constraints import coupling
 from lacsolver.contact import Interface
+from lacsolver.contact.damping import Damped
 from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
@@ -147,6 +148,16 @@ class LoadStep:
                 out -= float(p[group.shear.tangential] @ group.gaps(u)[group.shear.n_rows :])
         return out
 
+    def damped_by_contact(self, q: Floats, p: Floats) -> float:
+        """Return the energy that damping of contact takes in the step."""
+        if not any(isinstance(pair.law, Damped) for pair in self.model.problem.joints):
+            return 0.0
+        u, system = self.u(q), self._nodal_contact(q)[1]
+        G = system.G.copy()
+        for group in system.pairs:
+            G[group.every] = group.gaps(u)
+        return system.with_gaps(G).damped(p)
+
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
         space, system = self.model.problem.space, self._nodal_contact(q)[1]
@@ -217,7 +228,8 @@ class LoadStep:
     def _system(self, faces: tuple[Interface, ...], u: Floats) -> ContactSystem:
         """Return the contact rows of some interfaces at u (n_dof,), on the unknowns of all nodes."""
         problem, histories = self.model.problem, self.state.histories
-        return contact_system(problem, faces, u, histories, self.t, self.u_before, self._bounds)
+        dt = 0.0 if self.state.motion is None else self.t - self.state.time
+        return contact_system(problem, faces, u, histories, self.t, self.u_before, self._bounds, dt)
 
     @cached_property
     def _bounds(self) -> tuple[Bounds | None, ...]:

@@ -13,7 +13,8 @@ from lacsolver.bodies.material import Elastic, Law, Orthotropic
 from lacsolver.bodies.plastic import FinitePlastic, Plastic
 from lacsolver.case import Contact, Material, Tie
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
-from lacsolver.contact.curves import Exponential, Table
+from lacsolver.contact.curves import Exponential, Linear, Table
+from lacsolver.contact.damping import Damped
 from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
 
 _ISOTROPIC = {"elastic": Elastic, "neo_hookean": NeoHookean, "saint_venant_kirchhoff": SaintVenantKirchhoff}
@@ -53,6 +54,14 @@ def contact_law_of(record: Contact | Tie) -> ContactLaw:
         if missing:
             raise DataError(f"the contact law {record.type!r} lacks {', '.join(missing)}; see lacsolver.contact.laws")
         return added
+    law = _soft_law(record)
+    if record.damping:
+        return Damped(base=Linear(stiffness=record.stiffness) if record.stiffness else law, damping=record.damping)
+    return law
+
+
+def _soft_law(record: Contact) -> Any:
+    """Return the law of a contact without its damping."""
     if record.law == "exponential":
         assert record.pressure_at_contact is not None and record.clearance_at_zero is not None  # the rules say so
         return Exponential(at_contact=record.pressure_at_contact, clearance=record.clearance_at_zero)

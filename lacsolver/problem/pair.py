@@ -23,6 +23,7 @@ from lacsolver.case import Contact, Cyclic, Tie
 from lacsolver.case.value import Value
 from lacsolver.constraints.cyclic import turn_of
 from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact.damping import Damped
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import ContactLaw
@@ -74,6 +75,10 @@ class ContactPair(Described):
     def name(self) -> str:
         """Name of the pair in results."""
         return self.record.name
+
+    def law_in(self, dt: float) -> ContactLaw:
+        """Return the law in a step of size dt in motion; 0 at rest."""
+        return self.law.in_step(dt) if isinstance(self.law, Damped) else self.law
 
     def bounds(self, space: Space, t: float) -> Bounds | None:
         """Return the bounds of friction at time t, means over each macro-element; None without friction."""

@@ -27,6 +27,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
+from lacsolver.contact.damping import Damped
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
@@ -426,6 +427,14 @@ class ContactSystem:
             out.append(all_anchors(own, group.share))
         return tuple(out)
 
+    def damped(self, p: Floats) -> float:
+        """Return the energy that damping of contact takes in a step, at pressures p (m,)."""
+        states = self.states(p, np.zeros(len(self.G), bool))
+        own = [
+            self.rows.w[group.rows] @ group.law.taken(rows) for group, rows in states if isinstance(group.law, Damped)
+        ]
+        return float(sum(own))
+
     @property
     def exact(self) -> bool:
         """True if a law asks for exact solves."""
@@ -454,12 +463,12 @@ class ContactSystem:
 
 def contact_system(
     problem: Problem, interfaces: Sequence[Interface], u: Floats, histories: Histories | None = None, t: float = 1.0,
-    before: Floats | None = None, bounds: Sequence[Bounds | None] | None = None,
+    before: Floats | None = None, bounds: Sequence[Bounds | None] | None = None, dt: float = 0.0,
 ) -> ContactSystem:  # fmt: skip
     """Return the contact rows of all pairs at u (n_dof,) and time t, on the unknowns of all nodes.
 
     `histories`: those of the last state; `before` (n_dof,): its displacement, 0 by default. `bounds`: those of the
-    friction of each pair at the time t, where they are known.
+    friction of each pair at the time t, where they are known. `dt`: size of a step in motion, 0 at rest.
     """
     if bounds is None:
         bounds = [pair.bounds(problem.space, t) for pair in problem.joints]
@@ -481,7 +490,7 @@ def contact_system(
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = Since(anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before))
         fixed = symmetric or not pair.moving
-        group = RowGroup(pair.law, own, memory, pair, face, fixed, problem.space.share, shear, since)
+        group = RowGroup(pair.law_in(dt), own, memory, pair, face, fixed, problem.space.share, shear, since)
         groups.append(group)
         first = group.every.stop
         G.append(group.gaps(u))

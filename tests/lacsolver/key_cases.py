@@ -822,6 +822,33 @@ end = 1.0 # held
 count = 4 # held
 """
 
+DAMPED = """
+mesh = "blocks.msh" # held
+model = "plane_strain" # held
+[[material]]
+young = 1000.0 # held
+poisson = 0.3 # held
+density = 2.0 # held
+[[contact]]
+slave = "slave" # held
+master = "master" # held
+stiffness = 50.0
+damping = 5.0
+[[displacement]]
+group = "x0" # held
+ux = 0.0 # held
+[[displacement]]
+group = "bottom" # held
+uy = 0.0 # held
+[dynamics]
+[[initial]]
+groups = ["upper"] # held
+vy = -0.1 # held
+[steps]
+end = 0.2 # held
+count = 4 # held
+"""
+
 FALLING = """
 mesh = "blocks.msh" # held
 model = "plane_strain" # held
@@ -856,6 +883,7 @@ LINES = {
 
 CASES = {
     "thrown": KeyCase(apart, THROWN),
+    "damped": KeyCase(plane, DAMPED),
     **{f"massless {name}": KeyCase(pair, FALLING.format(lines=lines)) for name, lines in LINES.items()},
     "loads": KeyCase(cube, LOADS),
     "fields": KeyCase(cube, FIELDS),

@@ -461,6 +461,14 @@ def check_thrown(ran):
     assert ran.steps[-1]["energies"]["damped"] > 0
 
 
+def check_damped(ran):
+    """A block that strikes another on a soft contact, whose damper takes energy."""
+    (zone,) = ran.case.contact
+    assert zone.stiffness == 50.0
+    assert ran.steps[-1]["energies"]["damped"] > 1e-5
+    assert ran.table("slave")["pressure"].max() > 0
+
+
 #: by choice of massless nodes: their number (4 + 6 nodes of the slave's three faces, 6 inside the cells behind them, 3
 #: of the master), alpha, and the damping by the mass
 MASSLESS = {"skins": (19, 0.1, 0.5), "slave": (16, 0.05, 0.0), "internal": (6, 0.05, 0.0), "none": (0, 0.05, 0.0)}
@@ -503,7 +511,8 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "glued": check_glued,
     "strain": check_strain,
     "yielding": check_yielding,
-    "adjusted": partial(check_soft, overlap=0.0),
+    "damped": check_damped,
+    "adjusted": partial(check_soft, overlap=0.01 * 2 * 0.91 / 1000),
     "soft linear": partial(check_soft, overlap=2.0 / 400),
     "soft exponential": partial(check_soft, overlap=_of_exponential()),
     "soft table": partial(check_soft, overlap=0.005),

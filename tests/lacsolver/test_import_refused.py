@@ -121,6 +121,21 @@ REFUSED = {
     ),
     "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
+    "critical damping": (
+        "*SURFACE INTERACTION, NAME=S\n*CONTACT DAMPING, DEFINITION=CRITICAL DAMPING FRACTION\n0.1\n",
+        "", "CONTACT DAMPING", "is a DAMPING COEFFICIENT",
+    ),
+    "damping along the surface": (
+        "*SURFACE INTERACTION, NAME=S\n*CONTACT DAMPING, TANGENT FRACTION=0.5\n0.1\n",
+        "", "CONTACT DAMPING", "along the normal only",
+    ),
+    "damping below 0": (
+        "*SURFACE INTERACTION, NAME=S\n*CONTACT DAMPING\n-0.1\n", "", "CONTACT DAMPING", "should not be negative",
+    ),
+    "damping of hard contact": (
+        SURFACES + "*SURFACE INTERACTION, NAME=S\n*CONTACT DAMPING\n0.1\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",
+        DYNAMIC, "CONTACT DAMPING", "hard contact is rigid",
+    ),
     "adjusted set": (
         SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=B_Z1\nTOP, LOW\n", "", "CONTACT PAIR", "those within a dist",
     ),

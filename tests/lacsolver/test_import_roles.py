@@ -90,3 +90,13 @@ def test_the_nodes_of_a_slave_are_moved_onto_the_master(tmp_path):
     assert found.problem.adjusted["U"].count == 9
     np.testing.assert_allclose(found.problem.adjusted["U"].largest, 0.01, rtol=1e-9)
     np.testing.assert_allclose(found.zone.pressure, P, rtol=1e-3)
+
+
+def test_damping_of_contact_is_of_steps_in_motion(tmp_path):
+    """The coefficient of *CONTACT DAMPING in *DYNAMIC; a note without it."""
+    text = pressed(above=(2, 2, 2)).replace("*CONTACT PAIR", "*CONTACT DAMPING\n0.5\n*CONTACT PAIR")
+    made = imported(tmp_path, text)
+    assert made.case.contact[0].damping == 0
+    assert any("no effect without *DYNAMIC" in one.text for one in made.findings)
+    text = text.replace("*STATIC\n1., 1.", "*DYNAMIC\n0.1, 1.").replace("*ELASTIC", "*DENSITY\n1.\n*ELASTIC")
+    assert imported(tmp_path, text).case.contact[0].damping == 0.5
