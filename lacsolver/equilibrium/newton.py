@@ -62,8 +62,8 @@ _FORCING = 0.03
 LOOSE, LOOSE_OF_CONSTANT = 1e-4, 1e-3
 #: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
 _LAST = 1e-4
-#: largest number of active sets of one linear problem
-_MAX_SETS = 20
+#: largest number of active sets of one linear problem; with friction, where no proof says that pivoting ends
+_MAX_SETS, _MAX_SETS_WITH_FRICTION = 20, 6
 
 
 #: function for the linearisation at q; raises InadmissibleError
@@ -92,7 +92,8 @@ def newton_iterates(
     sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
-        limit = min(_MAX_SETS, tolerance.max_iterations - spent) if again else 1
+        most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
+        limit = min(most, tolerance.max_iterations - spent) if again else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
