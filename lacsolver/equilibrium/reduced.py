@@ -186,7 +186,8 @@ class ReducedProblem:
             return None
         modes = rigid_modes(space, space.bodies)
         modes[np.setdiff1d(np.arange(space.n_dof), free, assume_unique=True)] = 0.0
-        return NodalEmbedding(free, space.n_dof, space.dim, modes)
+        near = space.neighbours if self.problem.constraints.equations else None
+        return NodalEmbedding(free, space.n_dof, space.dim, modes, near)
 
     @cached_property
     def length(self) -> float:

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import csr_array, issparse
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
@@ -126,6 +126,7 @@ def analyse(
     threads: int = 1,
     modes: Floats | None = None,
     block: int | None = None,
+    near: csr_array | None = None,
     multigrid_above: int = MULTIGRID_ABOVE,
     definite: bool = True,
 ) -> Analysis:
@@ -138,10 +139,11 @@ def analyse(
     `.factor(K)` may be called repeatedly, with values in the same pattern; `.factor(K).solve(b)` gives K^-1 b for b
     (n,) or (n, k): for a direct backend, columns solved together cost much less than one by one.
 
-    `threads`: cores, for all backends except superlu. `modes` (n, r) and `block` are for multigrid: the rigid-body
-    modes, at least those of every body, and the number of unknowns of a node (that of a block matrix if None). `auto`
-    takes multigrid above `multigrid_above` unknowns, see `choose`. A direct solution is exact to round-off, one of
-    multigrid to the `tolerance` that `solve` takes.
+    `threads`: cores, for all backends except superlu. `modes` (n, r), `block` and `near` are for multigrid: the
+    rigid-body modes, at least those of every body; the number of unknowns of a node (that of a block matrix if None);
+    and which nodes may be in one aggregate (`multigrid.aggregation.aggregated`). `auto` takes multigrid above
+    `multigrid_above` unknowns, see `choose`. A direct solution is exact to round-off, one of multigrid to the
+    `tolerance` that `solve` takes.
 
     Raises RequestError for a backend that is unknown or not installed; `factor` raises SingularError.
 
@@ -160,7 +162,7 @@ def analyse(
     else:
         name = "superlu" if why_no_rslab() else "rslab"
     if name == "multigrid":
-        return MultigridAnalysis(K, modes, block, threads)
+        return MultigridAnalysis(K, modes, block, threads, near)
     note = _superlu_serves() if name == "superlu" and why_no_rslab() and backend != "superlu" else ""
     return DirectAnalysis(name, K, threads, definite, note)
 

@@ -212,17 +212,22 @@ def _cycle(K: Matrix, constraints: Constraints, backend: str) -> Cycle | PetscCy
     rows = _own_rows(K if n == K.shape[0] else csr_array(K[:n, :n]), nodal, own)
     if backend != "multigrid":
         return _petsc_cycle(rows, nodal, backend)
-    return _aggregated(bsr_array(rows.tobsr((space.dim, space.dim))), nodal)
+    at = np.flatnonzero(space.share.own)
+    near = csr_array(space.neighbours[at][:, at]) if constraints.equations else None
+    return _aggregated(bsr_array(rows.tobsr((space.dim, space.dim))), nodal, near)
 
 
-def _aggregated(rows: bsr_array, constraints: Constraints) -> Cycle:
-    """Return the V-cycle of multigrid of the rows of own nodes, or of all nodes of the share where others are empty."""
+def _aggregated(rows: bsr_array, constraints: Constraints, near: csr_array | None = None) -> Cycle:
+    """Return the V-cycle of multigrid of the rows of own nodes, or of all nodes of the share where others are empty.
+
+    `near` (own nodes, own nodes): nonzero for nodes of one cell, None where all that K couples are.
+    """
     share = constraints.space.share
     assert share.own is not None and share.number is not None
     length = np.diff(rows.indptr)
     length = length[share.own] if len(length) == len(share.own) else length
     K, halo = SharedHalo.of_rows(BlockRows(length, share.number[rows.indices], rows.data), share)
-    return aggregated(K, _own_modes(constraints), Team(1, share), halo)
+    return aggregated(K, _own_modes(constraints), Team(1, share), halo, near)
 
 
 def _own_modes(constraints: Constraints) -> NDArray[np.floating]:

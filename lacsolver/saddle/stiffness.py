@@ -30,13 +30,14 @@ class NodalEmbedding(NamedTuple):
     """Embedding of the unknowns q in those of all nodes.
 
     `free` (n_q,): indices of q among the `n_dof` unknowns; `block`: unknowns per node; `modes` (n_dof, r): rigid-body
-    modes.
+    modes; `near` (n_nodes, n_nodes): nonzero for nodes of one cell, None where all that K couples are.
     """
 
     free: Ints
     n_dof: int
     block: int
     modes: NDArray[np.floating]
+    near: csr_array | None = None
 
     def on_nodes(self, f: Floats) -> NDArray[np.floating]:
         """Return f (n_q,) at the unknowns of all nodes, 0 at others."""
@@ -181,7 +182,9 @@ class FactorCache:
     def _preconditioned(self, K: bsr_array, whole: NodalEmbedding) -> MultigridFactor:
         """Return K with a hierarchy, that of the matrix before until it is stale."""
         name = self._chosen.name
-        analysis = analyse(K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block)
+        analysis = analyse(
+            K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block, near=whole.near
+        )
         assert isinstance(analysis, MultigridAnalysis)
         self._last = analysis.factor(K, self._last)
         return self._last

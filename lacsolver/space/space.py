@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, RequestError, did_you_mean
@@ -235,6 +236,13 @@ class Space:
     def pattern(self) -> Pattern:
         """Pattern of the nonzero blocks of the stiffness."""
         return node_pattern((block.nodes for block in self.blocks), self.mesh.n_nodes)
+
+    @property
+    def neighbours(self) -> csr_array:
+        """Matrix (n_nodes, n_nodes) with 1 for nodes of one cell."""
+        indptr, indices = self.pattern
+        n = self.mesh.n_nodes
+        return csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(n, n))
 
     def depth(self, x: Floats) -> NDArray[np.floating]:
         """Return the factor (...) on areas or lengths at points x (..., 3): thickness, 2 pi r, or 1."""

@@ -27,6 +27,7 @@ from lacsolver.case import (
     parse_case,
 )
 from lacsolver.equilibrium.stepping import march
+from lacsolver.linear.multigrid.factor import MultigridFactor
 from lacsolver.output import create_output
 from lacsolver.output.ring import described, fields_of_ring, sector_of
 from lacsolver.problem.problem import Problem
@@ -224,3 +225,21 @@ def test_the_zones_of_a_whole_ring_are_those_of_the_sector_turned():
     np.testing.assert_allclose(radius, np.broadcast_to(radius[0], radius.shape))
     with pytest.raises(RequestError, match=r"has no \[\[cyclic\]\]"):
         sector_of({"contact": {}})
+
+
+def test_a_sector_takes_no_more_cycles_than_one_with_free_sides(monkeypatch):
+    """Multigrid aggregates nodes of one side with those of their own cells: the other side's modes are turned."""
+    cycles, cycle = [0], MultigridFactor.cycle
+
+    def counted(factor, f):
+        cycles[-1] += 1
+        return cycle(factor, f)
+
+    monkeypatch.setattr(MultigridFactor, "cycle", counted)
+    mesh = sector("HEXA8", (10, 10, 10), 6)
+    held = Displacement(group="bottom", ux=0, uy=0, uz=0)
+    keys = {"displacement": held, "pressure": Pressure(group="out", value=1.0), "solver": Solver(backend="multigrid")}
+    for sides in ({"cyclic": Cyclic(**SIDES)}, {}):
+        solved(made(mesh, **keys, **sides))
+        cycles.append(0)
+    assert 10 < cycles[0] <= cycles[1]

@@ -56,15 +56,18 @@ class _Rows(NamedTuple):
         return float(total / count) if count else 1.0
 
 
-def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO) -> Cycle:
+def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO, near: csr_array | None = None) -> Cycle:
     """Return the V-cycle of K: aggregates of nodes with orthonormal modes, smoothed by one step of block Jacobi.
+
+    `near` (own nodes, own nodes): nonzero for those that may be in one aggregate, all that K couples if None. Nodes
+    that equations couple, as those at both sides of a sector, do not have the same modes.
 
     Of several processes each gives the rows K of its own nodes, with columns of `halo`, and the modes at its own nodes.
     """
     rows, levels = _Rows(K, modes, halo, team), list[Level]()
     unit = 1 / rows.mean_diagonal()
     while len(levels) < _LEVELS and (rows.halo is not NO_HALO or rows.n_nodes > _COARSEST):
-        coarsened = _coarsened(rows, unit)
+        coarsened = _coarsened(rows, unit, None if levels else near)
         if coarsened is None:
             break
         level, rows = coarsened
@@ -72,11 +75,11 @@ def aggregated(K: bsr_array, modes: Floats, team: Team, halo: Halo = NO_HALO) ->
     return Cycle(levels, rows.K.toarray() * unit, unit, team)
 
 
-def _coarsened(rows: _Rows, unit: float) -> tuple[Level, _Rows] | None:
+def _coarsened(rows: _Rows, unit: float, near_nodes: csr_array | None) -> tuple[Level, _Rows] | None:
     """Return a level, and the rows of the next coarser one; None if it would be as large and one process has all."""
     K, modes, halo, team = rows
     inverse, largest = jacobi(K, team, halo)
-    tentative, modes = _tentative(K, modes)
+    tentative, modes = _tentative(K, modes, near_nodes)
     if halo is NO_HALO and tentative.shape[1] >= K.shape[0]:
         return None
     near, coarse = halo.with_ghosts(tentative, halo.of_columns(tentative))
@@ -90,14 +93,18 @@ def _coarsened(rows: _Rows, unit: float) -> tuple[Level, _Rows] | None:
     return Level.of(K, P, inverse / largest, unit, team, (halo, below)), coarse_rows
 
 
-def _tentative(K: bsr_array, modes: Floats) -> tuple[bsr_array, Floats]:
-    """Aggregate coupled own nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes."""
+def _tentative(K: bsr_array, modes: Floats, near: csr_array | None) -> tuple[bsr_array, Floats]:
+    """Aggregate coupled own nodes by PyAMG; return (P, coarse modes) with P (coarse modes) = modes.
+
+    `near`: as of `aggregated`.
+    """
     from pyamg.aggregation import fit_candidates, standard_aggregation
     from pyamg.strength import symmetric_strength_of_connection
 
     norms = np.sqrt(np.einsum("kij,kij->k", K.data, K.data))  # PyAMG would copy all entries for them
     n = len(K.indptr) - 1
     nodes = csr_array((norms, K.indices, K.indptr), shape=(n, K.shape[1] // K.blocksize[1]))[:, :n]
+    nodes = nodes if near is None else csr_array(nodes.multiply(near))
     aggregates, _ = standard_aggregation(symmetric_strength_of_connection(csr_array(nodes), theta=_STRENGTH))
     if not aggregates.nnz:  # one aggregate without nodes, of which PyAMG would leave the modes undefined
         r = modes.shape[1]

@@ -155,12 +155,14 @@ class MultigridAnalysis:
     """The rigid-body modes and the size of nodal blocks, from which hierarchies are built.
 
     `modes` (n, r): motions that cost no energy in a free body, translations if None; `block`: number of unknowns of a
-    node, numbered consecutively.
+    node, numbered consecutively. `near`: as of `aggregated`.
     """
 
     backend, note = "multigrid", ""
 
-    def __init__(self, K: Matrix, modes: Floats | None, block: int | None, threads: int = 1) -> None:
+    def __init__(
+        self, K: Matrix, modes: Floats | None, block: int | None, threads: int = 1, near: csr_array | None = None
+    ) -> None:
         n = K.shape[0]
         self._block = block or (K.blocksize[0] if isinstance(K, bsr_array) else 1)
         if n % self._block:
@@ -169,7 +171,7 @@ class MultigridAnalysis:
         modes = np.tile(np.eye(self._block), (n // self._block, 1)) if modes is None else np.asarray(modes, float)
         if modes.ndim != 2 or len(modes) != n or not np.isfinite(modes).all():
             raise RequestError(f"modes are ({n}, r) finite numbers, not {modes.shape}")
-        self._modes, self._team = modes, Team(threads)
+        self._modes, self._team, self._near = modes, Team(threads), near
 
     def factor(self, K: Matrix, reuse: MultigridFactor | None = None) -> MultigridFactor:
         """Return a factor of K, whose size is that analysed, with the hierarchy of the factor `reuse` or a new one.
@@ -184,7 +186,8 @@ class MultigridAnalysis:
         if reuse is not None and reuse.shape == K.shape and not reuse.hierarchy.is_stale:
             return MultigridFactor(blocks, d, reuse.hierarchy, self._team)
         _check_held(blocks, d, self._modes)
-        return MultigridFactor(blocks, d, Hierarchy(aggregated(blocks, self._modes, self._team)), self._team)
+        cycle = aggregated(blocks, self._modes, self._team, near=self._near)
+        return MultigridFactor(blocks, d, Hierarchy(cycle), self._team)
 
 
 def _check_held(K: bsr_array, d: Floats, modes: Floats) -> None:
