@@ -104,11 +104,12 @@ def test_no_picture_is_left_over():
 
 
 def test_the_page_is_the_script(tutorials):
-    """gmsh_script.md tells gmsh_script.py in pieces: all of it, in its order, word for word."""
-    whole = (TUTORIALS / "gmsh_script.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
-    pieces = tutorials.blocks(TUTORIALS / "gmsh_script.md", "python")
-    told = [line for line in "".join(pieces[:-2]).splitlines() if line]
-    assert told == [line for line in whole.splitlines() if line]
+    """gmsh_script.md and bolt_script.md tell their scripts in pieces: all of it, in its order, word for word."""
+    for name, rest in (("gmsh_script", 2), ("bolt_script", 0)):
+        whole = (TUTORIALS / f"{name}.py").read_text(encoding="utf-8").partition('"""\n\n')[2]
+        pieces = tutorials.blocks(TUTORIALS / f"{name}.md", "python")
+        told = [line for line in "".join(pieces[: len(pieces) - rest]).splitlines() if line]
+        assert told == [line for line in whole.splitlines() if line]
 
 
 def test_every_page_is_run(tutorials):
@@ -188,6 +189,25 @@ def test_a_deck_has_the_same_forces_in_both_programs(tutorials, tmp_path):
     assert after == pytest.approx(before, rel=5e-2) and 0.9 * before < lac < before
     assert shows_what_the_page_shows(done)
     assert size_of(tmp_path / "punch.png") == size_of(TUTORIALS / "punch.png")
+
+
+# ---- a bolted plate
+
+
+@pytest.mark.gmsh
+@pytest.mark.vtk
+def test_a_bolt_that_is_locked_feels_little_and_the_joint_the_rest(tutorials, tmp_path):
+    """From the script to the pressures: forces are in balance, and those of the page."""
+    list(tutorials.run_page(TUTORIALS / "bolt_script.md", tmp_path))
+    columns = np.genfromtxt(tmp_path / "bolt" / "history.csv", delimiter=",", names=True, deletechars="")
+    force = columns["pretension.screw.force"]
+    contact = json.loads((tmp_path / "bolt" / "results.json").read_text())["contact"]
+    head, joint = (contact[name]["resultant"][2] for name in ("under the head", "joint"))
+    assert force[0] == pytest.approx(2500, rel=1e-9) and force[1] == pytest.approx(2503, abs=2)
+    assert head == pytest.approx(force[1], rel=1e-9) and head - joint == pytest.approx(800, rel=1e-9)
+    assert 0.05 < contact["joint"]["active"] / 114 < 0.25
+    assert size_of(tmp_path / "bolt.png") == size_of(TUTORIALS / "bolt.png")
+    assert (tmp_path / "bolt.png").stat().st_size < 500_000
 
 
 # ---- a pin in a lug

@@ -24,6 +24,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 PROGRAMS = {"lacmesh": lacmesh, "lacsolver": lacsolver}
 PAGES = (
+    "bolt_script.md",
     "flange.md",
     "friction.md",
     "from_calculix.md",
@@ -67,6 +68,7 @@ def run_page(page: Path, folder: Path) -> Iterator[tuple[Command, str]]:
     """
     of_pages = (
         "bolt_forces",
+        "bolt_script",
         "stick_and_slip",
         "from_calculix",
         "gmsh_script",

@@ -29,6 +29,7 @@ ENTRIES = (
     Entry("A pin in a lug, from CAD", "tutorials/lug_pressure.png", "data/pin_in_lug.step", "tutorials/step_to_med.md"),
     Entry("A pin of linear cells", "tutorials/pin_smooth.png", "data/make_pin_in_lug.py", "tutorials/pin_in_lug.md"),
     Entry("A nut, cut in gmsh", "figures/nut.png", "docs/tutorials/gmsh_script.py", "tutorials/gmsh_script.md"),
+    Entry("A bolted plate", "tutorials/bolt.png", "docs/tutorials/bolt_script.py", "tutorials/bolt_script.md"),
     Entry("A clamp", "tutorials/clamp.png", "data/friction/clamp.toml", "tutorials/friction.md"),
     Entry("Sheared cylinders", "tutorials/cylinders.png", "data/friction/cylinders.toml", "tutorials/friction.md"),
     Entry("A bar on a wall", "tutorials/bar_energies.png", "data/impact/bar_on_wall.toml", "tutorials/impact.md"),
