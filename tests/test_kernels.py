@@ -158,6 +158,13 @@ def test_small_work_is_done_as_it_stands_and_large_work_compiled(fresh, kept, si
         assert (fresh[kept](np.ones(size)) == 2).all() and (fresh[kept].compiled is not None) == compiled
 
 
+def test_kernels_that_take_long_to_compile_are_compiled_for_more_work(fresh):
+    costly = Kernel(fresh[0].function, costly=3)
+    costly(np.ones(3 * kernels.COMPILED_FROM - 1))
+    assert costly.compiled is None
+    assert (costly(np.ones(3 * kernels.COMPILED_FROM)) == 2).all() and costly.compiled is not None
+
+
 def test_the_form_of_a_call_does_not_hang_on_earlier_calls(fresh, monkeypatch):
     """Small calls are done as they stand, whatever their sum, also after a large one for which it was compiled."""
     monkeypatch.setattr(kernels, "save", lambda *_: None)

@@ -47,21 +47,22 @@ _plain = _Plain()
 class Kernel:
     """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy.
 
-    `least`: numbers in the arrays of a call below which it runs as it stands in any case.
+    `least`: numbers in the arrays of a call below which it runs as it stands in any case. `costly`: how many times as
+    much work as for most kernels a call must have to be worth compiling it.
     """
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
     _one_at_a_time: ClassVar[Any] = threading.Lock()
 
-    def __init__(self, function: Callable[..., Any], least: int = 0) -> None:
+    def __init__(self, function: Callable[..., Any], least: int = 0, costly: int = 1) -> None:
         functools.update_wrapper(self, function)
         self.__qualname__: str = function.__qualname__
         self.function: Any = function
         #: what runs as it stands; another function of arrays that gives the same, and much faster, may take its place
         self.plain: Any = function
         self.compiled: Any = None
-        self.least = least
+        self.least, self.costly = least, costly
         self._done = 0
         Kernel.known.append(self)
 
@@ -140,7 +141,7 @@ class Kernel:
         if numbers < max(KEPT_FROM, self.least) or os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
             return False
         numbers = numbers if self.plain is self.function else numbers // IN_ARRAYS
-        if self._is_kept or numbers >= COMPILED_FROM:
+        if self._is_kept or numbers >= self.costly * COMPILED_FROM:
             return True
         before, self._done = self._done, self._done + numbers
         if before < WORTH_KEEPING <= self._done:
@@ -153,16 +154,17 @@ def kernel(function: Callable[..., Any]) -> Any: ...
 
 
 @overload
-def kernel(*, least: int = 0) -> Callable[[Callable[..., Any]], Any]: ...
+def kernel(*, least: int = 0, costly: int = 1) -> Callable[[Callable[..., Any]], Any]: ...
 
 
-def kernel(function: Callable[..., Any] | None = None, *, least: int = 0) -> Any:
+def kernel(function: Callable[..., Any] | None = None, *, least: int = 0, costly: int = 1) -> Any:
     """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles.
 
     `least`: numbers in the arrays of a call below which it runs as it stands in any case; for kernels of commands that
-    otherwise do without numba.
+    otherwise do without numba. `costly`: how many times as much work as for most kernels a call must have to be worth
+    compiling it, for kernels of many parts, whose compiling takes many seconds.
     """
-    return functools.partial(Kernel, least=least) if function is None else Kernel(function)
+    return functools.partial(Kernel, least=least, costly=costly) if function is None else Kernel(function)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

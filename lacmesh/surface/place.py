@@ -178,7 +178,7 @@ def _side(patch: int, of: Any, y: Any, k: int) -> Any:
     return SegmentFace(of.G[face], of.kind[face], n, xi, y, inverse(y, n, xi), k)
 
 
-@kernel
+@kernel(costly=10)  # compiles as long as 4 million numbers take as they stand
 def _place_all(
     begin: int, end: int, pieces: Any, order: Any, code: Any, slaves: Any, masters: Any, functions: Any, bend: Any,
     H: Any, fans: Any, gauss: Any, out: Any,

@@ -104,8 +104,10 @@ def edges_of(
 
 def _kept(placed: _Placed, s: Patches, m: Patches, slave: Surface, master: Surface) -> EdgePoints:
     """Return the points whose rays meet the master."""
-    keep = np.flatnonzero(placed.met)
-    p = _Placed._make(of_all[keep] for of_all in placed)
+    p = placed
+    if not placed.met.all():
+        keep = np.flatnonzero(placed.met)
+        p = _Placed._make(of_all[keep] for of_all in placed)
     edges = MovingEdges(p.a, p.b, s.xi, m.xi, p.turned, p.share, p.nu)
     points = LoopPoints(p.xi_s, p.xi_m, p.normal, p.ray, np.empty((0, 2)), 1, 0, edges)
     gap = p.ray - slave.heights(s.face[p.a], p.xi_s) - master.heights(m.face[p.b], p.xi_m)
@@ -234,7 +236,7 @@ def _inside(start: Any, along: Any, y: Any, n: int) -> Any:
     return low, high
 
 
-@kernel
+@kernel(costly=2)  # compiles as long as a million numbers take as they stand
 def _place_on_edges(s: Any, m: Any, H: Any, corner: Any, low_high: Any, abscissa: Any, weight: Any, out: Any) -> None:
     """Fill `out` with the Gauss points of parts of edges, from low to high (k, 2) on the edge from `corner` (k,)."""
     y, own = np.empty((4, 3)), np.empty(4)

@@ -22,6 +22,7 @@ normal, by dh/du (`normals`):
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array
+from scipy.sparse import bsr_array, csr_array, vstack
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
@@ -57,6 +58,8 @@ from lacsolver.contact.tractions import Shear, add_slip, add_traction, asks
 
 #: runs of points that are taken at once where the loop runs as it stands
 _AT_ONCE = 64
+#: blocks of a matrix that are put on all unknowns at once
+_BLOCKS_AT_ONCE = 20_000
 
 
 class Loop(NamedTuple):
@@ -195,10 +198,21 @@ class Motion:
         return pairs
 
     def _on_unknowns(self, entries: csr_array, value: Floats) -> csr_array:
-        """Return a matrix on all unknowns (columns), with the normals eliminated; `value` (entries, k, d)."""
-        n, k = self.d * len(self.nodes), value.shape[1]
-        shape = k * entries.shape[0], self.d * self._n_columns
-        A = bsr_array((value, entries.indices, entries.indptr), shape=shape, blocksize=(k, self.d)).tocsr()
+        """Return a matrix on all unknowns (columns), with the normals eliminated; `value` (entries, k, d).
+
+        Some rows are taken at once, as what stands between takes several times the memory of the matrix.
+        """
+        starts = np.searchsorted(entries.indptr, np.arange(0, max(entries.nnz, 1), _BLOCKS_AT_ONCE))
+        ends = np.unique([*starts, entries.shape[0]])
+        parts = [self._some_on_unknowns(entries, value, *pair) for pair in itertools.pairwise(ends)]
+        return parts[0] if len(parts) == 1 else csr_array(vstack(parts))
+
+    def _some_on_unknowns(self, entries: csr_array, value: Floats, first: int, last: int) -> csr_array:
+        """Return the rows of `_on_unknowns` that belong to the rows `first` to `last` of the entries."""
+        n, k, start = self.d * len(self.nodes), value.shape[1], entries.indptr[first : last + 1]
+        own, shape = slice(start[0], start[-1]), (k * (last - first), self.d * self._n_columns)
+        blocks = value[own], entries.indices[own], start - start[0]
+        A = bsr_array(blocks, shape=shape, blocksize=(k, self.d)).tocsr()
         if self.normals is not None:
             A = csr_array(A[:, :n] + A[:, n:] @ self.normals.derivative)
         place = (self.d * self.nodes[:, None] + np.arange(self.d)).ravel()

@@ -33,6 +33,7 @@ from lacsolver.problem import acting
 from lacsolver.results.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.saddle import scaled
 from lacsolver.saddle.tolerances import ForceTerms, sizes
 
 #: largest change of an entry of the tangent for which the factor before serves, relative to both diagonal entries
@@ -312,9 +313,8 @@ class Linearization:
         before, alone = self._step.factor, self._step.model.problem.space.share.own is None
         if before is None or before.K is self._K_q or self.free.shape[1] or not alone:
             return None
-        change, scale = csr_array(self._K_q - before.K), 1 / np.sqrt(np.abs(before.scaling))
-        rows = np.repeat(scale, np.diff(change.indptr))
-        near = np.abs(change.data * rows * scale[change.indices]).max(initial=0.0) <= _NEAR
+        change = csr_array(self._K_q - before.K)
+        near = np.abs(scaled(change, 1 / np.sqrt(np.abs(before.scaling))).data).max(initial=0.0) <= _NEAR
         return (before, change) if near else None
 
     def geometric_stiffness(self, pressure: Floats) -> csr_array | None:

@@ -71,7 +71,7 @@ class Operator(ABC):
 
     def restricted(self, unknowns: Ints) -> csr_array:
         """Return the rows and columns of K at some unknowns, which all processes have; the last are kept."""
-        if self._restricted is None or self._restricted[0] is not unknowns:
+        if self._restricted is None or not np.array_equal(self._restricted[0], unknowns):
             self._restricted = unknowns, self._total(self._submatrix(unknowns))
         return self._restricted[1]
 

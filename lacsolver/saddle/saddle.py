@@ -65,25 +65,25 @@ class SchurPreconditioner:
     M = (B D^-1 B^T)^-1 B D^-1 K D^-1 B^T (B D^-1 B^T)^-1, with D the diagonal of K, is the stiffness of the skins in
     terms of pressures: the lumped preconditioner of Farhat and Roux (1991), with the scaling of the rows by D, which
     makes it that of the softer side. A row with compliance is in series with it. `size` (a,): b D^-1 b^T of each row b,
-    the compliance of its skin; `stiffness` (a,): that of each row alone, force per gap integral, 1 / (size + S). `QB`,
-    `QD` (a, r): products of the rows with the rigid-body modes R.
+    the compliance of its skin; `stiffness` (a,): that of each row alone, force per gap integral, 1 / (size + S). `D`:
+    the rows D of A; `QB`, `QD` (a, r): products of the rows with the rigid-body modes R.
     """
 
     def __init__(self, problem: SaddleProblem) -> None:
         K, rows, active = problem.K, problem.rows, problem.active
         self.n = len(active)
         self.diagonal = np.abs(K.scaling)
-        B, unit = rows.B[active], 1 / np.sqrt(self.diagonal)  # in these units D is the identity
-        at, scale = np.searchsorted(rows.touched, B.indices), diags_array(unit[rows.touched])
+        B, self.D, unit = rows.B[active], rows.D[active], 1 / np.sqrt(self.diagonal)  # in these units D is the identity
+        at = np.searchsorted(rows.touched, B.indices)
         self.B = csr_array((B.data * unit[B.indices], at, B.indptr), shape=(self.n, len(rows.touched)))
-        self.B_T, self.inner = self.B.T.tocsr(), csr_array(scale @ K.restricted(rows.touched) @ scale)
+        self.B_T, self.inner = self.B.T.tocsr(), scaled(K.restricted(rows.touched), unit[rows.touched])
         gram = self.B @ self.B_T
         self.size = gram.diagonal()
         if self.n:
             self.gram = factor_of(csc_array(gram + diags_array(np.where(self.size > 0, REGULAR * self.size, 1.0))))
         soft = self.size + problem.S
         self.stiffness = 1 / np.where(soft > 0, soft, 1.0)
-        self.QB, self.QD = rows.B[active] @ K.R, rows.D[active] @ K.R
+        self.QB, self.QD = B @ K.R, self.D @ K.R
         self.inverse = pseudo_inverse(self.QB.T @ self.QD)
 
     def pressures(self, gap: Floats) -> NDArray[np.floating]:
@@ -96,6 +96,12 @@ class SchurPreconditioner:
     def balancing(self, load: Floats) -> NDArray[np.floating]:
         """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""
         return np.asarray(self.QD @ (self.inverse @ load))
+
+
+def scaled(A: csr_array, d: Floats) -> csr_array:
+    """Return diag(d) A diag(d), for d (n,)."""
+    values = A.data * np.repeat(d, np.diff(A.indptr)) * d[A.indices]
+    return csr_array((values, A.indices, A.indptr), shape=A.shape)
 
 
 def pseudo_inverse(A: Floats) -> NDArray[np.floating]:

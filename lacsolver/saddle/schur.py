@@ -106,10 +106,11 @@ class _SchurLoop:
         K, rows, active, geometric = cast(Stiffness, problem.K), problem.rows, problem.active, problem.geometric
         self.problem, self.K, self.rows, self.active, self.start = problem, K, rows, active, start
         self.vectors, self.f = K.vectors, problem.f - problem.geometric_forces(start)
-        self.D, self.S, self.G, self.n = rows.D[active], problem.S, problem.G[active], len(active)
+        self.S, self.G, self.n = problem.S, problem.G[active], len(active)
         self.bent = np.empty(0, np.int64) if geometric is None else np.flatnonzero(np.diff(geometric.indptr))
         self.C = csr_array((0, len(start))) if geometric is None else geometric[self.bent]
         self.preconditioner = SchurPreconditioner(problem)
+        self.D = self.preconditioner.D
         stiff = np.abs(K.scaling[self.bent]) if len(self.bent) else np.empty(0)
         self.unit = np.concatenate([rows.w[active], stiff])  # residuals divided by it are lengths
         self.QB = self.preconditioner.QB

@@ -63,7 +63,7 @@ def stiffness_values(
     return K
 
 
-@kernel
+@kernel(costly=10)  # compiles as long as a million numbers take, and is called once
 def add_cells_of_one_law(
     cells: Any, nodes: Any, x: Any, table: Any, kind: Any, terms: Any, law: int, rows: Any
 ) -> None:
