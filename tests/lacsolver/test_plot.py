@@ -137,17 +137,24 @@ def pressed(tmp_path_factory):
     return solved(tmp_path_factory.mktemp("pressed"), text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
 
 
-@pytest.mark.vtk
-def test_the_model_has_the_values_of_the_slave_faces_alone(pressed, tmp_path, monkeypatch):
-    given = {}
-    once = module().make_scene
+@pytest.fixture(scope="module")
+def seen(pressed, tmp_path_factory):
+    """The picture of these blocks, its figure, and what the scene of the model was made of."""
+    given, once = {}, module().make_scene
 
     def caught(mesh, skins, **options):
         given.update(options, mesh=mesh, skins=skins)
         return once(mesh, skins, **options)
 
-    monkeypatch.setattr(module(), "make_scene", caught)
-    ls.plot(pressed, tmp_path / "p.png")
+    drawn = picture(pressed, units=Units.of("N, mm, MPa"))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(module(), "make_scene", caught)
+        return drawn, drawn.figure(tmp_path_factory.mktemp("seen") / "p.png"), given
+
+
+@pytest.mark.vtk
+def test_the_model_has_the_values_of_the_slave_faces_alone(pressed, seen):
+    drawn, _, given = seen
     faces, values = given["mesh"], given["values"]
     solution = ls.read_results(pressed).solution()
     zone, (group,) = solution.contact["joint"], given["skins"]
@@ -159,15 +166,14 @@ def test_the_model_has_the_values_of_the_slave_faces_alone(pressed, tmp_path, mo
     u = np.asarray(solution.u)
     times = magnification(solution.mesh, u)
     assert times > 1 and np.allclose(faces.points, solution.mesh.points + times * u, rtol=0, atol=1e-15)
-    assert f"displacement of the model x {times:g}" in picture(pressed).heading
+    assert f"displacement of the model x {times:g}" in drawn.heading
 
 
 @pytest.mark.vtk
-def test_a_panel_has_a_polygon_for_each_face_in_its_colour(pressed, tmp_path):
+def test_a_panel_has_a_polygon_for_each_face_in_its_colour(seen):
     from matplotlib.collections import PolyCollection
 
-    drawn = picture(pressed, units=Units.of("N, mm, MPa"))
-    figure = drawn.figure(tmp_path / "p.png")
+    drawn, figure, _ = seen
     ((polygons, axes),) = [
         (own, ax) for ax in figure.axes for own in ax.collections if isinstance(own, PolyCollection) and own.axes
     ]
