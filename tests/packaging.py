@@ -68,8 +68,8 @@ def _entries(package: Distribution):
 
 
 def install(python, wheel):
-    """Install a wheel, without what it requires."""
-    subprocess.run([*PIP, "--python", str(python), "install", "--no-deps", str(wheel)], check=True)
+    """Install a wheel, without what it requires; what Python compiles of it comes as it is imported."""
+    subprocess.run([*PIP, "--python", str(python), "install", "--no-deps", "--no-compile", str(wheel)], check=True)
 
 
 def user_environment(folder):
