@@ -22,7 +22,7 @@ PAGE = BRIDGES.with_suffix(".md").read_text(encoding="utf-8")
 MESH = ROOT / "data" / "press_fit.msh"
 CONSOLE, FILES = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 (CPP,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
-NAMES = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("felupe", "ngsolve", "mfem")]
+NAMES = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("felupe", "ngsolve", "mfem", "sfepy")]
 
 
 def bridge(name):
@@ -48,21 +48,20 @@ def own(order):
         pytest.param("felupe", 2, marks=[pytest.mark.felupe, pytest.mark.slow]),
         pytest.param("ngsolve", 1, marks=pytest.mark.ngsolve),
         pytest.param("mfem", 1, marks=pytest.mark.mfem),
+        pytest.param("sfepy", 1, marks=pytest.mark.sfepy),
     ],
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_bridge_solves_as_lacsolver_does(name, order):
     theirs = bridge(name).solve(MESH, **({"order": order} if order == 2 else {}))
     ours = own(order)
-    u = theirs.u.reshape(-1, 3) if name == "felupe" else theirs.u.reshape(3, -1).T
+    u = theirs.u.reshape(-1, 3) if name in ("felupe", "sfepy") else theirs.u.reshape(3, -1).T
     np.testing.assert_allclose(u, ours.u, rtol=0, atol=1e-9 * abs(ours.u).max())
     pressure = ours.contact["fit"].pressure
     np.testing.assert_allclose(theirs.pressure, pressure, rtol=0, atol=1e-9 * pressure.max())
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=getattr(pytest.mark, n)) for n in ("felupe", "ngsolve", "mfem")]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_page_shows_what_a_script_prints(name):
     ((command, shown),) = re.findall(rf"^\$ python (\S*bridge_{name}\.py \S+)\n(.*)$", CONSOLE, re.MULTILINE)
     printed = subprocess.run([sys.executable, *command.split()], cwd=ROOT, capture_output=True, text=True, check=True)
