@@ -90,6 +90,8 @@ def _begin(deck: DeckContent, card: Card, *kinds: str) -> int:
 
 def boundary(deck: DeckContent, card: Card) -> None:
     """Take prescribed displacements; those of the model are supports, and what is not 0 begins in the first step."""
+    if (kind := card.word("TYPE") or "DISPLACEMENT") != "DISPLACEMENT":
+        raise Refused(f"supports prescribe displacements, and not TYPE={kind}; give the displacement as an *AMPLITUDE")
     now = _begin(deck, card, "displacement")
     if "FIXED" in card.options:
         _lock(deck, card, now)

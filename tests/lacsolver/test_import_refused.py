@@ -121,6 +121,7 @@ REFUSED = {
     ),
     "pair": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     "one surface": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
+    "velocity of a support": ("", "*BOUNDARY, TYPE=VELOCITY\nB_Z1, 3, 3, 0.1\n", "BOUNDARY", "not TYPE=VELOCITY"),
     "critical damping": (
         "*SURFACE INTERACTION, NAME=S\n*CONTACT DAMPING, DEFINITION=CRITICAL DAMPING FRACTION\n0.1\n",
         "", "CONTACT DAMPING", "is a DAMPING COEFFICIENT",

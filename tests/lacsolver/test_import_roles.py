@@ -100,3 +100,13 @@ def test_damping_of_contact_is_of_steps_in_motion(tmp_path):
     assert any("no effect without *DYNAMIC" in one.text for one in made.findings)
     text = text.replace("*STATIC\n1., 1.", "*DYNAMIC\n0.1, 1.").replace("*ELASTIC", "*DENSITY\n1.\n*ELASTIC")
     assert imported(tmp_path, text).case.contact[0].damping == 0.5
+
+
+def test_what_is_of_heat_alone_is_a_note(tmp_path):
+    """Constants of heat, and the type of a displacement, do not keep a static deck from being imported."""
+    more = "*MATERIAL, NAME=HOT\n*ELASTIC\n1., 0.\n*CONDUCTIVITY\n50.\n*SPECIFIC HEAT\n446e6\n"
+    more += "*PHYSICAL CONSTANTS, ABSOLUTE ZERO=0.\n*BOUNDARY, TYPE=DISPLACEMENT\nB_Z0, 3\n"
+    made = imported(tmp_path, pressed(above=(2, 2, 2), more=more))
+    notes = [one for one in made.findings if "without steps of heat" in one.text]
+    assert [one.card for one in notes] == ["CONDUCTIVITY", "SPECIFIC HEAT", "PHYSICAL CONSTANTS"]
+    assert {one.level for one in notes} == {"note"}
