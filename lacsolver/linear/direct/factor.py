@@ -121,7 +121,7 @@ class DirectAnalysis:
         if not self._triangle.n:
             return lambda values: lambda b: b
         method = import_module(f"lacsolver.linear.direct.{backend}")
-        return method.analyse(self._triangle, self._threads, *(() if self._definite else (False,)))  # type: ignore[no-any-return]
+        return method.analyse(self._triangle, self._threads, *(() if self._definite else (False,)))
 
     def _is_failure(self, failure: Exception) -> bool:
         """True for an error that says something about the solver, not about the matrix, if another one can serve."""
