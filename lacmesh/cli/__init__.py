@@ -24,6 +24,7 @@ COMMANDS = (
     "convert",
     "types",
     "compile",
+    "completion",
 )
 
 

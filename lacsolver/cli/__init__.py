@@ -23,6 +23,7 @@ COMMANDS = (
     "compare",
     "matrices",
     "schema",
+    "completion",
 )
 
 

@@ -50,6 +50,7 @@ def main() -> None:
         scale(simple, views[1], [skin.CellData for skin in skins], "pressure", folder)
         simple.AddCameraLink(*views, "lacsolver")
     views[0].ResetCamera(False)
+    simple.RenderAllViews()
     if len(sys.argv) > 1:
         simple.SaveScreenshot(sys.argv[1], simple.GetLayout(views[0]), ImageResolution=(800 * len(views), 700))
 
