@@ -139,14 +139,6 @@ def _about_axis(record: Cyclic, dim: int, slave: Floats, master: Floats) -> floa
     return float(np.abs((away * theta).sum(axis=1)).mean())
 
 
-def _nearest(x: Floats, to: Floats, count: int = 1) -> tuple[NDArray[np.floating], Ints]:
-    """Return the distances of points x that are nearest to each of some others, and which they are."""
-    from scipy.spatial import cKDTree  # a tenth of all imports of a run, and few cases have a sector
-
-    away, which = cKDTree(x).query(to, count)
-    return away, which
-
-
 def _spacing(x: Floats) -> float:
     """Return the median distance of points (n, 3) from their neighbours."""
     return float(np.median(_nearest(x, x, 2)[0][:, 1])) if len(x) > 1 else np.inf

@@ -40,7 +40,7 @@ def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
 def tangents_of(surfaces: Sequence[Surface], face: Ints, xi: Floats) -> list[NDArray[np.floating]]:
     """Return the tangents, as `tangents` does, of the same faces of a surface in several configurations."""
     first = surfaces[0]
-    out = [np.empty((len(face), 3, first.dim)) for _ in surfaces]
+    out: list[NDArray[np.floating]] = [np.empty((len(face), 3, first.dim)) for _ in surfaces]
     for rows, name, nodes in by_type(first, face):
         dN = gradient(name, xi[rows, : first.dim])
         for J, surface in zip(out, surfaces, strict=True):

@@ -380,11 +380,12 @@ def _sums_of_runs(
         _add_to_macro(p, shear, q, loop.weight[q], loop.distance[q], d * sizes[2], d, room.rows, own)
     if asked[1]:
         _add_to_nodes(loop.points, skins, p, shear, q, of, s, loop.weight[q], sizes, d, room, K)
-    by_run = [
-        np.add.reduceat(all_, start, axis=2).reshape(-1, rows, sizes[2], d, len(some)).transpose(4, 0, 2, 1, 3)
-        for all_, rows in ((own, k), (K, d))
-    ]
-    return nodes, *by_run
+
+    def by_run(sums: NDArray[np.floating], k: int) -> NDArray[np.floating]:
+        of_runs = np.add.reduceat(sums, start, axis=2).reshape(-1, k, sizes[2], d, len(some))
+        return np.asarray(of_runs.transpose(4, 0, 2, 1, 3))
+
+    return nodes, by_run(own, k), by_run(K, d)
 
 
 def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, int], Ints]:
