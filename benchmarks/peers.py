@@ -77,7 +77,7 @@ class Run(NamedTuple):
     own: float
 
 
-def in_python(module: str, name: str, package: str, python: str) -> Code:
+def in_python(module: str, name: str, package: str, python: str, friction: bool = False) -> Code:
     """A code that is a package of some Python."""
 
     def absent() -> str | None:
@@ -93,7 +93,7 @@ def in_python(module: str, name: str, package: str, python: str) -> Code:
         with np.load(folder / "answer.npz") as answer:
             return dict(answer)
 
-    return Code(name, absent, write, read)
+    return Code(name, absent, write, read, friction)
 
 
 def codes(pythons: dict[str, str]) -> list[Code]:
@@ -118,7 +118,7 @@ def codes(pythons: dict[str, str]) -> list[Code]:
             peer_ours.read,
             friction=True,
         ),
-        in_python("peer_kratos", "Kratos, dual mortar, augmented Lagrangian", _KRATOS, python["kratos"]),
+        in_python("peer_kratos", "Kratos, dual mortar, augmented Lagrangian", _KRATOS, python["kratos"], friction=True),
         in_python("peer_getfem", "GetFEM, ray tracing, order 25", "getfem", python["getfem"]),
         in_python("peer_ngsolve", "NGSolve, penalty 10 E / h, order 30", "ngsolve", python["ngsolve"]),
         *stiff,
@@ -211,7 +211,8 @@ def cattaneo_rows(code: Code, sizes: tuple[int, ...], repeats: int) -> list[list
             continue
         x, t = next(run.answer[kind] for kind in ("p_m", "nodes") if kind in run.answer)
         found = shear_errors(x, t, float(run.answer["force"]), float(run.answer["shear"]))
-        cells.append(f"{100 * found.rms:.2f}")
+        unsolved = int(run.answer.get("unsolved", 0))
+        cells.append(f"{100 * found.rms:.2f}" + (f" ({unsolved} steps not in equilibrium)" if unsolved else ""))
         widths.append(f"{100 * found.stick:+.2f}" if np.isfinite(found.stick) else "-")
     counts = ", ".join("-" if isinstance(run, str) else str(int(run.answer["iterations"])) for run in runs)
     seconds = ", ".join("-" if isinstance(run, str) else f"{run.wall:.1f} ({run.own:.1f})" for run in runs)
