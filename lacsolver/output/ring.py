@@ -36,8 +36,9 @@ def described(case: Case) -> dict[str, dict[str, Any]]:
 def sector_of(summary: Mapping[str, Any]) -> Cyclic:
     """Return the sector of a run, from what results.json has of it. Raises RequestError for one without."""
     for one in summary.get("cyclic", {}).values():
-        record = Cyclic(**{name: tuple(v) if isinstance(v, list) else v for name, v in one.items() if name != "angle"})
-        return record.altered(angle=one["angle"])
+        keys: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in one.items()}
+        angle = keys.pop("angle")
+        return Cyclic(**keys).altered(angle=angle)
     raise RequestError("a whole ring is drawn of a sector, and the case of this run has no [[cyclic]]")
 
 

@@ -243,6 +243,7 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
             parts.mesh, share = distribution.take(parts.mesh, case.skins)
             parts.mesh, parts.adjusted = adjusted(case, parts.mesh, share.origin)
             parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+        assert parts.space is not None
         if parts.space.share.own is not None:
             _check_shared(case, parts.space.share)
 
