@@ -153,18 +153,17 @@ def test_the_wheel_has_the_files_of_the_checkout(built):
     assert {"tests/test_wheel.py", "data/two_blocks.msh"} <= inside
     ours = {}
     for place, source_folder in (*((name, name) for name in PACKAGES), ("lacmesh/data", "data")):
-        for name in tracked(source_folder):
+        for name in kept(source_folder):
             ours[f"{place}/{name.relative_to(source_folder)}"] = zlib.crc32((ROOT / name).read_bytes())
     ours["verification/meshes/pin_in_lug.step"] = ours["lacmesh/data/pin_in_lug.step"]
     theirs = {f.filename: f.CRC for f in zipfile.ZipFile(wheel).infolist() if ".dist-info/" not in f.filename}
     assert theirs == ours
 
 
-def tracked(folder):
-    """The files of a folder of the checkout that are kept, and those that are new."""
-    line = ["git", "ls-files", "--cached", "--others", "--exclude-standard", folder]
-    names = subprocess.run(line, cwd=ROOT, capture_output=True, text=True, check=True).stdout.splitlines()
-    return [Path(name) for name in names if (ROOT / name).exists()]
+def kept(folder):
+    """The files of a folder of the checkout, without what Python and the examples leave there."""
+    names = (path.relative_to(ROOT) for path in (ROOT / folder).rglob("*") if path.is_file())
+    return [n for n in names if "__pycache__" not in n.parts and not n.name.endswith((".lac.msh", ".lac.med"))]
 
 
 # ---- with a package index

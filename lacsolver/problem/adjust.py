@@ -9,6 +9,7 @@ put on linear faces keep their place in the face before the cut, and those insid
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -47,7 +48,7 @@ Bools = NDArray[np.bool_]
 class Adjustment(NamedTuple):
     """Nodes of a slave that were moved onto the master: how many, and the largest and the mean of their ways."""
 
-    count: int
+    count: int  # type: ignore[assignment]  # a tuple's method, which is not asked for
     largest: float
     mean: float
 
@@ -209,7 +210,8 @@ def _children(mesh: Mesh) -> Ints:
 def _inside_cells(mesh: Mesh) -> Ints:
     """Return the corners of children that lie inside the cell before the cut: on none of its facets."""
     children, parent = _children(mesh), Cut(mesh).parent_of_cell
-    rows, used = [np.empty((0, 5), np.int64)], np.zeros(mesh.n_nodes, bool)
+    rows: list[Ints] = [np.empty((0, 5), np.int64)]
+    used = np.zeros(mesh.n_nodes, bool)
     for kind, cells, nodes in mesh.select(children):
         used[nodes[:, : CELLS[kind].n_corners]] = True
         for facet in CELLS[kind].facets:
@@ -225,7 +227,7 @@ def _inside_cells(mesh: Mesh) -> Ints:
 
 def _edges_of_children(mesh: Mesh) -> csr_array:
     """Return the edges (n_nodes, n_nodes) of the cells that the cut has made, 1 between their ends."""
-    ends = [np.empty((0, 2), np.int64)]
+    ends: list[Ints] = [np.empty((0, 2), np.int64)]
     for kind, _, nodes in mesh.select(_children(mesh)):
         ends += [nodes[:, list(edge[:2])] for edge in CELLS[kind].edges]
     a, b = np.unique(np.sort(np.concatenate(ends), axis=1), axis=0).T
@@ -249,7 +251,7 @@ def _check_cells(record: Contact, mesh: Mesh, x: Floats) -> None:
             raise wrong(record, f"adjust {message}; give a smaller one, a clearance, or a mesh without the gap")
 
 
-def _check_kept(mesh: Mesh, done: list[tuple[_Pair, Ints, float]], origin: Floats) -> None:
+def _check_kept(mesh: Mesh, done: Sequence[tuple[_Pair, Ints, float]], origin: Floats) -> None:
     """Raise CaseError if a later contact has moved nodes off the master of an earlier one."""
     for k, (pair, nodes, _) in enumerate(done):
         skins = np.union1d(nodes, pair.master.faces.distinct_nodes)

@@ -246,7 +246,7 @@ def plain(value: Any) -> Any:
 def made_of(kind: Any, value: Any) -> Any:
     """A record of a kind from what JSON has: the inverse of `plain`."""
     if is_dataclass(kind):
-        hints = _hints(kind)
+        hints = _hints(kind)  # type: ignore[arg-type]
         return kind(**{name: made_of(hints[name], own) for name, own in value.items()})  # type: ignore[operator]
     if get_origin(kind) is tuple:
         return tuple(made_of(get_args(kind)[0], own) for own in value)
