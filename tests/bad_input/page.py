@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import textwrap
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -101,7 +102,7 @@ KINDS = {
 
 
 class Row(NamedTuple):
-    """A line of the page: cases of several formats that get the same answer are one."""
+    """An answer of the page: cases of several formats that get the same one are one."""
 
     what: str
     status: int
@@ -140,13 +141,21 @@ def written(rows: dict[str, dict[Row, list[str]]]) -> str:
     for kind, (title, decision) in KINDS.items():
         lines += [f"## {title}", "", textwrap.fill(decision, 120, break_long_words=False), ""]
         lines += ["| what is wrong | in | status | what is said |", "|---|---|---:|---|"]
-        lines += [_line(r, formats) for r, formats in rows[kind].items()]
+        lines += [_line(whats, *answer) for answer, whats in _alike(rows[kind]).items()]
         lines.append("")
     return "\n".join(lines)
 
 
-def _line(row: Row, formats: list[str]) -> str:
-    return f"| {_safe(row.what)} | {', '.join(formats)} | {row.status} | {_safe(row.said) or 'nothing'} |"
+def _alike(rows: dict[Row, list[str]]) -> dict[tuple[str, int, str], list[str]]:
+    """Inputs that get the same answer in the same formats: (formats, status, sentence) -> what is wrong, each."""
+    alike: dict[tuple[str, int, str], list[str]] = {}
+    for one, formats in rows.items():
+        alike.setdefault((", ".join(formats), one.status, one.said), []).append(one.what)
+    return alike
+
+
+def _line(whats: list[str], formats: str, status: int, said: str) -> str:
+    return f"| {'; '.join(map(_safe, whats))} | {formats} | {status} | {_safe(said) or 'nothing'} |"
 
 
 def _safe(text: str) -> str:
@@ -162,8 +171,8 @@ def parsed(text: str) -> dict[tuple[str, str, str], str]:
             title = line[3:]
         cells = [c.strip() for c in re.split(r"(?<!\\)\|", line)[1:-1]]
         if len(cells) == 4 and cells[0] != "what is wrong" and cells[0].strip("-"):
-            for name in cells[1].split(", "):
-                found[title, cells[0], name] = f"{cells[2]} {cells[3]}"
+            for what, name in product(cells[0].split("; "), cells[1].split(", ")):
+                found[title, what, name] = f"{cells[2]} {cells[3]}"
     return found
 
 
