@@ -1,6 +1,6 @@
 """Internal forces, tangent, stress and energy of bodies, with one interface for small and finite strains.
 
-Everything is evaluated at a displacement u (n_dof,) and a time t, on which temperatures depend. Springs to the ground
+Everything is evaluated at a displacement u (n_dof,) and a time t, on which temperatures depend. Springs
 are included in forces, tangent and energy. In equilibrium `internal_force` balances the loads of `problem.acting`,
 which contain thermal forces under small kinematics; under finite kinematics temperature is part of the law instead.
 """
@@ -18,6 +18,7 @@ from scipy.sparse import bsr_array, csr_array
 from lacmesh.mesh import Floats
 from lacsolver.bodies import small
 from lacsolver.bodies.finite import thermal_stretches
+from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import Field, checked
 from lacsolver.bodies.pointwise import DisplacedBodies, LawHistory
@@ -144,6 +145,7 @@ class Small:
 class Finite:
     """Finite strains: bodies in balance where they are displaced to, and a K that depends on u.
 
+    `springs` (n_dof, n_dof): stiffness of springs that do not turn; `lines`: springs that do.
     Its methods raise RequestError for laws of small strains.
     """
 
@@ -152,6 +154,7 @@ class Finite:
     springs: csr_array | None = None
     temperature: TemperatureField | None = None
     threads: int = 1
+    lines: LineSprings | None = None
 
     finite = True
     linear = False
@@ -163,12 +166,14 @@ class Finite:
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return f_int of the bodies plus the springs' forces."""
         f = self.at(u, t, history).internal_force()
-        return f if self.springs is None else f + self.springs @ u
+        f = f if self.springs is None else f + self.springs @ u
+        return f if self.lines is None else f + self.lines.internal_force(u)
 
     def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
         """Return K at u."""
         K = csr_array(self.at(u, t, history).tangent(self._values).tocsr())
-        return K if self.springs is None else csr_array(K + self.springs)
+        K = K if self.springs is None else csr_array(K + self.springs)
+        return K if self.lines is None else csr_array(K + self.lines.tangent(u))
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
         """Return the history of the laws."""
@@ -180,7 +185,8 @@ class Finite:
 
     def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
         """Return the energy stored in bodies and springs."""
-        return self.at(u, t, history).energy() + _stored(self.space, self.springs, u)
+        of_lines = 0.0 if self.lines is None else self.lines.energy(u)
+        return self.at(u, t, history).energy() + _stored(self.space, self.springs, u) + of_lines
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
@@ -202,14 +208,22 @@ def kinematics_of(
     materials: Materials,
     *,
     springs: csr_array | None = None,
+    lines: LineSprings | None = None,
     temperature: TemperatureField | None = None,
     threads: int = 1,
 ) -> Kinematics:
-    """Return the kinematics for the name that a case gives, `small` or `finite`."""
+    """Return the kinematics for the name that a case gives, `small` or `finite`.
+
+    `springs` (n_dof, n_dof): stiffness of springs that do not turn; `lines`: springs that do, which only finite
+    kinematics have.
+    """
     if name not in ("small", "finite"):
         raise ValueError(f"kinematics are small or finite, not {name!r}")
-    make = Small if name == "small" else Finite
-    return make(space, materials, springs, temperature, threads)
+    if name == "finite":
+        return Finite(space, materials, springs, temperature, threads, lines)
+    if lines is not None:
+        raise ValueError("springs do not turn in small kinematics; give the stiffness along their undeformed lines")
+    return Small(space, materials, springs, temperature, threads)
 
 
 def _stored(space: Space, springs: csr_array | None, u: Floats) -> float:

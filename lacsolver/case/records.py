@@ -418,19 +418,30 @@ class Temperature(Entry):
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Spring(AtNodes):
-    """[[spring]]: springs between nodes and the ground.
+    """[[spring]]: springs between nodes and the ground, or between two nodes.
 
     >>> Spring(group="top", ky=5.0)
     Spring(group='top', ky=5.0)
+    >>> Spring(group="eye", to="hook", k=5.0)
+    Spring(group='eye', to='hook', k=5.0)
     """
 
     SECTION: ClassVar = Section(
-        "spring", True, "springs from nodes of a group, or one node, to the ground (axisymmetric: of the full circle)",
-        one_of=WHERE, some_of=(("kx", "ky", "kz"),), not_both=NOT_KIND_OF_AT,
+        "spring", True, "springs from each node to the ground, or from one to another (axisymmetric: of the full circle)",
+        one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
+        not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
     )  # fmt: skip
-    kx: float | None = key(POSITIVE, "force / length", "stiffness along x", None)
-    ky: float | None = key(POSITIVE, "force / length", "stiffness along y", None)
-    kz: float | None = key(POSITIVE, "force / length", "stiffness along z", None, models=SPACE)
+    to: str | None = key(
+        GROUP, "", "group of one node at the other end, of the kind `kind`; group then has one node, too", None,
+        "the ground",
+    )  # fmt: skip
+    k: float | None = key(
+        POSITIVE, "force / length", "stiffness along the line to the other node; with kinematics = finite the line "
+        "turns with its nodes", None,
+    )  # fmt: skip
+    kx: float | None = key(POSITIVE, "force / length", "stiffness along x; between two nodes, of the difference", None)
+    ky: float | None = key(POSITIVE, "force / length", "stiffness along y, as kx", None)
+    kz: float | None = key(POSITIVE, "force / length", "stiffness along z, as kx", None, models=SPACE)
     axes: LocalAxes = _in_axes("kx, ky, kz")
 
 

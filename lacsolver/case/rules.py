@@ -246,6 +246,18 @@ def _round_axes(case: Case) -> Iterator[Issue]:
             yield record.wrong("are cylindrical, as ux and uy of an axisymmetric model are; leave them out", "axes")
 
 
+def _springs(case: Case) -> Iterator[Issue]:
+    """Check that a spring along a line has another node, which is not its own, and Cartesian axes between two."""
+    for record in case.spring:
+        if record.has("k") and not record.has("to"):
+            message = "is along the line to another node; give that as to, or kx, ky, kz for a spring to the ground"
+            yield record.wrong(message, "k")
+        if record.to is not None and record.to == record.group:
+            yield record.wrong(f"is {record.to!r}, the group itself; name the node at the other end", "to")
+        if record.to is not None and record.axes is not None and "axis" in record.axes:
+            yield record.wrong("are cylindrical; a spring between two nodes takes Cartesian ones", "axes")
+
+
 def _sections(case: Case) -> Iterator[Issue]:
     """Check that each section is tightened once, along a direction, and locked while the case runs."""
     taken: set[str] = set()
@@ -357,6 +369,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _sections,
     _equations,
     _round_axes,
+    _springs,
     _moments,
     _sectors,
     _fields,

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
+from lacsolver.bodies.line_springs import LineSprings, between_nodes
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import TemperatureField
 from lacsolver.case import Case, Coupling, Force, Spring, Traction
@@ -25,6 +26,8 @@ from lacsolver.space.space import Space
 from lacsolver.space.values import evaluate_vector
 
 _AXES = "xyz"
+#: distance, relative to the bodies' extent, up to which two nodes are at one place
+_APART = 1e-9
 PointFunction = Callable[[Floats, float], Floats]
 
 
@@ -148,16 +151,74 @@ def _nodes_before_cut(space: Space, record: Force | Spring) -> Ints:
     return kept
 
 
-def springs(space: Space, case: Case) -> csr_array | None:
-    """Return the stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
+def springs(space: Space, case: Case, *, along_lines: bool = True) -> csr_array | None:
+    """Return the stiffness (n_dof, n_dof) of springs; None if there are none.
+
+    `along_lines`: with those along the undeformed line between two nodes. Raises CaseError for ends that are not one
+    node each, or are at one place, and DataError for nodes without a cell.
+    """
     stiffness_matrix = None
-    moved = np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in coupling.rigid_records(case))])
+    moved = _on_rigid_bodies(space, case)
     for spring in case.spring:
-        stiffness = [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
-        nodes = np.unique(_nodes_before_cut(space, spring))
-        own = loads.springs(space, nodes, stiffness, moved=moved, along=directions(space, spring, nodes))
+        if spring.k is not None and not along_lines:
+            continue
+        own = _to_the_ground(space, spring, moved) if spring.to is None else _between(space, spring, moved)
         stiffness_matrix = own if stiffness_matrix is None else csr_array(stiffness_matrix + own)
     return stiffness_matrix
+
+
+def line_springs(space: Space, case: Case) -> LineSprings | None:
+    """Return the springs along the line between two nodes, which turns with them; None if there are none."""
+    records = [spring for spring in case.spring if spring.k is not None]
+    if not records:
+        return None
+    moved = _on_rigid_bodies(space, case)
+    ends = np.array([_ends(space, spring, moved) for spring in records])
+    return LineSprings(space, ends, np.array([spring.k for spring in records], float))
+
+
+def _on_rigid_bodies(space: Space, case: Case) -> Ints:
+    """Return the nodes (k,) of rigid bodies, which springs and forces find without a cell."""
+    return np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in coupling.rigid_records(case))])
+
+
+def _to_the_ground(space: Space, spring: Spring, moved: Ints) -> csr_array:
+    nodes = np.unique(_nodes_before_cut(space, spring))
+    return loads.springs(space, nodes, _stiffness(space, spring), moved=moved, along=directions(space, spring, nodes))
+
+
+def _stiffness(space: Space, spring: Spring) -> list[float]:
+    return [getattr(spring, f"k{a}") or 0.0 for a in _AXES[: space.dim]]
+
+
+def _between(space: Space, spring: Spring, moved: Ints) -> csr_array:
+    """Return the stiffness (n_dof, n_dof) of a spring between two nodes, along its undeformed line or its axes."""
+    ends = _ends(space, spring, moved)
+    if spring.k is None:
+        k, along = np.array(_stiffness(space, spring)), directions(space, spring, ends[:1])[0]
+    else:
+        line = np.subtract(*space.local.points[ends[::-1], : space.dim])
+        k, along = np.array([spring.k]), line[None] / np.linalg.norm(line)
+    return between_nodes(space, ends[None], np.einsum("k,ks,kt->st", k, along, along)[None])
+
+
+def _ends(space: Space, spring: Spring, moved: Ints) -> Ints:
+    """Return the two nodes (2,) of a spring. Raises CaseError unless they are two, at two places for one on a line."""
+    records = spring, spring.altered(group=spring.to, at=None)
+    nodes = [np.unique(_nodes_before_cut(space, record)) for record in records]
+    for record, own in zip(records, nodes, strict=True):
+        if len(own) > 1:
+            message = f"the group {record.group!r} has {len(own)} nodes, and a spring between two nodes has one at"
+            raise wrong(spring, f"{message} each end; name a group of one node")
+    ends = np.concatenate(nodes)
+    if ends[0] == ends[1]:
+        raise wrong(spring, f"both its ends are node {space.mesh.node_number[ends[0]]}; name another one by to")
+    if spring.k is not None and np.ptp(space.local.points[ends], axis=0).max() <= _APART * space.extent:
+        numbers = " and ".join(str(number) for number in space.mesh.node_number[ends])
+        raise wrong(spring, f"nodes {numbers} are at one place, with no line between them; give kx, ky, kz and no k")
+    with _said_of(spring):
+        loads.check_on_bodies(space, ends, "spring", moved)
+    return ends
 
 
 def temperature(space: Space, materials: Materials, case: Case) -> TemperatureField | None:

@@ -159,7 +159,7 @@ def gravity(
 
 def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDArray[np.floating]:
     """Return the vector (n_dof,) of forces on nodes, one value per component; in axisymmetry of the full circle."""
-    nodes = _held(space, nodes, "force")
+    nodes = check_on_bodies(space, nodes, "force")
     out = np.zeros((space.mesh.n_nodes, space.dim))
     out[nodes] = evaluate_vector(value, space.mesh.points[nodes], t, space.dim, "force")
     return out.ravel()
@@ -195,7 +195,7 @@ def _nodal_parts(space: Space, cells: Ints | None, nodes: Ints | None) -> NDArra
             parts = _on_edges(space, cells)
         return parts.reshape(-1, space.dim)[:, 0]
     w = np.zeros(space.mesh.n_nodes)
-    w[_held(space, np.empty(0, np.int64) if nodes is None else nodes, "force")] = 1.0
+    w[check_on_bodies(space, np.empty(0, np.int64) if nodes is None else nodes, "force")] = 1.0
     return w
 
 
@@ -207,7 +207,7 @@ def _on_edges(space: Space, cells: Ints) -> NDArray[np.floating]:
     """Return int N_a ds over edges in space, the same for each component (n_dof,)."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
     for name, _, nodes in space.mesh.select(space.near(cells)):
-        _held(space, nodes, "force")
+        check_on_bodies(space, nodes, "force")
         X, w = rule("SEG", _FACE_DEGREE[CELLS[name].order])
         J = jacobian(name, space.local.points[nodes], X[:, :1])
         f = np.einsum("qn,fq->fn", shape(name, X), np.linalg.norm(J[..., 0], axis=-1) * w)
@@ -233,7 +233,7 @@ def springs(
     nodes of rigid bodies, which need no cell. Raises DataError for a negative stiffness, and for other nodes without a
     cell.
     """
-    nodes = _held(space, nodes, "spring", moved)
+    nodes = check_on_bodies(space, nodes, "spring", moved)
     k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
     _not_negative(k)
     dofs = space.dofs(nodes)
@@ -265,7 +265,7 @@ def _pressed(space: Space, faces: Ints) -> Surface | None:
     return surface
 
 
-def _held(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
+def check_on_bodies(space: Space, nodes: Ints, what: str, moved: Ints | None = None) -> Ints:
     """Return distinct nodes. Raises DataError for nodes that are neither on cells of the space nor in `moved`."""
     nodes = np.unique(np.asarray(nodes, dtype=np.int64))
     loose = nodes[~space.attached[nodes]]

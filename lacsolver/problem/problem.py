@@ -97,11 +97,13 @@ class Problem(Described):
 
     @cached_property
     def kinematics(self) -> Kinematics:
-        """Internal forces, tangent, stress and energy of the bodies and the springs to the ground."""
+        """Internal forces, tangent, stress and energy of the bodies and the springs."""
         temperature = acting.temperature(self.space, self.materials, self.case)
+        lines = acting.line_springs(self.space, self.case) if self.case.kinematics == "finite" else None
+        springs = self.springs if lines is None else acting.springs(self.space, self.case, along_lines=False)
         return kinematics_of(
             self.case.kinematics, self.space, self.materials,
-            springs=self.springs, temperature=temperature, threads=self.threads,
+            springs=springs, lines=lines, temperature=temperature, threads=self.threads,
         )  # fmt: skip
 
     @cached_property
@@ -121,7 +123,7 @@ class Problem(Described):
 
     @cached_property
     def springs(self) -> csr_array | None:
-        """Stiffness (n_dof, n_dof) of springs to the ground; None if there are none."""
+        """Stiffness (n_dof, n_dof) of all springs, undeformed; None if there are none."""
         return acting.springs(self.space, self.case)
 
     @cached_property
@@ -270,9 +272,11 @@ def _check_divided(case: Case, distribution: Distribution) -> None:
 
 
 def _check_shared(case: Case, share: Share) -> None:
-    """Raise RequestError for output that several processes do not write: whole rings, and MED of too large a model."""
+    """Raise RequestError for what one process does alone: springs between nodes, whole rings, MED of a large model."""
     if any(record.ring for record in case.cyclic):
         raise RequestError("[[cyclic]] ring = true is written by one process only; leave it out, or run in one")
+    if any(record.to is not None for record in case.spring):
+        raise RequestError("a [[spring]] between two nodes (to) is computed by one process only; run in one")
     assert share.node is not None
     n = int(share.largest(float(share.node.max(initial=-1)))) + 1
     if case.output.format == "med" and n > MED_NODES:

@@ -262,7 +262,7 @@ def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_ar
         rows.append(equated if space.share.rank == 0 else equated[:0])
         further += one.n_further
     if springs is not None:
-        stiffness = springs.diagonal()
+        stiffness = abs(springs).max(axis=1).toarray().ravel()
         unit = np.divide(1.0, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0)
         rows.append(diags_array(unit) @ springs @ (own + alone))
     return space.share.gather_rows(vstack(rows, format="csr"))

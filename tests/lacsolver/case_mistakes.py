@@ -153,6 +153,13 @@ MISTAKES = [
     (BODY + '[[spring]]\ngroup = "g"\nkx = 0.0 #!\n', "spring.kx is 0; it must be > 0"),
     (BODY + '[[spring]] #!\ngroup = "g"\n', "[[spring]] needs at least one of kx, ky, kz"),
     (PLATE + '[[spring]]\ngroup = "g"\nkz = 1.0 #!\n', "spring.kz is of the models 3d"),
+    (BODY + '[[spring]]\ngroup = "g"\nk = 1.0 #!\n', "spring.k is along the line to another node; give that as to, or kx, ky, kz"),
+    (BODY + '[[spring]]\ngroup = "g"\nto = "h"\nk = 0.0 #!\n', "spring.k is 0; it must be > 0"),
+    (BODY + '[[spring]] #!\ngroup = "g"\nto = "h"\n', "[[spring]] needs at least one of kx, ky, kz, k"),
+    (BODY + '[[spring]]\ngroup = "g"\nto = "g" #!\nk = 1.0\n', "spring.to is 'g', the group itself; name the node at the other end"),
+    *((BODY + f'[[spring]]\ngroup = "g"\nto = "h"\nk = 1.0\nk{a} = 1.0 #!\n', f"spring.k{a} stands beside k") for a in "xyz"),
+    (BODY + '[[spring]]\ngroup = "g"\nto = "h"\nk = 1.0\naxes = { x = [1, 0, 0], xy = [0, 1, 0] } #!\n', "spring.axes stands beside k"),
+    (BODY + '[[spring]]\ngroup = "g"\nto = "h"\nkx = 1.0\naxes = { origin = [0, 0, 0], axis = [0, 0, 1] } #!\n', "spring.axes are cylindrical; a spring between two nodes takes Cartesian ones"),
     # loads
     (BODY + '[[pressure]] #!\ngroup = "g"\n', "[[pressure]] needs value (positive pressure pushes into the body; a value)"),
     (BODY + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = true #!\n', 'pressure.follower means something only with kinematics = "finite"'),

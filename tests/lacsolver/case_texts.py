@@ -127,6 +127,10 @@ kz = 3.0
 [[spring]]
 at = [1, 2, 3]
 kx = 1
+[[spring]]
+group = "corner"
+to = "eye"
+k = 2.5
 [[pressure]]
 group = "top"
 value = 25.0

@@ -16,6 +16,7 @@ from tests.lacsolver.key_meshes import (
     bolted,
     cube,
     gapped,
+    linked,
     overhang,
     pair,
     plane,
@@ -206,6 +207,34 @@ name = "corner"
 [[probe]]
 at = [0.0, 1.0, 0.0]
 name = "other"
+"""
+
+LINKED = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1000.0  # held
+poisson = 0.3  # held
+[[rigid]]
+group = "lower"
+[[rigid]]
+group = "upper"
+fx = 1.0
+fy = -2.0
+fz = 0.5
+[[spring]]
+group = "eye"
+to = "hook"
+k = 7.0
+[[spring]]
+group = "eye"
+to = "hook"
+kx = 2.0
+ky = 3.0
+kz = 4.0
+axes = { x = [3.0, 4.0, 0.0], xy = [0.0, 1.0, 0.0] }
+[[probe]]
+group = "hook"
 """
 
 EQUATED = """
@@ -888,6 +917,7 @@ CASES = {
     "loads": KeyCase(cube, LOADS),
     "fields": KeyCase(cube, FIELDS),
     "springs": KeyCase(cube, SPRINGS),
+    "linked": KeyCase(linked, LINKED),
     "equated": KeyCase(cube, EQUATED),
     "axes": KeyCase(cube, AXES),
     "coupled": KeyCase(cube, COUPLED),

@@ -208,6 +208,16 @@ def check_springs(ran):
     assert ran.results["energy"] == pytest.approx(0.5 * np.dot(f, motions(at) @ moved), rel=1e-4)
 
 
+def check_linked(ran):
+    """A rigid body hangs on another one by a spring along a line, and by one of components."""
+    line, d, e = np.array([1.0, 1.0, 0.1]) / np.sqrt(2.01), np.array([0.6, 0.8, 0.0]), np.array([-0.8, 0.6, 0.0])
+    K = 7.0 * np.outer(line, line) + 2.0 * np.outer(d, d) + 3.0 * np.outer(e, e) + np.diag([0, 0, 4.0])
+    f = np.array([1.0, -2.0, 0.5])
+    u = np.linalg.solve(K, f)
+    np.testing.assert_allclose(ran.steps[-1]["probes"]["hook"], u, rtol=1e-9)
+    assert ran.results["energy"] == pytest.approx(0.5 * f @ u, rel=1e-9)
+
+
 def motions(x):
     """(3, 6): displacements at x of unit translations and rotations."""
     return np.hstack([np.eye(3), np.cross(np.eye(3), x).T])
@@ -502,6 +512,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "neo-hookean": check_neo_hookean,
     "fields": check_fields,
     "springs": check_springs,
+    "linked": check_linked,
     "rigid": check_rigid,
     "searched": check_searched,
     "rubbed": check_rubbed,

@@ -123,6 +123,15 @@ def apart():
 
 
 @cache
+def linked():
+    """The cubes of `apart`, with the nodes `eye` at (0, 0, 1) and `hook` at (1, 1, 1.1)."""
+    mesh = apart()
+    nodes = {"eye": [0.0, 0.0, 1.0], "hook": [1.0, 1.0, 1.1]}
+    places = {name: np.flatnonzero(np.abs(mesh.points - x).max(axis=1) < 1e-9) for name, x in nodes.items()}
+    return Mesh.create(mesh.points, mesh.blocks, cell_groups=mesh.cell_groups, node_groups=places)
+
+
+@cache
 def pair():
     """Two squares on one another, with `slave` and `master`."""
     return stack("QUAD4", "QUAD4", 2, counts=(3, 2), gap=0.1, even=True)
