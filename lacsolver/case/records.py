@@ -427,7 +427,7 @@ class Spring(AtNodes):
     """
 
     SECTION: ClassVar = Section(
-        "spring", True, "springs from each node to the ground, or from one to another (axisymmetric: of the full circle)",
+        "spring", True, "springs from nodes to the ground, or from one to another (axisymmetric: of the full circle)",
         one_of=WHERE, some_of=(("kx", "ky", "kz", "k"),),
         not_both=(*NOT_KIND_OF_AT, ("k", "kx"), ("k", "ky"), ("k", "kz"), ("k", "axes")),
     )  # fmt: skip
