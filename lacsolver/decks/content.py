@@ -181,6 +181,16 @@ class GroundSpring:
 
 
 @dataclass(frozen=True)
+class SpringsBetween:
+    """Springs of one stiffness between pairs of nodes `ends` (m, 2), along an axis, or along their lines if None."""
+
+    ends: Ints
+    axis: int | None
+    stiffness: float
+    card: Card
+
+
+@dataclass(frozen=True)
 class PointMass:
     """Mass at a node (index), or moments of inertia about axes along x, y and z through it."""
 
@@ -248,13 +258,14 @@ class DeckContent:
     """Everything that the cards of a deck have said, in their order, and what was found. Names are keys in capitals.
 
     `names`: those of its mesh. `lenient`: what lacsolver lacks is left out, with a warning. `variants`: names of
-    elements that a note has told of.
+    elements that a note has told of. `spring_types`: those of the elements that are springs between two nodes.
     """
 
     names: Names
     lenient: bool = False
     findings: list[Finding] = field(default_factory=list)
     variants: set[str] = field(default_factory=set)
+    spring_types: set[str] = field(default_factory=set)
     materials: dict[str, MaterialData] = field(default_factory=dict)
     orientations: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = field(default_factory=dict)
     sections: list[DeckSection] = field(default_factory=list)
@@ -266,6 +277,7 @@ class DeckContent:
     changes: dict[tuple[str, str], list[tuple[int, bool, Card]]] = field(default_factory=lambda: defaultdict(list))
     rigid: list[DeckRigid] = field(default_factory=list)
     springs: list[GroundSpring] = field(default_factory=list)
+    springs_between: list[SpringsBetween] = field(default_factory=list)
     equations: list[DeckEquation] = field(default_factory=list)
     systems: list[LocalSystem] = field(default_factory=list)
     couplings: list[DeckCoupling] = field(default_factory=list)

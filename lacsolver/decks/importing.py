@@ -109,7 +109,8 @@ def _imported(path: Path, case_path: Path, draft: CaseDraft) -> Imported:
 def _name_kinds(draft: CaseDraft, mesh: Mesh) -> None:
     """Say which kind of group a record means where a group of cells has the name of one of nodes."""
     for record in draft.records:
-        if record.section in ("displacement", "force", "spring", "probe") and record.keys["group"] in mesh.cell_groups:
+        groups = {record.keys.get(key) for key in ("group", "to")}
+        if record.section in ("displacement", "force", "spring", "probe") and groups & mesh.cell_groups.keys():
             record.keys["kind"] = "node"
 
 

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
+from lacmesh.errors import some
+from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
 from lacsolver.decks.content import (
     Amplitude,
@@ -18,12 +20,14 @@ from lacsolver.decks.content import (
     GroundSpring,
     Interaction,
     Pair,
+    SpringsBetween,
 )
 from lacsolver.decks.joint_cards import cyclic_tie
 
 #: elements that lacsolver computes, and letters of their names that change how they are computed
 _SOLIDS = re.compile(r"(?:C3D(?:4|6|8|10|15|20|27)|CPS(?:3|4|6|8)|CPE(?:3|4|6|8)|CAX(?:3|4|6|8))([RIHM]*)")
 _POINTS = ("SPRING1", "MASS", "ROTARYI", "DCOUP3D")
+_PAIRS = ("SPRING2", "SPRINGA")
 _VARIANTS = {
     "R": "reduced integration",
     "I": "incompatible modes",
@@ -33,12 +37,15 @@ _VARIANTS = {
 
 
 def element(deck: DeckContent, card: Card) -> None:
-    """Take elements that are solids or springs to the ground; others have no place in lacsolver."""
+    """Take elements that are solids or springs; others have no place in lacsolver."""
     name = card.word("TYPE")
     solid = _SOLIDS.fullmatch(name)
+    if name in _PAIRS:
+        deck.spring_types.add(name)
+        return
     if solid is None and name not in _POINTS:
         raise Refused(
-            f"lacsolver computes solid elements (C3D, CPS, CPE, CAX), springs to the ground (SPRING1) and masses of "
+            "lacsolver computes solid elements (C3D, CPS, CPE, CAX), springs (SPRING1, SPRING2, SPRINGA) and masses of "
             f"rigid bodies (MASS, ROTARYI), and none of type {name or '(none)'}; model this part with solid "
             "elements, or take it out"
         )
@@ -261,7 +268,16 @@ def rigid_body(deck: DeckContent, card: Card) -> None:
 
 
 def spring(deck: DeckContent, card: Card) -> None:
-    """Take linear springs between nodes and the ground: a line with the direction, a line with the stiffness."""
+    """Take linear springs: a line with directions, blank for those along a line, and a line with the stiffness."""
+    if deck.names.mesh.plane == "CAX":
+        raise Refused(
+            "a spring of an axisymmetric model is that of a sector of 2 degrees in CalculiX, and of the full circle in "
+            "Abaqus and here; write a [[spring]] into the case"
+        )
+    ends = deck.names.pairs(card.needed("ELSET"))
+    if len(ends):
+        _between_nodes(deck, card, ends)
+        return
     group, nodes = deck.names.points(card.needed("ELSET"))
     if len(card.rows) != 2:
         raise Refused("a spring to the ground is a line with its direction, 1 to 3, and one with its stiffness")
@@ -269,9 +285,30 @@ def spring(deck: DeckContent, card: Card) -> None:
     stiffness = card.rows[1].number(0, "the stiffness")
     if axis not in (1, 2, 3) or not stiffness > 0:
         raise Refused("the direction should be 1 to 3, and the stiffness positive", card.rows[0])
-    if deck.names.mesh.plane == "CAX":
-        raise Refused(
-            "a spring of an axisymmetric model is that of a sector of 2 degrees in CalculiX, and of the full circle in "
-            "Abaqus and here; write a [[spring]] into the case"
-        )
     deck.springs.append(GroundSpring(group, nodes, axis - 1, stiffness, card))
+
+
+def _between_nodes(deck: DeckContent, card: Card, ends: Ints) -> None:
+    """Take linear springs between the nodes `ends` (m, 2). Raises Refused."""
+    rows = [row for row in card.rows if any(row.fields)]
+    kind = {1: "SPRINGA", 2: "SPRING2"}.get(len(rows), "")
+    if kind not in deck.spring_types:
+        raise Refused(
+            "a SPRING2 is a line with its two directions and one with its stiffness, a SPRINGA a blank line and one "
+            "with its stiffness, at one temperature"
+        )
+    stiffness = rows[-1].number(0, "the stiffness")
+    if not stiffness > 0:
+        raise Refused(f"the stiffness should be positive, not {stiffness:g}", rows[-1])
+    numbers = deck.names.mesh.node_number
+    loose = np.unique(ends[~deck.names.in_cells[ends]])
+    if len(loose):
+        message = f"nodes {some(numbers[loose])} belong to no solid element, and carry no spring"
+        raise Refused(f"{message}; SPRING1 is a spring to the ground")
+    axis = None
+    if kind == "SPRING2":
+        first, second = (rows[0].whole(k, "the direction") for k in (0, 1))
+        if first not in (1, 2, 3) or first != second:
+            raise Refused("a SPRING2 has one direction, 1 to 3, at both its nodes in lacsolver", rows[0])
+        axis = first - 1
+    deck.springs_between.append(SpringsBetween(ends, axis, stiffness, card))

@@ -255,12 +255,17 @@ def _interaction(deck: DeckContent, pair: Pair) -> Interaction | None:
 
 
 def springs(draft: CaseDraft) -> None:
-    """Add a [[spring]] for each *SPRING; springs of several elements on one node add."""
+    """Add a [[spring]] for each *SPRING, those between nodes for each element; those of one place add."""
     for spring in draft.deck.springs:
         for count, nodes in _repeats(spring.nodes):
             size = count * spring.stiffness * draft.per_thickness
             group = draft.node_group(spring.group, nodes, "sprung")
             draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
+    for spring in draft.deck.springs_between:
+        name = "k" if spring.axis is None else f"k{AXES[spring.axis]}"
+        for one, other in spring.ends:
+            groups = {"group": draft.node_group("", one[None]), "to": draft.node_group("", other[None])}
+            draft.add("spring", groups | {name: spring.stiffness * draft.per_thickness}, spring.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:

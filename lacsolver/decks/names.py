@@ -61,6 +61,15 @@ class Names:
             raise Refused(f"{text} has no elements of one node, such as SPRING1 or MASS")
         return name, np.concatenate(nodes)
 
+    def pairs(self, text: str) -> Ints:
+        """Return the two nodes (m, 2) of each element of a set, (0, 2) of one of points. Raises Refused."""
+        _, cells = self._cells(text, None)
+        dims = self.mesh.cell_dim[cells]
+        if dims.any() and (dims != 1).any():
+            raise Refused(f"{text} has elements of other kinds beside springs between two nodes; give them a set each")
+        pairs = [nodes for _, _, nodes in self.mesh.select(cells[dims == 1])]
+        return np.concatenate([np.empty((0, 2), np.int64), *pairs])
+
     def _cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         if _is_number(text):
             return "", self._place(self._cell_index, text, "element", row)

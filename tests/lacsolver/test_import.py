@@ -142,6 +142,34 @@ def test_springs_to_the_ground(tmp_path):
     assert np.allclose(found.u(block.at(2, 1))[:, 2], -10 / 100 - 10 / E)
 
 
+def hanging(kind, spring, options=""):
+    """A block on another one's springs between their corners, the upper one held sideways, and a force down on it."""
+    below, above = Block("B"), Block("C", (0.5, 0.5, 2), (1.5, 1.5, 3), first=100)
+    deck = below.text() + above.text() + section("B", nu=0.0) + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
+    pairs = zip(below.at(2, 1), above.at(2, 2), strict=True)
+    deck += f"*ELEMENT, TYPE={kind}, ELSET=SP\n" + "".join(f"{900 + k}, {a}, {b}\n" for k, (a, b) in enumerate(pairs))
+    deck += f"*SPRING, ELSET=SP\n{spring}*BOUNDARY\nB_Z0, 1, 3\nC_N, 1, 2\n"
+    return deck + step("*CLOAD\nC_Z1, 3, -3.\n*NODE PRINT, NSET=C_N\nU\n", options), below, above
+
+
+def test_springs_between_nodes_by_components(tmp_path):
+    """A column, four springs and a block in series, each with the force of 12."""
+    deck, below, above = hanging("SPRING2", "3, 3\n25.\n")
+    found = solved(tmp_path, deck)
+    assert len(found.made.case.spring) == 4
+    assert np.allclose(found.u(below.at(2, 1))[:, 2], -12 / E)
+    assert np.allclose(found.u(above.at(2, 2))[:, 2], -12 / E - 12 / 100)
+    assert np.allclose(found.u(above.at(2, 3))[:, 2], -12 / E - 12 / 100 - 12 / E)
+
+
+def test_springs_along_the_lines_of_their_nodes(tmp_path):
+    """Each has k n^2 along z, with n = 1 / sqrt(1.5) of its undeformed line."""
+    deck, below, above = hanging("SPRINGA", "\n25.\n")
+    found = solved(tmp_path, deck.replace("C_N, 1, 2\n", "C_N, 1, 2\nB_N, 1, 2\n"))
+    assert [spring.k for spring in found.made.case.spring] == [25.0] * 4
+    assert np.allclose(found.u(above.at(2, 2))[:, 2] - found.u(below.at(2, 1))[:, 2], -12 / (100 / 1.5))
+
+
 PAIR = "*SURFACE, NAME=LOWER\nB_EZ1, S2\n*SURFACE, NAME=UPPER\nC_EZ0, S1\n"
 
 

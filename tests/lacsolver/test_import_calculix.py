@@ -13,6 +13,7 @@ from lacsolver.results.figures import step_figures
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved
+from tests.lacsolver.test_import import hanging
 from tests.samples import samples
 
 PROGRAM = shutil.which("ccx")
@@ -209,6 +210,18 @@ def test_bent_column_with_nlgeom(tmp_path, kind):
     found = solved(tmp_path, text)
     assert np.abs(found.u(column.at(2, 6))[:, 0]).max() > 0.5
     assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < 1e-3
+
+
+@pytest.mark.calculix
+@pytest.mark.parametrize("options", ["", ", NLGEOM"])
+@pytest.mark.parametrize(("kind", "spring"), [("SPRING2", "3, 3\n25.\n"), ("SPRINGA", "\n25.\n")])
+def test_springs_between_nodes(tmp_path, kind, spring, options):
+    """By components, and along lines, which turn with NLGEOM: the block falls by a tenth of the springs' length."""
+    deck, _, above = hanging(kind, spring, options)
+    tight = "*STATIC\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n"  # CalculiX stops at 5e-3 of the forces else
+    found = solved(tmp_path, deck.replace("*STATIC\n", tight))
+    assert found.u(above.at(2, 2))[:, 2].max() < -0.1
+    assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < 1e-4
 
 
 @pytest.mark.calculix

@@ -16,7 +16,22 @@ ROOT = Path(__file__).resolve().parents[2]
 #: name -> cards of the model, cards of the step, the card that the error names, words of its message
 REFUSED = {
     "shell": ("*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n", "", "ELEMENT", "none of type S4"),
-    "spring between nodes": ("*ELEMENT, TYPE=SPRING2, ELSET=SH\n77, 1, 2\n", "", "ELEMENT", "SPRING2"),
+    **{
+        f"spring between nodes, {what}": (
+            f"*NODE\n99, 0, 0, 9.\n*ELEMENT, TYPE={kind}, ELSET=P\n77, 1, {node}\n*SPRING, ELSET=P{option}\n{rows}", "",
+            "SPRING", words,
+        )
+        for what, kind, node, option, rows, words in (
+            ("two directions", "SPRING2", 2, "", "1, 2\n5.\n", "one direction, 1 to 3, at both"),
+            ("a rotation", "SPRING2", 2, "", "4, 4\n5.\n", "one direction, 1 to 3, at both"),
+            ("no direction", "SPRING2", 2, "", "\n5.\n", "a line with its two directions"),
+            ("a direction of a line", "SPRINGA", 2, "", "1, 1\n5.\n", "a SPRINGA a blank line"),
+            ("temperatures", "SPRINGA", 2, "", "\n5., , 20.\n6., , 30.\n", "at one temperature"),
+            ("no stiffness", "SPRINGA", 2, "", "\n0.\n", "the stiffness should be positive, not 0"),
+            ("a table", "SPRINGA", 2, ", NONLINEAR", "\n0., 0.\n5., 1.\n", "the option NONLINEAR is not taken"),
+            ("a loose node", "SPRING2", 99, "", "1, 1\n5.\n", "99 belong to no solid element, and carry no spring"),
+        )
+    },
     "young": ("*MATERIAL, NAME=M\n*ELASTIC\nsoft, 0.3\n", "", "ELASTIC", "modulus should be a number, not 'soft'"),
     "infinite": ("*MATERIAL, NAME=M\n*ELASTIC\n1e999, 0.3\n", "", "ELASTIC", "should be a finite number"),
     "two temperatures": ("*MATERIAL, NAME=M\n*ELASTIC\n1., .3, 0.\n2., .3, 9.\n", "", "ELASTIC", "give one line"),
