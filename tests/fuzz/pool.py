@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
-from tests.bad_input.case import BYTES, SECONDS, WAITS, compiled, room
+from tests.bad_input.case import BYTES, SECONDS, WAITS, room
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
 
@@ -63,7 +63,6 @@ class _Worker:
 
 def fuzz(name: str, numbers: range, workers: int = 2) -> Tally:
     """Try the files of these numbers."""
-    compiled()
     tally = Tally(name)
     start = time.perf_counter()
     share = -(-len(numbers) // workers)
