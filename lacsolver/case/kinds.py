@@ -479,14 +479,15 @@ WEIGHTS = Kind(
 )
 
 
-def not_negative(*, positive: bool = False, infinite: bool = False) -> Kind:
-    """A value that is never negative; `positive`: nor 0; `infinite`: it may be `inf`."""
+def not_negative(*, positive: bool = False, infinite: bool = False, place: bool = True) -> Kind:
+    """A value that is never negative; `positive`: nor 0; `infinite`: it may be `inf`; `place`: as in `varying`."""
     least = "> 0" if positive else ">= 0"
+    kind = VALUE if place else VALUE_OF_TIME
 
     def read(given: Any) -> Value:
         if infinite and isinstance(given, float) and given == inf:
             return Value(inf)
-        value = VALUE.read(given)
+        value = kind.read(given)
         source = value.source
         numbers = [v for _, v in source] if isinstance(source, tuple) else [source]
         low = [v for v in numbers if isinstance(v, (int, float)) and (v < 0 or (positive and v == 0))]
@@ -498,7 +499,7 @@ def not_negative(*, positive: bool = False, infinite: bool = False) -> Kind:
     number = {"type": "number", **bound}
     row = {"type": "array", "items": [{"type": "number"}, number], "minItems": 2, "maxItems": 2}
     schema = {"anyOf": [number, _TEXT, {"type": "array", "items": row, "minItems": 1}]}
-    words = f"a value {least}" + (", or inf" if infinite else "")
+    words = f"{kind.words} {least}" + (", or inf" if infinite else "")
     return Kind(words, schema, read)
 
 

@@ -174,8 +174,9 @@ class Contact(PairEntry):
             "bilateral": "always closed, pressures of either sign",
         }, added=CONTACT_LAWS), "", "contact condition", "unilateral",
     )  # fmt: skip
-    stiffness: float | None = key(
-        POSITIVE, "stress / length", "pressure per overlap, for soft contact", None, "rigid: no overlap",
+    stiffness: As[Value | None, ValueLike | None] = key(
+        not_negative(positive=True, place=False), "stress / length",
+        "pressure per overlap, for soft contact, not ramped", None, "rigid: no overlap",
         needs=Needs("type", ("unilateral", "bilateral")),
     )  # fmt: skip
     law: str = key(

@@ -66,14 +66,15 @@ class Amplitude:
 
 @dataclass
 class Interaction:
-    """Surface interaction: `stiffness` of linear contact, None if hard; keys of a `curve`; `tied`; and its friction.
+    """Surface interaction: `stiffness` of linear contact, {} if hard; keys of a `curve`; `tied`; and its friction.
 
-    `friction`: coefficient from each step on, -1 for the model's, inf if rough; `shear_limit`: the largest stress of
-    friction, None without a limit. `damping`: pressure per approach velocity, and its card; None without.
+    `stiffness`: that from each step on, -1 for the model's; `friction`: coefficient, likewise, inf if rough;
+    `shear_limit`: the largest stress of friction, None without a limit. `damping`: pressure per approach velocity, and
+    its card; None without.
     """
 
     card: Card
-    stiffness: float | None = None
+    stiffness: dict[int, float] = field(default_factory=dict)
     curve: dict[str, Any] = field(default_factory=dict)
     tied: bool = False
     friction: dict[int, float] = field(default_factory=dict)
@@ -206,7 +207,8 @@ class DeckStep:
 
     `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
     `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
-    for; such a step takes no time, and goes at its end. `changing`: the last *CHANGE FRICTION in it.
+    for; such a step takes no time, and goes at its end. `changing`: the last *CHANGE FRICTION in it;
+    `changing_behavior`: the last *CHANGE SURFACE BEHAVIOR.
     """
 
     card: Card
@@ -221,6 +223,7 @@ class DeckStep:
     alpha: float | None = None
     modes: int = 0
     changing: Card | None = None
+    changing_behavior: Card | None = None
 
     @property
     def origin(self) -> Card:

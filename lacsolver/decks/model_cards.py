@@ -101,14 +101,13 @@ def interaction(deck: DeckContent, card: Card) -> None:
 
 def behavior(deck: DeckContent, card: Card) -> None:
     """Take hard contact, linear pressure over overlap, and contact that is tied."""
-    which = deck.interaction
     kind = card.word("PRESSURE-OVERCLOSURE") or "HARD"
+    if deck.in_step:
+        _changed_behavior(deck, card, kind)
+        return
+    which = deck.interaction
     if kind in ("LINEAR", "TIED"):
-        row = card.first("the pressure per overlap")
-        stiffness = row.number(0, "the pressure per overlap")
-        if not stiffness > 0:
-            raise Refused(f"the pressure per overlap should be positive, not {stiffness:g}", row)
-        which.stiffness, which.tied = stiffness, kind == "TIED"
+        which.stiffness, which.tied = {-1: _pressure_per_overlap(card)}, kind == "TIED"
         if which.tied:
             deck.note(card, "surfaces that are tied become a [[tie]], without its stiffness: they stay together")
     elif kind == "EXPONENTIAL":
@@ -119,6 +118,34 @@ def behavior(deck: DeckContent, card: Card) -> None:
         raise Refused(
             f"lacsolver has HARD, LINEAR, EXPONENTIAL and TABULAR contact, and not {kind}; write one of these"
         )
+
+
+def _pressure_per_overlap(card: Card) -> float:
+    row = card.first("the pressure per overlap")
+    stiffness = row.number(0, "the pressure per overlap")
+    if not stiffness > 0:
+        raise Refused(f"the pressure per overlap should be positive, not {stiffness:g}", row)
+    return stiffness
+
+
+def change_behavior(deck: DeckContent, card: Card) -> None:
+    """Begin the change of the behaviour of a surface interaction from a step on; *SURFACE BEHAVIOR follows."""
+    look_up(deck.interactions, card.needed("INTERACTION"), "*SURFACE INTERACTION")
+    deck.step.changing_behavior = card
+
+
+def _changed_behavior(deck: DeckContent, card: Card, kind: str) -> None:
+    """Take the pressure per overlap from a step on. Raises Refused for another kind than LINEAR, before and now."""
+    change = deck.step.changing_behavior
+    if change is None:
+        raise Refused("in a step it belongs after *CHANGE SURFACE BEHAVIOR, INTERACTION=name; write that")
+    which = deck.interactions[key_of(change.needed("INTERACTION"))]
+    if kind != "LINEAR" or not which.stiffness or which.tied:
+        raise Refused(
+            "a step changes the pressure per overlap of LINEAR contact, and hard, tied and curved contact keep their "
+            "law for all steps; say LINEAR in the model and in the step"
+        )
+    which.stiffness[len(deck.steps) - 1] = _pressure_per_overlap(card)
 
 
 def _exponential(deck: DeckContent, card: Card) -> dict[str, Any]:

@@ -171,7 +171,7 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
             draft.clearances[keys["slave"]] = draft.deck.clearances[pair.slave, pair.master]
     if removed := [one for pair in pairs for one in draft.deck.changes.get((pair.slave, pair.master), ())]:
         keys["clearance"] = _removed(draft, pairs, removed)
-    soft = ({"stiffness": law.stiffness} if law.stiffness else law.curve) if law else {}
+    soft = (_stiffness(draft, law) or law.curve) if law else {}
     friction = (_friction(draft, law) | _damping(draft, law)) if law else {}
     normals = {"normals": "smoothed"} if draft.large else {}  # those of CalculiX, averaged at the nodes
     draft.add("contact", keys | soft | friction | normals | dict(first.keys), first.card)
@@ -221,6 +221,14 @@ def _damping(draft: CaseDraft, law: Interaction) -> dict[str, Any]:
         message = "hard contact is rigid in lacsolver, without an overlap that damping could act on"
         raise Refused(f"{message}; give *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR", None, card)
     return {"damping": value}
+
+
+def _stiffness(draft: CaseDraft, law: Interaction) -> dict[str, Any]:
+    """Return the key of linear contact: a number, or a table of times if steps change it; {} for other contact."""
+    points = _from_step_on(law.stiffness, draft.deck.steps) if law.stiffness else []
+    if len({value for _, value in points}) > 1:
+        return {"stiffness": points}
+    return {"stiffness": points[0][1]} if points else {}
 
 
 def _friction(draft: CaseDraft, law: Interaction) -> dict[str, Any]:

@@ -34,6 +34,7 @@ READ: dict[str, tuple[Handler, str, str]] = {
     "CONTACTDAMPING": (model.damping, "DEFINITION TANGENTFRACTION", ""),
     "FRICTION": (model.friction, "ROUGH TAUMAX", "SLIPTOLERANCE ELASTICSLIP LAGRANGE"),
     "CHANGEFRICTION": (model.change_friction, "INTERACTION", ""),
+    "CHANGESURFACEBEHAVIOR": (model.change_behavior, "INTERACTION", ""),
     "CONTACTPAIR": (model.contact_pair, "INTERACTION TYPE SMALLSLIDING ADJUST", "NAME"),
     "CLEARANCE": (model.clearance, "MASTER SLAVE VALUE", ""),
     "TIE": (model.tie, "POSITIONTOLERANCE CYCLICSYMMETRY", "NAME ADJUST TYPE"),
@@ -101,7 +102,6 @@ PROCEDURES = dict.fromkeys(
 LACKS = {
     **dict.fromkeys(("SHELLSECTION", "MEMBRANESECTION", "BEAMSECTION", "BEAMGENERALSECTION"), _SHELLS),
     **dict.fromkeys(("USERELEMENT", "USERSECTION", "FLUIDSECTION", "GAP", "DASHPOT"), _SHELLS),
-    "CHANGESURFACEBEHAVIOR": "contact has one law for all steps",
     **dict.fromkeys(("CREEP", "CYCLICHARDENING", "HYPERFOAM", "USERMATERIAL", "DEPVAR", "MOHRCOULOMB",
                      "DEFORMATIONPLASTICITY", "VISCOELASTIC"),
                     "lacsolver has elastic materials and *PLASTIC; docs/architecture.md says how a program adds a law"),

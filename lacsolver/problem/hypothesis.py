@@ -176,7 +176,7 @@ def _own_stiffness(
     with np.errstate(divide="ignore", invalid="ignore"):
         give = np.where(free, area ** (1 / dim) / modulus, 0.0)
         if isinstance(pair.record, Contact) and pair.record.stiffness is not None:
-            give = give + 1 / pair.record.stiffness
+            give = give + 1 / pair.record.stiffness.at(0.0)
         elif pair.law.yields:
             give = give + np.inf
         order = np.array([CELLS[name].order for name in FACE_TYPES])[zone.master.faces.type]

@@ -16,6 +16,7 @@ from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.contact.curves import Exponential, Linear, Table
 from lacsolver.contact.damping import Damped
 from lacsolver.contact.laws import Bilateral, ContactLaw, Tied, Unilateral
+from lacsolver.space.places import wrong
 
 _ISOTROPIC = {"elastic": Elastic, "neo_hookean": NeoHookean, "saint_venant_kirchhoff": SaintVenantKirchhoff}
 
@@ -44,8 +45,8 @@ def law_of(material: Material, kinematics: str = "small") -> Law:
     return replace(law, mean_dilatation=law.takes_mean and nearly_incompressible(law))
 
 
-def contact_law_of(record: Contact | Tie) -> ContactLaw:
-    """Return the law that a contact or a tie obeys."""
+def contact_law_of(record: Contact | Tie, t: float) -> ContactLaw:
+    """Return the law that a contact or a tie obeys at time t. Raises CaseError for a stiffness that is not > 0."""
     if isinstance(record, Tie):
         return Tied()
     if record.type in CONTACT_LAWS:
@@ -54,13 +55,22 @@ def contact_law_of(record: Contact | Tie) -> ContactLaw:
         if missing:
             raise DataError(f"the contact law {record.type!r} lacks {', '.join(missing)}; see lacsolver.contact.laws")
         return added
-    law = _soft_law(record)
+    stiffness = _stiffness(record, t)
+    law = _soft_law(record, stiffness)
     if record.damping:
-        return Damped(base=Linear(stiffness=record.stiffness) if record.stiffness else law, damping=record.damping)
+        return Damped(base=Linear(stiffness=stiffness) if stiffness else law, damping=record.damping)
     return law
 
 
-def _soft_law(record: Contact) -> Any:
+def _stiffness(record: Contact, t: float) -> float | None:
+    """Return the stiffness of a soft contact at time t; None for a rigid one or another law."""
+    stiffness = None if record.stiffness is None else record.stiffness.at(t)
+    if stiffness is not None and not stiffness > 0:
+        raise wrong(record, f"stiffness is {stiffness:g} at t = {t:g}; it must be > 0")
+    return stiffness
+
+
+def _soft_law(record: Contact, stiffness: float | None) -> Any:
     """Return the law of a contact without its damping."""
     if record.law == "exponential":
         assert record.pressure_at_contact is not None and record.clearance_at_zero is not None  # the rules say so
@@ -68,7 +78,7 @@ def _soft_law(record: Contact) -> Any:
     if record.law == "table":
         assert record.pressures is not None
         return Table(rows=record.pressures)
-    compliance = 0.0 if record.stiffness is None else 1 / record.stiffness
+    compliance = 0.0 if stiffness is None else 1 / stiffness
     return (Bilateral if record.type == "bilateral" else Unilateral)(compliance)
 
 

@@ -40,9 +40,9 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ContactPair(Described):
-    """A contact pair or tie: its zone, the options of its pairing, and its contact law.
+    """A contact pair or tie: its zone, the options of its pairing, and its contact law at the start.
 
-    `record`: the case's contact or tie.
+    `record`: the case's contact or tie. The kind of law stays the same, and its stiffness may change: see `law_at`.
     """
 
     record: Contact | Tie
@@ -69,16 +69,19 @@ class ContactPair(Described):
                 record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
                 clearance=value.at(0.0) if fixed else at_local_points(space, value), friction=record.has_friction,
             )  # fmt: skip
-        return cls(record, zone, pairing.within(space, record.search_distance), contact_law_of(record))
+        return cls(record, zone, pairing.within(space, record.search_distance), contact_law_of(record, 0.0))
 
     @property
     def name(self) -> str:
         """Name of the pair in results."""
         return self.record.name
 
-    def law_in(self, dt: float) -> ContactLaw:
-        """Return the law in a step of size dt in motion; 0 at rest."""
-        return self.law.in_step(dt) if isinstance(self.law, Damped) else self.law
+    def law_at(self, t: float, dt: float) -> ContactLaw:
+        """Return the law at time t, in a step of size dt in motion; 0 at rest. Raises CaseError as the law does."""
+        stiffness = self.record.stiffness if isinstance(self.record, Contact) else None
+        changes = stiffness is not None and stiffness.depends_on_time
+        law = contact_law_of(self.record, t) if changes else self.law
+        return law.in_step(dt) if isinstance(law, Damped) else law
 
     def bounds(self, space: Space, t: float) -> Bounds | None:
         """Return the bounds of friction at time t, means over each macro-element; None without friction."""

@@ -490,7 +490,7 @@ def contact_system(
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = Since(anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before))
         fixed = symmetric or not pair.moving
-        group = RowGroup(pair.law_in(dt), own, memory, pair, face, fixed, problem.space.share, shear, since)
+        group = RowGroup(pair.law_at(t, dt), own, memory, pair, face, fixed, problem.space.share, shear, since)
         groups.append(group)
         first = group.every.stop
         G.append(group.gaps(u))

@@ -330,6 +330,12 @@ model = "3d"
 young = 1.0
 poisson = 0.3
 density = 2.0
+[[contact]]
+slave = "ball"
+master = "floor"
+stiffness = [[0.0, 10.0], [0.5, 20.0]]
+damping = 5.0
+adjust = 0.05
 [dynamics]
 [[initial]]
 uz = 1.0

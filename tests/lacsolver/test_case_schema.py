@@ -216,7 +216,7 @@ def test_loads_are_marked():
     }  # fmt: skip
     values = {f"{r.SECTION.name}.{n}" for r in records() for n, k in keys_of(r).items() if "value" in k.kind.words}
     initial = {f"initial.{n}" for n in ("vx", "vy", "vz", "rotation", "ux", "uy", "uz")}
-    contact = {f"contact.{n}" for n in ("clearance", "friction", "cohesion", "shear_limit")}
+    contact = {f"contact.{n}" for n in ("clearance", "friction", "cohesion", "shear_limit", "stiffness")}
     assert values - loads == {*contact, *initial}
 
 

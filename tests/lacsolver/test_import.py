@@ -476,6 +476,28 @@ def test_friction_of_a_deck(tmp_path, cards, friction, limit):
     assert (contact.shear_limit and contact.shear_limit.source) == limit
 
 
+STIFFER = "*CHANGE SURFACE BEHAVIOR, INTERACTION=SI\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n8000.\n"
+
+
+def softly(loads=("", STIFFER, "")):
+    """Two blocks under a pressure of 20 on linear contact, which steps may change."""
+    below, above = two_blocks()
+    law = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n5000.\n"
+    deck = on_each_other(below, above, CONTACT + law, f"{loads[0]}*DLOAD\nC_EZ1, P2, 20.\n*NODE PRINT, NSET=C_N\nU\n")
+    return deck + "".join(step(f"{load}*NODE PRINT, NSET=C_N\nU\n") for load in loads[1:]), above
+
+
+def test_pressure_per_overlap_that_a_step_changes(tmp_path):
+    """It is that of the model in the first step, and another one from the second step on."""
+    deck, above = softly()
+    found = solved(tmp_path, deck)
+    for time, stiffness in ((1.0, 5000), (2.0, 8000), (3.0, 8000)):
+        (k,) = (k for k, state in enumerate(found.states) if abs(state.time - time) < 1e-9)
+        assert np.allclose(found.u(above.at(2, 2), k)[:, 2], -20 / E * 2 - 20 / stiffness, rtol=1e-9)
+    (contact,) = imported(tmp_path, softly(("", ""))[0]).case.contact
+    assert contact.stiffness.source == 5000
+
+
 def test_friction_that_steps_change(tmp_path):
     """A block that is pressed and pushed slides with the coefficient of each step."""
     below, above = Block("B", high=(2, 1, 1), cells=(4, 1, 2)), Block("C", (0, 0, 1), (2, 1, 2), (3, 2, 2), first=10000)

@@ -13,7 +13,7 @@ from lacsolver.results.figures import step_figures
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved
-from tests.lacsolver.test_import import hanging
+from tests.lacsolver.test_import import hanging, softly
 from tests.samples import samples
 
 PROGRAM = shutil.which("ccx")
@@ -222,6 +222,20 @@ def test_springs_between_nodes(tmp_path, kind, spring, options):
     found = solved(tmp_path, deck.replace("*STATIC\n", tight))
     assert found.u(above.at(2, 2))[:, 2].max() < -0.1
     assert error(found, run_calculix(tmp_path / "model.inp", PROGRAM)) < 1e-4
+
+
+@pytest.mark.calculix
+def test_pressure_per_overlap_that_a_step_changes(tmp_path):
+    """The top of a block on linear contact rises as a step makes the contact stiffer."""
+    deck, above = softly()
+    found = solved(tmp_path, deck)
+    printed = [rows for _, rows in tables(run_calculix(tmp_path / "model.inp", PROGRAM))]
+    ends = [k for k, state in enumerate(found.states) if abs(state.time - round(state.time)) < 1e-9]
+    assert len(printed) == len(ends) == 3
+    tops = [found.u(above.at(2, 2), k)[:, 2].mean() for k in ends]
+    theirs = [rows[np.isin(rows[:, 0], above.at(2, 2)), 3].mean() for rows in printed]
+    assert np.allclose(tops, theirs, rtol=1e-3)
+    assert tops[1] - tops[0] == pytest.approx(20 / 5000 - 20 / 8000, rel=1e-6)
 
 
 @pytest.mark.calculix

@@ -128,6 +128,24 @@ REFUSED = {
         "*SURFACE INTERACTION, NAME=S\n*FRICTION, TAUMAX=0.\n0.2\n", "", "FRICTION", "TAUMAX should be positive",
     ),
     "friction in a step": ("*SURFACE INTERACTION, NAME=S\n", "*FRICTION\n0.2\n", "FRICTION", "after *CHANGE FRICTION"),
+    "behaviour in a step": (
+        "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n5.\n",
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n9.\n", "SURFACE BEHAVIOR", "after *CHANGE SURFACE BEHAVIOR",
+    ),
+    **{
+        f"behaviour of another kind, {kind}, {now}": (
+            f"*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={kind}\n",
+            f"*CHANGE SURFACE BEHAVIOR, INTERACTION=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE={now}\n",
+            "SURFACE BEHAVIOR", "say LINEAR in the model and in the step",
+        )
+        for kind, now in (
+            ("HARD", "LINEAR\n5."), ("LINEAR\n5.", "HARD"), ("TIED\n5.", "LINEAR\n5."),
+            ("TABULAR\n0., 0.\n5., 1.", "LINEAR\n5."), ("LINEAR\n5.", "EXPONENTIAL\n1., 1."),
+        )
+    },
+    "behaviour of no interaction": (
+        "", "*CHANGE SURFACE BEHAVIOR, INTERACTION=S\n", "CHANGE SURFACE BEHAVIOR", "SURFACE INTERACTION",
+    ),
     "change of no interaction": ("", "*CHANGE FRICTION, INTERACTION=S\n", "CHANGE FRICTION", "SURFACE INTERACTION"),
     "rough in one step": (
         SURFACES + "*SURFACE INTERACTION, NAME=S\n*FRICTION\n0.2\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",

@@ -134,6 +134,16 @@ ACCOUNTS = {
     "damped": (SMALL, WALL + "[dynamics]\nrayleigh = [0.1, 0.05]\n" + thrown("bar", vy=-0.5)),
     "lumped": (SMALL, WALL + '[dynamics]\nmass = "lumped"\nscheme = "newmark"\n' + thrown("bar", vy=-0.5)),
     "soft": (SMALL, WALL.replace("[[rigid]]", "stiffness = 5.0\n[[rigid]]") + "[dynamics]\n" + thrown("bar", vy=-0.5)),
+    "soft, then stiff": (
+        SMALL,
+        WALL.replace("[[rigid]]", "stiffness = [[0, 5], [0.4, 50]]\n[[rigid]]") + "[dynamics]\n"
+        + thrown("bar", vy=-0.5),
+    ),
+    "damped contact, soft, then stiff": (
+        SMALL,
+        WALL.replace("[[rigid]]", "stiffness = [[0, 5], [0.4, 50]]\ndamping = 1.0\n[[rigid]]") + "[dynamics]\n"
+        + thrown("bar", vy=-0.5),
+    ),
     "wall that moves": (SMALL, WALL + 'uy = "0.3 * sin(3 * t)"\n[dynamics]\n'),
     "free wall": (SMALL, WALL + "fx = 0.0\nfy = 0.0\nmass = 0.5\n[dynamics]\n" + thrown("bar", vy=-0.5)),
     "heated": (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lacsolver.case import parse_case
+from lacsolver.case import CaseError, parse_case
 from lacsolver.contact.curves import Exponential, Table
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
@@ -85,3 +85,53 @@ def test_friction_goes_with_a_table():
     shear = np.linalg.norm(zone.friction.shear, axis=1)
     np.testing.assert_allclose(zone.pressure, LAWS["soft"].pressure(zone.gap), rtol=1e-7)
     assert (shear <= 0.3 * zone.pressure * (1 + 1e-8)).all() and (zone.status == 2).any()
+
+
+CHANGING = """mesh = "a.msh"
+model = "plane_strain"
+kinematics = "{kinematics}"
+[[material]]
+law = "{law}"
+young = 1000.0
+poisson = 0.0
+[[contact]]
+slave = "slave"
+master = "master"
+type = "{kind}"
+stiffness = {stiffness}
+[[displacement]]
+group = "bottom"
+ux = 0.0
+uy = 0.0
+[[displacement]]
+group = "top"
+ux = 0.0
+[[traction]]
+group = "top"
+ty = [[0.0, -0.5], [9.0, -0.5]]
+[steps]
+end = 3.0
+count = 6
+"""
+
+
+@pytest.mark.parametrize("kind", ["unilateral", "bilateral"])
+@pytest.mark.parametrize(("kinematics", "law"), [("small", "elastic"), ("finite", "neo_hookean")])
+def test_a_stiffness_that_changes_with_time(kind, kinematics, law):
+    """Under a constant pressure the overlap is p / k(t) in every step, as k rises and falls."""
+    rows = [[0.0, 50.0], [1.0, 50.0], [2.0, 400.0], [3.0, 20.0]]
+    text = CHANGING.format(kinematics=kinematics, law=law, kind=kind, stiffness=rows)
+    problem = Problem.of(parse_case(text), stack("QUAD4", "QUAD4", 2, counts=(3, 3), even=True))
+    states = list(march(problem))
+    assert len(states) == 6
+    for state in states:
+        k = np.interp(state.time, *np.transpose(rows))
+        np.testing.assert_allclose(state.zones[0].pressure, 0.5, rtol=1e-7)
+        np.testing.assert_allclose(state.zones[0].gap, -0.5 / k, rtol=1e-7)
+
+
+def test_a_stiffness_that_falls_to_nothing_is_refused():
+    text = CHANGING.format(kinematics="small", law="elastic", kind="unilateral", stiffness='"1 - t"')
+    problem = Problem.of(parse_case(text), stack("QUAD4", "QUAD4", 2, counts=(3, 3), even=True))
+    with pytest.raises(CaseError, match="contact: stiffness is 0 at t = 1; it must be > 0"):
+        list(march(problem))
