@@ -269,11 +269,11 @@ def springs(draft: CaseDraft) -> None:
             size = count * spring.stiffness * draft.per_thickness
             group = draft.node_group(spring.group, nodes, "sprung")
             draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
-    for spring in draft.deck.springs_between:
-        name = "k" if spring.axis is None else f"k{AXES[spring.axis]}"
-        for one, other in spring.ends:
+    for pair in draft.deck.springs_between:
+        name = "k" if pair.axis is None else f"k{AXES[pair.axis]}"
+        for one, other in pair.ends:
             groups = {"group": draft.node_group("", one[None]), "to": draft.node_group("", other[None])}
-            draft.add("spring", groups | {name: spring.stiffness * draft.per_thickness}, spring.card)
+            draft.add("spring", groups | {name: pair.stiffness * draft.per_thickness}, pair.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:
