@@ -214,6 +214,8 @@ def _look_at_motions(
             nodes_of(space, probe)
     with validation.looking():
         springs = acting.springs(space, case)
+    if case.spring and springs is None:  # a mistake that is told already: what the springs hold is not known
+        return
     equalities: tuple[EqualityRows, ...] = ()
     with validation.looking():
         equalities = equalities_of(space, case)

@@ -207,6 +207,7 @@ CASES: list[Bad] = [
     Bad("a material for faces", changed("young = 1000.0", 'groups = ["slave"]\nyoung = 1000.0'), "group 'slave' has no cell of dimension 2"),
     # stiffness
     Bad("a spring without stiffness", GOOD + '[[spring]]\ngroup = "top"\nkx = 0.0\n', "spring.kx is 0; it must be > 0"),
+    Bad("a spring between a face and a node", GOOD + '[[spring]]\ngroup = "top"\nto = "corner"\nky = 1.0\n', r"line 19: spring: the group 'top' has \d+ nodes, and a spring between two nodes has one at each end"),
     Bad("a hinge inside a body", HINGE, r"the stiffness is singular: a part of .+ can move without any force, most of all node \d+ \(.*\) along [xy]; look", make=_hinge, commands=RUN, then=_nothing_written),
     # what is free to move
     Bad("nothing holds a body sideways", changed('group = "x0"\nux', 'group = "bottom"\nux'), r"nothing holds a part of the model: 'upper' moves along x; add a displacement, a spring or a contact"),

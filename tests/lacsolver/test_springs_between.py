@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
+from lacmesh.errors import RequestError
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.case import CaseError, parse_case
+from lacsolver.distributed.share import Share
 from lacsolver.equilibrium.stepping import march
-from lacsolver.problem.problem import Problem
+from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
@@ -248,6 +250,12 @@ MISTAKES = {
     "one node": ('[[spring]]\nat = [5, 0, 0]\nto = "eye_a"\nkx = 1.0\n', "both its ends are node 1; name another one"),
     "no group": ('[[spring]]\ngroup = "eye_a"\nto = "eye_q"\nkx = 1.0\n', "spring.to: no group named 'eye_q'; did you"),
 }
+
+
+def test_several_processes_refuse_springs_between_nodes():
+    case = problem_of(rigid("a") + rigid("b") + rigid("c") + spring("a", "b", k=1.0)).case
+    with pytest.raises(RequestError, match=r"a \[\[spring\]\] between two nodes .* by one process only"):
+        _check_shared(case, Share())
 
 
 @pytest.mark.parametrize("name", MISTAKES)
