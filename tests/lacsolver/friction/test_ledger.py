@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lacsolver as ls
-from lacsolver.case import Case, Contact, Coupling, Displacement, Dynamics, Gravity, Initial, Material, Steps
+from lacmesh import Mesh
+from lacsolver.case import Case, Contact, Coupling, Displacement, Dynamics, Gravity, Initial, Material, Spring, Steps
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
@@ -45,6 +46,29 @@ def test_the_parts_are_those_of_the_states(model, geometry):
     rubbing = work(lambda state: -state.zones[0].force.ravel()) - own.pressures  # of friction, by mean forces
     assert own.left == pytest.approx(rubbing - own.dissipation, rel=1e-6)
     assert own.external == pytest.approx(own.strain + own.dissipation + own.pressures + own.left, rel=1e-12)
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_springs_between_the_bodies_store_their_part(kinematics):
+    """What supports do more with springs between a node of each body is what these store, along a line and by axes."""
+    case, mesh = rubbed("plane_strain", "current")
+    low, high = (np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cells_of(g))]))[-1:]
+                 for g in ("bottom", "top"))  # fmt: skip
+    mesh = Mesh.create(
+        mesh.points, mesh.blocks, cell_groups=mesh.cell_groups, node_groups={"low": low, "high": high}, space_dim=2
+    )
+    if kinematics == "finite":
+        case = replace(case, kinematics="finite", material=[Material(law="neo_hookean", young=1000.0, poisson=0.3)])
+    springs = (Spring(group="low", to="high", k=30.0), Spring(group="low", to="high", kx=20.0))
+    (_, alone, _), (_, states, work) = (states_of(replace(case, spring=s), mesh) for s in ((), springs))
+    own, before = states[-1].step.work, alone[-1].step.work
+    d, u = np.subtract(*mesh.points[[high[0], low[0]], :2]), states[-1].u.reshape(-1, 2)
+    du = u[high[0]] - u[low[0]]
+    longer = np.linalg.norm(d + du) - np.linalg.norm(d) if kinematics == "finite" else du @ d / np.linalg.norm(d)
+    stored = 15.0 * longer**2 + 10.0 * du[0] ** 2
+    assert own.external == pytest.approx(work(lambda state: state.reaction), rel=1e-9)
+    assert own.strain - before.strain == pytest.approx(stored, rel=1e-8) and stored > 1e-3 * before.strain
+    assert own.external - before.external == pytest.approx(stored, rel=1e-2)  # of mean forces
 
 
 def test_what_moves_a_coupling_works_from_outside():
