@@ -50,7 +50,7 @@ def test_the_parts_are_those_of_the_states(model, geometry):
 
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_springs_between_the_bodies_store_their_part(kinematics):
-    """What supports do more with springs between a node of each body is what these store, along a line and by axes."""
+    """Springs between a node of each body, along a line and by axes: supports do as much more work as these store."""
     case, mesh = rubbed("plane_strain", "current")
     low, high = (np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cells_of(g))]))[-1:]
                  for g in ("bottom", "top"))  # fmt: skip
