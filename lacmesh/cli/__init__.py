@@ -19,6 +19,7 @@ COMMANDS = (
     "split",
     "view",
     "mesh",
+    "onelab",
     "partition",
     "info",
     "convert",

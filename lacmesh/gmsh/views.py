@@ -24,6 +24,8 @@ from lacmesh.mesh import Ints, Mesh
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}
 _MARK = "lacmesh"
+#: mark of views of results (`results`): they belong to no model, and so are no fields of its mesh
+RESULT_MARK = f"{_MARK}:results:"
 #: The record whose colours tell macro-elements apart: the one view of ours that is shown.
 _SHOWN = "lac_macro"
 
