@@ -85,7 +85,15 @@ def test_several_processes_find_the_contact_that_one_finds(n, backend):
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
 
 
-@pytest.mark.parametrize(("n", "backend", "names"), [(2, "mumps", JOINED), (3, "multigrid", JOINED[3:])])
+@pytest.mark.parametrize(
+    ("n", "backend", "names"),
+    [
+        (2, "mumps", JOINED[::2]),
+        (3, "multigrid", JOINED[3:5]),
+        pytest.param(2, "mumps", JOINED[1::2], marks=pytest.mark.slow),
+        pytest.param(3, "multigrid", JOINED[5:], marks=pytest.mark.slow),
+    ],
+)
 def test_several_processes_join_nodes_as_one_does(n, backend, names):
     """Equations, couplings, sections of bolts and sides of sectors have nodes of several processes before they move."""
     for one in compared(n, backend, names):
