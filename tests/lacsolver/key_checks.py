@@ -104,7 +104,7 @@ def check_coupled(ran):
     np.testing.assert_allclose(hook["moment"], [0, 0, -0.125], atol=1e-10)
     problem = Problem.of(ran.case, ran.mesh)
     space = problem.space
-    (of_hook,) = (rows.spread for rows in problem.equalities if rows.name == "hook")
+    (of_hook,) = (rows.spread for rows in problem.equalities if rows.name == "coupling hook")
     w = 1 + space.mesh.points[of_hook.nodes, 2]
     np.testing.assert_allclose(of_hook.w, w / w.sum())
     assert lid["displacement"][2] == pytest.approx(2e-3) and lid["rotation"] == [0, pytest.approx(1e-3), 0]
