@@ -121,7 +121,7 @@ def is_array(item):
 
 def test_med_of_a_large_model_is_refused(monkeypatch):
     monkeypatch.setattr(problem, "MED_NODES", 3)
-    case = SimpleNamespace(output=SimpleNamespace(format="med"), cyclic=())
+    case = SimpleNamespace(output=SimpleNamespace(format="med"), cyclic=(), spring=())
     share = SimpleNamespace(node=np.arange(4), largest=lambda x: x)
     with pytest.raises(RequestError, match=r"gathered on one, for at most 3 nodes, and the mesh has 4; take format"):
         problem._check_shared(case, share)
