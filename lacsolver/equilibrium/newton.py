@@ -88,7 +88,7 @@ def newton_iterates(
     Raises InadmissibleError if the start itself inverts cells.
     """
     there = linearize(start.q) if predictor is None else predictor
-    now, rows = _start(there, start, tolerance, extrapolated=predictor is None)
+    now, rows = _start(there, start, tolerance)
     sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
@@ -112,17 +112,10 @@ def newton_iterates(
         rows = there.contact.next_rows(step.rows, now.iterate.p)
 
 
-def _start(
-    there: Linearization, start: Iterate, tolerance: ConvergenceTolerance, extrapolated: bool
-) -> tuple[Trial, RowSet]:
-    """Return the trial to start from, without pressures on rows that are open, and its row set.
-
-    With friction, an extrapolated start tells what comes into contact, opens or slides.
-    """
+def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> tuple[Trial, RowSet]:
+    """Return the trial to start from, without pressures on rows that are open, and its row set."""
     rows = there.contact.first_rows(start.active, start.p)
     start = Iterate(start.q, np.where(rows.state, start.p, 0.0), rows.active)
-    if extrapolated and there.contact.sheared:
-        rows = there.contact.next_rows(rows, start.p)
     return Trial(start, there.contact, residual_of(there, start, tolerance)), rows
 
 
