@@ -20,6 +20,7 @@ from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse_blocks
 
 #: length of a spring, relative to the undeformed one, below which its line has no direction
 _SHORTEST = 1e-9
@@ -73,10 +74,8 @@ def between_nodes(space: Space, ends: Ints, blocks: Floats) -> csr_array:
 
     `blocks` (m, dim, dim): force on the second node for a unit displacement of it.
     """
-    dofs = space.dofs(ends.ravel()).reshape(len(ends), 1, -1)
+    dofs = space.dofs(ends.ravel()).reshape(len(ends), -1)
     K = np.block([[[blocks, -blocks], [-blocks, blocks]]]).reshape(len(ends), 2 * space.dim, 2 * space.dim)
-    rows = np.broadcast_to(dofs.swapaxes(1, 2), K.shape)
-    entries = K.ravel(), (rows.ravel(), np.broadcast_to(dofs, K.shape).ravel())
-    matrix = csr_array(entries, shape=(space.n_dof, space.n_dof))
+    matrix = sparse_blocks(space.n_dof, [(dofs, K)])
     matrix.eliminate_zeros()
     return matrix

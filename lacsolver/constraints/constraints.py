@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints
@@ -32,6 +32,7 @@ from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_
 from lacsolver.linear import Matrix
 from lacsolver.space.places import name_of
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse_blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,18 +248,15 @@ class Constraints:
         """
         if not self._turning:
             return None
-        rows, columns, values = [], [], []
+        parts = []
         forces, first = self.space.of_own(forces), self.space.share.rank == 0
         for body in self._turning:
             motion, at = body.motion(q, t), body.columns[body.free]
             bent = body.curvature(motion, forces[self.space.dofs(body.nodes).ravel()])
             bent = bent - body.force_derivative(t, motion) if first else bent
-            rows.append(np.repeat(at, len(at)))
-            columns.append(np.tile(at, len(at)))
             bent = bent * body.unit * body.unit[:, None]
-            values.append(bent[np.ix_(body.free, body.free)].ravel())
-        entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-        return coo_array(entries, shape=(self.n_q, self.n_q)).tocsr()
+            parts.append((at, bent[np.ix_(body.free, body.free)]))
+        return sparse_blocks(self.n_q, parts)
 
     @cached_property
     def _turning(self) -> tuple[RigidBody, ...]:

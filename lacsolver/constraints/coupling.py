@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.case import Case
@@ -39,6 +39,7 @@ from lacsolver.space.axes import cartesian
 from lacsolver.space.measure import nodal_measures
 from lacsolver.space.places import cells_of, in_words, nodes_of, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse, sparse_blocks
 
 _AXES = "xyz"
 #: nodes up to which the derivative of spread moments and of R is a part of the tangent: it is dense
@@ -234,12 +235,9 @@ class CouplingRows:
         return s.w[:, None] * np.cross(full[:, None], turned[None])
 
     def _matrix(self, rows: Floats) -> csr_array:
-        s = self.spread
-        place = (s.dim * s.nodes[:, None] + np.arange(s.dim)).ravel()
-        values = rows[:, :, : s.dim]
-        row = np.repeat(np.arange(len(rows)), len(place))
-        shape = (len(rows), self.n_dof)
-        return coo_array((values.ravel(), (row, np.tile(place, len(rows)))), shape=shape).tocsr()
+        s, row = self.spread, np.arange(len(rows))[:, None, None]
+        place = s.dim * s.nodes[:, None] + np.arange(s.dim)
+        return sparse((len(rows), self.n_dof), (row, place, rows[:, :, : s.dim]))
 
 
 def loads(space: Space, record: Coupling, finite: bool, t: float, u: Floats | None) -> NDArray[np.floating]:
@@ -303,9 +301,7 @@ def distributing_state(space: Space, rows: CouplingRows, forces: Floats, t: floa
 
 def on_nodes(s: Spread, block: Floats, n_dof: int) -> csr_array:
     """Return a block (k dim, k dim) of the nodes as a matrix (n_dof, n_dof)."""
-    place = (s.dim * s.nodes[:, None] + np.arange(s.dim)).ravel()
-    entries = block.ravel(), (np.repeat(place, len(place)), np.tile(place, len(place)))
-    return coo_array(entries, shape=(n_dof, n_dof)).tocsr()
+    return sparse_blocks(n_dof, [((s.dim * s.nodes[:, None] + np.arange(s.dim)).ravel(), block)])
 
 
 def equations_of(space: Space, case: Case) -> Iterator[Equations]:
@@ -358,10 +354,9 @@ class _Followed:
     def equations(self, space: Space) -> Equations:
         """Return the equations, with the free motions as further unknowns. Raises CaseError."""
         free, motion = self.free, self.motion
-        row = np.repeat(np.arange(len(self.by_motion)), space.dim)
-        column = np.repeat(space.dofs(self.nodes), len(self.along), axis=0).ravel()
-        values = np.tile(self.along[:, : space.dim].ravel(), len(self.nodes))
-        C = coo_array((values, (row, column)), shape=(len(self.by_motion), space.n_dof)).tocsr()
+        row = np.arange(len(self.by_motion)).reshape(len(self.nodes), -1, 1)
+        column = space.dofs(self.nodes)[:, None]
+        C = sparse((len(self.by_motion), space.n_dof), (row, column, self.along[:, : space.dim]))
 
         def held(t: float) -> NDArray[np.floating]:
             return self.by_motion @ (_at(motion.moved, t) / self.unit)

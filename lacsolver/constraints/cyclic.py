@@ -12,7 +12,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.case.case import Case
@@ -22,6 +21,7 @@ from lacsolver.constraints.rotation import turn
 from lacsolver.contact.interface import Turn
 from lacsolver.space.places import in_words, nodes_on, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 #: distance of matching nodes, relative to the size of the sides
 _MATCH = 1e-6
@@ -64,14 +64,8 @@ def _equations(space: Space, record: Cyclic, slave: Ints, master: Ints) -> Equat
     R = turn_of(record, space.dim).R[: space.dim, : space.dim]
     k, dim = len(slave), space.dim
     row = np.arange(k * dim).reshape(k, dim)
-    of_slave = np.ones((k, dim)), (row, space.dofs(slave))
-    blocks = np.broadcast_to(-R, (k, dim, dim))
-    rows = np.broadcast_to(row[:, :, None], blocks.shape)
-    columns = np.broadcast_to(space.dofs(master)[:, None, :], blocks.shape)
-    values = np.concatenate([of_slave[0].ravel(), blocks.ravel()])
-    place = np.concatenate([row.ravel(), rows.ravel()]), np.concatenate([of_slave[1][1].ravel(), columns.ravel()])
-    C = coo_array((values, place), shape=(k * dim, space.n_dof)).tocsr()
-    C.sum_duplicates()
+    of_slave, of_master = (row, space.dofs(slave), 1.0), (row[:, :, None], space.dofs(master)[:, None, :], -R)
+    C = sparse((k * dim, space.n_dof), of_slave, of_master)
     return Equations(
         f"cyclic {record.name}", C, lambda t: np.zeros(k * dim), partial(in_words, record), may_follow=True
     )

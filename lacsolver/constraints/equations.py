@@ -26,6 +26,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.space.sparse import sparse
 
 #: a coefficient below this part of the largest of its equation is not divided by, as long as there is a choice
 _SMALL = 0.1
@@ -271,9 +272,7 @@ def _expression(A: csr_array, rows: Ints, columns: Ints, kept: Ints) -> csr_arra
     else:
         Z_d = _solved(csc_array(A_d), A_i)
     Z_d = _without_round_off(Z_d).tocoo()
-    row, column = np.concatenate([kept, columns[Z_d.row]]), np.concatenate([np.arange(n_q), Z_d.col])
-    values = np.concatenate([np.ones(n_q), Z_d.data])
-    return coo_array((values, (row, column)), shape=(A.shape[1], n_q)).tocsr()
+    return sparse((A.shape[1], n_q), (kept, np.arange(n_q), 1.0), (columns[Z_d.row], Z_d.col, Z_d.data))
 
 
 def _solved(A_d: csc_array, A_i: csc_array) -> csr_array:
@@ -284,8 +283,5 @@ def _solved(A_d: csc_array, A_i: csc_array) -> csr_array:
         some = used[first : first + _COLUMNS]
         values = factor.solve(A_i[:, some].toarray())
         row, column = np.nonzero(np.abs(values) > _NOTHING * np.abs(values).max(initial=0.0))
-        parts.append((-values[row, column], row, some[column]))
-    if not parts:
-        return csr_array(A_i.shape)
-    data, at, of = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return csr_array(coo_array((data, (at, of)), shape=A_i.shape))
+        parts.append((row, some[column], -values[row, column]))
+    return sparse(A_i.shape, *parts) if parts else csr_array(A_i.shape)

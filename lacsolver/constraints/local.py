@@ -14,13 +14,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.space.places import said
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 #: sine of the angle below which two directions count as the same
 _ONE_DIRECTION = 1e-6
@@ -155,8 +156,6 @@ def _sparse(space: Space, node: Ints, block: Floats, column: Ints | None = None,
     Without `column` it is column k.
     """
     column = np.arange(len(node)) if column is None else column
-    columns = np.repeat(column, space.dim)
-    shape = (space.n_dof, n or len(node))
-    matrix = coo_array((block.ravel(), (space.dofs(node).ravel(), columns)), shape=shape).tocsr()
+    matrix = sparse((space.n_dof, n or len(node)), (space.dofs(node), column[:, None], block))
     matrix.eliminate_zeros()
     return matrix

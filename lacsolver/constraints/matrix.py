@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints.local import LocalBases
 from lacsolver.constraints.rigid import RigidBody
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 
 def _own_unknowns(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> tuple[Ints, int]:
@@ -29,11 +30,11 @@ def nodal_map(space: Space, local: LocalBases, rigid: tuple[RigidBody, ...]) -> 
     alone[local.nodes] = False
     whole = np.flatnonzero(alone)
     k, j = np.nonzero((own[local.nodes, None] >= 0) & (np.arange(space.dim) < local.n_free[:, None]))
-    entries: list[tuple[Ints, Ints, Floats]] = [
-        (space.dofs(whole), own[whole, None] + np.arange(space.dim), np.ones((len(whole), space.dim))),
+    T = sparse(
+        (space.n_dof, n),
+        (space.dofs(whole), own[whole, None] + np.arange(space.dim), 1.0),
         (space.dofs(local.nodes[k]), (own[local.nodes[k]] + j)[:, None], local.basis[k, j]),
-    ]
-    T = _joined(entries, (space.n_dof, n))
+    )
     T.eliminate_zeros()
     return _shared(space, T, own)
 
@@ -52,17 +53,10 @@ def with_motions(
         rows = space.dofs(body.nodes).reshape(-1, 1)
         entries.append((rows, body.columns[body.free], (moment_arm * body.unit)[:, body.free]))
         n += int(body.free.sum())
-    T = _joined(entries, (space.n_dof, n))
+    T = sparse((space.n_dof, n), *entries)
     if moment_arms is None:
         T.eliminate_zeros()
     return T
-
-
-def _joined(entries: list[tuple[Ints, Ints, Floats]], shape: tuple[int, int]) -> csr_array:
-    """Return the matrix of some entries, each (rows, columns, values) of shapes that broadcast."""
-    spread = [np.broadcast_arrays(*entry) for entry in entries]
-    row, column, value = (np.concatenate([part[a].ravel() for part in spread]) for a in range(3))
-    return coo_array((value, (row, column)), shape=shape).tocsr()
 
 
 def _shared(space: Space, T: csr_array, own: Ints) -> csr_array:
@@ -77,5 +71,4 @@ def _shared(space: Space, T: csr_array, own: Ints) -> csr_array:
     used = shared.any(axis=1)  # (n_nodes, columns)
     first = np.cumsum(used.sum(axis=1)) - used.sum(axis=1)
     node, s, j = np.nonzero(shared)
-    entry = shared[node, s, j], (dim * node + s, first[node] + j)
-    return coo_array(entry, shape=(space.n_dof, int(used.sum()))).tocsr()
+    return sparse((space.n_dof, int(used.sum())), (dim * node + s, first[node] + j, shared[node, s, j]))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, kron
+from scipy.sparse import csr_array, diags_array, kron
 
 from lacmesh.checks.bodies import same_place
 from lacmesh.cutting.records import Cut, is_cut
@@ -35,6 +35,7 @@ from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
 from lacsolver.contact.zone import Zone
 from lacsolver.space.places import in_words, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 #: distance of two nodes at one place, relative to the section's extent
 _PLACE = 1e-8
@@ -339,10 +340,8 @@ def _centre(mesh: Mesh, faces: Faces) -> NDArray[np.floating]:
 
 def _paired(space: Space, a: Ints, b: Ints) -> csr_array:
     """Return the rows (dim n, n_dof) of u_a - u_b."""
-    rows = np.arange(space.dim * len(a))
-    places = np.concatenate([space.dofs(a).ravel(), space.dofs(b).ravel()])
-    entries = np.repeat([1.0, -1.0], len(rows))
-    return coo_array((entries, (np.tile(rows, 2), places)), shape=(len(rows), space.n_dof)).tocsr()
+    rows = np.arange(space.dim * len(a)).reshape(len(a), -1)
+    return sparse((rows.size, space.n_dof), (rows, space.dofs(a), 1.0), (rows, space.dofs(b), -1.0))
 
 
 def _tied(space: Space, record: Pretension) -> tuple[csr_array, NDArray[np.floating]]:

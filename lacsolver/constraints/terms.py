@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
@@ -20,6 +19,7 @@ from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equations import Equations
 from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 _COMPONENTS = ("ux", "uy", "uz")
 
@@ -59,8 +59,7 @@ def _sum(space: Space, record: Equation, nodes: Ints) -> Equations:
     assert record.terms is not None
     along = np.array([_COMPONENTS.index(term["component"]) for term in record.terms])
     factors = np.array([term["factor"] for term in record.terms])
-    place = space.dim * nodes + along
-    C = coo_array((factors, (np.zeros(len(place), int), place)), shape=(1, space.n_dof)).tocsr()
+    C = sparse((1, space.n_dof), (0, space.dim * nodes + along, factors))
     return Equations(record.name, C, partial(_value, record), partial(in_words, record))
 
 
@@ -73,9 +72,8 @@ def _shared(space: Space, record: Equation, nodes: Ints) -> Equations:
     along = np.array([_COMPONENTS.index(name) for name in record.same])
     first, others = space.dim * nodes[0] + along, (space.dim * nodes[1:, None] + along).ravel()
     rows = np.arange(len(others))
-    columns = np.concatenate([others, np.tile(first, len(nodes) - 1)])
-    values = np.repeat([1.0, -1.0], len(others))
-    C = coo_array((values, (np.tile(rows, 2), columns)), shape=(len(others), space.n_dof)).tocsr()
+    firsts = np.tile(first, len(nodes) - 1)
+    C = sparse((len(others), space.n_dof), (rows, others, 1.0), (rows, firsts, -1.0))
     return Equations(record.name, C, lambda t: np.zeros(len(others)), partial(in_words, record), may_follow=True)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
@@ -22,6 +22,7 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import crease_pairs, normals_of
+from lacsolver.space.sparse import sparse
 
 
 class NodalNormals(NamedTuple):
@@ -92,16 +93,13 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
     size = np.linalg.norm(H, axis=1)
     h = np.divide(H, size[:, None], out=np.zeros_like(H), where=size[:, None] > 0)
     P = (np.eye(d) - h[:, :, None] * h[:, None, :]) / np.where(size > 0, size, 1.0)[:, None, None]
-    i, j, value = [], [], []
+    entries = []
     for row, nodes, _, change in parts:
-        turned = np.einsum("est,etbj->esbj", P[row], change)
-        i.append(np.broadcast_to((d * row[:, None] + np.arange(d))[:, :, None, None], turned.shape).ravel())
-        j.append(np.broadcast_to((d * nodes[:, :, None] + np.arange(d))[:, None], turned.shape).ravel())
-        value.append(turned.ravel())
-    entries = np.concatenate(value), (np.concatenate(i), np.concatenate(j))
+        i, j = d * row[:, None] + np.arange(d), d * nodes[:, :, None] + np.arange(d)
+        entries.append((i[:, :, None, None], j[:, None], np.einsum("est,etbj->esbj", P[row], change)))
     n = np.zeros((k, 3))
     n[:, :d] = h
-    return NodalNormals(of_faces, n, coo_array(entries, shape=(d * k, d * n_nodes)).tocsr())
+    return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
 def _face_normals(name: str, x: Floats, nodes: Ints, d: int) -> _FaceNormals:

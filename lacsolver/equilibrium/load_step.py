@@ -24,7 +24,6 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.constraints import coupling
 from lacsolver.contact import Interface
-from lacsolver.contact.damping import Damped
 from lacsolver.contact.friction import Bounds
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
@@ -151,13 +150,7 @@ class LoadStep:
 
     def damped_by_contact(self, q: Floats, p: Floats) -> float:
         """Return the energy that damping of contact takes in the step."""
-        if not any(isinstance(pair.law, Damped) for pair in self.model.problem.joints):
-            return 0.0
-        u, system = self.u(q), self._nodal_contact(q)[1]
-        G = system.G.copy()
-        for group in system.pairs:
-            G[group.every] = group.gaps(u)
-        return system.with_gaps(G).damped(p)
+        return self._nodal_contact(q)[1].damped(self.u(q), p)
 
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""

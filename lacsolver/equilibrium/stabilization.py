@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats
 from lacsolver.constraints import Constraints
@@ -23,6 +23,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import FreeMotion, free_motions
 from lacsolver.saddle.stiffness import leading_unknowns
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 #: springs are soft if they resist a rigid-body motion by less than this fraction of the bodies' own stiffness
 _SOFT = 1e-4
@@ -117,10 +118,9 @@ def _springs(R: Floats, soft: Floats, size: float, constraints: Constraints) -> 
     if len(leading):
         soft = soft - R @ np.linalg.solve(R[leading], soft[leading])
     other = leading_unknowns(soft, among)
-    w = coo_array((np.ones(len(other)), (other, np.arange(len(other)))), shape=soft.shape).tocsr()
+    w = sparse(soft.shape, (other, np.arange(len(other)), 1.0))
     if len(leading):
         part = np.linalg.solve(R[leading].T, R[other].T)
-        rows, columns = np.meshgrid(leading, np.arange(len(other)), indexing="ij")
-        w = csr_array(w - coo_array((part.ravel(), (rows.ravel(), columns.ravel())), shape=soft.shape))
+        w = csr_array(w - sparse(soft.shape, (leading[:, None], np.arange(len(other)), part)))
     springs = csr_array(size * (w @ w.T))
     return springs if own is None else csr_array(diags_array(own.astype(float)) @ springs)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
 from lacmesh.cells import CELLS
@@ -34,6 +34,7 @@ from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, label_rows
 from lacsolver.case import Case, Contact
 from lacsolver.space.places import wrong
+from lacsolver.space.sparse import sparse
 
 #: way of a node, relative to the size of the slave's faces, that is round-off
 _ROUNDING = 1e-12
@@ -231,8 +232,7 @@ def _edges_of_children(mesh: Mesh) -> csr_array:
     for kind, _, nodes in mesh.select(_children(mesh)):
         ends += [nodes[:, list(edge[:2])] for edge in CELLS[kind].edges]
     a, b = np.unique(np.sort(np.concatenate(ends), axis=1), axis=0).T
-    ones = np.ones(2 * len(a))
-    return csr_array(coo_array((ones, (np.append(a, b), np.append(b, a))), shape=(mesh.n_nodes, mesh.n_nodes)))
+    return sparse((mesh.n_nodes, mesh.n_nodes), (a, b, 1.0), (b, a, 1.0))
 
 
 def _check_cells(record: Contact, mesh: Mesh, x: Floats) -> None:

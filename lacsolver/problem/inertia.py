@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, coo_array, csr_array, diags_array, kron, vstack
+from scipy.sparse import block_diag, csr_array, diags_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.mass import assemble_mass
@@ -27,6 +27,7 @@ from lacsolver.problem.massless import Massless, massless_nodes
 from lacsolver.problem.rigid_modes import body_names, centres
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse, sparse_blocks
 
 #: change of a body's inertia by its massless nodes above which a warning is due
 LARGE = 0.01
@@ -115,17 +116,15 @@ class Inertia:
 
         Of several processes each has its part.
         """
-        entries, f, c = [], self.of_own(f), self.constraints
+        parts, f, c = [], self.of_own(f), self.constraints
         x = c.before_equations(q, t)
         for body, at in self.turning:
             columns = body.columns[body.free]
             bent = body.curvature(body.motion(x, t), f[at]) * body.unit * body.unit[:, None]
-            entries.append((bent[np.ix_(body.free, body.free)].ravel(), np.repeat(columns, len(columns)),
-                            np.tile(columns, len(columns))))  # fmt: skip
-        if not entries:
+            parts.append((columns, bent[np.ix_(body.free, body.free)]))
+        if not parts:
             return None
-        values, rows, columns = (np.concatenate(part) for part in zip(*entries, strict=True))
-        bent = coo_array((values, (rows, columns)), shape=(c.plain.n_q,) * 2).tocsr()
+        bent = sparse_blocks(c.plain.n_q, parts)
         return csr_array(c.through_equations(c.through_equations(bent).T.tocsr()).T)
 
     def of_own(self, f: Floats) -> NDArray[np.floating]:
@@ -248,7 +247,5 @@ def _point_mass(body: RigidBody, dim: int) -> csr_array:
 
 def _columns(body: RigidBody, moment_arm: Floats, n_q: int) -> csr_array:
     """Return the derivative (k dim, n_q) of a body's displacements by the unknowns, from that by its motions."""
-    values = (moment_arm * body.unit)[:, body.free]
-    rows, columns = np.indices(values.shape)
-    at = body.columns[body.free][columns]
-    return coo_array((values.ravel(), (rows.ravel(), at.ravel())), shape=(len(moment_arm), n_q)).tocsr()
+    values, rows = (moment_arm * body.unit)[:, body.free], np.arange(len(moment_arm))[:, None]
+    return sparse((len(moment_arm), n_q), (rows, body.columns[body.free], values))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
@@ -27,6 +27,7 @@ from lacsolver.bodies.small import internal_force
 from lacsolver.bodies.small.fields import TemperatureField, scatter
 from lacsolver.space.determinant import determinant
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse, sparse_blocks
 from lacsolver.space.values import ScalarField, evaluate, evaluate_vector
 
 #: components of a vector; of a traction also f(points (n, 3), unit outward normals (n, 3), t) -> (n, dim)
@@ -70,16 +71,13 @@ def pressure_tangent(
     pressure is uniform and the surface is closed or its boundary is fixed; in general it is not.
     """
     surface = _pressed(space, faces)
-    rows, columns, values = [np.empty(0, int)], [np.empty(0, int)], [np.empty(0)]
+    parts = []
     for part in _face_points(space, surface, x, degree):
         p = -evaluate(value, part.at, t, "pressure") * part.w
         K = np.einsum("fq,qa,fqbst->fasbt", p, part.N, _turning(space, part), optimize=True)
-        dofs = space.dofs(part.nodes.ravel()).reshape(*part.nodes.shape, space.dim)
-        rows.append(np.broadcast_to(dofs[:, :, :, None, None], K.shape).ravel())
-        columns.append(np.broadcast_to(dofs[:, None, None], K.shape).ravel())
-        values.append(K.ravel())
-    entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return coo_array(entries, shape=(space.n_dof, space.n_dof)).tocsr()
+        dofs = space.dofs(part.nodes.ravel()).reshape(len(part.nodes), -1)
+        parts.append((dofs, K.reshape(*dofs.shape, -1)))
+    return sparse_blocks(space.n_dof, parts)
 
 
 def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
@@ -238,12 +236,9 @@ def springs(
     _not_negative(k)
     dofs = space.dofs(nodes)
     if along is None:
-        entries = k.ravel(), (dofs.ravel(), dofs.ravel())
+        matrix = sparse((space.n_dof, space.n_dof), (dofs, dofs, k))
     else:
-        blocks = np.einsum("nk,nki,nkj->nij", k, along, along)
-        rows = np.broadcast_to(dofs[:, :, None], blocks.shape)
-        entries = blocks.ravel(), (rows.ravel(), rows.swapaxes(1, 2).ravel())
-    matrix = coo_array(entries, shape=(space.n_dof, space.n_dof)).tocsr()
+        matrix = sparse_blocks(space.n_dof, [(dofs, np.einsum("nk,nki,nkj->nij", k, along, along))])
     matrix.eliminate_zeros()
     return matrix
 

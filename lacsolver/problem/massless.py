@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, eye_array
+from scipy.sparse import csr_array, diags_array, eye_array
 
 from lacmesh.cutting.records import NODE_RECORD
 from lacmesh.mesh import Ints
@@ -27,6 +27,7 @@ from lacsolver.contact import Zone
 from lacsolver.problem.rigid_modes import body_names
 from lacsolver.space.cut_nodes import inside_children
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 Bools = NDArray[np.bool_]
 #: most steps from node to node, through cells, to the nodes that take the mass of another
@@ -110,8 +111,7 @@ def _velocities(space: Space, adjacent: csr_array, massless: Bools, linear: bool
         if linear:
             weight = _reproducing(rows, away[:, : space.dim], weight, n)
         total = np.bincount(rows, weight, n)
-        part = coo_array((weight / total[rows], (rows, columns)), shape=(n, n)).tocsr()
-        P = csr_array(P + part)
+        P = csr_array(P + sparse((n, n), (rows, columns, weight / total[rows])))
     return P
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, vstack
+from scipy.sparse import csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints
@@ -25,6 +25,7 @@ from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import sparse
 
 __all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
 
@@ -143,7 +144,7 @@ def _rates(B: csr_array, motions: Sequence[FreeMotion], x: Floats | None) -> tup
     fields = _fields(motions, x)
     dim, there = motions[0].space.dim, np.concatenate([motion.nodes for motion in motions])
     own = np.repeat(np.arange(len(motions)), [len(motion.nodes) for motion in motions])
-    of = coo_array((np.ones(len(own)), (there, own)), shape=(B.shape[1] // dim, len(motions))).tocsr()
+    of = sparse((B.shape[1] // dim, len(motions)), (there, own, 1.0))
     nodes = csr_array((np.ones(B.nnz), B.indices // dim, B.indptr), shape=(B.shape[0], B.shape[1] // dim))
     return csr_array(unit @ fields), np.diff((nodes @ of).tocsc().indptr)
 
@@ -276,7 +277,7 @@ def _equation_rows(one: Equations, rows: csr_array, first: int) -> csr_array:
     size = np.sqrt(np.asarray(one.C.power(2).sum(axis=1)).ravel())
     if one.E is not None:
         E = one.E.tocoo()
-        rows = csr_array(rows + coo_array((E.data, (E.row, E.col + first)), shape=rows.shape))
+        rows = csr_array(rows + sparse(rows.shape, (E.row, E.col + first, E.data)))
         size = np.sqrt(size**2 + np.asarray(one.E.power(2).sum(axis=1)).ravel())
     return csr_array(diags_array(np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)) @ rows)
 
@@ -287,9 +288,8 @@ def _modes(space: Space, frame: _Frame, nodes: Ints, body: Ints) -> csr_array:
     centre = np.array([b.centre for b in frame.bodies]).reshape(-1, 3)
     unit = frame.twists[amplitude]
     u = unit[:, :3] + np.cross(unit[:, 3:], space.local.points[nodes[node]] - centre[body[node]])
-    columns = np.repeat(amplitude, space.dim)
-    entries = u[:, : space.dim].ravel(), (space.dofs(nodes[node]).ravel(), columns)
-    return coo_array(entries, shape=(space.n_dof, len(frame.block))).tocsr()
+    shape = space.n_dof, len(frame.block)
+    return sparse(shape, (space.dofs(nodes[node]), amplitude[:, None], u[:, : space.dim]))
 
 
 def _amplitudes(block: Ints, body: Ints) -> tuple[Ints, Ints]:
@@ -309,7 +309,7 @@ def _null_spaces(
     threshold of the root mean square over a system's rows, or of the root of their sum of squares if `total`.
     """
     n = int(block.max(initial=-1)) + 1
-    column = coo_array((np.ones(len(block)), (np.arange(len(block)), block)), shape=(len(block), n)).tocsr()
+    column = sparse((len(block), n), (np.arange(len(block)), block, 1.0))
     touched = abs(rows) @ column
     system = connected_components(touched.T @ touched, directed=False)[1]
     filled = np.flatnonzero(np.diff(touched.indptr))
@@ -345,10 +345,9 @@ def _by_bodies(motions: Sequence[FreeMotion]) -> Ints:
 def _fields(motions: Sequence[FreeMotion], x: Floats | None = None) -> csr_array:
     """Return the displacements (n_dof, k) of motions, with nodes at x (n_nodes, 3) or undeformed if None."""
     space = motions[0].space
-    rows = [space.dofs(motion.nodes).ravel() for motion in motions]
-    columns = np.repeat(np.arange(len(rows)), [len(r) for r in rows])
-    values = np.concatenate([(motion.at_nodes if x is None else motion.at(x)).ravel() for motion in motions])
-    return coo_array((values, (np.concatenate(rows), columns)), shape=(space.n_dof, len(rows))).tocsr()
+    moved = ((motion.nodes, motion.at_nodes if x is None else motion.at(x)) for motion in motions)
+    entries = [(space.dofs(nodes), k, u) for k, (nodes, u) in enumerate(moved)]
+    return sparse((space.n_dof, len(motions)), *entries)
 
 
 def _together(motions: Sequence[FreeMotion]) -> tuple[list[Body], Floats]:

@@ -13,7 +13,7 @@ system in `row_set`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -217,9 +217,7 @@ class ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
-        moved, yields = np.diff(rows.B.indptr) > 0, np.zeros(len(self.G), bool)
-        for group in self.groups:
-            yields[group.rows] = group.law.yields
+        moved, yields = np.diff(rows.B.indptr) > 0, self._marked(g.rows for g in self.groups if g.law.yields)
         return replace(made, enforceable=self.above_threshold & (moved | yields))
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
@@ -312,17 +310,18 @@ class ContactSystem:
     @cached_property
     def along_tangents(self) -> Bools:
         """True for rows along tangents, (m,)."""
-        out = np.zeros(len(self.G), bool)
-        for shear in self.sheared:
-            out[shear.tangential] = True
-        return out
+        return self._marked(shear.tangential for shear in self.sheared)
 
     @cached_property
     def of_equality(self) -> Bools:
         """True for rows of equality, (m,)."""
+        return self._marked(group.rows for group in self.equalities)
+
+    def _marked(self, parts: Iterable[slice]) -> Bools:
+        """Return a mask (m,), True for some parts of the rows."""
         out = np.zeros(len(self.G), bool)
-        for group in self.equalities:
-            out[group.rows] = True
+        for part in parts:
+            out[part] = True
         return out
 
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
@@ -427,13 +426,16 @@ class ContactSystem:
             out.append(all_anchors(own, group.share))
         return tuple(out)
 
-    def damped(self, p: Floats) -> float:
-        """Return the energy that damping of contact takes in a step, at pressures p (m,)."""
-        states = self.states(p, np.zeros(len(self.G), bool))
-        own = [
-            self.rows.w[group.rows] @ group.law.taken(rows) for group, rows in states if isinstance(group.law, Damped)
-        ]
-        return float(sum(own))
+    def damped(self, u: Floats, p: Floats) -> float:
+        """Return the energy that damping of contact takes in a step, at u (n_dof,) and pressures p (m,)."""
+        G, energy = self.G.copy(), 0.0
+        for group in self.groups:
+            if isinstance(group.law, Damped):
+                G[group.every] = group.gaps(u)
+        for group, rows in self.with_gaps(G).states(p, np.zeros(len(G), bool)):
+            if isinstance(group.law, Damped):
+                energy += float(self.rows.w[group.rows] @ group.law.taken(rows))
+        return energy
 
     @property
     def exact(self) -> bool:

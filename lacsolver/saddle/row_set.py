@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.friction import Bounds, States
 from lacsolver.contact.laws import Bools
+from lacsolver.space.sparse import sparse
 
 #: states of rows: not in the system, an equation of it, and rows along the tangents of a macro-element that slides, in
 #: the plane with the sign of its direction
@@ -213,16 +214,9 @@ def combined(linear: LinearRows, slides: Iterable[Slides], make: Callable[..., A
             S[across] = np.divide(one.slip, one.bound, out=np.zeros(len(across)), where=one.bound > 0)
             active[across] = one.bound > 0
     kept = np.flatnonzero(~turned)
-    turn = _matrix([*parts, (kept, kept, np.ones(len(kept)))], m)
-    coupling = [
-        (
-            one.tangential.ravel(),
-            np.repeat(one.normal, one.tangential.shape[1]),
-            (one.slope[:, None] * one.direction).ravel(),
-        )
-        for one in some
-    ]
-    combine = csr_array(turn.T + _matrix(coupling, m))
+    turn = sparse((m, m), *parts, (kept, kept, 1.0))
+    coupling = [(one.tangential, one.normal[:, None], one.slope[:, None] * one.direction) for one in some]
+    combine = csr_array(turn.T + sparse((m, m), *coupling))
     rows = make(linear.rows, combine, turn)
     return LinearRows(rows, np.flatnonzero(active), turn @ G, S, combine, turn, offset)
 
@@ -231,14 +225,9 @@ def _turns(one: Slides) -> Iterator[tuple[Ints, Ints, Floats]]:
     """Yield the entries of R: its first row of a macro-element is along the slide, the second across it."""
     rows, d = one.tangential, one.direction
     if rows.shape[1] == 1:
-        yield rows[:, 0], rows[:, 0], np.ones(len(rows))
+        yield rows[:, 0], rows[:, 0], 1.0
         return
     across = np.stack([-d[:, 1], d[:, 0]], axis=1)
     for k, axis in enumerate((d, across)):
         for j in range(2):
             yield rows[:, k], rows[:, j], axis[:, j]
-
-
-def _matrix(entries: Iterable[tuple[Ints, Ints, Floats]], m: int) -> csr_array:
-    row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
-    return coo_array((value, (row, column)), shape=(m, m)).tocsr()
