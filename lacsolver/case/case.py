@@ -57,14 +57,9 @@ class Probe(AtNodes):
 
     SECTION: ClassVar = Section(
         "probe", True, "displacement kept step by step: the mean over the nodes of a group, or of one node",
-        one_of=WHERE, not_both=NOT_KIND_OF_AT,
+        one_of=WHERE, not_both=NOT_KIND_OF_AT, named_after="group",
     )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
-
-    def _complete(self) -> None:
-        """Name the probe after its group if it has no name."""
-        if not self.has("name"):
-            self._set("name", self.group)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

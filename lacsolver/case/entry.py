@@ -111,11 +111,10 @@ class Entry(Described):
                 mistakes.append(self.wrong(mistake.message, name, mistake.inside))
             self._set(name, value)
         mistakes += [*self._unknown(given), *self._missing(), *self._exclusive(), *self._needs()]
-        self._complete()
+        after = self.SECTION.named_after
+        if after and not self.has("name"):
+            self._set("name", getattr(self, after))
         return mistakes
-
-    def _complete(self) -> None:
-        """Set the values that depend on others."""
 
     def _unknown(self, given: Mapping[str, Any]) -> Iterator[Issue]:
         known = keys_of(type(self))

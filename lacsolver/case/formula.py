@@ -17,43 +17,35 @@ from typing import NamedTuple
 from lacmesh.errors import did_you_mean
 from lacsolver.case.errors import Mistake
 
-
-class Function(NamedTuple):
-    """Least and most arguments of a function (`most` None: no limit), and the meaning of its result."""
-
-    least: int
-    most: int | None
-    meaning: str
-
-
 VARIABLES = {"x": "place (the radius r where axisymmetric)", "y": "place", "z": "place (3d only)", "t": "time"}
 CONSTANTS = {"pi": 3.141592653589793}
-FUNCTIONS = {
-    "sin": Function(1, 1, "sine; angles are in radians"),
-    "cos": Function(1, 1, "cosine"),
-    "tan": Function(1, 1, "tangent"),
-    "asin": Function(1, 1, "inverse sine"),
-    "acos": Function(1, 1, "inverse cosine"),
-    "atan": Function(1, 1, "inverse tangent"),
-    "atan2": Function(2, 2, "angle of the point (b, a): `atan2(y, x)`"),
-    "sinh": Function(1, 1, "hyperbolic sine"),
-    "cosh": Function(1, 1, "hyperbolic cosine"),
-    "tanh": Function(1, 1, "hyperbolic tangent"),
-    "exp": Function(1, 1, "e to the power a"),
-    "log": Function(1, 1, "natural logarithm"),
-    "log10": Function(1, 1, "logarithm to base 10"),
-    "sqrt": Function(1, 1, "square root"),
-    "abs": Function(1, 1, "size without sign"),
-    "min": Function(2, None, "the least of its arguments"),
-    "max": Function(2, None, "the greatest of its arguments"),
-    "pow": Function(2, 2, "a to the power b; also `a ** b`"),
-    "mod": Function(2, 2, "remainder of a / b, of b's sign; also `a % b`"),
-    "hypot": Function(2, 2, "square root of a² + b²"),
-    "floor": Function(1, 1, "the next whole number below"),
-    "ceil": Function(1, 1, "the next whole number above"),
-    "sign": Function(1, 1, "−1, 0 or 1"),
-    "heaviside": Function(1, 1, "0 below 0, 1 from 0 on"),
-    "where": Function(3, 3, "b where a is true, c elsewhere: `where(x < 0.5, 1, 0)`; also `b if a else c`"),
+#: of each function the least and most arguments (None: no limit), and the meaning of its result
+FUNCTIONS: dict[str, tuple[int, int | None, str]] = {
+    "sin": (1, 1, "sine; angles are in radians"),
+    "cos": (1, 1, "cosine"),
+    "tan": (1, 1, "tangent"),
+    "asin": (1, 1, "inverse sine"),
+    "acos": (1, 1, "inverse cosine"),
+    "atan": (1, 1, "inverse tangent"),
+    "atan2": (2, 2, "angle of the point (b, a): `atan2(y, x)`"),
+    "sinh": (1, 1, "hyperbolic sine"),
+    "cosh": (1, 1, "hyperbolic cosine"),
+    "tanh": (1, 1, "hyperbolic tangent"),
+    "exp": (1, 1, "e to the power a"),
+    "log": (1, 1, "natural logarithm"),
+    "log10": (1, 1, "logarithm to base 10"),
+    "sqrt": (1, 1, "square root"),
+    "abs": (1, 1, "size without sign"),
+    "min": (2, None, "the least of its arguments"),
+    "max": (2, None, "the greatest of its arguments"),
+    "pow": (2, 2, "a to the power b; also `a ** b`"),
+    "mod": (2, 2, "remainder of a / b, of b's sign; also `a % b`"),
+    "hypot": (2, 2, "square root of a² + b²"),
+    "floor": (1, 1, "the next whole number below"),
+    "ceil": (1, 1, "the next whole number above"),
+    "sign": (1, 1, "−1, 0 or 1"),
+    "heaviside": (1, 1, "0 below 0, 1 from 0 on"),
+    "where": (3, 3, "b where a is true, c elsewhere: `where(x < 0.5, 1, 0)`; also `b if a else c`"),
 }
 #: names of functions that numpy has by another name
 _NUMPY = {

@@ -40,7 +40,7 @@ class Equation(Entry):
     SECTION: ClassVar = Section(
         "equation", True, "a sum of displacements that has a value, or displacements that the nodes of a group share",
         one_of=(("terms", "same"),),
-        not_both=(("terms", "group"), ("terms", "kind"), ("same", "value")),
+        not_both=(("terms", "group"), ("terms", "kind"), ("same", "value")), named_after="group",
     )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name, or equation and its number")
     terms: As[tuple[Mapping[str, Any], ...] | None, Sequence[Mapping[str, Any]] | None] = key(
@@ -56,11 +56,6 @@ class Equation(Entry):
         COMPONENTS, "", "components of displacement that all nodes of the group share", None
     )
 
-    def _complete(self) -> None:
-        """Name an equation of a group after it if it has no name; others get a number from the case."""
-        if not self.has("name") and self.group is not None:
-            self._set("name", self.group)
-
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Cyclic(Tie):
@@ -73,8 +68,9 @@ class Cyclic(Tie):
     """
 
     SECTION: ClassVar = Section(
-        "cyclic", True, "the sides of a sector, which is repeated about an axis: displacements turn with it"
-    )
+        "cyclic", True, "the sides of a sector, which is repeated about an axis: displacements turn with it",
+        named_after="slave",
+    )  # fmt: skip
     angle: float = field(default=0.0, repr=False, compare=False)
     matching: bool = field(default=False, repr=False, compare=False)
     surfaces: None = field(default=None, repr=False, compare=False)
@@ -113,7 +109,7 @@ class Coupling(Entry):
     SECTION: ClassVar = Section(
         "coupling", True, "a point with a force, a moment or a motion, which the nodes of a group take",
         not_both=_ONE_MOTION,
-        some_of=(("ux", "uy", "uz", "rotation", "fx", "fy", "fz", "moment"),),
+        some_of=(("ux", "uy", "uz", "rotation", "fx", "fy", "fz", "moment"),), named_after="group",
     )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
     group: str = key(GROUP, "", "the nodes, of a group of cells or of nodes")
@@ -144,8 +140,3 @@ class Coupling(Entry):
     fy: Load = _motion("force", "force at the point along y", MODELS)
     fz: Load = _motion("force", "force at the point along z", SPACE)
     moment: Values = _motion("force × length", "moment vector; one number in a plane", PLANAR, VECTOR_OF_TIME)
-
-    def _complete(self) -> None:
-        """Name the coupling after its group if it has no name."""
-        if not self.has("name"):
-            self._set("name", self.group)

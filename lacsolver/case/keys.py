@@ -92,6 +92,7 @@ class Section(NamedTuple):
     """A table of the file: `[[name]]` if there may be several, `[name]` if there is one.
 
     `one_of`: exactly one key of each of these sets is given; `some_of`: at least one; `not_both`: never both.
+    `named_after`: the key whose value is the name of a record that is given none.
     """
 
     name: str
@@ -100,6 +101,7 @@ class Section(NamedTuple):
     one_of: tuple[tuple[str, ...], ...] = ()
     some_of: tuple[tuple[str, ...], ...] = ()
     not_both: tuple[tuple[str, str], ...] = ()
+    named_after: str = ""
 
     @property
     def header(self) -> str:

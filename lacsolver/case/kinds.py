@@ -314,22 +314,19 @@ def _axes_misfit(axes: Mapping[str, Any], dim: int) -> str:
     )
 
 
+_IN_AXES = {"origin": POINT, "x": POINT, "xy": POINT, "axis": numbers(3)}
 #: local axes: Cartesian, or cylindrical
 LOCAL_AXES = Kind(
     _AXES_WORDS,
     {
         "type": "object",
-        "properties": {
-            **{name: POINT.schema for name in ("origin", "x", "xy")},
-            "axis": numbers(3).schema,
-        },
+        "properties": {name: kind.schema for name, kind in _IN_AXES.items()},
         "additionalProperties": False,
         "oneOf": [{"required": ["x"]}, {"required": ["origin", "axis"]}],
     },
     _local_axes,
     _axes_misfit,
 )
-_IN_AXES = {"origin": POINT, "x": POINT, "xy": POINT, "axis": numbers(3)}
 
 _COMPONENT = Choice({"ux": "along x", "uy": "along y", "uz": "along z"})
 _OUT_OF_PLANE = "has uz, which a plane model does not have"
@@ -353,7 +350,7 @@ COMPONENTS = Kind(
 )
 
 _GROUP_KIND = Choice({"cell": "a group of cells", "node": "a group of nodes"})
-_IN_TERM = {
+_IN_TERM: dict[str, Kind | Choice] = {
     "factor": NUMBER,
     "component": _COMPONENT,
     "node": whole(0),
@@ -400,12 +397,8 @@ TERMS = Kind(
         "items": {
             "type": "object",
             "properties": {
+                **{name: kind.schema for name, kind in _IN_TERM.items()},
                 "factor": {"type": "number", "not": {"const": 0}},
-                "component": _COMPONENT.schema,
-                "node": whole(0).schema,
-                "group": GROUP.schema,
-                "kind": _GROUP_KIND.schema,
-                "at": POINT.schema,
             },
             "additionalProperties": False,
             "required": ["factor", "component"],

@@ -24,7 +24,7 @@ class Pretension(Entry):
 
     SECTION: ClassVar = Section(
         "pretension", True, "a section of a bolt, at which it is shortened by a force or by a length",
-        one_of=(("force", "shortening"),),
+        one_of=(("force", "shortening"),), named_after="group",
     )  # fmt: skip
     name: str = key(text("a name"), "", "name in the results", None, "the group's name")
     group: str = key(
@@ -43,8 +43,3 @@ class Pretension(Entry):
     lock: float | None = key(
         NOT_NEGATIVE, "time", "time from which the shortening stays as it is, whatever the force becomes", None, "never"
     )
-
-    def _complete(self) -> None:
-        """Name the record after its group if it has no name."""
-        if not self.has("name"):
-            self._set("name", self.group)

@@ -153,11 +153,6 @@ class PairEntry(Entry):
         "40.0, but five to eight faces whose nodes lie on one circle, cylinder, sphere or cone are that",
     )  # fmt: skip
 
-    def _complete(self) -> None:
-        """Name the record after its slave if it has no name."""
-        if not self.has("name") and self.surfaces is None:
-            self._set("name", self.slave)
-
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Contact(PairEntry):
@@ -167,7 +162,7 @@ class Contact(PairEntry):
     'pin'
     """
 
-    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch", one_of=ROLES)
+    SECTION: ClassVar = Section("contact", True, "two surfaces that may touch", one_of=ROLES, named_after="slave")
     type: str = key(
         Choice({
             "unilateral": "contact that can open",
@@ -266,7 +261,9 @@ class Tie(PairEntry):
     'liner'
     """
 
-    SECTION: ClassVar = Section("tie", True, "two surfaces bonded together, in all components", one_of=ROLES)
+    SECTION: ClassVar = Section(
+        "tie", True, "two surfaces bonded together, in all components", one_of=ROLES, named_after="slave"
+    )
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -162,17 +162,12 @@ def _friction(case: Case) -> Iterator[Issue]:
 
 def _names(case: Case) -> Iterator[Issue]:
     """Check that the names, by which results are called, are given and unique."""
-    for records, default in (
-        ((*case.contact, *case.tie, *case.cyclic), "slave"),
-        (case.probe, "group"),
-        (case.equation, "group"),
-        (case.coupling, "group"),
-        (case.pretension, "group"),
-    ):
+    pairs = (*case.contact, *case.tie, *case.cyclic)
+    for records in (pairs, case.probe, case.equation, case.coupling, case.pretension):
         taken: set[str] = set()
         for record in records:
             if record.name is not None and record.name in taken:
-                source = "name" if record.has("name") else default
+                source = "name" if record.has("name") else record.SECTION.named_after
                 message = f"calls it {record.name!r}, as an earlier one is; give it a name of its own"
                 yield record.wrong(message, source)
             taken |= {record.name} - {None}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.decks.cards import Refused
+from lacsolver.decks.cards import Card, Refused
 from lacsolver.decks.content import DeckRigid
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Points, history_of, parts_of, written
@@ -96,7 +96,9 @@ def rigid_bodies(draft: CaseDraft) -> None:
             keys["centre"] = centre.tolist()
         for c in [1] if axisymmetric else range(draft.dim):
             keys |= _moved(draft, body, c)
-        keys |= {} if axisymmetric else _turned(draft, body)
+        if not axisymmetric:
+            turns = turning(draft, body.reference, body.rotation, "a rigid body", body.card)
+            keys |= turns or {"moment": [0.0] * 3 if draft.dim == 3 else 0.0}
         draft.add("rigid", keys | _own_mass(draft, body), body.card)
     references = [body.reference for body in draft.deck.rigid]
     for one in draft.deck.masses:
@@ -127,26 +129,24 @@ def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     return {f"f{AXES[c]}": scaled(written(pushed, draft.ramped), draft.per_thickness) if pushed else 0.0}
 
 
-def _turned(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
-    """Return how a body turns: all rotations prescribed, or all free under a moment. Raises Refused for a mixture."""
-    axes = range(3) if draft.dim == 3 else [2]
-    prescribed = [
-        history_at(draft, "spin", body.reference, c) or _of_node(draft, "displacement", body, c) for c in axes
-    ]
-    loaded = [history_at(draft, "moment", body.reference, c) or _of_node(draft, "force", body, c) for c in axes]
-    if any(prescribed):
-        if not all(prescribed):
-            raise Refused("a rigid body of lacsolver turns freely about all axes or about none; fix all or none")
-        name, values = "rotation", [written(points, draft.ramped) for points in prescribed if points]
-    else:
-        scale = draft.per_thickness
-        values = [scaled(written(points, draft.ramped), scale) if points else 0.0 for points in loaded]
-        name = "moment"
-    return {name: values if draft.dim == 3 else values[0]}
+def turning(draft: CaseDraft, node: int, rotation: int | None, who: str, card: Card) -> dict[str, Any]:
+    """Return how a body or a coupling turns, by its reference node: all rotations prescribed, or free under a moment.
 
+    `rotation`: a node whose displacements and forces are rotations and moments, None if there is none. {} where the
+    deck says nothing. Raises Refused if some rotations are prescribed and others free.
+    """
 
-def _of_node(draft: CaseDraft, kind: str, body: DeckRigid, c: int) -> Points | None:
-    return None if body.rotation is None else history_at(draft, kind, body.rotation, c)
+    def histories(kind: str, of_rotation: str) -> list[Points | None]:
+        axes = range(3) if draft.dim == 3 else [2]
+        other = [None if rotation is None else history_at(draft, of_rotation, rotation, c) for c in axes]
+        return [history_at(draft, kind, node, c) or beside for c, beside in zip(axes, other, strict=True)]
+
+    prescribed, loaded = histories("spin", "displacement"), histories("moment", "force")
+    if any(prescribed) and not all(prescribed):
+        raise Refused(f"{who} of lacsolver turns freely about all axes or about none; fix all or none", None, card)
+    name, own, factor = ("rotation", prescribed, 1.0) if any(prescribed) else ("moment", loaded, draft.per_thickness)
+    values = [scaled(written(points, draft.ramped), factor) if points else 0.0 for points in own]
+    return {name: values if draft.dim == 3 else values[0]} if any(own) else {}
 
 
 def history_at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:

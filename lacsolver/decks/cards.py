@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lacmesh.deck import DataLine, DeckCard, key_of
 from lacmesh.errors import did_you_mean
+from lacsolver.case.errors import Mistake
+from lacsolver.case.kinds import Kind
 
 
 class DeckLine(NamedTuple):
@@ -136,6 +138,15 @@ class Finding(NamedTuple):
     def text(self) -> str:
         """File, line, card and message."""
         return f"{self.file}, line {self.line}: *{self.card}: {self.message}"
+
+
+def check_rows(kind: Kind, rows: Sequence[Any], card: Card) -> None:
+    """Raise Refused, with the data line, for rows that the key of a case does not take."""
+    try:
+        kind.read(rows)
+    except Mistake as mistake:
+        at = mistake.inside[0] if mistake.inside else 0
+        raise Refused(f"it {mistake.message}", card.rows[int(at)]) from None
 
 
 def look_up(known: Mapping[str, object], name: str, what: str, row: DeckLine | None = None) -> str:

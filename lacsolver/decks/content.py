@@ -325,6 +325,17 @@ class DeckContent:
         return self.materials[look_up(self.materials, section.material, "*MATERIAL")]
 
     @property
+    def references(self) -> list[int]:
+        """Reference nodes of rigid bodies, couplings and bolts, which belong to no solid element."""
+        every: tuple[DeckRigid | DeckCoupling | DeckBolt, ...] = (*self.rigid, *self.couplings, *self.bolts)
+        return [one.reference for one in every]
+
+    @property
+    def beside_bodies(self) -> list[int]:
+        """The reference nodes, and the nodes that hold the rotations of rigid bodies."""
+        return [*self.references, *(body.rotation for body in self.rigid if body.rotation is not None)]
+
+    @property
     def interaction(self) -> Interaction:
         """The surface interaction begun last. Raises Refused before the first."""
         if not self.interactions:

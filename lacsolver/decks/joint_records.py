@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import some
-from lacsolver.decks.body_records import history_at
+from lacsolver.decks.body_records import history_at, turning
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import DeckCoupling, DeckEquation
 from lacsolver.decks.draft import AXES, CaseDraft
-from lacsolver.decks.histories import Points, written
+from lacsolver.decks.histories import written
 from lacsolver.decks.load_records import scaled
 from lacsolver.decks.local_axes import axes_of, directions_at, in_model
 
@@ -37,7 +37,7 @@ def _terms(draft: CaseDraft, one: DeckEquation) -> tuple[list[dict[str, Any]], A
     factors: dict[tuple[int, int], float] = {}
     value: Any = None
     for node, direction, factor in one.terms:
-        if node in _references(draft):
+        if node in deck.beside_bodies:
             message = f"node {number[node]} is the reference node of a rigid body, of a coupling or of a bolt"
             raise Refused(f"{message}, of which lacsolver has no equations", one.row, one.card)
         if deck.names.in_cells[node]:
@@ -57,13 +57,6 @@ def _terms(draft: CaseDraft, one: DeckEquation) -> tuple[list[dict[str, Any]], A
         if factor
     ]
     return terms, value
-
-
-def _references(draft: CaseDraft) -> set[int]:
-    """Return the reference nodes of rigid bodies and couplings."""
-    bodies = [node for body in draft.deck.rigid for node in (body.reference, body.rotation) if node is not None]
-    deck = draft.deck
-    return {*bodies, *(one.reference for one in deck.couplings), *(one.reference for one in deck.bolts)}
 
 
 def bolts(draft: CaseDraft) -> None:
@@ -141,25 +134,9 @@ def _point(draft: CaseDraft, one: DeckCoupling) -> dict[str, Any]:
             keys[f"u{AXES[c]}"] = written(prescribed, draft.ramped)
         elif pushed:
             keys[f"f{AXES[c]}"] = scaled(written(pushed, draft.ramped), draft.per_thickness)
-    return keys if draft.top["model"] == "axisymmetric" else keys | _turning(draft, one)
-
-
-def _turning(draft: CaseDraft, one: DeckCoupling) -> dict[str, Any]:
-    axes = range(3) if draft.dim == 3 else [2]
-    prescribed = [history_at(draft, "spin", one.reference, c) for c in axes]
-    loaded = [history_at(draft, "moment", one.reference, c) for c in axes]
-    if any(prescribed) and not all(prescribed):
-        raise Refused(
-            "a coupling of lacsolver turns freely about all axes or about none; fix all or none", None, one.card
-        )
-
-    def values(histories: list[Points | None], factor: float) -> Any:
-        out = [0.0 if points is None else scaled(written(points, draft.ramped), factor) for points in histories]
-        return out if draft.dim == 3 else out[0]
-
-    if any(prescribed):
-        return {"rotation": values(prescribed, 1.0)}
-    return {"moment": values(loaded, draft.per_thickness)} if any(loaded) else {}
+    if draft.top["model"] == "axisymmetric":
+        return keys
+    return keys | turning(draft, one.reference, None, "a coupling", one.card)
 
 
 def sectors(draft: CaseDraft) -> None:

@@ -31,13 +31,12 @@ MOST_STEPS = 100_000
 def orders(draft: CaseDraft, kind: str) -> Orders:
     """Return the orders of one kind on nodes, facets or cells that are no nodes of rigid bodies. Raises Refused."""
     deck = draft.deck
-    rigid_nodes = [n for body in deck.rigid for n in (body.reference, body.rotation) if n is not None]
-    rigid_nodes += [one.reference for one in deck.couplings] + [one.reference for one in deck.bolts]
-    beside = [n for one in deck.equations for n, *_ in one.terms if not deck.names.in_cells[n]]
-    rigid_nodes += beside if kind == "displacement" else []
+    beside = deck.beside_bodies
+    if kind == "displacement":
+        beside += [n for one in deck.equations for n, *_ in one.terms if not deck.names.in_cells[n]]
     lines = [line for line in deck.assigned if line.kind == kind]
     if kind in ("displacement", "force"):
-        lines = [replace(line, items=np.setdiff1d(line.items, np.array(rigid_nodes, np.int64))) for line in lines]
+        lines = [replace(line, items=np.setdiff1d(line.items, np.array(beside, np.int64))) for line in lines]
         lines = [line for line in lines if len(line.items)]
     return orders_by_step(draft, kind, lines)
 
@@ -112,10 +111,8 @@ def forces(draft: CaseDraft) -> None:
 
 def _check_rotations(draft: CaseDraft, lines: list[Assigned]) -> None:
     """Raise Refused for moments at nodes of no rigid body; a rotation of 0 has no meaning there, and is left out."""
-    reference_nodes = [body.reference for body in draft.deck.rigid]
-    reference_nodes += [one.reference for one in draft.deck.couplings] + [one.reference for one in draft.deck.bolts]
     for line in lines:
-        if line.value and not np.isin(line.items, reference_nodes).all():
+        if line.value and not np.isin(line.items, draft.deck.references).all():
             raise Refused(
                 "only the reference node of a *RIGID BODY or a *COUPLING turns; nodes of solid elements do not",
                 line.row,

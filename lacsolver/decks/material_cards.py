@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacsolver.decks.cards import Card, DeckLine, Refused
+from lacsolver.case.kinds import HARDENING
+from lacsolver.decks.cards import Card, DeckLine, Refused, check_rows
 from lacsolver.decks.content import DeckContent, DeckSection, MaterialData
 
 
@@ -61,11 +62,7 @@ def plastic(deck: DeckContent, card: Card) -> None:
     if len({row.number(2, "the temperature", 0.0) for row in card.rows}) > 1:
         raise Refused("yield stresses that depend on temperature are not taken; give those of one", card.rows[-1])
     rows = [(row.number(0, "the yield stress"), row.number(1, "the plastic strain", 0.0)) for row in card.rows]
-    for k, (stress, strain) in enumerate(rows):
-        before = rows[k - 1] if k else (0.0, -1.0)
-        if stress <= 0 or stress < before[0] or strain <= before[1] or (not k and strain):
-            message = "yield stresses should be above 0 and not fall, at plastic strains that grow from 0"
-            raise Refused(message, card.rows[k])
+    check_rows(HARDENING, rows, card)
     keys["law"] = "plastic"
     if kind == "ISOTROPIC" or len(rows) == 1:
         keys["hardening"] = [list(row) for row in rows]

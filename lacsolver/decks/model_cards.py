@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,8 @@ import numpy as np
 from lacmesh.deck import key_of
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
-from lacsolver.decks.cards import Card, DeckLine, Refused, look_up
+from lacsolver.case.kinds import PRESSURES
+from lacsolver.decks.cards import Card, DeckLine, Refused, check_rows, look_up
 from lacsolver.decks.content import (
     Amplitude,
     DeckContent,
@@ -168,11 +168,7 @@ def _table(card: Card) -> dict[str, Any]:
     if len({row.number(2, "the temperature", 0.0) for row in card.rows}) > 1:
         raise Refused("pressures that depend on temperature are not taken; give those of one", card.rows[-1])
     rows = [[row.number(0, "the pressure"), row.number(1, "the overlap")] for row in card.rows]
-    if len(rows) < 2 or rows[0][0] != 0:
-        raise Refused("it should list two pressures or more, and begin with 0", card.rows[0])
-    for k, (before, after) in enumerate(pairwise(rows)):
-        if after[0] <= before[0] or after[1] <= before[1]:
-            raise Refused("pressures and overlaps should both grow", card.rows[k + 1])
+    check_rows(PRESSURES, rows, card)
     return {"law": "table", "pressures": rows}
 
 

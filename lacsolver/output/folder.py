@@ -14,6 +14,7 @@ from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, some
 from lacmesh.formats.output import is_abandoned
+from lacsolver.output.files import writing
 from lacsolver.output.lock import check_free, hold
 from lacsolver.output.names import FIELDS, UNCONVERGED, leftovers_in, number_of, results_in, states_in
 from lacsolver.results.results import Restart
@@ -35,7 +36,7 @@ class OutputFolder:
 
         Raises RequestError if another run writes into it, or has done so since this run started; WriteError.
         """
-        try:
+        with writing(self.path):
             self.path.mkdir(exist_ok=True)
             let_go = hold(self.path)
             try:
@@ -44,8 +45,6 @@ class OutputFolder:
                 let_go()
                 raise
             return let_go
-        except OSError as error:
-            raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
 
     def check(self) -> None:
         """Raise RequestError if the folder holds results that would be lost (unless `force`); OSError."""
@@ -60,7 +59,7 @@ class OutputFolder:
 
         Raises WriteError.
         """
-        try:
+        with writing(self.path):
             for path in leftovers_in(self.path):
                 if is_abandoned(path, locked=True):
                     path.unlink()
@@ -70,8 +69,6 @@ class OutputFolder:
             for inside in (UNCONVERGED + "/" + FIELDS, UNCONVERGED, FIELDS):
                 with suppress(OSError):  # it is not there, or something else is in it
                     (self.path / inside).rmdir()
-        except OSError as error:
-            raise WriteError(self.path, f"cannot be written ({error.strerror or error})") from error
 
 
 def create_output(path: str | os.PathLike[str], *, force: bool = False, restart: Restart | None = None) -> OutputFolder:
@@ -88,13 +85,11 @@ def create_output(path: str | os.PathLike[str], *, force: bool = False, restart:
     """
     path = Path(path)
     continued = restart is not None and restart.folder is not None and _same(path, restart.folder)
-    try:
+    folder = OutputFolder(path, restart if continued else None, force)
+    with writing(path, "cannot be used"):
         check_folder(path)
         check_free(path)
-        folder = OutputFolder(path, restart if continued else None, force)
         folder.check()
-    except OSError as error:
-        raise WriteError(path, f"cannot be used ({error.strerror or error})") from error
     return folder
 
 

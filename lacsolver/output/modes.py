@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from lacmesh import __version__
-from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.errors import RequestError
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
+from lacsolver.output.files import read_json, writing
 from lacsolver.output.folder import check_folder
 from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in
 from lacsolver.output.parts import body
@@ -31,24 +32,20 @@ def check_modes_folder(path: str | os.PathLike[str], *, force: bool = False) -> 
     Raises RequestError if it holds modes already (unless `force`), WriteError if no files can be made there.
     """
     folder = Path(path)
-    try:
+    with writing(folder, "cannot be used"):
         check_folder(folder)
         if not force and folder.is_dir() and modes_in(folder):
             message = f"{folder} holds natural modes already"
             raise RequestError(f"{message}; --force replaces them, or -o names another folder")
-    except OSError as error:
-        raise WriteError(folder, f"cannot be used ({error.strerror or error})") from error
     return folder
 
 
 def write_modes(folder: Path, modes: NaturalModes, space: Space) -> None:
     """Write natural modes into a folder, in place of those that it holds. Raises WriteError."""
-    try:
+    with writing(folder):
         (folder / FIELDS).mkdir(parents=True, exist_ok=True)
         for path in modes_in(folder):
             path.unlink()
-    except OSError as error:
-        raise WriteError(folder, f"cannot be written ({error.strerror or error})") from error
     part, entries = body(space), []
     for number, shape in enumerate(np.concatenate([modes.rigid_shapes, modes.shapes]), 1):
         data = {"displacement": wide(shape[part.nodes], 3)}
@@ -60,15 +57,12 @@ def write_modes(folder: Path, modes: NaturalModes, space: Space) -> None:
 
 def read_modes(folder: Path) -> dict[str, Any]:
     """Return the content of modes.json. Raises ReadError."""
-    path = folder / MODES
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(content, dict) and isinstance(content["rigid"], int) and isinstance(content["frequencies"], list):
-            return content
-        reason = "it holds something else"
-    except (OSError, ValueError, KeyError, RecursionError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-    raise ReadError(path, f"cannot be read ({reason}); name a folder that lacsolver modes wrote")
+
+    def is_ours(modes: Any) -> bool:
+        return isinstance(modes, dict) and isinstance(modes["rigid"], int) and isinstance(modes["frequencies"], list)
+
+    modes: dict[str, Any] = read_json(folder / MODES, is_ours, advice="; name a folder that lacsolver modes wrote")
+    return modes
 
 
 def _summary(modes: NaturalModes) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import numpy as np
 from lacmesh.errors import ReadError
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
+from lacsolver.output.files import read_json
 from lacsolver.output.names import RESULTS
 from lacsolver.output.tables import until
 from lacsolver.results.results import Results, StepFigures, ZoneFigures
@@ -114,13 +115,8 @@ def read_summary(folder: Path) -> dict[str, Any]:
     path = folder / RESULTS
     if not path.is_file():
         raise ReadError(folder, f"holds no results of a run (no {RESULTS})")
-    try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(summary, dict) and {"status", "steps"} <= set(summary):
-            return summary
-        raise ValueError("it holds something else")
-    except (OSError, ValueError, RecursionError) as error:
-        raise ReadError(path, f"cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    summary: dict[str, Any] = read_json(path, lambda s: isinstance(s, dict) and {"status", "steps"} <= set(s))
+    return summary
 
 
 def _line(value: Any) -> str:
@@ -142,11 +138,9 @@ def _read(path: Path) -> dict[str, Any]:
     """Read the results of an earlier run; return an empty dict if there are none. Raises ReadError."""
     if not path.exists():
         return {}
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(content, dict) and all(isinstance(step["time"], (int, float)) for step in content["steps"]):
-            return content
-        reason = "it holds something else"
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-    raise ReadError(path, f"cannot be gone on with ({reason}); write into another folder")
+
+    def is_ours(content: Any) -> bool:
+        return isinstance(content, dict) and all(isinstance(step["time"], (int, float)) for step in content["steps"])
+
+    content: dict[str, Any] = read_json(path, is_ours, "cannot be gone on with", "; write into another folder")
+    return content

@@ -15,12 +15,13 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import ReadError, WriteError
+from lacmesh.errors import ReadError
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.writer import quoted
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
+from lacsolver.output.files import make_folder
 from lacsolver.output.names import FIELDS, PARAVIEW, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
@@ -88,7 +89,7 @@ class VtuSeries:
         if stem == RING and self._sector is not None:
             mesh = ring_of(mesh, self._sector)
         share, file = self._space.share, vtu_file(stem, number)
-        _make(self._folder / FIELDS)
+        make_folder(self._folder / FIELDS)
         if share.size > 1 and stem == SOLID:
             file = write_pieces(self._folder, stem, number, mesh, share)
         else:
@@ -161,10 +162,3 @@ def write_pvd(path: Path, entries: list[PvdEntry]) -> None:
     sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoted(e.file)}/>\n' for e in entries]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True, parents=True)
-    except OSError as error:
-        raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error

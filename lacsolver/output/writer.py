@@ -12,9 +12,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
 from lacsolver.case import Case, Output
+from lacsolver.output.files import make_folder
 from lacsolver.output.folder import OutputFolder
 from lacsolver.output.names import UNCONVERGED, contact_stems
 from lacsolver.output.ring import asked
@@ -99,7 +99,7 @@ class Writer:
             elif unwritten:
                 self._write_state(unwritten[1])
             if failed:
-                self._share.on_first(lambda: _make(self._path / UNCONVERGED))
+                self._share.on_first(lambda: make_folder(self._path / UNCONVERGED))
                 self._fields_to(self._path / UNCONVERGED).write(failed, 1)
 
     def _release(self) -> None:
@@ -146,10 +146,3 @@ def is_due(output: Output, number: int, time: float) -> bool:
     if output.times is not None:
         return any(same_time(time, t) for t in output.times)
     return number % (output.every or 1) == 0
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error

@@ -221,7 +221,7 @@ def combined(linear: LinearRows, slides: Iterable[Slides], make: Callable[..., A
     return LinearRows(rows, np.flatnonzero(active), turn @ G, S, combine, turn, offset)
 
 
-def _turns(one: Slides) -> Iterator[tuple[Ints, Ints, Floats]]:
+def _turns(one: Slides) -> Iterator[tuple[Ints, Ints, Floats | float]]:
     """Yield the entries of R: its first row of a macro-element is along the slide, the second across it."""
     rows, d = one.tangential, one.direction
     if rows.shape[1] == 1:

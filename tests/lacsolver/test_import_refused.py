@@ -96,11 +96,11 @@ REFUSED = {
     ),
     "table of pressures": (
         "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n1., 0.\n2., 1.\n",
-        "", "SURFACE BEHAVIOR", "begin with 0",
+        "", "SURFACE BEHAVIOR", "begin where the pressure does, at 0",
     ),
     "table that falls": (
         "*SURFACE INTERACTION, NAME=S\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n0., 0.\n2., 0.\n",
-        "", "SURFACE BEHAVIOR", "should both grow",
+        "", "SURFACE BEHAVIOR", "pressure and overlap both grow",
     ),
     "plastic alone": ("*MATERIAL, NAME=M\n*PLASTIC\n1., 0.\n", "", "PLASTIC", "follow an isotropic"),
     "combined": (
