@@ -13,7 +13,6 @@ from lacsolver.case.keys import (
     ANY,
     MODELS,
     Key,
-    Needs,
     Section,
     defaults_of,
     is_required,
@@ -69,11 +68,7 @@ def _conditions(key: Key) -> list[str]:
     """Return the conditions under which a key is allowed, in words."""
     conditions = [] if key.models == MODELS else [f"models {', '.join(key.models)}"]
     conditions += [] if key.kinematics == ANY else [f"kinematics {key.kinematics}"]
-    return conditions + ([_needs_words(key.needs)] if key.needs else [])
-
-
-def _needs_words(needs: Needs) -> str:
-    return f"with {needs.key} = {' or '.join(needs.values)}"
+    return conditions + ([f"with {key.needs.key} = {' or '.join(key.needs.values)}"] if key.needs else [])
 
 
 def _rules(section: Section) -> list[str]:

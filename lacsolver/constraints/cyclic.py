@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.case.case import Case
@@ -45,7 +44,8 @@ def turn_of(record: Cyclic, dim: int) -> Turn:
     """Return the rotation that takes the master of a sector onto its slave, in the coordinates of the mesh."""
     centre = np.zeros(3)
     centre[:dim] = record.origin or np.zeros(dim)
-    return Turn(_rotation(record, record.angle), centre)
+    axis = np.array(record.axis) / np.linalg.norm(record.axis)
+    return Turn(np.eye(3) + turn(record.angle * axis), centre)
 
 
 def equations_of(space: Space, case: Case) -> Iterator[Equations]:
@@ -141,11 +141,6 @@ def _spacing(x: Floats) -> float:
 def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
     """Return the nodes of both sides."""
     return nodes_on(mesh, mesh.cells_of(record.slave)), nodes_on(mesh, mesh.cells_of(record.master))
-
-
-def _rotation(record: Cyclic, angle: float) -> NDArray[np.floating]:
-    axis = np.array(record.axis) / np.linalg.norm(record.axis)
-    return np.eye(3) + turn(angle * axis)
 
 
 def _nearest(points: Floats, places: Floats, count: int = 1) -> tuple[Floats, Ints]:

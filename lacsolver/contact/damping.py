@@ -37,7 +37,7 @@ class Damped(Curved):
 
     >>> law = Damped(base=Linear(stiffness=10.0), damping=2.0, dt=0.1)
     >>> rows = RowState(np.array([-0.2]), np.zeros(1), np.zeros(1, bool), np.ones(1), np.array([[1.0, 0.1, 0, 0, 0]]))
-    >>> law.total(rows).tolist(), law.at_rest.total(rows).tolist()
+    >>> law.total(rows).tolist(), law.in_step(0.0).total(rows).tolist()
     ([4.0], [2.0])
     """
 
@@ -50,11 +50,6 @@ class Damped(Curved):
     def in_step(self, dt: float) -> Damped:
         """Return the law in a step of size dt."""
         return replace(self, dt=dt)
-
-    @property
-    def at_rest(self) -> Damped:
-        """The law without damping."""
-        return self.in_step(0.0)
 
     @property
     def reach(self) -> float:

@@ -159,7 +159,10 @@ def integrate(
     gap = points.gap + clearance(zone, points.slave, points.xi_slave, pairing, t)
     integral = share.total(np.bincount(points.macro, weight * gap, m).astype(float))
     w = share.total(np.bincount(points.macro, weight, m).astype(float))
-    B = _jump(slave, master, points, weight, dim, m) if tie else _pressing(slave, master, points, weight, n, m)
+    if tie:
+        B = _jump(slave, master, points, weight, dim, m)
+    else:
+        B = macro_rows(points, slave, master, weight[:, None] * n, m)
     if pairing.turn is not None:
         B = pairing.turn.together(B, dim)
     B = share.add_matrices(B, (False, True))
@@ -219,11 +222,6 @@ def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bo
     if axisymmetric:
         before, after = (size * places(s, face, xi)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
-
-
-def _pressing(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, n: Floats, m: int) -> csr_array:
-    """Return the rows int (v(x) - v(x_bar)).n, (m, n_dof)."""
-    return macro_rows(points, slave, master, weight[:, None] * n, m)
 
 
 def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:

@@ -83,10 +83,11 @@ def history(
     for step, new, factor in zip(steps, value.tolist(), amplitude, strict=True):
         if not np.isnan(new):
             last = (new, factor) if factor else None
-            part = _sampled(step, new, factor) if factor else _grown(step, new)
+            grown = [(step.begin, new), (step.end, new)] if step.sudden else [(step.end, new)]
+            part = _sampled(step, new, factor) if factor else grown
         elif last is not None and last[1].total:
             part = _sampled(step, *last)
-        elif last is not None and _ends_varied(last[1]):
+        elif last is not None and len({factor for _, factor in last[1].rows}) > 1:
             raise Refused("loads whose amplitude counts the time of a step should be repeated in the later steps")
         else:
             part = [(step.end, points[-1][1])]
@@ -95,14 +96,6 @@ def history(
             part[0] = (step.begin + (JUMP * step.period if step.begin else 0.0), part[0][1])
         points += [row for row in part if not points or row[0] > points[-1][0]]
     return points
-
-
-def _grown(step: DeckStep, value: float) -> Points:
-    return [(step.begin, value), (step.end, value)] if step.sudden else [(step.end, value)]
-
-
-def _ends_varied(amplitude: Amplitude) -> bool:
-    return len({factor for _, factor in amplitude.rows}) > 1
 
 
 def _sampled(step: DeckStep, value: float, amplitude: Amplitude) -> Points:

@@ -55,15 +55,6 @@ def launched(environment: Mapping[str, str] = os.environ) -> Launch:
     return Launch(1, 0, "")
 
 
-def n_ranks(environment: Mapping[str, str] = os.environ) -> int:
-    """Return the number of processes of this run, from the environment alone.
-
-    >>> n_ranks({"PMI_SIZE": "8"}), n_ranks({})
-    (8, 1)
-    """
-    return launched(environment).n
-
-
 def _variables_of_slurm(environment: Mapping[str, str]) -> tuple[tuple[str, str], ...]:
     """Return Slurm's variables with the number of processes that were started and the rank; () if none has the number.
 

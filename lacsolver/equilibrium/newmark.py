@@ -111,7 +111,8 @@ class Newmark:
             v[massless] = (w - w_before)[massless] / dt
             a[massless] = (v - before.velocity)[massless] / dt
         internal, load, contact = motion_forces(step, q, p)
-        pushes = self._pushes(before, step.zone_forces(q, p))
+        pushed = step.zone_forces(q, p)
+        pushes = np.stack([pushed, (1 - self.alpha) * pushed + self.alpha * before.pushes[:, 0]], axis=1)
         impulse = dt * ((1 - self.gamma) * before.pushes[:, 1] + self.gamma * pushes[:, 1])
         motion = MotionState(
             v, a, np.empty(0), internal, load, contact, before.energies, *momentum(inertia, w, v),
@@ -140,10 +141,6 @@ class Newmark:
         """Return displacements and velocities (n_w,) at the end of a step without an acceleration there."""
         v, a = before.velocity, before.acceleration
         return w + dt * v + dt**2 * (0.5 - self.beta) * a, v + dt * (1 - self.gamma) * a
-
-    def _pushes(self, before: MotionState, forces: Floats) -> NDArray[np.floating]:
-        weighted = (1 - self.alpha) * forces + self.alpha * before.pushes[:, 0]
-        return np.stack([forces, weighted], axis=1)
 
     def _constant(self, dt: float) -> csr_array:
         """Return the matrix for a step of size dt; that of the last size is kept, so that its factor serves again."""

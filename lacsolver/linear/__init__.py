@@ -20,7 +20,6 @@ from lacsolver.linear.backends import (
     analyse,
     backends,
     choose,
-    factorise,
 )
 from lacsolver.linear.errors import LinearError, SingularError
 
@@ -37,5 +36,4 @@ __all__ = [
     "analyse",
     "backends",
     "choose",
-    "factorise",
 ]

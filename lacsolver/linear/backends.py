@@ -67,11 +67,6 @@ def why_no_rslab() -> str:
     return ""
 
 
-def _superlu_serves() -> str:
-    """Return the sentence that the slowest direct solver serves, and warn of it the first time."""
-    return superlu_serves("cannot be loaded", why_no_rslab(), "pip install rslab")
-
-
 #: every backend by its name, the direct ones in the order in which `auto` prefers them
 BACKENDS: Mapping[str, Backend] = MappingProxyType(
     {
@@ -163,20 +158,7 @@ def analyse(
         name = "superlu" if why_no_rslab() else "rslab"
     if name == "multigrid":
         return MultigridAnalysis(K, modes, block, threads, near)
-    note = _superlu_serves() if name == "superlu" and why_no_rslab() and backend != "superlu" else ""
+    note = ""
+    if name == "superlu" and why_no_rslab() and backend != "superlu":
+        note = superlu_serves("cannot be loaded", why_no_rslab(), "pip install rslab")
     return DirectAnalysis(name, K, threads, definite, note)
-
-
-def factorise(
-    K: Matrix,
-    *,
-    backend: str = "auto",
-    threads: int = 1,
-    modes: Floats | None = None,
-    block: int | None = None,
-    multigrid_above: int = MULTIGRID_ABOVE,
-) -> Factor:
-    """Return the factor of a matrix that is factorised only once: `analyse` and `factor` in one call."""
-    return analyse(
-        K, backend=backend, threads=threads, modes=modes, block=block, multigrid_above=multigrid_above
-    ).factor(K)

@@ -10,7 +10,7 @@ begin with its name.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import reduce
 from operator import or_
@@ -203,13 +203,9 @@ def _profile(root: h5py.Group, places: Ints) -> str:
 def _cut_off(path: Path, end: float) -> None:
     """Remove the times after `end` from a file. Raises WriteError."""
     with changing(path) as root:
-        for home in _branches(root["CHA"]) if "CHA" in root else ():
+        for home in list(root["CHA"].values()) if "CHA" in root else ():
             later = [name for name, step in home.items() if not until(float(step.attrs["PDT"]), end)]
             for name in later:
                 del home[name]
             if later:
                 _count_times(home, "LNA" in home.attrs)
-
-
-def _branches(group: Mapping[str, h5py.Group]) -> list[h5py.Group]:
-    return list(group.values())

@@ -141,7 +141,7 @@ def scatter_state(state: Restart, share: Share, orders: Mapping[str, Order]) -> 
     own, failed = {}, None
     for name, values in whole_arrays(state).items():
         source = _Source(state, name, values) if share.rank == 0 else None
-        own[name] = orders[name].deal(source.read if source else _nothing)
+        own[name] = orders[name].deal(source.read if source else lambda n: np.empty(0))
         failed = failed or (source.failed if source else None)
     share.agree(failed)
     return with_arrays(state, own)
@@ -167,10 +167,6 @@ class _Source:
         except ReadError as error:
             self.failed = error
             return np.zeros((n, *self._shape))
-
-
-def _nothing(n: int) -> NDArray:
-    return np.empty(0)
 
 
 class _Light(Mapping[str, NDArray]):

@@ -119,7 +119,7 @@ def history_row(step: StepFigures) -> dict[str, float]:
 
 def _along_axes(start: str, vector: Floats) -> dict[str, float]:
     """Return the components of a vector by the names of their columns, `start` and the axis."""
-    return {f"{start}{axis}": value for axis, value in zip(_AXES, _list(vector), strict=False)}
+    return {f"{start}{axis}": value for axis, value in zip(_AXES, np.asarray(vector, float).tolist(), strict=False)}
 
 
 def add_contact(path: Path, time: float, zone: ZoneFields) -> None:
@@ -201,11 +201,6 @@ def _blank(values: NDArray) -> list[Any]:
 
 def _plain(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
-
-
-def _list(vector: Floats) -> list[float]:
-    values: list[float] = np.asarray(vector, float).tolist()
-    return values
 
 
 def _lines(rows: Iterable[Sequence[Any]]) -> bytes:

@@ -102,6 +102,7 @@ class VtuSeries:
 
 def _solid(fields: Fields) -> dict[str, NDArray]:
     moving = {"velocity": fields.velocity, "acceleration": fields.acceleration}
+    strain = {} if fields.plastic_strain is None else {"plastic_strain": np.asarray(fields.plastic_strain)}
     return {
         "displacement": wide(fields.displacement, 3),
         "stress": wide(fields.stress, 6),
@@ -109,13 +110,8 @@ def _solid(fields: Fields) -> dict[str, NDArray]:
         **dict(zip(PRINCIPAL, principal(fields.stress).T, strict=True)),
         "reaction": wide(fields.reaction, 3),
         **{name: wide(values, 3) for name, values in moving.items() if values is not None},
-        **_of_yielding(fields),
+        **strain,
     }
-
-
-def _of_yielding(fields: Fields) -> dict[str, NDArray]:
-    """Return the accumulated plastic strain where a material yields."""
-    return {} if fields.plastic_strain is None else {"plastic_strain": np.asarray(fields.plastic_strain)}
 
 
 def _nodal(zone: ZoneFields, fields: Fields) -> dict[str, NDArray]:

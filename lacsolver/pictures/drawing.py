@@ -180,7 +180,7 @@ class ContactPicture:
 
     def figure(self, path: Path) -> Any:
         """Return the picture as a figure of matplotlib."""
-        panels = self._panels()
+        panels = self._all_panels[:_PANELS]
         across = 1 if self.mesh.dim == 2 and len(panels) < 4 else math.ceil(math.sqrt(len(panels)))
         down = math.ceil(len(panels) / across)
         wide, high = (_PLANE, _LOW) if self.mesh.dim == 2 else (_SPACE, _HIGH)
@@ -221,9 +221,6 @@ class ContactPicture:
         """Displacement (n_nodes, 3)."""
         given = np.nan_to_num(np.asarray(self.fields.displacement, float))
         return np.pad(given, ((0, 0), (0, 3 - given.shape[1])))
-
-    def _panels(self) -> list[tuple[str, ZoneFields, SkinView | None]]:
-        return self._all_panels[:_PANELS]
 
     @cached_property
     def _all_panels(self) -> list[tuple[str, ZoneFields, SkinView | None]]:

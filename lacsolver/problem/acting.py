@@ -162,7 +162,11 @@ def springs(space: Space, case: Case, *, along_lines: bool = True) -> csr_array 
     for spring in case.spring:
         if spring.k is not None and not along_lines:
             continue
-        own = _to_the_ground(space, spring, moved) if spring.to is None else _between(space, spring, moved)
+        if spring.to is None:
+            nodes, k = np.unique(_nodes_before_cut(space, spring)), _stiffness(space, spring)
+            own = loads.springs(space, nodes, k, moved=moved, along=directions(space, spring, nodes))
+        else:
+            own = _between(space, spring, moved)
         stiffness_matrix = own if stiffness_matrix is None else csr_array(stiffness_matrix + own)
     return stiffness_matrix
 
@@ -180,11 +184,6 @@ def line_springs(space: Space, case: Case) -> LineSprings | None:
 def _on_rigid_bodies(space: Space, case: Case) -> Ints:
     """Return the nodes (k,) of rigid bodies, which springs and forces find without a cell."""
     return np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in coupling.rigid_records(case))])
-
-
-def _to_the_ground(space: Space, spring: Spring, moved: Ints) -> csr_array:
-    nodes = np.unique(_nodes_before_cut(space, spring))
-    return loads.springs(space, nodes, _stiffness(space, spring), moved=moved, along=directions(space, spring, nodes))
 
 
 def _stiffness(space: Space, spring: Spring) -> list[float]:

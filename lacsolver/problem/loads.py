@@ -233,7 +233,8 @@ def springs(
     """
     nodes = check_on_bodies(space, nodes, "spring", moved)
     k = evaluate_vector(stiffness, space.mesh.points[nodes], t, space.dim, "spring")
-    _not_negative(k)
+    if (k < 0).any():
+        raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")
     dofs = space.dofs(nodes)
     if along is None:
         matrix = sparse((space.n_dof, space.n_dof), (dofs, dofs, k))
@@ -241,11 +242,6 @@ def springs(
         matrix = sparse_blocks(space.n_dof, [(dofs, np.einsum("nk,nki,nkj->nij", k, along, along))])
     matrix.eliminate_zeros()
     return matrix
-
-
-def _not_negative(k: Floats) -> None:
-    if (k < 0).any():
-        raise DataError(f"a spring's stiffness is 0 or more, and is {k.min():.6g} somewhere")
 
 
 def _pressed(space: Space, faces: Ints) -> Surface | None:

@@ -50,7 +50,9 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     A body that would have no node with mass near some of its skin nodes keeps the mass of its master skins, or, if
     this does not suffice, that of all its nodes but the internal ones.
     """
-    adjacent, rigid_node = _adjacency(space), np.zeros(space.mesh.n_nodes, bool)
+    indptr, indices = space.pattern
+    adjacent = csr_array((np.ones(len(indices)), indices, indptr), shape=(space.mesh.n_nodes,) * 2)
+    rigid_node = np.zeros(space.mesh.n_nodes, bool)
     rigid_node[rigid] = True
     attached = space.agreed(space.attached)
     movable, levels = attached & ~space.agreed(rigid_node), _levels(space, zones)
@@ -84,12 +86,6 @@ def _levels(space: Space, zones: Sequence[Zone]) -> dict[str, Bools]:
             mask[skin.faces.nodes[skin.faces.nodes >= 0]] = True
     born = internal | space.agreed(inside_children(space.mesh, space.dim))
     return {"skins": born | slave | master, "slave": born | slave, "internal": internal, "none": np.zeros(n, bool)}
-
-
-def _adjacency(space: Space) -> csr_array:
-    """Return ones (n_nodes, n_nodes) for nodes that share a cell."""
-    indptr, indices = space.pattern
-    return csr_array((np.ones(len(indices)), indices, indptr), shape=(space.mesh.n_nodes,) * 2)
 
 
 def _reached(space: Space, adjacent: csr_array, nodes: Bools) -> Bools:

@@ -14,7 +14,7 @@ from lacsolver.space.places import wrong
 
 def with_sections(case: Case, mesh: Mesh) -> Mesh:
     """Return the mesh, divided at each section of a case whose two skins it lacks. Raises CaseError."""
-    records = [record for record in case.pretension if not _has_sides(mesh, record)]
+    records = [one for one in case.pretension if not set(sides_of(mesh, one)) <= mesh.cell_groups.keys()]
     if not records:
         return mesh
     for record in records:
@@ -27,10 +27,6 @@ def with_sections(case: Case, mesh: Mesh) -> Mesh:
         return split_skins(mesh, [record.group for record in records]).mesh
     except LacmeshError as error:
         raise wrong(_culprit(records, mesh), f"the body is not divided: {error}") from None
-
-
-def _has_sides(mesh: Mesh, record: Pretension) -> bool:
-    return all(name in mesh.cell_groups for name in sides_of(mesh, record))
 
 
 def _culprit(records: Sequence[Pretension], mesh: Mesh) -> Pretension:

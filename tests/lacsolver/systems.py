@@ -13,6 +13,7 @@ from lacsolver.contact.laws import Bilateral, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.newton import newton_iterates
 from lacsolver.equilibrium.search import search
+from lacsolver.linear import analyse
 from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -22,6 +23,11 @@ from lacsolver.saddle.stiffness import FactorCache, Stiffness
 def factorised(K, R, backend="auto", definite=True):
     """Return a stiffness that is factorised once."""
     return FactorCache(R, backend).factorise(K, definite)
+
+
+def factorise(K, **options):
+    """Return the factor of a matrix that is factorised only once."""
+    return analyse(K, **options).factor(K)
 
 
 class System(NamedTuple):

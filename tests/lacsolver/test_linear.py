@@ -14,8 +14,9 @@ from scipy.sparse import csc_array, csr_array
 from lacmesh.errors import DataError, LacmeshError, RequestError
 from lacsolver.case.case import Solver
 from lacsolver.case.rules import BACKENDS_OF
-from lacsolver.linear import Backend, LinearError, analyse, backends, choose, factorise
+from lacsolver.linear import Backend, LinearError, analyse, backends, choose
 from tests.lacsolver.stiffnesses import BODIES, free, held
+from tests.lacsolver.systems import factorise
 
 INSTALLED = [b.name for b in backends().values() if b.installed]
 DIRECT = [name for name in INSTALLED if backends()[name].direct]

@@ -9,11 +9,12 @@ from scipy.sparse.linalg import eigsh
 
 from lacmesh.communicator import SERIAL
 from lacmesh.errors import RequestError
-from lacsolver.linear import LinearError, SingularError, analyse, factorise
+from lacsolver.linear import LinearError, SingularError, analyse
 from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
+from tests.lacsolver.systems import factorise
 
 
 def multigrid(K, modes, block=3):

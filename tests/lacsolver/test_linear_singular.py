@@ -7,9 +7,10 @@ import pytest
 from scipy.sparse import csr_array, eye_array
 
 from lacmesh import Mesh, raise_order
-from lacsolver.linear import LinearError, SingularError, analyse, factorise
+from lacsolver.linear import LinearError, SingularError, analyse
 from lacsolver.linear.regular import is_free, least_motion
 from tests.lacsolver.stiffnesses import BODIES, above, beam, beside, free, held, rigid_modes, stiffness
+from tests.lacsolver.systems import factorise
 from tests.lacsolver.test_linear import DIRECT, INSTALLED, block_of, solver
 from tests.samples import samples
 

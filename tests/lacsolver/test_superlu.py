@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 import lacsolver as ls
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacsolver.linear import LinearError, SingularError, analyse, factorise
+from lacsolver.linear import LinearError, SingularError, analyse
 from lacsolver.linear.direct.reserve import warn_once
 from tests.lacsolver import (
     test_contact,
@@ -24,6 +24,7 @@ from tests.lacsolver import (
 )
 from tests.lacsolver.friction import test_messages
 from tests.lacsolver.stiffnesses import free, held
+from tests.lacsolver.systems import factorise
 
 MODULE = sys.modules["lacsolver.linear.backends"]
 SMALL = csr_array(np.diag([2.0, 3.0, 4.0]) + np.diag([-1.0, -1.0], 1) + np.diag([-1.0, -1.0], -1))

@@ -16,11 +16,6 @@ def factor_of(K: csc_array) -> SuperLU:
     return splu(K, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def _worst(pivots: Floats, perm_c: Floats) -> int:
-    """Return the row of the least pivot: column k of the matrix is eliminated at perm_c[k]."""
-    return int(np.flatnonzero(perm_c == pivots.argmin())[0])
-
-
 def analyse(triangle: Triangle, threads: int, definite: bool = True) -> Factorise:
     """Keep the pattern: SuperLU has no analysis that is separate from the factorisation. It runs on one core.
 
@@ -42,7 +37,7 @@ def analyse(triangle: Triangle, threads: int, definite: bool = True) -> Factoris
         # rows are permuted apart from columns only for a zero on the diagonal; the pivots are the diagonal of U
         pivots = lu.U.diagonal()
         if (lu.perm_r != lu.perm_c).any() or (pivots <= 0).any():
-            raise Breakdown(_worst(pivots, lu.perm_c))
+            raise Breakdown(int(np.flatnonzero(lu.perm_c == pivots.argmin())[0]))  # column k is eliminated at perm_c[k]
         return lu.solve
 
     return factor
