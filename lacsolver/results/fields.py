@@ -21,16 +21,7 @@ def point_stress(problem: Problem, state: State) -> Field:
 
 
 def state_fields(problem: Problem, state: State, stress: Field | None = None) -> Fields:
-    """Return the fields of a state; `stress`: its `point_stress`, where that is known.
-
-    >>> from lacsolver import read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> *_, state = march(problem)
-    >>> state_fields(problem, state).stress.shape
-    (512, 6)
-    """
+    """Return the fields of a state; `stress`: its `point_stress`, where that is known."""
     space, dynamics = problem.space, problem.case.dynamics
     at_nodes = nodal_stress(space, point_stress(problem, state) if stress is None else stress)
     pairs = zip(problem.joints, state.zones, strict=True)

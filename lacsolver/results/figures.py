@@ -27,15 +27,7 @@ from lacsolver.space.space import COMPONENTS, Space
 
 
 def step_figures(problem: Problem, state: State, stress: Field | None = None) -> StepFigures:
-    """Return the figures of the step that led to a state; `stress`: its `point_stress`, where that is known.
-
-    >>> from lacsolver import read_case
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> problem = Problem.of(read_case("data/two_blocks.toml"))
-    >>> *_, state = march(problem)
-    >>> step_figures(problem, state).contact["joint"].active
-    36
-    """
+    """Return the figures of the step that led to a state; `stress`: its `point_stress`, where that is known."""
     space = problem.space
     if stress is None and yields(problem):
         stress = problem.kinematics.stress(state.u, state.time, state.history)

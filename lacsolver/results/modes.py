@@ -19,15 +19,6 @@ class NaturalModes(Described):
     mode in words, and `rigid_shapes` (r, n_nodes, dim) their shapes. `unknowns`: their number; `held`: number of
     contact rows that are held closed, by contact or tie. `time` of the state about which the model vibrates, None for
     the undeformed bodies.
-
-    >>> from dataclasses import replace
-    >>> from lacsolver import natural_modes, read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> case = read_case("data/two_blocks.toml")
-    >>> case = replace(case, material=tuple(replace(material, density=7.8e-9) for material in case.material))
-    >>> modes = natural_modes(Problem.of(case), 3)
-    >>> len(modes.frequencies), modes.rigid, modes.shapes.shape
-    (3, ("'upper' moves along z",), (3, 512, 3))
     """
 
     frequencies: Floats

@@ -31,17 +31,6 @@ class MotionState(NamedTuple):
     (n_dof,): internal forces, loads, and contact forces B^T p. `energies` (7,): see ENERGIES. `linear` (dim,) and
     `angular` (3,) or (): momentum, the angular one about the origin. By zone, `impulse` (n, dim) on the slave since the
     start, and `pushes` (n, 2, dim): the force on it now, and as the time scheme weighs it.
-
-    >>> from dataclasses import replace
-    >>> from lacsolver import read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> from lacsolver.case import Steps
-    >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
-    >>> *_, state = march(Problem.of(case))
-    >>> motion = state.step.motion
-    >>> [float(p.round(12) + 0.0) for p in motion.linear], abs(motion.account) < 1e-15
-    ([0.0, -0.0025], True)
     """
 
     velocity: Floats

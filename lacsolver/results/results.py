@@ -83,19 +83,6 @@ class MotionFigures(Described):
     friction + numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the origin.
     `impulse`: by zone, that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of
     each probe, (d,).
-
-    >>> from dataclasses import replace
-    >>> from lacsolver import read_case
-    >>> from lacsolver.results.figures import step_figures
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> from lacsolver.case import Steps
-    >>> case = replace(read_case("data/impact/bar_on_wall.toml"), steps=Steps(end=0.1, count=2))
-    >>> problem = Problem.of(case)
-    >>> *_, state = march(problem)
-    >>> motion = step_figures(problem, state).motion
-    >>> round(motion.energies["kinetic"], 12), float(motion.velocities["top"][1].round(12))
-    (1.25e-05, -0.01)
     """
 
     energies: Mapping[str, float]

@@ -149,14 +149,6 @@ class ZoneState(Described):
     the magnitude of the mean jump. `status`: CONTACT, SLIDES, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the
     measure that pressures refer to, with thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element.
     `force` (n_nodes, d): contact force on every node of slave and master. `friction`: None without it.
-
-    >>> from lacsolver import read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
-    >>> zone = state.zones[0]
-    >>> zone.name, float((zone.pressure * zone.area).sum().round(6))
-    ('joint', 10.435185)
     """
 
     name: str
@@ -199,13 +191,6 @@ class State(Described):
     `equations`: forces (k,) of the equations C u = g of each record that has some, by name, which act on the bodies by
     C^T times them; `further`: values (n_s,) of the further unknowns of equations, by name. `linear_solver`: a sentence
     about the solver that had to take the place of rslab, "" where none had.
-
-    >>> from lacsolver import read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> from lacsolver.equilibrium.stepping import march
-    >>> *_, state = march(Problem.of(read_case("data/two_blocks.toml")))
-    >>> state.time, state.u.shape, [zone.name for zone in state.zones]
-    (1.0, (1536,), ['joint'])
     """
 
     time: float
