@@ -45,7 +45,7 @@ class _Skin(NamedTuple):
 
 
 def facing_pairs(mesh: Mesh) -> list[tuple[str, str]]:
-    """Return pairs of groups of faces that lie opposite one another, on different bodies, the closest first.
+    """Return pairs of groups of faces that lie opposite one another, on different bodies, in the mesh's order.
 
     Two skins are a pair if, along their normals, some part of each faces the other within a fifth of the size of the
     smaller. Of groups that contain one another only the smallest are taken. A surface without parent cells is a body
@@ -62,13 +62,9 @@ def facing_pairs(mesh: Mesh) -> list[tuple[str, str]]:
             continue
         reach = _GAP * min(a.size, b.size)
         apart = np.maximum(a.box[0] - b.box[1], b.box[0] - a.box[1]).max()
-        if apart <= reach:
-            part = _facing(a, b, reach)
-            if part > 0:
-                pairs.append((part, a, b))
-    least = [(part, a, b) for part, a, b in pairs if not any(_within(c, d, a, b) for _, c, d in pairs)]
-    ordered = sorted(least, key=lambda pair: (-pair[0], pair[1].name, pair[2].name))
-    return [(a.name, b.name) for _, a, b in ordered]
+        if apart <= reach and _face_each_other(a, b, reach):
+            pairs.append((a, b))
+    return [(a.name, b.name) for a, b in pairs if not any(_within(c, d, a, b) for c, d in pairs)]
 
 
 def _skins(mesh: Mesh) -> Iterator[_Skin]:
@@ -87,16 +83,16 @@ def _skins(mesh: Mesh) -> Iterator[_Skin]:
         yield _Skin(name, surface, frozenset(np.unique(body[nodes]).tolist()), nodes, box)
 
 
-def _facing(a: _Skin, b: _Skin, reach: float) -> float:
-    """Return the larger part of two skins that faces the other within a distance; 0 if that is none of either."""
+def _face_each_other(a: _Skin, b: _Skin, reach: float) -> bool:
+    """True if a twentieth of one of two skins faces the other within a distance, and some of that one the first."""
     parts = []
     for mine, other in ((a.surface, b.surface), (b.surface, a.surface)):
         try:
             met = coverage(contact_points(mine, other, search_distance=reach), mine)
         except LacmeshError:
-            return 0.0
+            return False
         parts.append(float(met.covered.sum() / met.area.sum()))
-    return max(parts) if min(parts) > 0 and max(parts) > _PART else 0.0
+    return min(parts) > 0 and max(parts) > _PART
 
 
 def _within(c: _Skin, d: _Skin, a: _Skin, b: _Skin) -> bool:

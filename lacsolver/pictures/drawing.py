@@ -228,7 +228,9 @@ class ContactPicture:
         if self.mesh.dim == 2:
             return [(name, zone, None) for name, zone in self.zones.items()]
         x = self.mesh.points + self.u
-        return [(name, zone, view) for name, zone in self.zones.items() for view in views_of(zone.surface, x)]
+        return [
+            (name, zone, view) for name, zone in self.zones.items() for view in views_of(zone.surface, x, zone.macro)
+        ]
 
     def _add_scale(self, figure: Any, axes: Any) -> None:
         """Add the scale of colours: a bar, or a line for each state that occurs."""
@@ -367,7 +369,7 @@ class ContactPicture:
         pressed = np.nan_to_num(_on_faces(zone, zone.pressure))[view.rows] != 0
         if self.zoom and pressed.any():
             window = _window(view.paper[pressed].reshape(-1, 2))
-            axes.set(xlim=window[:, 0], ylim=window[:, 1])
+            axes.set(xlim=np.clip(window[:, 0], *axes.get_xlim()), ylim=np.clip(window[:, 1], *axes.get_ylim()))
 
     def _add_skin_arrows(self, axes: Any, zone: ZoneFields, view: SkinView) -> str:
         """Add arrows of the shear on the master; return a line that explains them, "" if there are none."""

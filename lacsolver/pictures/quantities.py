@@ -38,7 +38,9 @@ class Quantity(NamedTuple):
         """Return the values on the macro-elements of a zone (n,), NaN if the zone has none."""
         if self.friction and zone.friction is None:
             return np.full(len(zone.status), np.nan)
-        return np.asarray(self.values(zone), float)
+        values = np.array(self.values(zone), float)
+        values[np.abs(values) <= _ROUND_OFF * _size(zone, self.unit)] = 0.0
+        return values
 
     def range_of(self, zones: Iterable[ZoneFields]) -> tuple[float, float]:
         """Return the ends of a scale of colours for some zones; 0 is part of it."""
@@ -46,6 +48,12 @@ class Quantity(NamedTuple):
             return float(UNPAIRED), float(SLIDES)
         parts = [zone.pressure_recovered if self.nodal else self.of(zone) for zone in zones]
         return ends_of(np.concatenate([np.zeros(0), *parts]), zero=True)
+
+
+def _size(zone: ZoneFields, unit: str) -> float:
+    """Return the size that round-off of values in a unit is relative to: of coordinates, or of pressures."""
+    sizes = {"length": zone.surface.x, "stress": zone.pressure}
+    return float(np.abs(sizes[unit]).max(initial=0.0)) if unit in sizes else 0.0
 
 
 def _length(vectors: Floats | None) -> Floats:
@@ -56,6 +64,8 @@ def _of_friction(name: str) -> Callable[[ZoneFields], Floats]:
     return lambda zone: getattr(zone.friction, name)
 
 
+#: values of this size, relative to coordinates or to pressures, are 0: a picture would show round-off as differences
+_ROUND_OFF = 1e-12
 #: what `lacsolver plot --field` may name
 QUANTITIES: Mapping[str, Quantity] = {
     "pressure": Quantity("contact pressure", "stress", lambda zone: zone.pressure),

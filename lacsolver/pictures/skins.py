@@ -22,8 +22,11 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES
 _EVEN, _SEEN = 0.9, 0.35
 #: a skin whose mean normal is less than this faces every way
 _ONE_WAY = 0.3
-#: how far a skin may be from a cylinder: the part of its normals along the axis, and the spread of its radii
-_ALONG, _SPREAD = 1e-2, 0.03
+#: how far a skin may be from a cylinder: the part of its normals along the axis; how far its nodes lie outside, and
+#: inside, as those of the cut do in the middles of flat faces
+_ALONG, _OUTSIDE, _INSIDE = 0.02, 0.03, 0.2
+#: nodes that lie inside of a first circle by more are left out of the second
+_LEVEL = 1e-6
 #: nodes around a face, at most
 _AROUND = 8
 #: cosine of the angle up to which a skin is seen along a coordinate axis
@@ -47,8 +50,11 @@ class SkinView:
     flipped: tuple[bool, bool] = (False, False)
 
 
-def views_of(surface: Surface, x: Floats) -> list[SkinView]:
-    """Return the views that show all of a skin of faces in space, at coordinates x (n_nodes, 3)."""
+def views_of(surface: Surface, x: Floats, macro: Ints) -> list[SkinView]:
+    """Return the views that show all of a skin of faces in space, at coordinates x (n_nodes, 3).
+
+    `macro` (f,): the macro-element of each face, -1 for none.
+    """
     if not len(surface):
         return []
     X = x[rings_of(surface)]
@@ -61,7 +67,7 @@ def views_of(surface: Surface, x: Floats) -> list[SkinView]:
     every = np.arange(len(X))
     if one_way and towards.min() > _EVEN:
         return [_flat(every, X, mean)]
-    unrolled = _unrolled(every, X, n, size)
+    unrolled = _unrolled(every, X, n, size, macro)
     if unrolled is not None:
         return [unrolled]
     if one_way and towards.min() > _SEEN:
@@ -147,8 +153,11 @@ def _direction(axis: Floats) -> str:
     return f"({', '.join(f'{round(part, 2) + 0.0:.2f}' for part in axis.tolist())})".replace("-", "\N{MINUS SIGN}")
 
 
-def _unrolled(rows: Ints, X: Floats, n: Floats, size: Floats) -> SkinView | None:
-    """Return the faces of a cylinder unrolled, (radius times angle, length along the axis); None for another shape."""
+def _unrolled(rows: Ints, X: Floats, n: Floats, size: Floats, macro: Ints) -> SkinView | None:
+    """Return the faces of a cylinder unrolled, (radius times angle, length along the axis); None for another shape.
+
+    It is cut open between macro-elements.
+    """
     part, directions = np.linalg.eigh((n * size[:, None]).T @ n / size.sum())
     if part[0] > _ALONG or part[1] < _ALONG:
         return None
@@ -156,15 +165,20 @@ def _unrolled(rows: Ints, X: Floats, n: Floats, size: Floats) -> SkinView | None
     right = screen_axes(axis)[:, 0]
     basis = np.stack([right, np.cross(axis, right)])
     flat = X @ basis.T
-    centre, radius = _circle(flat.reshape(-1, 2))
-    away = np.linalg.norm(flat - centre, axis=2)
-    if np.abs(away / radius - 1).max() > _SPREAD:
+    points = np.unique(X.reshape(-1, 3), axis=0) @ basis.T
+    centre, radius = _circle(points)
+    centre, radius = _circle(points[np.linalg.norm(points - centre, axis=1) > (1 - _LEVEL) * radius])
+    away = np.linalg.norm(points - centre, axis=1) / radius
+    if away.max() > 1 + _OUTSIDE or away.min() < 1 - _INSIDE:
         return None
-    middle = flat.mean(axis=1) - centre
+    whole = np.unique(np.where(macro >= 0, macro, -1 - rows), return_inverse=True)[1].ravel()
+    middles = np.zeros((whole.max() + 1, 2))
+    np.add.at(middles, whole, flat.mean(axis=1) - centre)
+    middle = middles[whole]
     angle = np.arctan2(middle[:, 1], middle[:, 0])
     angle = (angle - _seam(angle)) % (2 * np.pi)
     turned = np.stack([middle, np.stack([-middle[:, 1], middle[:, 0]], axis=1)], axis=1)
-    turned /= np.linalg.norm(middle, axis=1)[:, None, None]
+    turned /= np.maximum(np.linalg.norm(middle, axis=1), _TINY)[:, None, None]
     local = np.einsum("kij,kpj->kpi", turned, flat - centre)
     outward = np.sign(np.einsum("ki,ki->", n @ basis.T, middle)) or 1.0
     s = outward * radius * (angle[:, None] + np.arctan2(local[..., 1], local[..., 0]))

@@ -12,7 +12,7 @@ import lacmesh
 import lacsolver as ls
 from lacsolver.cli import main
 from lacsolver.first_case import facing_pairs, first_case
-from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.patch_meshes import stack, three_blocks
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 
@@ -50,6 +50,14 @@ def test_of_groups_within_one_another_the_smallest_are_named():
     skin = np.sort(np.concatenate([mesh.cells_of("slave"), mesh.cells_of("top")]))
     wider = replace(mesh, cell_groups={"foot": skin, **mesh.cell_groups}, group_tags={})
     assert facing_pairs(wider) == [("slave", "master")]
+
+
+def test_pairs_stand_in_the_order_of_the_mesh():
+    """Pairs that face each other wholly are not sorted by the round-off of their areas, nor by their names."""
+    mesh = three_blocks()
+    names = {"slave2": "b", "master2": "d", "slave1": "a", "master1": "c"}
+    groups = {names[name]: mesh.cell_groups[name] for name in names}
+    assert facing_pairs(replace(mesh, cell_groups=groups, group_tags={})) == [("b", "d"), ("a", "c")]
 
 
 @pytest.mark.parametrize("name", ["two_blocks", "press_fit", "disc_on_block", "sliding/ball", "sliding/snap_fit"])

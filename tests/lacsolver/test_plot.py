@@ -222,6 +222,18 @@ def test_a_uniform_pressure_has_one_colour(disc, pressure, place):
     np.testing.assert_allclose(np.asarray(scale.norm(p)), place, rtol=0, atol=1e-9)
 
 
+def test_round_off_is_drawn_as_nothing(sheared):
+    zone = ls.read_results(sheared).solution().contact["joint"]
+    rows = np.arange(len(zone.gap))
+    friction = zone.friction._replace(shear=1e-13 * zone.pressure[:, None])
+    noise = replace(zone, gap=-1e-16 * (1 + rows), friction=friction)
+    for name in ("gap", "shear"):
+        assert not QUANTITIES[name].of(noise).any()
+        assert ColourScale.of(QUANTITIES[name], [noise], Units()).high == 1.0
+    small = replace(noise, gap=1e-9 * rows)
+    np.testing.assert_array_equal(QUANTITIES["gap"].of(small), small.gap)
+
+
 def test_high_values_are_dark_and_states_have_colours_of_their_own():
     scale = ColourScale("pressure", 0.0, 2.0)
     low, high, none = 255 * scale.rgba(np.array([0.0, 2.0, np.nan]))
@@ -256,7 +268,7 @@ def cylinder(turn, radius=2.0, n=24, m=3, inward=False):
 @pytest.mark.parametrize("inward", [False, True])
 def test_a_cylinder_is_unrolled(turn, inward):
     surface, x = cylinder(turn, inward=inward)
-    (view,) = views_of(surface, x)
+    (view,) = views_of(surface, x, np.arange(len(surface)))
     assert view.words == f"unrolled, {'inside' if inward else 'outside'} of radius 2"
     assert view.axes == ("length around", "z") and len(view.rows) == len(surface)
     s = view.paper[..., 0]
@@ -268,15 +280,30 @@ def test_a_cylinder_is_unrolled(turn, inward):
     assert len(np.unique(np.round(view.paper.mean(axis=1), 6), axis=0)) == len(surface)  # no face upon another
 
 
+@pytest.mark.parametrize(("n", "views"), [(8, 1), (4, 2)])
+def test_a_coarse_bore_is_unrolled_after_its_cut_too(n, views):
+    surface, x = cylinder(2 * np.pi, n=n, m=2, inward=True)
+    quads = surface.faces.corners
+    middle = len(x) + np.arange(len(quads))[:, None]
+    cut = np.concatenate([np.concatenate([quads[:, [k, (k + 1) % 4]], middle], axis=1) for k in range(4)])
+    surface, x = surface_of(np.concatenate([x, x[quads].mean(axis=1)]), "TRIA3", cut)
+    macro = np.arange(len(surface)) % len(quads)
+    found = views_of(surface, x, macro)
+    if n == 8:  # no macro-element is torn by the seam: each is as wide as a face of the octagon
+        s = found[0].paper[..., 0]
+        assert max(np.ptp(s[macro == k]) for k in range(len(quads))) == pytest.approx(2 * np.pi / 4, rel=1e-6)
+    assert len(found) == views and found[0].words.startswith("unrolled, inside of radius 2" if n == 8 else "seen")
+
+
 def test_a_flat_skin_is_seen_along_its_normal():
     quad = [[0, 0, 1], [2, 0, 1], [2, 1, 1], [0, 1, 1]]
-    (view,) = views_of(*surface_of(quad, "QUAD4", [[0, 1, 2, 3]]))
+    (view,) = views_of(*surface_of(quad, "QUAD4", [[0, 1, 2, 3]]), np.array([0]))
     assert view.words == "seen along \N{MINUS SIGN}z" and view.axes == ("x", "y") and view.flipped == (False, False)
     assert np.allclose(view.paper[0, :4], np.array(quad)[:, :2])
-    (below,) = views_of(*surface_of(quad, "QUAD4", [[3, 2, 1, 0]]))
+    (below,) = views_of(*surface_of(quad, "QUAD4", [[3, 2, 1, 0]]), np.array([0]))
     assert below.words == "seen along +z" and below.axes == ("x", "y") and below.flipped.count(True) == 1
     tilted = np.array(quad, float) @ np.array([[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])
-    (view,) = views_of(*surface_of(tilted, "QUAD4", [[0, 1, 2, 3]]))
+    (view,) = views_of(*surface_of(tilted, "QUAD4", [[0, 1, 2, 3]]), np.array([0]))
     sides = np.linalg.norm(np.diff(view.paper[0, :4], axis=0), axis=1)
     assert np.allclose(sides, [2, 1, 2]) and np.allclose(view.paper.reshape(-1, 2).min(axis=0), 0)
 
@@ -291,7 +318,7 @@ def test_a_ball_is_seen_from_two_sides(kind):
         )
         octahedron = np.concatenate([octahedron, octahedron[ends].mean(axis=1)])
         faces = np.concatenate([faces, 6 + back.reshape(-1, 3)], axis=1)
-    views = views_of(*surface_of(octahedron, kind, faces))
+    views = views_of(*surface_of(octahedron, kind, faces), np.arange(8))
     assert len(views) == 2 and sorted(np.concatenate([view.rows for view in views])) == [*range(8)]
     assert views[0].words != views[1].words
 
@@ -299,7 +326,7 @@ def test_a_ball_is_seen_from_two_sides(kind):
 def test_outlines_are_those_of_macro_elements():
     points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]]
     surface, x = surface_of(points, "TRIA3", [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
-    (view,) = views_of(surface, x)
+    (view,) = views_of(surface, x, np.array([0, 0, 1, 1]))
     macro = np.array([0, 0, 1, 1])
     lines, ends = outlines(view, rings_of(surface), macro)
     length = np.linalg.norm(np.diff(lines, axis=1)[:, 0], axis=1)
@@ -378,6 +405,15 @@ def test_a_zoomed_picture_shows_the_surroundings_of_the_contact(disc, tmp_path):
     assert profile.get_xlim() == (begin, end)
     ls.plot(disc, tmp_path / "zoomed.png", zoom=True)
     assert "to scale" in picture(disc, zoom=True).heading
+
+
+def test_a_zoomed_picture_ends_where_the_skin_does(pressed, tmp_path):
+    """All of the skin is under pressure: its surroundings are no more than the skin."""
+    whole, near = (
+        [(ax.get_xlim(), ax.get_ylim()) for ax in picture(pressed, zoom=zoom).figure(tmp_path / "p.png").axes[1:]]
+        for zoom in (False, True)
+    )
+    assert near == whole
 
 
 def test_without_pressure_a_zoomed_picture_shows_everything(disc):
