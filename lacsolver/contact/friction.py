@@ -165,10 +165,18 @@ def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.flo
     [[0.0]]
     """
     c = stiffness[:, None]
-    trial = t + c * s
-    size = np.linalg.norm(trial, axis=1)
+    return np.asarray((t - within(t + c * s, b)) / c)
+
+
+def within(t: Floats, b: Floats) -> NDArray[np.floating]:
+    """Return tractions t (m, k), those that are larger than their bounds b (m,) shortened to them.
+
+    >>> within(np.array([[3.0, 4.0], [0.3, 0.4]]), np.array([1.0, 1.0])).tolist()
+    [[0.6000000000000001, 0.8], [0.3, 0.4]]
+    """
+    size = np.linalg.norm(t, axis=1)
     part = np.divide(b, size, out=np.ones(len(b)), where=size > b)
-    return np.asarray((t - part[:, None] * trial) / c)
+    return np.asarray(part[:, None] * t)
 
 
 class Kept(NamedTuple):

@@ -19,9 +19,9 @@ from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import LOOSE, LOOSE_OF_CONSTANT, newton_iterates, residual_of
 from lacsolver.equilibrium.search import Outcome, Trial, search
+from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
-from lacsolver.problem.rigid_modes import describe
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
@@ -51,7 +51,17 @@ class Progress(NamedTuple):
 
 
 def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], None] | None = None) -> Outcome:
-    """Search the equilibrium at one time, after so many halvings. The iterations of all attempts are counted."""
+    """Search the equilibrium at one time, after so many halvings. The iterations of all attempts are counted.
+
+    A body that moves away has none: what is left of its load may be less than the round-off of a body so far away.
+    """
+    outcome = _searched(step, halvings, progress)
+    away = step.model.problem.kinematics.linear and any(True for _ in _uncarried(step, outcome))
+    return outcome._replace(converged=outcome.converged and not away)
+
+
+def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None] | None) -> Outcome:
+    """Search as `attempt` does, by one method after another."""
     model, solver = step.model, step.model.problem.case.solver
     moved = model.problem.space.largest(step.u0)
     length = 0.0 if model.linear else model.length
@@ -141,21 +151,16 @@ def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
 
 def why(step: LoadStep, outcome: Outcome) -> str:
     """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
-    model, problem = step.model, step.model.problem
-    q, p, rows = outcome.iterate.q, outcome.iterate.p, outcome.contact.rows
-    contact, closed = rows.B_T @ p, rows.B[np.flatnonzero(outcome.iterate.active)]
+    problem = step.model.problem
+    closed = outcome.contact.rows.B[np.flatnonzero(outcome.iterate.active)]
     message = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
-    off = step.reaction(q, p)
-    pushed = problem.constraints.on_unknowns(off) - problem.constraints.force(step.t)
-    for motion in () if model.scheme.resists_rigid_motion else model.motions:
-        along = problem.constraints.unknowns(motion.field)
-        left = model.vectors.dots(along[None], pushed)[0]
-        whole = model.vectors.dots(np.abs(along)[None], np.abs(pushed + contact) + np.abs(contact))[0]
-        if abs(left) > _UNCARRIED * whole and (slides := _sliding(outcome, along, pushed)):
+    for motion, along, load in _uncarried(step, outcome):
+        if slides := _sliding(step, outcome, along, load):
             return f"{message}: {describe(motion).replace(' moves ', ' slides ')}: {slides}"
-        if abs(left) > _UNCARRIED * whole and not np.abs(closed @ along).any():
+        if not np.abs(closed @ along).any():
             return f"{message}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
-    number, place = _largest_node(problem.space, problem.constraints.T @ pushed)
+    off = problem.constraints.on_unknowns(step.reaction(*outcome.iterate[:2])) - problem.constraints.force(step.t)
+    number, place = _largest_node(problem.space, problem.constraints.T @ off)
     balance, gap = outcome.residuals[-1]
     message += f": forces are off by {balance:.1e} of the largest, most at node {number} ({place}), "
     message += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
@@ -165,27 +170,52 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
 
 
-def _sliding(outcome: Outcome, along: Floats, pushed: Floats) -> str:
+def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, Floats, Floats]]:
+    """Yield the rigid-body motions along which contact, within its laws, does not carry the load.
+
+    Each with its displacement (n_q,), and all with the load (n_q,). Bodies do no work along them; of small strains
+    their forces have only round-off, which is large where bodies are far away.
+    """
+    model, constraints = step.model, step.model.problem.constraints
+    if model.scheme.resists_rigid_motion or not model.motions:
+        return
+    internal, load, _ = step.forces(*outcome.iterate[:2])
+    internal = np.zeros_like(load) if model.problem.kinematics.linear else internal
+    load = constraints.on_unknowns(load - internal) + constraints.force(step.t)
+    carried = outcome.contact.rows.B_T @ outcome.contact.lawful(outcome.iterate.p)
+    for motion in model.motions:
+        along = constraints.unknowns(motion.field)
+        left = model.vectors.dots(along[None], load - carried)[0]
+        if abs(left) > _UNCARRIED * model.vectors.dots(np.abs(along)[None], np.abs(load) + np.abs(carried))[0]:
+            yield motion, along, load
+
+
+def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> str:
     """Say what part of the pressure friction carries along a motion (n_q,) in which all slides, and what is asked.
 
-    `pushed` (n_q,): unbalanced forces. '' where nothing slides, or something sticks.
+    `load` (n_q,). '' where nothing slides, or something sticks in a state that is no equilibrium. Pressures and
+    tractions are the least that carry the load: those of a body that slides away say nothing.
     """
-    contact, p = outcome.contact, outcome.iterate.p
+    contact, active, model = outcome.contact, outcome.iterate.active, step.model
+    motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
+    met = max(outcome.residuals[-1]) <= model.problem.case.solver.tolerance
     for group in contact.groups:
         if group.shear is None or group.pair is None:
             continue
-        rows = np.abs(group.shear.vectors(contact.rows.B @ along))
-        closed = outcome.iterate.active[group.rows] & (rows > 0).any(axis=1)
-        if not closed.any() or group.shear.vectors(outcome.iterate.active)[closed].any():
+        shear, w = group.shear, contact.rows.w[group.rows]
+        closed = active[group.rows] & shear.vectors(contact.rows.B @ along).any(axis=1)
+        if not closed.any() or (shear.vectors(active)[closed].any() and not met):
             continue
-        pressure = float(np.abs(p[group.rows][closed]) @ np.linalg.norm(rows[closed], axis=1))
-        own = np.where(contact.along_tangents, p, 0.0)
-        carried = float(along @ (contact.rows.B_T @ own))
-        asked = abs(float(along @ pushed) - carried)
-        return (
-            f"friction of {group.pair.name!r} carries {abs(carried) / pressure:.3f} of its pressure, and "
-            f"{asked / pressure:.3f} is asked; hold it, or raise friction"
-        )
+        on, least = active.copy(), np.zeros(len(active))
+        shear.vectors(on)[closed] = True
+        least[on] = np.linalg.lstsq((contact.rows.B[on] @ motions.T).T, model.vectors.dots(motions, load))[0]
+        p, t = (least[group.rows] * w)[closed], (np.linalg.norm(shear.vectors(least), axis=1) * w)[closed]
+        carried = (shear.bounds.at(least[group.rows])[0] * w)[closed]
+        if p.sum() > 0:
+            return (
+                f"friction of {group.pair.name!r} carries {carried.sum() / np.maximum(p, 0).sum():.3f} of its "
+                f"pressure, and {t.sum() / p.sum():.3f} is asked; hold it, or raise friction"
+            )
     return ""
 
 

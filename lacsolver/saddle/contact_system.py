@@ -28,7 +28,7 @@ from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
 from lacsolver.contact.damping import Damped
-from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states
+from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
 from lacsolver.contact.tangent import Motion, gap_derivative, motion_of, tangent
@@ -371,6 +371,16 @@ class ContactSystem:
             own = defect(solved.t, solved.s, shear.bounds.at(solved.p)[0], solved.stiffness)
             out[shear.tangential] = own.ravel()
         return np.where(self.enforceable, out, 0.0)
+
+    def lawful(self, p: Floats) -> NDArray[np.floating]:
+        """Return pressures and tractions p (m,) without tension where it can open, and with t within its bound."""
+        out = p.copy()
+        for group in self.pairs:
+            if group.law.compressive:
+                out[group.rows] = np.maximum(p[group.rows], 0.0)
+        for shear in self.sheared:
+            shear.vectors(out)[:] = within(shear.vectors(p), shear.bounds.at(p[shear.normal])[0])
+        return out
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return (G, S), (m,) each: the laws' equations at these gaps and pressures, D dq - S p = G for active rows."""

@@ -19,6 +19,7 @@ from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
 from tests.lacsolver.friction.test_output import rubbed
 from tests.lacsolver.friction.test_sliding import block_on_block
+from tests.lacsolver.patch_meshes import stack
 
 MU = 0.3
 
@@ -45,6 +46,30 @@ def test_a_pad_slides_away_above_it():
     words = r"'upper' slides along x: friction of 'joint' carries 0.300 of its pressure, and 0.303 is asked; hold it"
     with pytest.raises(NotConvergedError, match=words):
         ls.solve(pad(1.01))
+
+
+@pytest.mark.parametrize(("along", "part"), [((1.0, 0.0), 1.01), ((0.6, 0.8), 1.5)])
+def test_a_block_slides_away_in_space(along, part):
+    """The loop stops where the block is so far away that round-off hides what friction does not carry."""
+    mesh = stack("HEXA8", "HEXA8", 3, counts=(3, 2))
+    fx, fy = MU * part * np.array(along)
+    case = Case(
+        model="3d", material=[Material(young=1000.0, poisson=0.3)], steps=Steps(end=1.0, count=1, max_halvings=2),
+        contact=[Contact(name="joint", slave="slave", master="master", friction=MU)],
+        displacement=[Displacement(group="bottom", ux=0, uy=0, uz=0)],
+        body_force=[BodyForce(groups=["upper"], fx=fx, fy=fy, fz=-1.0)],
+    )  # fmt: skip
+    with pytest.raises(NotConvergedError, match=r"'upper' slides along x: friction of 'joint' carries 0.300") as caught:
+        ls.solve(case, mesh)
+    asked = float(str(caught.value).split(" is asked")[0].split()[-1])
+    assert asked == pytest.approx(MU * part, rel=0.02)
+
+
+def test_a_pad_that_leaves_its_master_is_no_equilibrium():
+    case = pad(1.1)
+    joint = replace(case.contact[0], geometry="current")
+    with pytest.raises(NotConvergedError, match="'upper' moves along x, and no contact stops it"):
+        ls.solve(replace(case, contact=[joint]))
 
 
 def test_validate_says_what_friction_alone_resists():
