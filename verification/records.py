@@ -1,6 +1,6 @@
-"""Records of the harness: a case is data, its outcome results that are compared with expected values.
+"""Records of the harness: a case is a function with its data, its outcome results that are compared with known values.
 
-    family (its cases, how one is solved) -> outcome (results, plots, pictures) -> folder of a run -> report
+    family (its cases, each with what solves it) -> outcome (results, plots, pictures) -> folder of a run -> report
 
 A result is kept as `results.json` has it, with `bound`, which says how value, expected and tolerance are compared, and
 `published`, what others obtained; `plots` and `pictures` are the report's.
@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
+from functools import partial
+from inspect import signature
 from typing import Any, Literal
 
 from lacmesh.report.charts import Plot
@@ -24,7 +26,7 @@ Bound = Literal["equal", "at least", "at most", "informative"]
 
 @dataclass(frozen=True)
 class Case:
-    """One problem of a family, as data. `parameters`: a frozen dataclass of the family's, all that it is made of.
+    """One problem of a family. `solve`: the function that solves it on so many meshes (`levels`), bound to data.
 
     `description`: a line. `levels`: suite -> how many meshes, from the coarsest on; a suite that is not named does
     without the case. `seconds`: what it takes in `full` (or the first suite that has it), roughly. `exclusive`: it
@@ -34,7 +36,7 @@ class Case:
     family: str
     name: str
     description: str
-    parameters: Any
+    solve: partial[Outcome]
     levels: Mapping[str, int]
     seconds: float = 5.0
     exclusive: bool = False
@@ -44,10 +46,20 @@ class Case:
         """Identifier of the case: `family/name`."""
         return f"{self.family}/{self.name}"
 
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """All that it is made of, by name: the arguments of `solve`; of a record that is the first, its fields."""
+        bound = signature(self.solve.func).bind_partial(*self.solve.args, **self.solve.keywords)
+        bound.apply_defaults()
+        parameters: dict[str, Any] = {}
+        for k, (name, value) in enumerate(bound.arguments.items()):
+            parameters |= vars(value) if k == 0 and is_dataclass(value) else {name: value}
+        return parameters
+
 
 @dataclass(frozen=True)
 class Family:
-    """Cases of one kind. `text`: what is solved and why, paragraphs of Markdown; `solve`: a case on so many levels.
+    """Cases of one kind. `text`: what is solved and why, paragraphs of Markdown.
 
     `missing`: returns a sentence about what is not installed that the family needs, and how to get it; '' if all is.
     """
@@ -56,7 +68,6 @@ class Family:
     title: str
     text: str
     cases: tuple[Case, ...]
-    solve: Callable[[Case, int], Outcome]
     missing: Callable[[], str] = lambda: ""
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from verification.cli import main
@@ -33,7 +34,14 @@ def planned(prepared, names, *, levels=2, digest=None, given=None, alone=()):
     """Cases of family `cut`, and in `prepared` what their worker is to leave."""
     made = []
     for name in names:
-        case = Case("cut", name, f"about {name}", given or Given(), {"quick": levels}, exclusive=name in alone)
+        case = Case(
+            "cut",
+            name,
+            f"about {name}",
+            partial(outcome_of, given or Given()),
+            {"quick": levels},
+            exclusive=name in alone,
+        )
         made.append(Planned(case, levels, digest or sources("cut")))
         if name[:4] not in ("slow", "kill", "exit", "sile"):
             write_case_result(case, levels, 0.25, 1000, outcome_of(name), prepared, made[-1].sources)

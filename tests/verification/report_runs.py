@@ -6,6 +6,7 @@ import math
 import struct
 import zlib
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -139,7 +140,7 @@ def make_run(path, types=TYPES[:6], twist=False):
     done = []
     for family, solve in SOLVED.items():
         for k, name in enumerate(types):
-            case = Case(family, f"plane-{name}", f"{family} on {name}", Given(name), {"quick": 3})
+            case = Case(family, f"plane-{name}", f"{family} on {name}", partial(solve, Given(name)), {"quick": 3})
             outcome = (
                 Outcome(failure="SolverError: no equilibrium in step 3; try smaller steps")
                 if (family, k) == ("patch", 4)

@@ -10,20 +10,19 @@ import pytest
 from verification.families import balance
 from verification.families.balance import FAMILY, Touch, mesh_of
 from verification.measures.balance import Balance, unbalanced
-from verification.records import Case
 
 CASES = {case.name: case for case in FAMILY.cases}
 
 
 def results(given):
-    outcome = FAMILY.solve(Case("balance", "one", "", given, {"quick": 1}), 1)
+    outcome = balance.run(given, levels=1)
     return {result.quantity.split(",")[0]: result for result in outcome.results}
 
 
 @pytest.mark.filterwarnings("ignore:contact .* its curvature changes within few faces")
 @pytest.mark.parametrize("name", ["waves-smoothed-2d", "overhang-3d", "rigid-small-2d", "tie-gap-3d"])
 def test_forces_and_moments_are_in_balance(name):
-    given = CASES[name].parameters
+    given = CASES[name].solve.args[0]
     found = results(replace(given, pairs=given.pairs[:1]))
     assert len(found) == 3 and all(result.passed for result in found.values())
 

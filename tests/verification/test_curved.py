@@ -16,7 +16,7 @@ CASES = {case.name: case for case in FAMILY.cases}
 
 @pytest.mark.parametrize("name", ["cylinders-TRIA3-within", "spheres-QUAD4-around", "octants-HEXA8-around"])
 def test_smooth_surfaces_are_as_good_as_the_true_gap_and_faces_are_not(name):
-    faces, smooth, true = (solution(CASES[name].parameters, 1, gap) for gap in curved.GAPS)
+    faces, smooth, true = (solution(CASES[name].solve.args[0], 1, gap) for gap in curved.GAPS)
     assert smooth.errors["p_m"] < 1.05 * true.errors["p_m"]
     assert faces.errors["p_m"] > 20 * smooth.errors["p_m"]
     assert (smooth.solved.zone.pressure > 0).all()
@@ -25,22 +25,22 @@ def test_smooth_surfaces_are_as_good_as_the_true_gap_and_faces_are_not(name):
 def test_a_problem_is_judged_and_flat_faces_fall_short(monkeypatch):
     """Without heights the figures that are asked for are missed."""
     case = CASES["cylinders-QUAD4-within"]
-    assert all(r.passed for r in FAMILY.solve(case, 2).results)
+    assert all(r.passed for r in case.solve(levels=2).results)
     monkeypatch.setattr("lacmesh.smooth.surfaces.height_of", lambda *_: None)
-    missed = [r.quantity for r in FAMILY.solve(case, 2).results if not r.passed]
+    missed = [r.quantity for r in case.solve(levels=2).results if not r.passed]
     assert "p_m in L2 over that with the true gap, worst mesh" in missed
     assert "p_m in L2, second mesh" in missed
 
 
 def test_the_pin_has_its_force_and_its_angle():
-    smooth = solution(CASES["pin-QUAD4-within"].parameters, 1, "smooth")
+    smooth = solution(CASES["pin-QUAD4-within"].solve.args[0], 1, "smooth")
     assert abs(smooth.errors["force"]) < 0.006 and abs(smooth.errors["angle of contact"]) < 0.02
     assert smooth.errors["p_m"] < 0.035
 
 
 @pytest.mark.parametrize("name", ["hertz-2d-QUAD4", "socket-3d-TETRA4"])
 def test_hertz_on_curved_skins_is_hertz_on_flat_ones_with_a_clearance(name):
-    smooth, true = (solution(CASES[name].parameters, 0, gap) for gap in ("smooth", "true"))
+    smooth, true = (solution(CASES[name].solve.args[0], 0, gap) for gap in ("smooth", "true"))
     assert smooth.errors["p_m"] == pytest.approx(true.errors["p_m"], rel=1e-3)
 
 

@@ -29,16 +29,17 @@ def made(request):
 
 @pytest.mark.parametrize("name", ["TRIA", "QUAD", "TETRA", "mixed-2d", "counts"])
 def test_nothing_is_broken(name):
-    outcome = FAMILY.solve(CASES[name], 1)
+    outcome = CASES[name].solve(levels=1)
     assert all(result.passed for result in outcome.results)
 
 
 def test_every_type_facet_and_variant_is_cut():
-    given = [case.parameters for case in CASES.values() if not isinstance(case.parameters, tuple)]
-    assert {name for one in given for name in one.cells} == {n for n, cell in CELLS.items() if cell.dim > 1}
-    (trial,) = (t for t in family._trials(CASES["HEXA"].parameters, 1) if t.label == "HEXA20, hexa")
+    assert {name for case in CASES.values() for name in case.parameters.get("cells", ())} == {
+        n for n, cell in CELLS.items() if cell.dim > 1
+    }
+    (trial,) = (t for t in family.trials(*CASES["HEXA"].solve.args, 1) if t.label == "HEXA20, hexa")
     assert trial.count == 6 * 4 * 2 and trial.added == (48 * 28, 48 * 9)
-    pairs = next(t for t in family._trials(CASES["TETRA"].parameters, 2) if "several" in t.label)
+    pairs = next(t for t in family.trials(*CASES["TETRA"].solve.args, 2) if "several" in t.label)
     assert pairs.count == 2**4 - 5
 
 

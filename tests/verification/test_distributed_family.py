@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from verification.cli import main
 from verification.divided import FailedError, found
 from verification.families import distributed
 from verification.families.balance import Touch, mesh_of, text
-from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, Divided, compared, problems
+from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, compared, problems
 from verification.families.distributed_moving import Free
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 from verification.records import Case
@@ -47,7 +48,7 @@ def test_goal_1_is_asked_for():
 def test_problems_are_cases_and_meshes():
     for case in FAMILY.cases:
         if case.name in ("tie-2d", "floating-2d", "block_QUAD4_facet", "ring") or case.name.startswith("free"):
-            for words, mesh in problems(case.parameters.given):
+            for words, mesh in problems(case.solve.args[0]):
                 assert "[[contact]]" in words or "[[tie]]" in words
                 assert mesh.n_cells > 10 and not mesh.zones
 
@@ -112,7 +113,10 @@ def test_other_families_run_without_petsc(monkeypatch, capsys):
 
     monkeypatch.setattr(mpiexec, "python_with_petsc", lambda: "")
     monkeypatch.setattr(mpiexec, "_complaint", lambda python: "MPI is not installed")
-    cases = Case("distributed", "a", "", Divided(GIVEN), {"all": 1}), Case("patch", "b", "", None, {"all": 1})
+    cases = (
+        Case("distributed", "a", "", partial(run, GIVEN, "a"), {"all": 1}),
+        Case("patch", "b", "", partial(run, GIVEN, "b"), {"all": 1}),
+    )
     left = run._possible([Planned(case, 1, "") for case in cases])
     assert [planned.case.name for planned in left] == ["b"]
     assert capsys.readouterr().out.startswith("family distributed is left out (1 of the cases): MPI is not installed; ")

@@ -36,25 +36,27 @@ def test_names_are_different_and_every_case_is_in_a_suite():
 def test_the_bank_has_the_steps_that_are_asked_for():
     steps = {2: 0, 3: 0}
     for case in CASES.values():
-        if isinstance(case.parameters, bank.FrictionBank):
+        if case.solve.func is bank.solve_bank:
             each = (
-                case.levels["full"] * len(case.parameters.cells) * len(bank.FRICTION) * len(bank.SEVERITY) * bank.STEPS
+                case.levels["full"]
+                * len(case.parameters["cells"])
+                * len(bank.FRICTION)
+                * len(bank.SEVERITY)
+                * bank.STEPS
             )
-            steps[case.parameters.dim] += each
+            steps[case.parameters["dim"]] += each
     assert steps == {2: 960, 3: 480}
 
 
 @pytest.mark.parametrize("slides", [False, True])
 def test_blocks_stick_and_slide(slides):
     given = patch.Sheared((("QUAD4", "TRIA6"),), 2, slides, tilted=True)
-    case = replace(CASES["patch-few-2d-sticks"], parameters=given)
-    assert missed(patch.solve_case(case, 1)) == []
+    assert missed(patch.solve_case(given, levels=1)) == []
 
 
 def test_blocks_without_enough_friction_do_not_pass():
     given = patch.Sheared((("QUAD4", "QUAD4"),), 2, False, keys=(("friction", 0.19),))
-    case = replace(CASES["patch-few-2d-sticks"], parameters=given)
-    assert STRESS in missed(patch.solve_case(case, 1))
+    assert STRESS in missed(patch.solve_case(given, levels=1))
 
 
 def test_cylinders_meet_their_figures_on_a_coarse_mesh():
@@ -86,15 +88,15 @@ def test_loads_and_times_of_cylinders():
     "name", ["incline-below-TRIA3", "incline-above-TRIA3", "belt-180", "pull-out-below", "torque-above"]
 )
 def test_bodies_stick_below_and_slide_above(name):
-    assert missed(family("friction").solve(CASES[name], 1)) == []
+    assert missed(CASES[name].solve(levels=1)) == []
 
 
 def test_a_fit_with_less_friction_slides():
     case = CASES["pull-out-below"]
-    given = case.parameters
-    exact = replace(given.fit, friction=0.9 * given.fit.friction)
-    assert missed(bodies.solve_fit(replace(case, parameters=replace(given, part=1.0 / 0.9, fit=exact)), 1)) == []
-    assert missed(bodies.solve_fit(replace(case, parameters=replace(given, part=1.0)), 1)) in (
+    *given, _, fit = case.solve.args
+    exact = replace(fit, friction=0.9 * fit.friction)
+    assert missed(bodies.solve_fit(*given, 1.0 / 0.9, exact, levels=1)) == []
+    assert missed(bodies.solve_fit(*given, 1.0, fit, levels=1)) in (
         [],
         ["macro-elements that slide"],
     )
@@ -102,13 +104,13 @@ def test_a_fit_with_less_friction_slides():
 
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")  # its faces share the nodes of the tips
 def test_a_crack_of_quadratic_cells_is_exact():
-    assert missed(bodies.solve_crack(CASES["crack-QUAD8"], 1)) == []
+    assert missed(CASES["crack-QUAD8"].solve(levels=1)) == []
 
 
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")  # its faces share the nodes of the tips
 def test_slip_of_a_crack_is_counted_where_its_tips_open():
     """The last macro-element of linear triangles opens; its faces pass one another all the same."""
-    one = bodies._crack(replace(CASES["crack-TRIA3"].parameters), 8).solved
+    one = bodies._crack(*CASES["crack-TRIA3"].solve.args, 8).solved
     open_ = one.zone.status == 0
     assert open_.any() and not one.slip[open_].any() and one.passed[open_, 0].all()
     assert one.passed[~open_] == pytest.approx(one.slip[~open_], rel=1e-9, abs=1e-15)
@@ -119,21 +121,21 @@ def test_slip_of_a_crack_is_counted_where_its_tips_open():
 @pytest.mark.parametrize("name", ["ssnv128", "ssnp156a"])
 def test_problems_on_code_asters_meshes(shared, name):
     del shared
-    assert missed(family("friction").solve(CASES[name], 1)) == []
+    assert missed(CASES[name].solve(levels=1)) == []
 
 
 @pytest.mark.parametrize(("kind", "dim"), [("QUAD4", 2), ("TETRA4", 3)])
 def test_the_constant_of_tractions_is_that_of_pressures(kind, dim):
-    constants, _ = inf_sup.constants(inf_sup.Tractions(Skin(kind, dim)), 4)
+    constants, _ = inf_sup.constants(Skin(kind, dim), 0.0, 4)
     assert constants["p"] > 0.1
     assert constants["t"] == pytest.approx(constants["p"], rel=1e-10)
     assert constants["both"] == pytest.approx(constants["p"], rel=1e-10)
 
 
 def test_constants_of_curved_skins_tend_to_one_another():
-    given = inf_sup.Tractions(Skin("QUAD4", 2, master="QUAD4"), inf_sup.CURVED)
+    skin = Skin("QUAD4", 2, master="QUAD4")
     apart = [max(abs(own[name] / own["p"] - 1) for name in ("t", "both")) for own in
-             (inf_sup.constants(given, n)[0] for n in (4, 16))]  # fmt: skip
+             (inf_sup.constants(skin, inf_sup.CURVED, n)[0] for n in (4, 16))]  # fmt: skip
     assert 1e-4 < apart[0] < 0.03 and apart[1] < apart[0] / 4
 
 
@@ -141,19 +143,19 @@ def test_constants_of_curved_skins_tend_to_one_another():
 def test_a_block_is_pulled_far_in_four_steps(name):
     """The first step over a node of the other body takes more iterations where the lower one is the slave."""
     allowed = {"iterations of a step of sliding, mean"} if name.endswith("lower") else set()
-    assert set(missed(family("friction").solve(CASES[name], 1))) <= allowed
+    assert set(missed(CASES[name].solve(levels=1))) <= allowed
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["carried-24", "cycled-2d", "rolls-QUAD4"])
 def test_what_sticks_does_not_drift(name):
-    assert missed(family("friction").solve(CASES[name], 1)) == []
+    assert missed(CASES[name].solve(levels=1)) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["thrown", "rod-slides", "rod-jams"])
 def test_bodies_in_motion(name):
-    assert missed(family("friction").solve(CASES[name], 1)) == []
+    assert missed(CASES[name].solve(levels=1)) == []
 
 
 # ---- the robustness bank, against Lemke's method and Tresca's fixed point
@@ -199,7 +201,7 @@ def test_oracles_start_where_the_solver_does():
 @pytest.mark.slow
 def test_units_do_not_change_iterations():
     case = CASES["units-QUAD4"]
-    assert missed(bank.solve_units(case, 1)) == []
+    assert missed(case.solve(levels=1)) == []
 
 
 def test_more_friction_than_lemke_is_told_is_seen():

@@ -1,6 +1,5 @@
 """The family of impacts: small ones pass, a plain mass fails, and the exact solutions are what they should be."""
 
-from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -23,7 +22,7 @@ def case(name):
 
 
 def test_a_plain_mass_fails_as_it_must():
-    results = solve_case(case("plain-mass"), 1).results
+    results = case("plain-mass").solve(levels=1).results
     assert all(result.passed for result in results) and len(results) == 3
 
 
@@ -76,7 +75,7 @@ def test_free_spin_and_frequencies_have_their_orders():
     momentum, *rates, account = list(spin(given, 2))
     assert momentum.passed and account.passed
     assert all(1.8 < result.value < 2.6 for result in rates)
-    assert all(result.passed for result in solve_case(case("frequencies-QUAD8"), 3).results)
+    assert all(result.passed for result in case("frequencies-QUAD8").solve(levels=3).results)
 
 
 @pytest.mark.slow
@@ -84,7 +83,7 @@ def test_a_coarse_disc_is_thrown():
     """The three cases of large deformation are made alike: energy is kept, and the static twin is solved."""
     with patch("verification.families.impact_finite._STEP", 0.02):
         given = Impact("disc", n=3, dynamics=(("scheme", "newmark"),), young=100.0, speed=0.5)
-        results = solve_case(replace(case("thrown-disc"), parameters=given), 1).results
+        results = solve_case(given, levels=1).results
     found = {result.quantity: result for result in results}
     assert all(result.passed for result in found.values()) and len(found) == 7
     assert 0.97 < found["smallest energy"].value < 1 and found["openings"].value == 1

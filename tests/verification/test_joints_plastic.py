@@ -33,4 +33,4 @@ def test_the_tube_balances_forces():
 @pytest.mark.parametrize("name", ["yielding_sphere_quad4", "cyclic_plate", "first_yield_axisymmetric"])
 def test_cases_pass_on_coarse_levels(name):
     (case,) = [case for case in joints.FAMILY.cases if case.name == name]
-    assert all(result.passed for result in joints.solve_case(case, min(3, max(case.levels.values()))).results)
+    assert all(result.passed for result in case.solve(levels=min(3, max(case.levels.values()))).results)

@@ -37,7 +37,7 @@ def test_rows_are_those_of_the_reference(shared):
 
 
 def test_a_row_has_the_rates_asked_for():
-    outcome = FAMILY.solve(CASES["QUAD4"], 3)
+    outcome = CASES["QUAD4"].solve(levels=3)
     assert all(result.passed for result in outcome.results)
     held = [result for result in outcome.results if result.bound == "at least"]
     assert tuple(result.expected for result in held) == WANTED[1]
@@ -55,13 +55,13 @@ def test_a_rate_that_falls_short_does_not_pass(monkeypatch):
         return replace(one, h=0.5**level, errors={**one.errors, "displacement": next(slow)})
 
     monkeypatch.setattr(manufactured, "solution", solved)
-    results = FAMILY.solve(CASES["QUAD4"], 3).results
+    results = CASES["QUAD4"].solve(levels=3).results
     assert not results[0].passed
     assert results[0].value == pytest.approx(np.log2(5) / 2)
 
 
 def test_the_plots_of_a_plane_row_show_the_pressure_and_the_residuals():
-    outcome = FAMILY.solve(CASES["QUAD8"], 1)
+    outcome = CASES["QUAD8"].solve(levels=1)
     pressure, newton = outcome.plots
     exact, means, recovered = pressure.lines
     assert (pressure.kind, newton.kind, newton.log_y) == ("pressure", "Newton", True)

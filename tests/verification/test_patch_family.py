@@ -14,7 +14,6 @@ from tests.samples import one_in
 from verification.families import patch
 from verification.families.patch import FAMILY, Press, errors, exact_displacement, exact_stress
 from verification.meshes.stacks import LAYERS, PLANE_KINDS, SOLID_KINDS, block, skin, stack, tilt, tower
-from verification.records import Case
 from verification.solving import BALANCED
 
 KINDS = [(2, kind) for kind in PLANE_KINDS] + [(3, kind) for kind in SOLID_KINDS]
@@ -57,7 +56,9 @@ def test_every_type_is_the_slave_and_the_master_of_every_other():
         assert {kind.split()[0] for kind in kinds} - {"mixed"} == {n for n, cell in CELLS.items() if cell.dim == dim}
         for tilted in (False, True):
             frame = [
-                c.parameters for c in CASES.values() if c.name.startswith(f"{dim}d") and c.parameters.tilted == tilted
+                c.solve.args[0]
+                for c in CASES.values()
+                if c.name.startswith(f"{dim}d") and c.parameters["tilted"] == tilted
             ]
             assert {pair for given in frame for pair in given.pairs} == set(product(kinds, kinds))
             ways = {given.contact for given in frame if ("HEXA8", "HEXA8") in given.pairs}
@@ -110,7 +111,7 @@ def test_the_exact_solution_obeys_hooke_and_bears_the_pressure(model, tilted):
     Press((("HEXA8", "HEXA8"),), "3d", contact=(("hexa", "hexa"),), bend=0.0),
 ])  # fmt: skip
 def test_a_press_meets_its_figures(given):
-    outcome = FAMILY.solve(Case("patch", "one", "", given, {"quick": 1}), 1)
+    outcome = patch.run(given, levels=1)
     assert all(result.passed for result in outcome.results) and len(outcome.results) == 5
     assert [len(line.x) for line in outcome.plots[0].lines] == [2] * 3
 
@@ -118,7 +119,7 @@ def test_a_press_meets_its_figures(given):
 @pytest.mark.fuzz
 @pytest.mark.parametrize("name", one_in(5, CASES))
 def test_a_stack_of_each_case_is_exact(name):
-    given = CASES[name].parameters
+    given = CASES[name].solve.args[0]
     check(errors(given, *given.pairs[len(name) % len(given.pairs)], len(name) % 2 == 0))
 
 
@@ -151,7 +152,7 @@ def test_errors_are_seen_and_the_worst_stack_is_named(monkeypatch):
 
 
 def test_peers_are_told_where_they_ran_the_same_problem():
-    told = {name: patch._published(case.parameters) for name, case in CASES.items()}
+    told = {name: patch._published(case.solve.args[0]) for name, case in CASES.items()}
     assert {name for name, published in told.items() if published.get(patch.PRESSURES)} == {
         f"peers-{way}-skew-{skew}" for way in ("pyramid", "hexa") for skew in (0.0, 0.05, 0.2)
     }

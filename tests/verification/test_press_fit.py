@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from verification.exact.lame import Fit, Shell
 from verification.families import levels_in
-from verification.families.press_fit import FAMILY, PressFit, case_of, mesh_of, solution
+from verification.families.press_fit import FAMILY, PressFit, case_of, mesh_of, solution, solve_case
 from verification.meshes.rings import octant, pair, ring
 
 CASES = {case.name: case for case in FAMILY.cases}
@@ -113,7 +114,7 @@ def check_pair(mesh, dim):
 
 
 def test_a_press_fit_has_the_rates_asked_for():
-    outcome = FAMILY.solve(CASES["spheres-QUAD8-smoothed"], 3)
+    outcome = CASES["spheres-QUAD8-smoothed"].solve(levels=3)
     assert all(result.passed for result in outcome.results)
     assert [r.expected for r in outcome.results if r.bound == "at least"] == [2.0, 2.0, 2.45]
     exact, means, _ = outcome.plots[0].lines
@@ -133,22 +134,22 @@ def test_faceted_bodies_are_judged_on_the_same_meshes_in_every_suite():
     "name", [name for name, case in CASES.items() if "full" in case.levels and "quick" in case.levels]
 )
 def test_a_press_fit_of_the_quick_suite_has_its_rates(name):
-    outcome = FAMILY.solve(CASES[name], levels_in(CASES[name], "quick"))
+    outcome = CASES[name].solve(levels=levels_in(CASES[name], "quick"))
     assert all(result.passed for result in outcome.results)
 
 
 @pytest.mark.parametrize("name", ["ssnp173a-TRIA6-facet", "ssnp173a-TRIA6-smoothed", "ssnp173a-QUAD8-smoothed"])
 def test_the_test_of_code_aster_on_a_mesh_of_its_size(name):
     case = CASES[name]
-    results = FAMILY.solve(case, 1).results
+    results = case.solve(levels=1).results
     assert all(result.passed for result in results)
     assert [result.published[0].value for result in results[:2]] == [4.89487252903, 4.89334316287]
-    closer = replace(case, parameters=replace(case.parameters, allowed=1e-5))
-    assert not all(result.passed for result in FAMILY.solve(closer, 1).results[:2])
+    closer = partial(solve_case, replace(case.solve.args[0], allowed=1e-5), case.name)
+    assert not all(result.passed for result in closer(levels=1).results[:2])
 
 
 def test_an_interference_alone_presses():
-    given = CASES["cylinders-strain-QUAD8"].parameters
+    given = CASES["cylinders-strain-QUAD8"].solve.args[0]
     case = lacsolver.parse_case(case_of(given))
     assert not case.pressure
     assert case.contact[0].clearance([[30.0, 0.0]], t=1.0) == [-0.1]
@@ -156,14 +157,14 @@ def test_an_interference_alone_presses():
 
 
 def test_an_octant_is_solved_in_space():
-    found = solution(CASES["octant-HEXA20"].parameters, 0)
+    found = solution(CASES["octant-HEXA20"].solve.args[0], 0)
     assert found.solved.problem.space.dim == 3
     assert found.errors["mean"] < 0.02
     assert found.errors["displacement"] < 0.02
 
 
 def test_meshes_of_the_size_of_the_test_are():
-    given = CASES["ssnp173a-TRIA6-facet"].parameters
+    given = CASES["ssnp173a-TRIA6-facet"].solve.args[0]
     mesh = mesh_of(given, 0)
     assert {name: len(mesh.cell_groups[name]) for name in ("slave", "master", "inner")} == {
         "slave": 23, "master": 46, "inner": 46,

@@ -30,5 +30,5 @@ def test_the_punch_is_over_the_block(dim, number):
 @pytest.mark.parametrize("name, number", [("plane_block_1", 1), ("plane_block_1", 3), ("space_block", 3)])
 def test_a_punch_has_one_answer_in_any_number_of_steps(name, number):
     case = CASES[name]
-    case = replace(case, parameters=replace(case.parameters, first=number))
-    assert all(result.passed for result in punches.solve_case(case, 1).results)
+    bank = replace(case.solve.args[0], first=number)
+    assert all(result.passed for result in punches.solve_case(bank, levels=1).results)

@@ -13,6 +13,7 @@ import time
 import xml.etree.ElementTree as ET
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -21,7 +22,7 @@ from hypothesis import strategies as st
 
 from lacmesh.errors import RequestError, WriteError
 from tests.samples import samples
-from tests.verification.fakes import Given, command, planned, ran
+from tests.verification.fakes import Given, command, outcome_of, planned, ran
 from verification import families
 from verification.records import Case, Family, Outcome, Picture, informative
 from verification.running import plan, pool, worker
@@ -274,7 +275,7 @@ def test_a_worker_that_cannot_be_started_is_said(prepared, folder, monkeypatch):
         run(planned(prepared, ["a"]), folder)
 
 
-CASE = Case("cut", "one", "a case", Given(), {"quick": 2})
+CASE = Case("cut", "one", "a case", partial(outcome_of, Given()), {"quick": 2})
 
 
 @pytest.fixture
@@ -282,7 +283,11 @@ def solved(monkeypatch, tmp_path):
     """Let the worker solve a case by a function: what it leaves."""
 
     def solve(function):
-        monkeypatch.setattr(families, "family", lambda name: Family(name, "", "", (CASE,), function))
+        def solved(given, *, levels):
+            return function(levels)
+
+        case = replace(CASE, solve=partial(solved, *CASE.solve.args))
+        monkeypatch.setattr(families, "family", lambda name: Family(name, "", "", (case,)))
         worker.main("cut", "one", 2, tmp_path)
         return read_case_result(tmp_path, "cut", "one")
 
@@ -291,7 +296,7 @@ def solved(monkeypatch, tmp_path):
 
 def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
     picture = Picture("a title", "what is seen", b"bytes")
-    done = solved(lambda case, levels: Outcome((informative("levels", levels, reason=""),), (), (picture, picture)))
+    done = solved(lambda levels: Outcome((informative("levels", levels, reason=""),), (), (picture, picture)))
     assert done.results[0].value == 2 and done.parameters == {"sizes": [0.5, 0.25]} and not done.failure
     assert (done.sources, done.levels) == (plan.sources("cut"), 2) and done.seconds >= 0 and done.memory > 1e6
     assert [(tmp_path / "cases" / "cut" / kept.file).read_bytes() for kept in done.pictures] == [b"bytes"] * 2
@@ -300,7 +305,7 @@ def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
 
 
 def test_a_case_that_an_earlier_version_stored_is_read(solved, tmp_path):
-    now = solved(lambda case, levels: Outcome((informative("levels", levels, reason=""),)))
+    now = solved(lambda levels: Outcome((informative("levels", levels, reason=""),)))
     file = tmp_path / "cases" / "cut" / "one.json"
     words = (("description", "about"), ("parameters", "given"), ("informative", "reported"))
     text = file.read_text()
@@ -312,12 +317,12 @@ def test_a_case_that_an_earlier_version_stored_is_read(solved, tmp_path):
 
 
 def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
-    def fails(case, levels):
+    def fails(levels):
         raise ArithmeticError("no equilibrium")
 
     assert solved(fails).failure == "ArithmeticError: no equilibrium"
     assert "Traceback" in capsys.readouterr().err
-    assert solved(lambda case, levels: Outcome(())).failure == "there is no result"
+    assert solved(lambda levels: Outcome(())).failure == "there is no result"
 
 
 def test_a_worker_ends_with_its_run():

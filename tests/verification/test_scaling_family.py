@@ -9,7 +9,7 @@ import pytest
 
 from verification.families import scaling
 from verification.families.scaling import FAMILY, BenchmarkStages, Plates, seconds_of, timed
-from verification.records import Case, levels_of
+from verification.records import levels_of
 
 
 class Sized:
@@ -30,7 +30,7 @@ def test_sizes_grow_sixteenfold_and_nothing_runs_beside():
     for case in FAMILY.cases:
         assert case.exclusive
         for count in case.levels.values():
-            sides = case.parameters.sides[:count]
+            sides = case.parameters["sides"][:count]
             assert len(sides) == count and (sides[-1] / sides[0]) ** 2 >= 16
 
 
@@ -52,7 +52,7 @@ def test_every_stage_is_timed(monkeypatch):
     monkeypatch.setattr(scaling.seconds_of, "__defaults__", (0.0,))
     monkeypatch.setattr(scaling.gc, "collect", lambda: None)
     given = Plates("HEXA8", (4, 6))
-    outcome = FAMILY.solve(Case("scaling", "small", "", given, {"quick": 2}), 2)
+    outcome = scaling.run(given, levels=2)
     names = [result.quantity for result in outcome.results]
     assert names[::2] == [f"exponent of {stage}" for stage in (*scaling._STAGES, "the solve")]
     assert [line.label for line in outcome.plots[0].lines] == [*scaling._STAGES, "solve"]

@@ -72,15 +72,15 @@ def test_a_plate_is_longer_than_its_slider_and_turns_up():
     ["block_QUAD4_facet", "block_QUAD8_smoothed", "block_HEXA8_smoothed", "waves_QUAD4_smoothed", "waves_HEXA8_facet"],
 )
 def test_a_block_keeps_its_pressure_on_a_plate_and_newton_is_quadratic_over_waves(name):
-    given = replace(case(name).parameters, steps=3, way=0.8)
-    outcome = slide(case(name), given, 1)
+    given = replace(case(name).solve.args[0], steps=3, way=0.8)
+    outcome = slide(given, name, levels=1)
     assert len(outcome.results) >= 6 and all(result.passed for result in outcome.results), outcome.results
 
 
 def test_another_pressure_is_found_out(monkeypatch):
     given = Slider("QUAD4", "facet", steps=2, way=0.5)
     monkeypatch.setattr("verification.families.sliding.slid", lambda own, n: slid(replace(own, pressure=50.1), n))
-    missed = [result.quantity for result in slide(case("block_QUAD4_facet"), given, 1).results if not result.passed]
+    missed = [result.quantity for result in slide(given, "", levels=1).results if not result.passed]
     assert len(missed) == 2 and all("worst of all steps" in name for name in missed)
 
 
@@ -89,7 +89,7 @@ def test_another_pressure_is_found_out(monkeypatch):
 
 def test_a_ring_meets_its_block():
     """Five of twenty steps: nothing until 20 mm of way, then two faces beside the middle share the force."""
-    given = case("ring").parameters
+    given = case("ring").solve.args[0]
     down = (("ux", ((0.0, 0.0), (1.0, 0.0))), ("uy", ((0.0, 0.0), (0.25, -22.5))))
     own = dragged(replace(given, path=down, end=0.25), 30, 5)
     pressed = [float(state.zones[0].pressure.max()) for state in own.states]

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import pytest
 
@@ -133,7 +134,7 @@ def test_a_wrong_command_is_one_sentence(tmp_path, monkeypatch, capsys, words, s
 
 def test_a_family_that_a_suite_has_not_is_said(monkeypatch, capsys):
     case = planned_case()
-    monkeypatch.setattr(families, "family", lambda name: families.Family(name, "", "", (case,), print))
+    monkeypatch.setattr(families, "family", lambda name: families.Family(name, "", "", (case,)))
     assert main(["list", "--family", "cut", "--suite", "quick"]) == 2
     assert "suite quick has no case of family cut; try --suite full" in capsys.readouterr().err
     assert main(["list", "--family", "cut", "--suite", "quick", "--case", "long"]) == 0  # it is named
@@ -141,7 +142,7 @@ def test_a_family_that_a_suite_has_not_is_said(monkeypatch, capsys):
 
 
 def planned_case():
-    return families.Case("cut", "long", "a long one", None, {"full": 4, "all": 5})
+    return families.Case("cut", "long", "a long one", partial(print), {"full": 4, "all": 5})
 
 
 @pytest.mark.parametrize("words", ["report {}", "compare {0} {0}", "report {}/none"])

@@ -43,7 +43,8 @@ def cases(suite: str = SUITES[-1], names: tuple[str, ...] = tuple(MODULES)) -> I
 def levels_in(case: Case, suite: str) -> int:
     """Number of levels of a case in a suite; 0 if the suite does not contain it.
 
-    >>> levels_in(Case("patch", "a", "", None, {"quick": 1, "all": 4}), "full")
+    >>> from functools import partial
+    >>> levels_in(Case("patch", "a", "", partial(print), {"quick": 1, "all": 4}), "full")
     1
     """
     before = SUITES[: SUITES.index(suite) + 1]

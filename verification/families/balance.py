@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,9 +100,8 @@ def text(given: Touch) -> str:
     )
 
 
-def run(case: Case, levels: int) -> Outcome:
+def run(given: Touch, *, levels: int) -> Outcome:
     """Solve every pair."""
-    given: Touch = case.parameters
     solutions = [solve(text(given), mesh_of(given, *pair)) for pair in given.pairs]
     closed = min(_closed(solved) for solved in solutions)
     reason = "balance means something only where forces are"
@@ -154,7 +154,8 @@ _BOTH: Keys = (("type", "bilateral"),)
 
 def _case(name: str, description: str, given: Touch, seconds: float = 4.0, quick: bool = False) -> Case:
     dim = "axisymmetric" if given.model == "axisymmetric" else f"{given.dim}d"
-    return Case("balance", f"{name}-{dim}", f"{description}, {dim}", given, {"quick" if quick else "full": 1}, seconds)
+    levels = {"quick" if quick else "full": 1}
+    return Case("balance", f"{name}-{dim}", f"{description}, {dim}", partial(run, given), levels, seconds)
 
 
 def _cases() -> Iterator[Case]:
@@ -211,5 +212,4 @@ FAMILY = Family(
     "What is left is relative to the sum of the sizes of the forces, and of the forces times their arms; in "
     "axisymmetry radial forces and moments balance all round, and the axial resultant alone is given.",
     tuple(_cases()),
-    run,
 )

@@ -15,6 +15,7 @@ much better; `smooth` may not be much worse, and nowhere worse than `faces`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,16 +69,13 @@ Levels = list[list[LevelSolution]]
 Found = dict[str, Levels]
 
 
-def solve_case(case: Case, levels: int) -> Outcome:
+def solve_case(given: Curved, title: str, *, levels: int) -> Outcome:
     """A problem on so many meshes, with each of the three gaps."""
-    if isinstance(case.parameters, curved_lug.Lug):
-        return curved_lug.solve_case(case.parameters, levels)
-    given: Curved = case.parameters
     solutions = {
         gap: [[solution(given, n, gap, k) for k in range(given.sets(n, levels))] for n in range(levels)] for gap in GAPS
     }
     every = [one.solved for own in solutions.values() for level in own for one in level]
-    return Outcome((*results(given, solutions), *balanced(every)), (falling(case, solutions),))
+    return Outcome((*results(given, solutions), *balanced(every)), (falling(title, given, solutions),))
 
 
 def solution(given: Curved, level: int, gap: str, number: int = 0) -> LevelSolution:
@@ -180,17 +178,21 @@ def worst(own: Levels, error: str, *others: Levels) -> float:
     return max(a / max(more) for a, *more in zip(*flat, strict=True))
 
 
-def falling(case: Case, solutions: Found) -> Plot:
+def falling(title: str, given: Curved, solutions: Found) -> Plot:
     """Plot of the errors of p_m over the mesh size, with each gap."""
-    given: Curved = case.parameters
 
     def drawn(gap: str) -> Line:
         own = solutions[gap]
         return line(gap, np.array([given.h(n) for n in range(len(own))]), np.array(means(own)), "both")
 
-    return Plot(
-        "convergence", case.description, "h", "error of p_m in L2", tuple(map(drawn, GAPS)), log_x=True, log_y=True
-    )
+    return Plot("convergence", title, "h", "error of p_m in L2", tuple(map(drawn, GAPS)), log_x=True, log_y=True)
+
+
+def _cases() -> Iterator[Case]:
+    for problems in (curved_fits, curved_pin, curved_hertz):
+        for name, description, given, levels, seconds in problems.cases():
+            yield Case(NAME, name, description, partial(solve_case, given, description), levels, seconds)
+    yield from curved_lug.cases(NAME)
 
 
 _PROBLEMS = (curved_fits, curved_pin, curved_hertz, curved_lug)
@@ -199,6 +201,5 @@ FAMILY = Family(
     NAME,
     "Curved skins on linear cells",
     TEXT,
-    tuple(case for problems in _PROBLEMS for case in problems.cases(NAME)),
-    solve_case,
+    tuple(_cases()),
 )

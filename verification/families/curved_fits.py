@@ -17,7 +17,6 @@ import lacsolver
 from lacmesh import Mesh
 from verification.families import press_fit
 from verification.families.press_fit import PressFit
-from verification.records import Case
 from verification.solving import Solved
 
 Floats = NDArray[np.floating]
@@ -96,16 +95,16 @@ _SPACE = replace(_PLANE, cell="TETRA4", shape="sphere", radii=(0.55, 1.0, 1.7), 
 _IN_PLANE, _SOLIDS = ("TRIA3", "QUAD4"), ("TETRA4", "HEXA8", "PENTA6")
 
 
-def cases(family: str) -> Iterator[Case]:
+def cases() -> Iterator[tuple[str, str, Fitted, Mapping[str, int], float]]:
     """Cases of the curved press fits."""
     few, many = {"full": 4, "all": 5}, {"full": 3}
     shrunk = replace(_PLANE, outside=0.0, interference=0.02)
-    yield from _each(family, _IN_PLANE, Fitted(_PLANE), "cylinders", few, 3.0, "TRIA3")
-    yield from _each(family, _IN_PLANE, Fitted(shrunk), "shrunk", few, 3.0)
-    yield from _each(family, _IN_PLANE, Fitted(replace(_PLANE, shape="sphere")), "spheres", few, 3.0)
-    yield from _each(family, _SOLIDS, Fitted(_SPACE), "octants", many, 15.0)
-    yield from _each(family, _IN_PLANE, _stretched(_PLANE, (1.4, 0.8)), "ellipses", few, 3.0, "QUAD4")
-    yield from _each(family, _SOLIDS[:2], _stretched(_SPACE, (1.3, 1.0, 0.8)), "ellipsoids", many, 15.0)
+    yield from _each(_IN_PLANE, Fitted(_PLANE), "cylinders", few, 3.0, "TRIA3")
+    yield from _each(_IN_PLANE, Fitted(shrunk), "shrunk", few, 3.0)
+    yield from _each(_IN_PLANE, Fitted(replace(_PLANE, shape="sphere")), "spheres", few, 3.0)
+    yield from _each(_SOLIDS, Fitted(_SPACE), "octants", many, 15.0)
+    yield from _each(_IN_PLANE, _stretched(_PLANE, (1.4, 0.8)), "ellipses", few, 3.0, "QUAD4")
+    yield from _each(_SOLIDS[:2], _stretched(_SPACE, (1.3, 1.0, 0.8)), "ellipsoids", many, 15.0)
 
 
 def _stretched(fit: PressFit, factors: tuple[float, ...]) -> Fitted:
@@ -113,12 +112,12 @@ def _stretched(fit: PressFit, factors: tuple[float, ...]) -> Fitted:
 
 
 def _each(
-    family: str, cells: Sequence[str], like: Fitted, name: str, levels: Mapping[str, int], seconds: float,
+    cells: Sequence[str], like: Fitted, name: str, levels: Mapping[str, int], seconds: float,
     quick: str = "",
-) -> Iterator[Case]:  # fmt: skip
+) -> Iterator[tuple[str, str, Fitted, Mapping[str, int], float]]:  # fmt: skip
     for cell in cells:
         for slave in ("within", "around"):
             given = replace(like, fit=replace(like.fit, cell=cell, slave=slave))
             few = {"quick": 3} if cell == quick and slave == "within" else {}
             description = f"{name} of {cell} that fit, the slave {slave}"
-            yield Case(family, f"{name}-{cell}-{slave}", description, given, {**few, **levels}, seconds)
+            yield (f"{name}-{cell}-{slave}", description, given, {**few, **levels}, seconds)

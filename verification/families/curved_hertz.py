@@ -6,7 +6,7 @@ shape that is looked for: what is found are local fits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,6 @@ from lacsolver.case import Value
 from verification.families import hertz
 from verification.meshes.blocks import nodes_of
 from verification.meshes.half_spaces import half_spaces
-from verification.records import Case
 from verification.solving import Solved
 
 Floats = NDArray[np.floating]
@@ -81,7 +80,7 @@ class Lifted:
         return {"half-width": hertz.half_width(zone.centre, zone.pressure, self.hertz.p0) - 1}
 
 
-def cases(family: str) -> Iterator[Case]:
+def cases() -> Iterator[tuple[str, str, Lifted, Mapping[str, int], float]]:
     """Cases of curved half-spaces."""
     for model, cells, sizes in (
         ("plane_strain", ("TRIA3", "QUAD4"), (4, 8, 16, 32)),
@@ -96,4 +95,4 @@ def cases(family: str) -> Iterator[Case]:
                 name = f"{called}-{start}-{cell}"
                 quick = {"quick": 3} if (model, cell, socket) == ("plane_strain", "QUAD4", 4.0) else {}
                 description = f"Hertz on skins of {cell} that are curved, {start}{', in a socket' if socket else ''}"
-                yield Case(family, name, description, Lifted(given, socket), {**quick, "full": len(sizes)}, 10.0)
+                yield (name, description, Lifted(given, socket), {**quick, "full": len(sizes)}, 10.0)

@@ -52,15 +52,6 @@ _WHOLE = ("SEG3", "QUAD9")
 
 
 @dataclass(frozen=True)
-class Cuts:
-    """Single `cells` by every facet, turn and variant, and small `blocks` of a kind by several sides; `dim` of all."""
-
-    dim: int
-    cells: tuple[str, ...]
-    blocks: tuple[str, ...]
-
-
-@dataclass(frozen=True)
 class Counted:
     """One cell (or a cube of tetrahedra) with all its facets and edges, cut: how many cells and nodes it has then.
 
@@ -88,20 +79,25 @@ class Trial:
     added: tuple[int, int] | None = None
 
 
-def run(case: Case, levels: int) -> Outcome:
-    """Cut everything, and count. A second level has every set of a cell's faces, and slave faces between two cells."""
-    if isinstance(case.parameters, tuple):
-        return Outcome(tuple(result for row in case.parameters for result in _rows(row)))
+def compare_counts(rows: tuple[Counted, ...], *, levels: int) -> Outcome:
+    """Count cells and nodes after the cut."""
+    return Outcome(tuple(result for row in rows for result in _rows(row)))
+
+
+def run(dim: int, cells: tuple[str, ...], blocks: tuple[str, ...], *, levels: int) -> Outcome:
+    """Cut single `cells` by every facet, turn and variant, and small `blocks` of a kind by several sides, and count;
+    `dim` of all. A second level has every set of a cell's faces, and slave faces between two cells.
+    """
     counters: dict[str, Counter[str]] = {name: Counter() for name in _COUNTED}
-    trials, worst = 0, np.inf
-    for trial in _trials(case.parameters, levels):
-        trials += trial.count
+    count, worst = 0, np.inf
+    for trial in trials(dim, cells, blocks, levels):
+        count += trial.count
         cut = lacmesh.cut_skin(trial.mesh, trial.slave, hexa=trial.hexa)
-        for name, count in broken(trial, cut).items():
-            counters[name][trial.label] += count
+        for name, wrong in broken(trial, cut).items():
+            counters[name][trial.label] += wrong
         worst = min(worst, _quality(cut))
-    results = [_none(name, counters[name], trials) for name in _COUNTED]
-    reason = f"of {trials} bodies, in cells that are sheared by up to a quarter: it depends on the cells that are cut"
+    results = [_none(name, counters[name], count) for name in _COUNTED]
+    reason = f"of {count} bodies, in cells that are sheared by up to a quarter: it depends on the cells that are cut"
     return Outcome((*results, informative("worst corner Jacobian of a cell", worst, reason=reason)))
 
 
@@ -195,17 +191,18 @@ def with_all(cell: str, order: str) -> Mesh:
     return mesh if order == "1" else lacmesh.raise_order(mesh, order)
 
 
-def _trials(given: Cuts, levels: int) -> Iterator[Trial]:
-    for name in given.cells:
+def trials(dim: int, cells: tuple[str, ...], blocks: tuple[str, ...], levels: int) -> Iterator[Trial]:
+    """The meshes that are cut."""
+    for name in cells:
         for hexa in _ways(name):
             yield _singles(name, hexa)
             if levels > 1:
                 yield _sets(name, hexa)
-    for kind in given.blocks:
-        for hexa in ("pyramid", "hexa") if kind in ("mixed 1", "mixed 2") and given.dim == 3 else _ways(kind):
-            yield Trial(f"block of {kind}, {hexa}", sided(kind, given.dim), ("slave", "slave2"), hexa)
+    for kind in blocks:
+        for hexa in ("pyramid", "hexa") if kind in ("mixed 1", "mixed 2") and dim == 3 else _ways(kind):
+            yield Trial(f"block of {kind}, {hexa}", sided(kind, dim), ("slave", "slave2"), hexa)
             if levels > 1:
-                mesh = sided(kind, given.dim, between=True)
+                mesh = sided(kind, dim, between=True)
                 yield Trial(f"block of {kind}, {hexa}, between cells", mesh, ("slave",), hexa)
 
 
@@ -302,18 +299,20 @@ def _cases() -> Iterator[Case]:
         description = (
             f"{', '.join(cells)}: single cells by every facet, turn and variant, small blocks by several sides"
         )
-        yield Case("cut", family, description, Cuts(CELLS[cells[0]].dim, cells, blocks), {"quick": 1, "full": 2}, 8.0)
+        solve = partial(run, CELLS[cells[0]].dim, cells, blocks)
+        yield Case("cut", family, description, solve, {"quick": 1, "full": 2}, 8.0)
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
         mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
         yield Case(
             "cut",
             f"mixed-{dim}d",
             f"blocks of mixed cells in {dim}D",
-            Cuts(dim, (), mixed),
+            partial(run, dim, (), mixed),
             {"quick": 1, "full": 2},
             3.0,
         )
-    yield Case("cut", "counts", "cells and nodes as code_aster's test of its cut counts them", _ROWS, {"quick": 1}, 1.0)
+    yield Case("cut", "counts", "cells and nodes as code_aster's test of its cut counts them",
+               partial(compare_counts, _ROWS), {"quick": 1}, 1.0)  # fmt: skip
 
 
 FAMILY = Family(
@@ -327,5 +326,4 @@ FAMILY = Family(
     "follow, and the order of cells and groups does not matter.\n\n"
     "Totals of cells and nodes are compared with those of code_aster's own test.",
     tuple(_cases()),
-    run,
 )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -30,13 +31,14 @@ from verification.solving import Solved, balance_of, solve, worst
 
 Floats = NDArray[np.floating]
 Borrowed = Touch | Press | Slider | Dragged | Free
+Ranks = tuple[tuple[int, tuple[str, ...]], ...]
 
 FAMILY_NAME = "distributed"
 BACKENDS = ("multigrid", "gamg", "hypre", "mumps")
 #: numbers of processes, and the backends that each solves with
-RANKS: tuple[tuple[int, tuple[str, ...]], ...] = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("multigrid",)))
+RANKS: Ranks = (*((n, BACKENDS) for n in (1, 2, 3, 4)), (8, ("multigrid",)))
 #: the same for cases of dozens of steps: each backend, and several numbers, once
-FEW: tuple[tuple[int, tuple[str, ...]], ...] = (
+FEW: Ranks = (
     (2, ("multigrid", "mumps")),
     (3, ("hypre", "gamg")),
     (4, ("multigrid",)),
@@ -51,17 +53,6 @@ _REASON = {
     "p": "the same, and a pressure is a difference of neighbouring forces",
     "set": "the active set is the same, or it is another solution",
 }
-
-
-@dataclass(frozen=True)
-class Divided:
-    """A problem of another family, or of `distributed_moving`.
-
-    `ranks`: numbers of processes, and the backends that each solves with.
-    """
-
-    given: Borrowed
-    ranks: tuple[tuple[int, tuple[str, ...]], ...] = RANKS
 
 
 @dataclass(frozen=True)
@@ -94,24 +85,26 @@ def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
         yield sliding.dragged_text(given, given.steps[0]), MESHES[given.mesh](given.sizes[0])
 
 
-def run(case: Case, levels: int) -> Outcome:
-    """Solve a case in one process and in several, and compare."""
-    given: Divided = case.parameters
-    cases = {f"case{k}": problem for k, problem in enumerate(problems(given.given))}
-    alone = {name: solve(*problem) for name, problem in cases.items()}
-    differences = list(_differences(given, cases, alone))
+def run(problem: Borrowed, title: str, ranks: Ranks = RANKS, *, levels: int) -> Outcome:
+    """Solve a problem of another family, or of `distributed_moving`, in one process and in several, and compare.
+
+    `ranks`: numbers of processes, and the backends that each solves with.
+    """
+    cases = {f"case{k}": each for k, each in enumerate(problems(problem))}
+    alone = {name: solve(*each) for name, each in cases.items()}
+    differences = list(_differences(ranks, cases, alone))
     closed = min(int((_found(solved)[-1].status == 1).sum()) for solved in alone.values())
     reason = "processes agree on nothing where nothing touches"
     pressed = at_least("closed macro-elements at the end, the least of all problems", closed, 1, source="the load",
                        reason=reason)  # fmt: skip
-    return Outcome((*_judged(differences), pressed), (_plot(case.description, differences),))
+    return Outcome((*_judged(differences), pressed), (_plot(title, differences),))
 
 
 def _differences(
-    given: Divided, cases: Mapping[str, tuple[str, Mesh]], alone: Mapping[str, Solved]
+    ranks: Ranks, cases: Mapping[str, tuple[str, Mesh]], alone: Mapping[str, Solved]
 ) -> Iterator[Difference]:
     """Yield the difference of each problem, number of processes and backend."""
-    for n, backend in ((n, backend) for n, backends in given.ranks for backend in backends):
+    for n, backend in ((n, backend) for n, backends in ranks for backend in backends):
         with tempfile.TemporaryDirectory() as folder:
             several = solve_divided(cases, n, backend, Path(folder))
         for name, states in several.items():
@@ -196,12 +189,8 @@ SOLID = (
 _FEW = {"plane_strain": PLANE[:2], "axisymmetric": PLANE[1:3], "3d": (("HEXA8", "TETRA4"),)}
 
 
-def _touch(name: str, description: str, given: Touch, seconds: float = 60.0) -> Case:
-    return _case(name, description, Divided(given), seconds)
-
-
-def _case(name: str, description: str, given: Divided, seconds: float) -> Case:
-    return Case(FAMILY_NAME, name, description, given, {"all": 1}, seconds)
+def _case(name: str, description: str, problem: Borrowed, seconds: float = 60.0, ranks: Ranks = RANKS) -> Case:
+    return Case(FAMILY_NAME, name, description, partial(run, problem, description, ranks), {"all": 1}, seconds)
 
 
 def _balanced() -> Iterator[Case]:
@@ -209,45 +198,41 @@ def _balanced() -> Iterator[Case]:
     for dim, model, pairs in (("2d", "plane_strain", PLANE), ("axisymmetric", "axisymmetric", PLANE),
                               ("3d", "3d", SOLID)):  # fmt: skip
         few = _FEW[model]
-        yield _touch(f"cells-{dim}", f"every kind of cells, {dim}", Touch(pairs, model, "waves", _FACET), 120.0)
+        yield _case(f"cells-{dim}", f"every kind of cells, {dim}", Touch(pairs, model, "waves", _FACET), 120.0)
         finite = Touch(few, model, "waves", _SMOOTHED, "finite", steps=2)
-        yield _touch(f"finite-{dim}", f"finite kinematics, smoothed normals, {dim}", finite)
+        yield _case(f"finite-{dim}", f"finite kinematics, smoothed normals, {dim}", finite)
     for dim, model in (("2d", "plane_strain"), ("3d", "3d")):
         few = _FEW[model]
-        yield _touch(f"tie-{dim}", f"a tie across a gap, {dim}", Touch(few, model, "waves", (), joint="tie", gap=0.07))
-        yield _touch(f"overhang-{dim}", f"a slave wider than its master, {dim}", Touch(few, model, "overhang"))
+        yield _case(f"tie-{dim}", f"a tie across a gap, {dim}", Touch(few, model, "waves", (), joint="tie", gap=0.07))
+        yield _case(f"overhang-{dim}", f"a slave wider than its master, {dim}", Touch(few, model, "overhang"))
         rigid = Touch(few[:1], model, "rigid", (), "finite", steps=2)
-        yield _touch(f"rigid-{dim}", f"a rigid skin that comes down and turns, finite kinematics, {dim}", rigid)
+        yield _case(f"rigid-{dim}", f"a rigid skin that comes down and turns, finite kinematics, {dim}", rigid)
     bilateral = Touch(_FEW["3d"], "3d", "waves", (("type", "bilateral"),))
-    yield _touch("bilateral-3d", "pressure of either sign, 3d", bilateral)
+    yield _case("bilateral-3d", "pressure of either sign, 3d", bilateral)
     warped = Touch((("HEXA20", "HEXA8"),), "3d", "saddle", (("hexa", "hexa"),))
-    yield _touch("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
+    yield _case("warped-3d", "quadrangles that are not plane, cut hexa, 3d", warped)
 
 
 def _floating() -> Iterator[Case]:
     """Bodies that contact alone holds."""
     plane = Press((("QUAD4", "TRIA3"), ("TRIA6", "QUAD8")), "plane_strain", contact=_FACET)
-    yield _case(
-        "floating-2d", "patch test: the upper block floats on the lower one under a pressure, 2d", Divided(plane), 60.0
-    )
+    yield _case("floating-2d", "patch test: the upper block floats on the lower one under a pressure, 2d", plane)
     solid = Press((("HEXA8", "TETRA4"), ("TETRA10", "HEXA8")), contact=_FACET)
-    yield _case(
-        "floating-3d", "patch test: the upper block floats on the lower one under a pressure, 3d", Divided(solid), 60.0
-    )
+    yield _case("floating-3d", "patch test: the upper block floats on the lower one under a pressure, 3d", solid)
     three = Touch((("HEXA8", "TETRA4"),), "3d", "tower", ())
-    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", Divided(three), 60.0)
-    yield _case("tower-finite", "the same, finite kinematics", Divided(replace(three, kinematics="finite")), 90.0)
+    yield _case("tower-small", "three blocks, two zones, the middle one held by contact", three)
+    yield _case("tower-finite", "the same, finite kinematics", replace(three, kinematics="finite"), 90.0)
 
 
 def _sliding() -> Iterator[Case]:
     """Problems of the family `sliding`, on its coarsest meshes."""
     for case in sliding.FAMILY.cases:
-        given = case.parameters
+        given = case.solve.args[0]
         if isinstance(given, Dragged):  # of its own tolerance 1e-7 of u is left near a limit point
-            tight = Divided(replace(given, tolerance=_TIGHT), FEW)
-            yield _case(case.name, case.description, tight, 2 * case.seconds)
+            tight = replace(given, tolerance=_TIGHT)
+            yield _case(case.name, case.description, tight, 2 * case.seconds, FEW)
         else:
-            yield _case(case.name, case.description, Divided(given), 15 * case.seconds)
+            yield _case(case.name, case.description, given, 15 * case.seconds)
 
 
 def _moving_cases() -> Iterator[Case]:
@@ -260,7 +245,7 @@ def _moving_cases() -> Iterator[Case]:
         ("wall", "a bar hits a free wall that turns, finite kinematics, 2d", FEW),
         ("thrown", "a body with a free rigid top is thrown on another, 3d", FEW),
     ):
-        yield _case(f"free-{name}", description, Divided(Free(name), ranks), 90.0)
+        yield _case(f"free-{name}", description, Free(name), 90.0, ranks)
 
 
 TEXT = f"""
@@ -281,6 +266,5 @@ FAMILY = Family(
     "Several processes",
     TEXT,
     (*_balanced(), *_floating(), *_moving_cases(), *_sliding()),
-    run,
     missing,
 )

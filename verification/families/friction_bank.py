@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,9 +180,8 @@ def _compare(bank: FrictionBank, oracle: Condenser, state: State, out: BankRun) 
         out.apart.append(float(max(np.abs(p - right).max(), np.abs(t - shear).max()) / size))
 
 
-def solve_bank(case: Case, levels: int) -> Outcome:
+def solve_bank(bank: FrictionBank, *, levels: int) -> Outcome:
     """So many problems for every mu and severity."""
-    bank: FrictionBank = case.parameters
     runs, own_means = [], {}
     for cell in bank.cells:
         mesh = mesh_of(bank, cell)
@@ -213,24 +213,14 @@ def solve_bank(case: Case, levels: int) -> Outcome:
 # ---- units
 
 
-@dataclass(frozen=True)
-class Units:
-    """Problems of a bank in other units of length and of stress."""
-
-    bank: FrictionBank
-    unit: float = 1e3
-    stress: float = 1e-6
-
-
-def solve_units(case: Case, levels: int) -> Outcome:
-    """Numbers of iterations in both units."""
-    given: Units = case.parameters
-    bank, changed, count = given.bank, 0, 0
+def solve_units(bank: FrictionBank, unit: float = 1e3, stress: float = 1e-6, *, levels: int) -> Outcome:
+    """Problems of a bank in other units of length and of stress. Numbers of iterations in both units."""
+    changed, count = 0, 0
     for friction in FRICTION:
         for severity in SEVERITY:
             for seed in range(levels):
                 own = _iterations(bank, friction, severity, seed, 1.0, 1.0)
-                other = _iterations(bank, friction, severity, seed, given.unit, given.stress)
+                other = _iterations(bank, friction, severity, seed, unit, stress)
                 changed, count = changed + (own != other), count + 1
     return Outcome((at_most(f"problems with other iterations, of {count}", changed, 0, source="units are arbitrary"),))
 
@@ -251,8 +241,19 @@ def _iterations(
 def cases(family: str) -> Iterator[Case]:
     """960 steps in the plane, 480 in space."""
     plane, space = ("TRIA3", "QUAD4", "TRIA6", "QUAD8"), ("TETRA4", "HEXA8")
-    yield Case(family, "bank-plane", "random steps of blocks", FrictionBank(plane, 2), {"quick": 1, "full": 6}, 150.0)
-    yield Case(family, "bank-space", "random steps of blocks", FrictionBank(space, 3), {"full": 6}, 300.0)
+    yield Case(
+        family,
+        "bank-plane",
+        "random steps of blocks",
+        partial(solve_bank, FrictionBank(plane, 2)),
+        {"quick": 1, "full": 6},
+        150.0,
+    )
+    yield Case(
+        family, "bank-space", "random steps of blocks", partial(solve_bank, FrictionBank(space, 3)), {"full": 6}, 300.0
+    )
     for cell, dim in (("QUAD4", 2), ("HEXA8", 3)):
         description = "lengths times 1e3, stresses times 1e-6"
-        yield Case(family, f"units-{cell}", description, Units(FrictionBank((cell,), dim)), {"full": 2}, 20.0)
+        yield Case(
+            family, f"units-{cell}", description, partial(solve_units, FrictionBank((cell,), dim)), {"full": 2}, 20.0
+        )

@@ -4,14 +4,15 @@ hub, pulled or turned by a load just below and just above what friction carries 
 **Belt.** A belt of thickness h around a rigid cylinder: T2 / T1 tends to e^(mu theta) as h falls.
 
 **Crack.** A closed crack under inclined compression that slides: p and t are uniform, slip is an ellipse (Phan and
-others). **SpencePunch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
+others). **Punch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
 equations.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -49,35 +50,24 @@ def moved_by(case: lacsolver.Case, motions: Mapping[str, Callable[[Floats, float
 # ---- a pad on an incline
 
 
-@dataclass(frozen=True)
-class Incline:
+def solve_incline(cell: str, part: float, friction: float = 0.3, weight: float = 2.0, *, levels: int) -> Outcome:
     """A pad on a plane whose slope is `part` of mu, held by a soft spring; the spring takes what friction does not."""
-
-    cell: str
-    part: float
-    friction: float = 0.3
-    weight: float = 2.0
-
-
-def solve_incline(case: Case, levels: int) -> Outcome:
-    """The pad under its weight."""
-    given: Incline = case.parameters
-    slope = np.arctan(given.part * given.friction)
-    force = given.weight / 0.2
+    slope = np.arctan(part * friction)
+    force = weight / 0.2
     text = case_text(
         "plane_strain",
         entry("material", young=1e4, poisson=0.3),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("rigid", group="master"),
         entry("spring", group="right", kx=1e-4),
         entry("body_force", fx=float(force * np.sin(slope)), fy=float(-force * np.cos(slope))),
     )
-    one = solve(text, meshes.pad(given.cell, 16))
+    one = solve(text, meshes.pad(cell, 16))
     zone = one.zone
     N, T = float(zone.pressure @ zone.area), float(one.shear[:, 0] @ zone.area)
-    pull = given.weight * np.sin(slope)
+    pull = weight * np.sin(slope)
     sliding, closed = int((zone.status == 2).sum()), int((zone.pressure > 0).sum())
-    if given.part < 1:
+    if part < 1:
         results = [
             equal(
                 "force of friction over the pull",
@@ -99,7 +89,7 @@ def solve_incline(case: Case, levels: int) -> Outcome:
         results = [
             equal(
                 "force of friction over mu N",
-                T / (given.friction * N),
+                T / (friction * N),
                 1.0,
                 ROUNDING,
                 source="Coulomb's law",
@@ -113,32 +103,23 @@ def solve_incline(case: Case, levels: int) -> Outcome:
 # ---- a shaft in a hub
 
 
-@dataclass(frozen=True)
-class Pull:
-    """A shaft in a hub, pulled along the axis or turned, to `part` of what friction carries."""
-
-    cell: str
-    way: Literal["pulled", "turned"]
-    part: float
-    fit: SlidingFit
-
-
-def solve_fit(case: Case, levels: int) -> Outcome:
-    """Press, then pull or turn by the exact displacement of the far sides, above the bound with a slip."""
-    given: Pull = case.parameters
-    exact, sliding = given.fit, given.part > 1
+def solve_fit(cell: str, way: Literal["pulled", "turned"], part: float, fit: SlidingFit, *, levels: int) -> Outcome:
+    """A shaft in a hub, pulled along the axis or turned, to `part` of what friction carries. Press, then pull or turn
+    by the exact displacement of the far sides, above the bound with a slip.
+    """
+    exact, sliding = fit, part > 1
     slip = 0.5 * exact.fit.interference if sliding else 0.0
-    stress = min(given.part, 1.0) * exact.bound
+    stress = min(part, 1.0) * exact.bound
     c = exact.fit.within.outer
 
     def motion(body: Literal["within", "around"]) -> Callable[[Floats, float], Floats]:
         def u(x: Floats, t: float) -> Floats:
             x = x[:, :2]
-            r = x[:, 0] if given.way == "pulled" else np.linalg.norm(x, axis=1)
+            r = x[:, 0] if way == "pulled" else np.linalg.norm(x, axis=1)
             place = np.minimum(r, c * (1 - 1e-12)) if body == "within" else np.maximum(r, c)
             radial = exact.fit.displacement(place[:, None], body)[:, 0] * min(t, 1.0)
-            aside = getattr(exact, given.way)(place, stress, slip) * max(t - 1.0, 0.0)
-            if given.way == "pulled":
+            aside = getattr(exact, way)(place, stress, slip) * max(t - 1.0, 0.0)
+            if way == "pulled":
                 return np.stack([radial, aside], axis=1)
             return (
                 np.stack([radial * x[:, 0] - aside * x[:, 1], radial * x[:, 1] + aside * x[:, 0]], axis=1) / r[:, None]
@@ -147,23 +128,23 @@ def solve_fit(case: Case, levels: int) -> Outcome:
         return u
 
     text = case_text(
-        "axisymmetric" if given.way == "pulled" else "plane_strain",
+        "axisymmetric" if way == "pulled" else "plane_strain",
         *(entry("material", groups=[name], young=shell.young, poisson=shell.poisson)
           for name, shell in (("within", exact.fit.within), ("around", exact.fit.around))),
         entry("contact", slave="slave", master="master", friction=exact.friction, clearance=-exact.fit.interference),
         entry("steps", times=[1.0, 2.0]),
     )  # fmt: skip
-    mesh = (meshes.pulled_fit if given.way == "pulled" else meshes.turned_fit)(given.cell, 16)
+    mesh = (meshes.pulled_fit if way == "pulled" else meshes.turned_fit)(cell, 16)
     one = solve(moved_by(lacsolver.parse_case(text), {f"far_{b}": motion(b) for b in ("within", "around")}), mesh)
     zone = one.zone
-    if given.way == "pulled":
+    if way == "pulled":
         total, whole = float(one.shear[:, 1] @ zone.area), exact.pull_out
     else:
-        way = np.stack([-zone.centre[:, 1], zone.centre[:, 0]], axis=1)
-        total, whole = float(4 * zone.area @ (one.shear * way).sum(axis=1)), exact.torque
+        around = np.stack([-zone.centre[:, 1], zone.centre[:, 0]], axis=1)
+        total, whole = float(4 * zone.area @ (one.shear * around).sum(axis=1)), exact.torque
     asked = equal(
-        "force over the pull-out force of Lame's pressure" if given.way == "pulled" else "moment over the torque",
-        total / whole, min(given.part, 1.0), 2e-3, source="mu p 2 pi r L; Lame", reason="that of p_m in a press fit",
+        "force over the pull-out force of Lame's pressure" if way == "pulled" else "moment over the torque",
+        total / whole, min(part, 1.0), 2e-3, source="mu p 2 pi r L; Lame", reason="that of p_m in a press fit",
     )  # fmt: skip
     slides = zone.status == 2
     state = at_most(
@@ -180,31 +161,25 @@ def solve_fit(case: Case, levels: int) -> Outcome:
 # ---- a belt
 
 
-@dataclass(frozen=True)
-class Belt:
-    """A belt of QUAD8 around a cylinder. `angle`: degrees; `thickness`: over the radius, of each level."""
-
-    angle: float
-    friction: float = 0.3
-    thickness: tuple[float, ...] = (0.04, 0.02)
-
-
-def solve_belt(case: Case, levels: int) -> Outcome:
-    """Belts of several thicknesses; their exponents are extrapolated to none."""
-    given: Belt = case.parameters
-    angle = np.radians(given.angle)
-    solutions = [_belt(given, h) for h in given.thickness]
-    exponents = [np.log(ratio) / (given.friction * angle) for _, ratio in solutions]
-    (h, thin), (thick, last) = given.thickness, exponents
+def solve_belt(
+    degrees: float, friction: float = 0.3, thickness: tuple[float, ...] = (0.04, 0.02), *, levels: int
+) -> Outcome:
+    """A belt of QUAD8 around a cylinder. `degrees`: of its angle; `thickness`: over the radius, of each level. Belts of
+    several thicknesses; their exponents are extrapolated to none.
+    """
+    angle = np.radians(degrees)
+    solutions = [_belt(angle, friction, h) for h in thickness]
+    exponents = [np.log(ratio) / (friction * angle) for _, ratio in solutions]
+    (h, thin), (thick, last) = thickness, exponents
     extrapolated = last + (last - thick) * thin / (h - thin)
-    ratio = float(np.exp(given.friction * angle * extrapolated)) / capstan(given.friction, angle)
+    ratio = float(np.exp(friction * angle * extrapolated)) / capstan(friction, angle)
     return Outcome(
         (
             equal("T2 / T1, extrapolated to no thickness, over e^(mu theta)", ratio, 1.0, 0.005, source="Euler",
                   reason="what extrapolation from two thicknesses leaves"),
             *(informative(f"exponent over mu theta, h / R = {t}", e,
-                          reason=f"about 1 - h / 2R (1 + mu^2) = {1 - t / 2 * (1 + given.friction**2):.4f}")
-              for t, e in zip(given.thickness, exponents, strict=True)),
+                          reason=f"about 1 - h / 2R (1 + mu^2) = {1 - t / 2 * (1 + friction**2):.4f}")
+              for t, e in zip(thickness, exponents, strict=True)),
             at_most("iterations", max(one.iterations for one, _ in solutions), 6,
                     source="design: the first solve tells that all slides"),
             *balanced([solved for solved, _ in solutions]),
@@ -212,14 +187,14 @@ def solve_belt(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
-def _belt(given: Belt, h: float) -> tuple[Solved, float]:
+def _belt(angle: float, friction: float, h: float) -> tuple[Solved, float]:
     """Solution, and T2 / T1: T1 is a dead load, the other end is turned until all slides."""
-    angle, young, tension = np.radians(given.angle), 1e4, 1.0
-    most = tension * capstan(given.friction, angle) / (young * h) * angle
+    young, tension = 1e4, 1.0
+    most = tension * capstan(friction, angle) / (young * h) * angle
     text = case_text(
         "plane_stress",
         entry("material", young=young, poisson=0.0),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("rigid", group="master"),
         entry("traction", group="first", ty=-tension / h),
     )
@@ -239,19 +214,9 @@ def _belt(given: Belt, h: float) -> tuple[Solved, float]:
 # ---- a crack
 
 
-@dataclass(frozen=True)
-class Slit:
-    """A closed crack in a plane of cells of a type, as many to its half as `levels` say."""
-
-    cell: str
-    exact: Crack
-    levels: tuple[int, ...] = (4, 8, 16, 32)
-
-
-def solve_crack(case: Case, levels: int) -> Outcome:
-    """The crack on so many meshes."""
-    given: Slit = case.parameters
-    solutions = [_crack(given, n) for n in given.levels[:levels]]
+def solve_crack(cell: str, exact: Crack, sizes: tuple[int, ...] = (4, 8, 16, 32), *, levels: int) -> Outcome:
+    """A closed crack in a plane of cells of a type, as many to its half as `sizes` say."""
+    solutions = [_crack(cell, exact, n) for n in sizes[:levels]]
     finest = solutions[-1].errors
     results: list[Result] = [
         rate(
@@ -264,7 +229,7 @@ def solve_crack(case: Case, levels: int) -> Outcome:
     ]
     for name in ("p", "t"):
         quantity = f"largest relative error of {name}_m"
-        if given.cell == "QUAD8":
+        if cell == "QUAD8":
             results.append(at_most(quantity, max(one.errors[name] for one in solutions), 1e-10, source="uniform"))
         else:
             results.append(informative(quantity, finest[name], reason="tips: linear cells have 36 % there"))
@@ -272,15 +237,14 @@ def solve_crack(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced([one.solved for one in solutions])))
 
 
-def _crack(given: Slit, n: int) -> LevelSolution:
-    exact = given.exact
+def _crack(cell: str, exact: Crack, n: int) -> LevelSolution:
     text = case_text(
         "plane_strain",
         entry("material", young=exact.young, poisson=exact.poisson),
         entry("contact", slave="slave", master="master", friction=exact.friction),
     )
     case = moved_by(lacsolver.parse_case(text), {"far": lambda x, t: exact.displacement(x[:, :2])})
-    one = solve(case, meshes.cracked(given.cell, n))
+    one = solve(case, meshes.cracked(cell, n))
     zone = one.fields.zones["slave"]
     slip = pressure_errors(one.mesh, one.passed[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
     errors = {
@@ -294,23 +258,15 @@ def _crack(given: Slit, n: int) -> LevelSolution:
 # ---- a punch
 
 
-@dataclass(frozen=True)
-class SpencePunch:
-    """A flat punch on a half-plane of QUAD8, n cells to the half-width."""
-
-    poisson: float
-    friction: float
-    n: int = 64
-
-
-def solve_punch(case: Case, levels: int) -> Outcome:
-    """Press by a force; far off, the displacements of the half-plane under the tractions of the integral equations."""
-    given: SpencePunch = case.parameters
-    nu = given.poisson
-    edge = spence.stick_edge(nu, given.friction)
+def solve_punch(poisson: float, friction: float, n: int = 64, *, levels: int) -> Outcome:
+    """A flat punch on a half-plane of QUAD8, n cells to the half-width. Press by a force; far off, the displacements of
+    the half-plane under the tractions of the integral equations.
+    """
+    nu = poisson
+    edge = spence.stick_edge(nu, friction)
     count = 400
     x, p, q = spence.tractions(
-        (1 - 2 * nu) / (2 * (1 - nu)), given.friction, round(count * np.arcsin(edge) / (np.pi / 2)), True, count
+        (1 - 2 * nu) / (2 * (1 - nu)), friction, round(count * np.arcsin(edge) / (np.pi / 2)), True, count
     )
     width = np.diff(np.sin(np.linspace(0, np.pi / 2, count + 1)))
     place = np.concatenate([-x[::-1], x])
@@ -320,24 +276,24 @@ def solve_punch(case: Case, levels: int) -> Outcome:
     text = case_text(
         "plane_strain",
         entry("material", young=1.0, poisson=nu),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("displacement", group="axis", ux=0.0),
         entry("rigid", group="master", fy=-0.5),
     )
     far = {"far": lambda x, t: below.under_forces(x[:, :2], place, force) - still}
-    one = solve(moved_by(lacsolver.parse_case(text), far), meshes.punched_half("QUAD8", given.n))
+    one = solve(moved_by(lacsolver.parse_case(text), far), meshes.punched_half("QUAD8", n))
     zone = one.zone
     on = zone.status == 1
-    left = 1 - np.abs(one.shear[on, 0]) / (given.friction * zone.pressure[on])
+    left = 1 - np.abs(one.shear[on, 0]) / (friction * zone.pressure[on])
     stick_edge = edge_of_contact(zone.centre[on, 0], left, float(left.min()), 0.75 * edge)
-    sticks = int((zone.status == 1).sum()) / given.n
+    sticks = int((zone.status == 1).sum()) / n
     return Outcome(
         (
             equal("edge of stick over the half-width", stick_edge, edge, 0.03 * edge,
                   source="Spence's integral equations",
                   reason="3 %: elements of 1/64 of the half-width"),
             informative("part of the half-width that sticks", sticks, reason="a whole number of macro-elements"),
-            informative("closed form that leaves out the coupling", spence.uncoupled_edge(nu, given.friction),
+            informative("closed form that leaves out the coupling", spence.uncoupled_edge(nu, friction),
                         reason="of textbooks; not exact"),
             *balanced([one]),
         )
@@ -356,17 +312,26 @@ def cases(family: str) -> Iterator[Case]:
         word = "below" if part < 1 else "above"
         for cell in ("TRIA3", "QUAD8"):
             description = f"a pad on a slope of {part} mu, {cell}"
-            yield Case(family, f"incline-{word}-{cell}", description, Incline(cell, part), {"quick": 1}, 2.0)
-        pulled, turned = Pull("QUAD8", "pulled", part, _FIT), Pull("QUAD8", "turned", part, _FIT)
+            yield Case(
+                family, f"incline-{word}-{cell}", description, partial(solve_incline, cell, part), {"quick": 1}, 2.0
+            )
+        pulled, turned = (
+            partial(solve_fit, "QUAD8", "pulled", part, _FIT),
+            partial(solve_fit, "QUAD8", "turned", part, _FIT),
+        )
         description = f"a shaft in a hub, {part} of what friction carries"
         yield Case(family, f"pull-out-{word}", f"{description}, along the axis", pulled, {"quick": 1}, 3.0)
         yield Case(family, f"torque-{word}", f"{description}, by a moment", turned, {"quick": 1}, 3.0)
     for angle in (90.0, 180.0, 270.0):
         suite = "quick" if angle == 90 else "full"
-        yield Case(family, f"belt-{angle:g}", f"a belt around {angle:g} degrees", Belt(angle), {suite: 1}, 20.0)
+        yield Case(
+            family, f"belt-{angle:g}", f"a belt around {angle:g} degrees", partial(solve_belt, angle), {suite: 1}, 20.0
+        )
     for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8"):
         description = f"a closed crack that slides, {cell}"
-        yield Case(family, f"crack-{cell}", description, Slit(cell, Crack()), {"quick": 3, "full": 4}, 10.0)
+        yield Case(
+            family, f"crack-{cell}", description, partial(solve_crack, cell, Crack()), {"quick": 3, "full": 4}, 10.0
+        )
     for poisson, friction in _PUNCHES:
         name, description = f"punch-{poisson:g}-{friction:g}", f"Spence's punch, nu {poisson:g}, mu {friction:g}"
-        yield Case(family, name, description, SpencePunch(poisson, friction), {"full": 1}, 30.0)
+        yield Case(family, name, description, partial(solve_punch, poisson, friction), {"full": 1}, 30.0)

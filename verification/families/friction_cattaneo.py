@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,9 +150,8 @@ def stick_of(one: Solved, exact: Cylinders | LikeSpheres) -> float:
     return edge_of_contact(np.linalg.norm(zone.centre[:, :-1], axis=1), left, exact.friction * exact.peak * c, 0.5 * c)
 
 
-def solve_pressed(case: Case, levels: int) -> Outcome:
+def solve_pressed(given: PressedCylinders, *, levels: int) -> Outcome:
     """Cylinders on so many levels."""
-    given: PressedCylinders = case.parameters
     solutions = [solve_level(given, level) for level in range(levels)]
     at_32 = solutions[min(2, levels - 1)]
     most = max(state.iterations for one in solutions for state in one.solved.states[1:])
@@ -193,32 +193,26 @@ def profile(given: PressedCylinders, one: LevelSolution) -> Plot:
 # ---- numbers of steps
 
 
-@dataclass(frozen=True)
-class Steps:
-    """Cylinders sheared in several numbers of steps, k macro-elements to the half-width."""
-
-    given: PressedCylinders
-    counts: tuple[int, ...] = (1, 2, 4, 8, 16)
-    k: int = 16
-
-
-def solve_steps(case: Case, levels: int) -> Outcome:
-    """All numbers of steps, against one step."""
-    own: Steps = case.parameters
-    each = [solved(replace(own.given, steps=n), own.k) for n in own.counts]
+def solve_steps(
+    given: PressedCylinders, counts: tuple[int, ...] = (1, 2, 4, 8, 16), k: int = 16, *, levels: int
+) -> Outcome:
+    """Cylinders sheared in several numbers of steps, k macro-elements to the half-width. All numbers of steps, against
+    one step.
+    """
+    each = [solved(replace(given, steps=n), k) for n in counts]
     size = np.abs(each[0].shear[:, 0]).max()
     apart = max(float(np.abs(one.shear[:, 0] - each[0].shear[:, 0]).max() / size) for one in each)
-    errors = [shear_errors(one, own.given.loads(own.given.times[-1])).exact for one in each]
+    errors = [shear_errors(one, given.loads(given.times[-1])).exact for one in each]
     work = [one.friction.energy[1] for one in each]
     last = float(np.mean([state.iterations for state in each[-1].states[1:]]))
     return Outcome(
         (
-            at_most(f"largest difference of t_m between {own.counts} steps, of the largest t_m", apart, 1e-9,
+            at_most(f"largest difference of t_m between {counts} steps, of the largest t_m", apart, 1e-9,
                     source=_STEPS),
             informative("t_m in L2, relative error", max(errors), reason="judged with the rates"),
             informative("dissipation, largest relative difference", max(np.abs(np.array(work) / work[-1] - 1)),
                         reason="work of t over the slip of a step"),
-            at_most(f"iterations of a step of {own.counts[-1]}, mean", last, MANY_ITERATIONS,
+            at_most(f"iterations of a step of {counts[-1]}, mean", last, MANY_ITERATIONS,
                     source="measured on a prototype: 1.8"),
             *balanced(each),
         )
@@ -226,15 +220,6 @@ def solve_steps(case: Case, levels: int) -> Outcome:
 
 
 # ---- space
-
-
-@dataclass(frozen=True)
-class Balls:
-    """Like spheres with nu = 0, of cells of a type; `levels`: cells to the radius of contact."""
-
-    cell: str
-    levels: tuple[int, ...]
-    exact: LikeSpheres = SPHERES
 
 
 def balls(cell: str, k: int) -> Mesh:
@@ -251,10 +236,9 @@ def balls(cell: str, k: int) -> Mesh:
     ])  # fmt: skip
 
 
-def solve_balls(case: Case, levels: int) -> Outcome:
-    """Spheres on so many levels."""
-    given: Balls = case.parameters
-    solutions = [_ball(given, k) for k in given.levels[:levels]]
+def solve_balls(cell: str, sizes: tuple[int, ...], exact: LikeSpheres = SPHERES, *, levels: int) -> Outcome:
+    """Like spheres with nu = 0, of cells of a type; `sizes`: cells to the radius of contact."""
+    solutions = [_ball(cell, exact, k) for k in sizes[:levels]]
     most = max(state.iterations for one in solutions for state in one.solved.states[1:])
     return Outcome(
         (
@@ -297,9 +281,8 @@ def solved_balls(exact: LikeSpheres, cell: str, k: int, friction: float | None, 
     return solve(case_of(contact, bodies, motions, times, more), balls(cell, k))
 
 
-def _ball(given: Balls, k: int) -> LevelSolution:
-    exact = given.exact
-    one = solved_balls(exact, given.cell, k, exact.friction, (1.0, 2.0))
+def _ball(cell: str, exact: LikeSpheres, k: int) -> LevelSolution:
+    one = solved_balls(exact, cell, k, exact.friction, (1.0, 2.0))
     zone = one.fields.zones["slave"]
     t = pressure_errors(
         one.mesh, one.shear[:, 0], lambda x: exact.shear(np.linalg.norm(x[:, :2], axis=1), LOAD)[:, None]
@@ -319,20 +302,6 @@ def _ball(given: Balls, k: int) -> LevelSolution:
 # ---- rolling
 
 
-@dataclass(frozen=True)
-class Rolling:
-    """Cylinders that roll by `way` under a tangential load; `k` macro-elements to the half-width, a step for each.
-
-    The force falls to that of steady rolling over some two widths of contact: after 1.5 of them it is still 1 % above.
-    """
-
-    cell: str
-    k: int = 20
-    load: float = 0.5
-    way: float = 5.0
-    exact: Cylinders = CYLINDERS
-
-
 def rolled(cell: str, k: int, way: float) -> Mesh:
     """Half-planes from -REACH to REACH + way, with k cells to the half-width where the contact moves."""
     n = round((2 + way) * k)
@@ -350,26 +319,29 @@ def rolled(cell: str, k: int, way: float) -> Mesh:
     ])  # fmt: skip
 
 
-def solve_rolling(case: Case, levels: int) -> Outcome:
-    """Press, shear, roll by one macro-element a step; what creeps is what the exact far displacements move."""
-    given: Rolling = case.parameters
-    exact, creep = given.exact, given.exact.creep(given.load)
-    n = round(given.way * given.k)
-    times = (1.0, 2.0, *(2 + (k + 1) / n for k in range(n)))
+def solve_rolling(
+    cell: str, k: int = 20, load: float = 0.5, way: float = 5.0, exact: Cylinders = CYLINDERS, *, levels: int
+) -> Outcome:
+    """Cylinders that roll by `way` under a tangential load; `k` macro-elements to the half-width, a step for each.
+    Press, shear, roll by one macro-element a step; what creeps is what the exact far displacements move.
+
+    The force falls to that of steady rolling over some two widths of contact: after 1.5 of them it is still 1 % above.
+    """
+    creep = exact.creep(load)
+    n = round(way * k)
+    times = (1.0, 2.0, *(2 + (step + 1) / n for step in range(n)))
 
     def at(t: float) -> float:
-        return given.way * max(t - 2, 0.0)
+        return way * max(t - 2, 0.0)
 
     def motion(side: int) -> Motion:
         def u(x: Floats, t: float) -> Floats:
             if t <= 1:
                 return np.asarray(t * exact.displacement(x[:, :2], side, exact.sheared()))
             if t <= 2:
-                return exact.displacement(x[:, :2], side, exact.sheared(given.load * (t - 1)))
+                return exact.displacement(x[:, :2], side, exact.sheared(load * (t - 1)))
             moved = x[:, :2] - [at(t), 0.0]
-            out = exact.displacement(
-                moved, side, exact.rolling(given.load), stuck=exact.half_width - exact.stick(given.load)
-            )
+            out = exact.displacement(moved, side, exact.rolling(load), stuck=exact.half_width - exact.stick(load))
             return out + ([creep * at(t), 0.0] if side > 0 else [0.0, 0.0])
 
         return u
@@ -378,21 +350,21 @@ def solve_rolling(case: Case, levels: int) -> Outcome:
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
     rolling = case_of({"friction": exact.friction}, bodies, {"upper": motion(1), "lower": motion(-1)}, times)
     rolling = replace(rolling, contact=(replace(rolling.contact[0], clearance=gap),))
-    one = solve(rolling, rolled(given.cell, given.k, given.way))
-    loads = exact.rolling(given.load, given.way)
+    one = solve(rolling, rolled(cell, k, way))
+    loads = exact.rolling(load, way)
     zone = one.fields.zones["slave"]
     t = shear_errors(one, loads)
     total = float((one.shear[:, 0] * zone.area).sum() / (exact.friction * exact.force))
-    x = zone.centre[:, 0] - given.way
-    slides = np.abs(one.slip[:, 0]) > 0.02 * creep * given.way / n
+    x = zone.centre[:, 0] - way
+    slides = np.abs(one.slip[:, 0]) > 0.02 * creep * way / n
     slides &= zone.pressure > 0
-    edge = float(x[slides].max() + 0.5 / given.k)
+    edge = float(x[slides].max() + 0.5 / k)
     return Outcome(
         (
             equal("creep over that of the tangential force it gives", creep / exact.creep(total), 1.0, 0.03,
-                  source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{given.k} of the half-width"),
-            informative("tangential force over mu P", total, reason=f"{given.load:g} of the exact creep"),
-            equal("where stick begins, from the middle", edge, 1 - 2 * exact.stick(given.load), 2 / given.k,
+                  source="Carter 1926; Johnson, 8.3", reason=f"macro-elements of 1/{k} of the half-width"),
+            informative("tangential force over mu P", total, reason=f"{load:g} of the exact creep"),
+            equal("where stick begins, from the middle", edge, 1 - 2 * exact.stick(load), 2 / k,
                   source="Carter 1926", reason="two macro-elements"),
             informative("t_m in L2, relative error", t.exact, reason="beside the best constants'"),
             informative("best constants, relative error", t.best, reason="beside t_m's"),
@@ -407,25 +379,39 @@ def cases(family: str) -> Iterator[Case]:
     for cell in BEST:
         quick = {"quick": 3} if cell in ("TRIA3", "QUAD8") else {}
         description = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation"
-        yield Case(family, f"cattaneo-{cell}", description, PressedCylinders(cell), {**quick, "full": 4}, 60.0)
+        yield Case(
+            family,
+            f"cattaneo-{cell}",
+            description,
+            partial(solve_pressed, PressedCylinders(cell)),
+            {**quick, "full": 4},
+            60.0,
+        )
     for name, turns in (("back", (LOAD, -LOAD)), ("loop", (LOAD, -LOAD, LOAD))):
-        given = PressedCylinders("QUAD8", turns)
-        yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", given, {"full": 3}, 40.0)
+        reversed_ = partial(solve_pressed, PressedCylinders("QUAD8", turns))
+        yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", reversed_, {"full": 3}, 40.0)
     for cell in ("QUAD4", "QUAD8"):
         given = PressedCylinders(cell)
         yield Case(
             family,
             f"steps-{cell}",
             "in 1, 2, ... 16 steps",
-            Steps(given),
+            partial(solve_steps, given),
             {"quick" if cell == "QUAD4" else "full": 1},
             15.0,
         )
-        loop = Steps(PressedCylinders(cell, (LOAD, -LOAD)), (1, 16))
+        loop = partial(solve_steps, PressedCylinders(cell, (LOAD, -LOAD)), (1, 16))
         yield Case(family, f"steps-reversed-{cell}", "there and back in 1 and 16 steps", loop, {"full": 1}, 20.0)
     for cell, counts in (("HEXA8", (4, 6, 8)), ("HEXA20", (4, 6))):
         yield Case(
-            family, f"spheres-{cell}", f"spheres with nu = 0, {cell}", Balls(cell, counts), {"full": len(counts)}, 120.0
+            family,
+            f"spheres-{cell}",
+            f"spheres with nu = 0, {cell}",
+            partial(solve_balls, cell, counts),
+            {"full": len(counts)},
+            120.0,
         )
     for cell in ("QUAD4", "QUAD8"):
-        yield Case(family, f"rolling-{cell}", f"Carter's rolling, {cell}", Rolling(cell), {"full": 1}, 60.0)
+        yield Case(
+            family, f"rolling-{cell}", f"Carter's rolling, {cell}", partial(solve_rolling, cell), {"full": 1}, 60.0
+        )

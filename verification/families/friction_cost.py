@@ -6,7 +6,7 @@ Tractions along tangents make the systems two and three times as large.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +27,6 @@ MOST = {2: 1.6, 3: 3.2}
 _SOURCE = {2: "measured on a prototype: 1.25 to 1.45", 3: "measured on a prototype: 2 to 3"}
 
 
-@dataclass(frozen=True)
-class Applications:
-    """Cells of a type, about so many to the half-width on each level."""
-
-    cell: str
-    dim: int
-    levels: tuple[int, ...]
-
-
 def applications(one: Solved, reduction: float = 0.0) -> int:
     """Applications of K^-1 for the linear system of the last set, from nothing, to a reduction of its residual."""
     model, states = ReducedProblem(one.problem), one.states
@@ -52,27 +43,26 @@ def applications(one: Solved, reduction: float = 0.0) -> int:
     return solve_saddle(problem, np.zeros_like(q), np.zeros_like(p), goal).applications
 
 
-def _solved(given: Applications, k: int, rubs: bool) -> Solved:
+def _solved(cell: str, dim: int, k: int, rubs: bool) -> Solved:
     """Press, and with friction shear."""
-    if given.dim == 3:
+    if dim == 3:
         exact = cattaneo.SPHERES
         times, friction = ((1.0, 2.0), exact.friction) if rubs else ((1.0,), None)
-        return cattaneo.solved_balls(exact, given.cell, k, friction, times)
-    pressed = cattaneo.PressedCylinders(given.cell, cattaneo.PressedCylinders(given.cell).turns if rubs else ())
+        return cattaneo.solved_balls(exact, cell, k, friction, times)
+    pressed = cattaneo.PressedCylinders(cell, cattaneo.PressedCylinders(cell).turns if rubs else ())
     return cattaneo.solved(pressed, k, None if rubs else 0.0)
 
 
-def solve_applications(case: Case, levels: int) -> Outcome:
-    """Count on so many levels."""
-    given: Applications = case.parameters
+def solve_applications(cell: str, dim: int, sizes: tuple[int, ...], *, levels: int) -> Outcome:
+    """Count for cells of a type, about so many (`sizes`) to the half-width on each level."""
     results, solutions = [], []
-    for k in given.levels[:levels]:
-        pair = [_solved(given, k, rubs) for rubs in (True, False)]
+    for k in sizes[:levels]:
+        pair = [_solved(cell, dim, k, rubs) for rubs in (True, False)]
         solutions += pair
         with_it, without = (applications(one) for one in pair)
         results.append(at_most(
-            f"applications of K^-1 over those without friction, k = {k}", with_it / without, MOST[given.dim],
-            source=_SOURCE[given.dim],
+            f"applications of K^-1 over those without friction, k = {k}", with_it / without, MOST[dim],
+            source=_SOURCE[dim],
         ))  # fmt: skip
         results.append(informative(f"applications of K^-1, k = {k}", with_it, reason=f"{without} without friction"))
         loose = applications(pair[0], 1e-4) / applications(pair[1], 1e-4)
@@ -84,7 +74,21 @@ def cases(family: str) -> Iterator[Case]:
     """In the plane and in space."""
     for cell in ("TRIA3", "QUAD4", "QUAD8"):
         description = f"applications of K^-1 with friction and without, {cell}"
-        yield Case(family, f"cost-{cell}", description, Applications(cell, 2, (16, 32)), {"quick": 1, "full": 2}, 10.0)
+        yield Case(
+            family,
+            f"cost-{cell}",
+            description,
+            partial(solve_applications, cell, 2, (16, 32)),
+            {"quick": 1, "full": 2},
+            10.0,
+        )
     for cell, counts in (("TETRA4", (4,)), ("HEXA8", (4, 6))):
         description = f"applications of K^-1 with friction and without, {cell}"
-        yield Case(family, f"cost-{cell}", description, Applications(cell, 3, counts), {"full": len(counts)}, 60.0)
+        yield Case(
+            family,
+            f"cost-{cell}",
+            description,
+            partial(solve_applications, cell, 3, counts),
+            {"full": len(counts)},
+            60.0,
+        )

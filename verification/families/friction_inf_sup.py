@@ -6,7 +6,7 @@ are at right angles; on plane skins, and on curved ones of both bodies, whose fa
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,19 +32,11 @@ _THEORY = "v = sum of h psi_m (p_m n + t_m e): normal and tangents are at right 
 _NAMES = ("p", "t", "both")
 
 
-@dataclass(frozen=True)
-class Tractions:
-    """A block on a fixed plane or another block, as `inf_sup.Skin`. `rise`: of the skins' middle over their rim."""
-
-    skin: Skin
-    rise: float = 0.0
-
-
-def constants(given: Tractions, n: int) -> tuple[dict[str, float], int]:
+def constants(skin: Skin, rise: float, n: int) -> tuple[dict[str, float], int]:
     """beta of p, t and both, the slave's rim fixed; number of free unknowns."""
-    skin, dim = given.skin, given.skin.dim
+    dim = skin.dim
     slave = f"{'xyz'[dim - 1]}0"
-    mesh = lacmesh.cut_skin(bent(block_of(skin, n), lambda x: _risen(x, given.rise, dim)), slave, hexa=skin.hexa).mesh
+    mesh = lacmesh.cut_skin(bent(block_of(skin, n), lambda x: _risen(x, rise, dim)), slave, hexa=skin.hexa).mesh
     face = integrate(Zone.of(mesh, slave, "master"), dim, Pairing(friction=True))
     x = mesh.points[:, :dim]
     sides = ((x[:, :-1] < 1e-9) | (x[:, :-1] > 1 - 1e-9)).any(axis=1)
@@ -77,16 +69,17 @@ def _least(B: csr_array, moving: NDArray[np.integer], dim: int, solve: object, w
     return float(np.sqrt(max(np.linalg.eigvalsh(weight[:, None] * S * weight)[0], 0.0)))
 
 
-def solve_case(case: Case, levels: int) -> Outcome:
-    """The constants on so many meshes."""
-    given: Tractions = case.parameters
-    sides = SIDES[given.skin.dim][:levels]
-    constants_of = [constants(given, n) for n in sides]
+def solve_case(skin: Skin, rise: float = 0.0, *, levels: int) -> Outcome:
+    """A block on a fixed plane or another block, as `inf_sup.Skin`. `rise`: of the skins' middle over their rim. The
+    constants on so many meshes.
+    """
+    sides = SIDES[skin.dim][:levels]
+    constants_of = [constants(skin, rise, n) for n in sides]
     h, unknowns = [1 / n for n in sides], [count for _, count in constants_of]
     table = {name: levels_of(h, unknowns, [own[name] for own, _ in constants_of]) for name in _NAMES}
     apart = [max(abs(own[name] / own["p"] - 1) for name in ("t", "both")) for own, _ in constants_of]
     name, on = "largest difference of the constants, of that of p", levels_of(h, unknowns, apart)
-    if given.rise:
+    if rise:
         same = informative(f"{name}, finest mesh", apart[-1], reason="faces meet at angles, which fall", levels=on)
     else:
         same = at_most(name, max(apart), SAME, source=_THEORY)
@@ -109,10 +102,15 @@ def cases(family: str) -> Iterator[Case]:
             name = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-")
             levels = {"full": 4 if dim == 2 else 3} | ({"quick": 3} if kind in ("TRIA3", "TETRA4") else {})
             yield Case(
-                family, f"inf-sup-{name}", f"{kind}: beta of p, t and both", Tractions(Skin(kind, dim)), levels, 4.0
+                family,
+                f"inf-sup-{name}",
+                f"{kind}: beta of p, t and both",
+                partial(solve_case, Skin(kind, dim)),
+                levels,
+                4.0,
             )
     for slave, master, dim in (("TRIA3", "QUAD4", 2), ("HEXA8", "TETRA4", 3)):
-        given = Tractions(Skin(slave, dim, master=master))
+        given = partial(solve_case, Skin(slave, dim, master=master))
         yield Case(family, f"inf-sup-{slave}-on-{master}", f"{slave} on a block of {master}", given, {"full": 3}, 4.0)
     for kind, dim in (
         ("TRIA3", 2),
@@ -123,7 +121,7 @@ def cases(family: str) -> Iterator[Case]:
         ("HEXA8", 3),
         ("HEXA20", 3),
     ):
-        given = Tractions(Skin(kind, dim, master=kind), CURVED)
+        given = partial(solve_case, Skin(kind, dim, master=kind), CURVED)
         description = f"{kind}: both skins are curved, and do not match"
         levels = {"full": 4 if dim == 2 else 3} | ({"quick": 3} if kind == "QUAD4" else {})
         yield Case(family, f"inf-sup-curved-{kind}", description, given, levels, 5.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,34 +19,24 @@ from verification.solving import Solved, balanced, case_text, entry, solve
 Floats = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
-class Thrown:
-    """A block that is thrown along a rigid plane. `speed`, `gravity`, `friction`; SI units."""
-
-    cell: str
-    speed: float = 1.0
-    gravity: float = 10.0
-    friction: float = 0.4
-    steps: int = 320
-
-
-def solve_thrown(case: Case, levels: int) -> Outcome:
-    """Slide until it stands."""
-    given: Thrown = case.parameters
-    stops = given.speed / (given.friction * given.gravity)
+def solve_thrown(
+    cell: str, speed: float = 1.0, gravity: float = 10.0, friction: float = 0.4, steps: int = 320, *, levels: int
+) -> Outcome:
+    """A block that is thrown along a rigid plane. `speed`, `gravity`, `friction`; SI units. Slide until it stands."""
+    stops = speed / (friction * gravity)
     text = case_text(
         "plane_strain",
         entry("material", young=2e6, poisson=0.3, density=1000.0),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("rigid", group="master"),
-        entry("gravity", gy=-given.gravity),
-        entry("initial", groups=["pad"], vx=given.speed),
+        entry("gravity", gy=-gravity),
+        entry("initial", groups=["pad"], vx=speed),
         entry("dynamics"),
-        entry("steps", end=1.2 * stops, count=given.steps),
+        entry("steps", end=1.2 * stops, count=steps),
     )
-    one = solve(text, meshes.pad(given.cell, 8))
+    one = solve(text, meshes.pad(cell, 8))
     along = [float(state.u.reshape(-1, 2)[nodes_of(one.mesh, "pad"), 0].mean()) for state in one.states]
-    right = given.speed**2 / (2 * given.friction * given.gravity)
+    right = speed**2 / (2 * friction * gravity)
     still = abs(along[-1] - along[-len(along) // 20]) / right
     return Outcome(
         (
@@ -56,45 +47,36 @@ def solve_thrown(case: Case, levels: int) -> Outcome:
     )
 
 
-@dataclass(frozen=True)
-class Spinning:
+def solve_spinning(
+    slip: float, friction: float, poisson: float, approach: float = 1e-3, steps: int = 40, *, levels: int
+) -> Outcome:
     """An elastic sphere that hits a rigid plane with spin. `slip`: speed of its skin along the plane, over the normal
-    one; `approach`: largest, over the radius.
+    one; `approach`: largest, over the radius. Half of the sphere; small strains, since it turns by a few thousandths
+    during the impact.
     """
-
-    slip: float
-    friction: float
-    poisson: float
-    approach: float = 1e-3
-    steps: int = 40
-
-
-def solve_spinning(case: Case, levels: int) -> Outcome:
-    """Half of the sphere; small strains, since it turns by a few thousandths during the impact."""
-    given: Spinning = case.parameters
-    nu, mu = given.poisson, given.friction
-    speed = impact.speed_for(given.approach, 1.0, 1.0, nu, 1.0)
-    dt = impact.hertz(1.0, 1.0, nu, 1.0, speed).duration / given.steps
-    count = round(1.15 * given.steps)
+    nu, mu = poisson, friction
+    speed = impact.speed_for(approach, 1.0, 1.0, nu, 1.0)
+    dt = impact.hertz(1.0, 1.0, nu, 1.0, speed).duration / steps
+    count = round(1.15 * steps)
     text = case_text(
         "3d",
         entry("material", young=1.0, poisson=nu, density=1.0),
         entry("contact", slave="slave", master="wall", friction=mu),
         entry("rigid", group="wall"),
         *(entry("displacement", group=plane, uy=0.0) for plane in ("x0", "y0")),
-        entry("initial", groups=["ball"], vz=-speed, rotation=[0.0, -given.slip * speed, 0.0], centre=[0.0, 0.0, 1.0]),
+        entry("initial", groups=["ball"], vz=-speed, rotation=[0.0, -slip * speed, 0.0], centre=[0.0, 0.0, 1.0]),
         entry("dynamics"),
         entry("steps", end=count * dt, count=count),
     )
-    mesh = half_sphere_on_wall(np.sqrt(given.approach), 2.5 * dt * speed, 3)
+    mesh = half_sphere_on_wall(np.sqrt(approach), 2.5 * dt * speed, 3)
     one = solve(text, mesh)
     up, along, spin = (change / speed for change in _changes(one))
-    _, right = impact.rebound(given.slip, mu, nu)
-    slides = given.slip > 7 * mu
+    _, right = impact.rebound(slip, mu, nu)
+    slides = slip > 7 * mu
     source = "rigid bodies: mu (1 + e) v_n" if slides else "springs side by side, each sticks or slides"
     reason = "Hertz' contact is of half-spaces, and three cells wide"
     within = 0.02 if slides else 0.03
-    rolls = informative("that of a rigid sphere that rolls", 2 / 7 * given.slip, reason="an elastic one swings")
+    rolls = informative("that of a rigid sphere that rolls", 2 / 7 * slip, reason="an elastic one swings")
     return Outcome(
         (
             equal("change of the normal velocity over v_n", up, 2.0, 0.02, source="Hertz 1882", reason=reason),
@@ -145,9 +127,8 @@ class Leaning:
         return float(1 + 3 * c**2 - 3 * self.friction * s * c)
 
 
-def solve_leaning(case: Case, levels: int) -> Outcome:
+def solve_leaning(given: Leaning, *, levels: int) -> Outcome:
     """An elastic rod slides where a rigid one can; where it cannot, its foot is stopped at once, and thrown up."""
-    given: Leaning = case.parameters
     text = case_text(
         "plane_strain",
         entry("material", law="neo_hookean", young=1e3, poisson=0.3, density=1.0),
@@ -186,8 +167,8 @@ def solve_leaning(case: Case, levels: int) -> Outcome:
 
 def cases(family: str) -> Iterator[Case]:
     """A block, a sphere, a rod."""
-    yield Case(family, "thrown", "a block thrown along a plane", Thrown("QUAD4"), {"full": 1}, 20.0)
-    slides, sticks = Spinning(4.0, 0.1, 0.3), Spinning(1.0, 0.3, 0.45)
+    yield Case(family, "thrown", "a block thrown along a plane", partial(solve_thrown, "QUAD4"), {"full": 1}, 20.0)
+    slides, sticks = partial(solve_spinning, 4.0, 0.1, 0.3), partial(solve_spinning, 1.0, 0.3, 0.45)
     yield Case(family, "spinning-slides", "a sphere with much spin hits a plane", slides, {"full": 1}, 150.0)
     yield Case(
         family,
@@ -199,5 +180,10 @@ def cases(family: str) -> Iterator[Case]:
     )
     for friction, word in ((0.5, "slides"), (2.0, "jams")):
         yield Case(
-            family, f"rod-{word}", "a rod pushed along a plane, Painleve's", Leaning(friction), {"full": 1}, 12.0
+            family,
+            f"rod-{word}",
+            "a rod pushed along a plane, Painleve's",
+            partial(solve_leaning, Leaning(friction)),
+            {"full": 1},
+            12.0,
         )

@@ -10,7 +10,7 @@ friction takes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,24 +27,15 @@ Floats = NDArray[np.floating]
 ITERATIONS, ROUNDING, DRIFT = 8.0, 1e-10, 1e-12
 
 
-@dataclass(frozen=True)
-class PulledBlock:
-    """A block that is pressed on another and pulled by 1.2 of its length. `below`: the lower one is the slave."""
-
-    cell: str
-    below: bool
-    steps: int = 4
-    friction: float = 0.3
-
-
-def solve_dragged(case: Case, levels: int) -> Outcome:
-    """Press in one step, pull in others."""
-    given: PulledBlock = case.parameters
-    times = [1.0, *(1 + (k + 1) / given.steps for k in range(given.steps))]
+def solve_dragged(cell: str, below: bool, steps: int = 4, friction: float = 0.3, *, levels: int) -> Outcome:
+    """A block that is pressed on another and pulled by 1.2 of its length. `below`: the lower one is the slave. Press in
+    one step, pull in others.
+    """
+    times = [1.0, *(1 + (k + 1) / steps for k in range(steps))]
     text = case_text(
         "plane_strain",
         entry("material", law="neo_hookean", young=1000.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("displacement", group="bottom", ux=0.0, uy=0.0),
         entry(
             "displacement",
@@ -55,10 +46,10 @@ def solve_dragged(case: Case, levels: int) -> Outcome:
         entry("steps", times=times),
         kinematics="finite",
     )
-    one = solve(text, meshes.slider(given.cell, 8, given.below))
+    one = solve(text, meshes.slider(cell, 8, below))
     zone, t = one.zone, np.abs(one.friction.shear[:, 0])
     on = zone.pressure > 0
-    off = float(np.abs(t[on] / (given.friction * zone.pressure[on]) - 1).max())
+    off = float(np.abs(t[on] / (friction * zone.pressure[on]) - 1).max())
     each = [state.iterations for state in one.states]
     mean = float(np.mean(each[1:]))
     return Outcome(
@@ -72,29 +63,22 @@ def solve_dragged(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Carried:
-    """A ring shrunk on a hub that then turns by `rotation`, in so many steps of a time of 1, `times` of them."""
-
-    cell: str
-    steps: int
-    rotation: str = "2 * pi * max(t - 1, 0)"
-    times: int = 1
-
-
-def solve_carried(case: Case, levels: int) -> Outcome:
-    """Shrink the ring on the hub, then turn the hub until it is back."""
-    given: Carried = case.parameters
-    times = [1.0, *(1 + (k + 1) / given.steps for k in range(given.times * given.steps))]
+def solve_carried(
+    cell: str, steps: int, rotation: str = "2 * pi * max(t - 1, 0)", turns: int = 1, *, levels: int
+) -> Outcome:
+    """A ring shrunk on a hub that then turns by `rotation`, in so many steps of a time of 1, `turns` of them. Shrink
+    the ring on the hub, then turn the hub until it is back.
+    """
+    times = [1.0, *(1 + (k + 1) / steps for k in range(turns * steps))]
     text = case_text(
         "plane_strain",
         entry("material", law="neo_hookean", young=1000.0, poisson=0.3),
         entry("contact", slave="slave", master="master", friction=0.3, clearance=-0.01),
-        entry("rigid", group="master", centre=[0.0, 0.0], rotation=given.rotation),
+        entry("rigid", group="master", centre=[0.0, 0.0], rotation=rotation),
         entry("steps", times=times),
         kinematics="finite",
     )
-    one = solve(text, meshes.ring_on_hub(given.cell, 24))
+    one = solve(text, meshes.ring_on_hub(cell, 24))
     first, last = one.states[0], one.states[-1]
     pressures = [state.zones[0].pressure for state in (first, last)]
     moved = (last.u - first.u).reshape(-1, 2)[nodes_of(one.mesh, "ring")]
@@ -113,28 +97,19 @@ def solve_carried(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Cycled:
-    """Two blocks that stick, sheared to and fro by a tenth of their height ten times in so many steps each."""
-
-    pair: tuple[str, str]
-    dim: int
-    cycles: int = 10
-    steps: int = 8
-
-
-def solve_cycled(case: Case, levels: int) -> Outcome:
-    """Press, then shear in cycles; the state after all of them is that after one."""
-    given: Cycled = case.parameters
-    n = given.cycles * given.steps
-    times = [1.0, *(1 + (k + 1) / given.steps for k in range(n))]
-    axes = "xyz"[: given.dim]
+def solve_cycled(pair: tuple[str, str], dim: int, cycles: int = 10, steps: int = 8, *, levels: int) -> Outcome:
+    """Two blocks that stick, sheared to and fro by a tenth of their height ten times in so many steps each. Press, then
+    shear in cycles; the state after all of them is that after one.
+    """
+    n = cycles * steps
+    times = [1.0, *(1 + (k + 1) / steps for k in range(n))]
+    axes = "xyz"[:dim]
     top = {a: 0.0 for a in axes} | {
         axes[-1]: [[0.0, 0.0], [1.0, -0.05], [100.0, -0.05]],
         "x": "0.1 * sin(2 * pi * max(t - 1, 0))",
     }
     text = case_text(
-        "plane_strain" if given.dim == 2 else "3d",
+        "plane_strain" if dim == 2 else "3d",
         entry("material", law="neo_hookean", young=1000.0, poisson=0.3),
         entry("contact", slave="slave", master="master", friction=3.0),
         entry("displacement", group="bottom", **{f"u{a}": 0.0 for a in axes}),
@@ -142,7 +117,7 @@ def solve_cycled(case: Case, levels: int) -> Outcome:
         entry("steps", times=times),
         kinematics="finite",
     )
-    one = solve(text, stack(*given.pair, given.dim, counts=(3, 2), bend=0.3))
+    one = solve(text, stack(*pair, dim, counts=(3, 2), bend=0.3))
     start, last = one.states[0].zones[0], one.states[-1].zones[0]
     change, left = np.abs(last.pressure - start.pressure).max(), np.abs(one.states[-1].u - one.states[0].u).max()
     slides = sum(int((state.zones[0].status == 2).sum()) for state in one.states)
@@ -158,37 +133,28 @@ def solve_cycled(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Wheel:
-    """A wheel of radius 1 that is pressed on a plane, and whose hub is moved along by `way` without a moment."""
-
-    cell: str
-    way: float = 0.6
-    steps: int = 15
-    friction: float = 0.3
-
-
-def solve_wheel(case: Case, levels: int) -> Outcome:
-    """Press, then roll. The wheel hardly changes its volume, so that its skin hardly stretches where it is pressed."""
-    given: Wheel = case.parameters
+def solve_wheel(cell: str, way: float = 0.6, steps: int = 15, friction: float = 0.3, *, levels: int) -> Outcome:
+    """A wheel of radius 1 that is pressed on a plane, and whose hub is moved along by `way` without a moment. Press,
+    then roll. The wheel hardly changes its volume, so that its skin hardly stretches where it is pressed.
+    """
     text = case_text(
         "plane_strain",
         entry("material", law="neo_hookean", young=1.0, poisson=0.45),
-        entry("contact", slave="slave", master="master", friction=given.friction),
+        entry("contact", slave="slave", master="master", friction=friction),
         entry("rigid", group="master"),
         entry("rigid", group="hub", centre=[0.0, 0.0], moment=0.0,
-              ux=[[0.0, 0.0], [1.0, 0.0], [2.0, given.way]], uy=[[0.0, 0.0], [1.0, -0.01], [2.0, -0.01]]),
-        entry("steps", times=[1.0, *(1 + (k + 1) / given.steps for k in range(given.steps))]),
+              ux=[[0.0, 0.0], [1.0, 0.0], [2.0, way]], uy=[[0.0, 0.0], [1.0, -0.01], [2.0, -0.01]]),
+        entry("steps", times=[1.0, *(1 + (k + 1) / steps for k in range(steps))]),
         kinematics="finite",
     )  # fmt: skip
-    one = solve(text, meshes.wheel(given.cell, 60))
+    one = solve(text, meshes.wheel(cell, 60))
     zone, hub = one.zone, nodes_of(one.mesh, "hub")
     spoke = one.mesh.points[hub[-1], :2] - one.mesh.points[hub[0], :2]
     before, after = (np.arctan2(v[1], v[0]) for v in (spoke, spoke + one.u[hub[-1]] - one.u[hub[0]]))
-    force = abs(one.shear[:, 0] @ zone.area) / (given.friction * (zone.pressure @ zone.area))
+    force = abs(one.shear[:, 0] @ zone.area) / (friction * (zone.pressure @ zone.area))
     return Outcome(
         (
-            equal("way over the radius times the angle", given.way / float(before - after), 1.0, 0.01,
+            equal("way over the radius times the angle", way / float(before - after), 1.0, 0.01,
                   source="it rolls", reason="its skin is stretched by some (1 - 2 nu) p / E"),
             at_most("force of friction over mu N", float(force), 0.02, source="no moment acts"),
             at_most("cutbacks", one.halvings, 0, source="steps of two faces"),
@@ -201,26 +167,18 @@ def solve_wheel(case: Case, levels: int) -> Outcome:
 # ---- the ledger of work
 
 
-@dataclass(frozen=True)
-class RoundedDie:
-    """A half-cylinder that is pressed into a block of rubber and dragged over it, in so many steps."""
-
-    steps: int = 96
-    friction: float = 0.3
-    part: float = 0.01
-
-
-def solve_ledger(case: Case, levels: int) -> Outcome:
-    """Follow the ledger: its rest, and the work of pressures, over the dissipation."""
-    given: RoundedDie = case.parameters
+def solve_ledger(steps: int = 96, friction: float = 0.3, part: float = 0.01, *, levels: int) -> Outcome:
+    """A half-cylinder that is pressed into a block of rubber and dragged over it, in so many steps. Follow the ledger:
+    its rest, and the work of pressures, over the dissipation.
+    """
     text = case_text(
         "plane_strain",
         entry("material", groups=["block"], law="neo_hookean", young=10.0, poisson=0.4),
         entry("material", groups=["die"], law="neo_hookean", young=500.0, poisson=0.3),
-        entry("contact", slave="slave", master="master", friction=given.friction, normals="smoothed"),
+        entry("contact", slave="slave", master="master", friction=friction, normals="smoothed"),
         entry("displacement", group="bottom", ux=0.0, uy=0.0),
         entry("displacement", group="top", ux=[[1.0, 0.0], [4.0, 4.5]], uy=[[0.0, 0.0], [1.0, -0.65]]),
-        entry("steps", end=4.0, count=given.steps),
+        entry("steps", end=4.0, count=steps),
         kinematics="finite",
     )
     one = solve(text, ironing_2d())
@@ -230,9 +188,9 @@ def solve_ledger(case: Case, levels: int) -> Outcome:
     source = "external work = strain energy + dissipation"
     return Outcome(
         (
-            at_most("left of the external work, over the dissipation", abs(work.left) / work.dissipation, given.part,
+            at_most("left of the external work, over the dissipation", abs(work.left) / work.dissipation, part,
                     source=source, reason="it falls with the size of the steps"),
-            at_most("work of pressures over the dissipation", abs(work.pressures) / work.dissipation, given.part,
+            at_most("work of pressures over the dissipation", abs(work.pressures) / work.dissipation, part,
                     source=source, reason="3 % at sharp corners"),
             informative("external work", work.external, reason="no bound"),
             informative("dissipation", work.dissipation, reason="no bound"),
@@ -248,15 +206,29 @@ def cases(family: str) -> Iterator[Case]:
             name = f"dragged-{cell}-{'lower' if below else 'upper'}"
             description = f"a block pulled over another, {'the lower' if below else 'it'} is the slave"
             suite = "quick" if cell == "QUAD4" else "full"
-            yield Case(family, name, description, PulledBlock(cell, below), {suite: 1}, 5.0)
+            yield Case(family, name, description, partial(solve_dragged, cell, below), {suite: 1}, 5.0)
     for steps in (24, 48):
         description = f"a ring on a hub, a turn in {steps} steps"
-        yield Case(family, f"carried-{steps}", description, Carried("QUAD4", steps), {"full": 1}, 20.0)
-    to_and_fro = Carried("QUAD4", 8, "0.5 * sin(2 * pi * max(t - 1, 0))", 10)
+        yield Case(family, f"carried-{steps}", description, partial(solve_carried, "QUAD4", steps), {"full": 1}, 20.0)
+    to_and_fro = partial(solve_carried, "QUAD4", 8, "0.5 * sin(2 * pi * max(t - 1, 0))", 10)
     yield Case(family, "carried-cycles", "a ring on a hub that turns to and fro", to_and_fro, {"full": 1}, 40.0)
     for dim, pair in ((2, ("QUAD4", "TRIA6")), (3, ("HEXA8", "TETRA4"))):
-        yield Case(family, f"cycled-{dim}d", "ten cycles of shear that sticks", Cycled(pair, dim), {"full": 1}, 30.0)
+        yield Case(
+            family,
+            f"cycled-{dim}d",
+            "ten cycles of shear that sticks",
+            partial(solve_cycled, pair, dim),
+            {"full": 1},
+            30.0,
+        )
     for cell in ("QUAD4", "QUAD8"):
-        yield Case(family, f"rolls-{cell}", f"a wheel of {cell} that rolls on a plane", Wheel(cell), {"full": 1}, 15.0)
+        yield Case(
+            family,
+            f"rolls-{cell}",
+            f"a wheel of {cell} that rolls on a plane",
+            partial(solve_wheel, cell),
+            {"full": 1},
+            15.0,
+        )
     description = "a half-cylinder dragged over rubber: where the work goes"
-    yield Case(family, "ledger", description, RoundedDie(), {"full": 1}, 60.0)
+    yield Case(family, "ledger", description, partial(solve_ledger), {"full": 1}, 60.0)

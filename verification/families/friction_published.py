@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,18 +20,14 @@ from verification.solving import Solved, balanced, case_text, entry, solve
 Floats = NDArray[np.floating]
 
 
-@dataclass(frozen=True)
-class Plate:
+def solve_plate(
+    place: tuple[float, ...] = (0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3),
+    aster: tuple[float, ...] = (2.84594e-5, 2.70792e-5, 2.27403e-5, 1.97271e-5, 1.53642e-5),
+    greco: tuple[float, ...] = (2.86e-5, 2.72e-5, 2.28e-5, 1.98e-5, 1.50e-5),
+    *,
+    levels: int,
+) -> Outcome:
     """ssnv128: places along the plane, and what code_aster has there with CONTINUE (m)."""
-
-    place: tuple[float, ...] = (0.0, 1.25e-3, 5e-3, 7.5e-3, 11.25e-3)
-    aster: tuple[float, ...] = (2.84594e-5, 2.70792e-5, 2.27403e-5, 1.97271e-5, 1.53642e-5)
-    greco: tuple[float, ...] = (2.86e-5, 2.72e-5, 2.28e-5, 1.98e-5, 1.50e-5)
-
-
-def solve_plate(case: Case, levels: int) -> Outcome:
-    """The plate on code_aster's own mesh."""
-    given: Plate = case.parameters
     text = case_text(
         "plane_strain",
         entry("material", young=1.3e11, poisson=0.2),
@@ -45,14 +41,14 @@ def solve_plate(case: Case, levels: int) -> Outcome:
     mesh = one.mesh
     nodes = nodes_of(mesh, "LCONTA")
     order = nodes[np.argsort(mesh.points[nodes, 0])]
-    along = np.interp(given.place, mesh.points[order, 0], one.u[order, 0])
+    along = np.interp(place, mesh.points[order, 0], one.u[order, 0])
     source = "code_aster, ssnv128, CONTINUE, the same mesh"
     return Outcome(
         (
             *(
                 equal(f"u_x at {1e3 * x:g} mm", u, right, 0.005 * right, source=source, reason="two methods, one mesh",
-                      published=(Published("GRECO, mean of several codes", greco, "Feijoo, Barbosa, Zouain"),))
-                for x, u, right, greco in zip(given.place, along, given.aster, given.greco, strict=True)
+                      published=(Published("GRECO, mean of several codes", mean, "Feijoo, Barbosa, Zouain"),))
+                for x, u, right, mean in zip(place, along, aster, greco, strict=True)
             ),
             at_most("iterations", one.iterations, 26, source="a prototype"),
             *balanced([one]),
@@ -60,18 +56,12 @@ def solve_plate(case: Case, levels: int) -> Outcome:
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Roller:
-    """NAFEMS's roller, ssnp154a. `expected`: u_y of the point B, with and without friction: code_aster's."""
-
-    expected: tuple[float, float] = (-1.26898, -1.27031)
-
-
-def solve_roller(case: Case, levels: int) -> Outcome:
-    """With friction and without, small strains in the deformed geometry."""
-    given: Roller = case.parameters
+def solve_roller(expected: tuple[float, float] = (-1.26898, -1.27031), *, levels: int) -> Outcome:
+    """NAFEMS's roller, ssnp154a. `expected`: u_y of the point B, with and without friction: code_aster's. With friction
+    and without, small strains in the deformed geometry.
+    """
     results, solutions = [], []
-    for friction, right in zip((0.1, 0.0), given.expected, strict=True):
+    for friction, right in zip((0.1, 0.0), expected, strict=True):
         text = case_text(
             "plane_strain",
             entry("material", groups=["Cylinder"], young=210e3, poisson=0.3),
@@ -93,16 +83,10 @@ def solve_roller(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced(solutions)))
 
 
-@dataclass(frozen=True)
-class RoundedPunch:
-    """NAFEMS's punch with rounded edges, ssna122a. `expected`: u_y of M with mu = 0 and 0.1: code_aster's."""
-
-    expected: tuple[float, float] = (-0.130734, -0.128580)
-
-
-def solve_rounded(case: Case, levels: int) -> Outcome:
-    """With friction and without; what friction takes off."""
-    given: RoundedPunch = case.parameters
+def solve_rounded(expected: tuple[float, float] = (-0.130734, -0.128580), *, levels: int) -> Outcome:
+    """NAFEMS's punch with rounded edges, ssna122a. `expected`: u_y of M with mu = 0 and 0.1: code_aster's. With
+    friction and without; what friction takes off.
+    """
     u, solutions = [], []
     for friction in (0.0, 0.1):
         text = case_text(
@@ -120,7 +104,7 @@ def solve_rounded(case: Case, levels: int) -> Outcome:
         (m,) = one.mesh.node_groups["M"]
         solutions.append(one)
         u.append(float(one.u[m, 1]))
-    part, right = 1 - u[1] / u[0], 1 - given.expected[1] / given.expected[0]
+    part, right = 1 - u[1] / u[0], 1 - expected[1] / expected[0]
     source = "code_aster, ssna122a"
     return Outcome(
         (
@@ -129,29 +113,26 @@ def solve_rounded(case: Case, levels: int) -> Outcome:
             *(
                 informative(f"u_y of M, mu = {mu:g}", own, reason="its moduli are taken to be the roller's",
                             published=(Published("code_aster", theirs, source),))
-                for mu, own, theirs in zip((0.0, 0.1), u, given.expected, strict=True)
+                for mu, own, theirs in zip((0.0, 0.1), u, expected, strict=True)
             ),
             *balanced(solutions),
         )
     )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class LoadedPin:
+def solve_pin(
+    computed: tuple[float, float, float] = (0.779275, 0.754844, 0.0927840),
+    published: tuple[float, float, float] = (0.762576, 0.740573, 0.0918286),
+    *,
+    levels: int,
+) -> Outcome:
     """NAFEMS's loaded pin, ssnp156a. `computed`: largest u_x of the pin's skin, and u_x and u_y of the hole's, without
     friction, by code_aster's Lagrangian contact (cont014a); `published`: what it compares them with, to 2 and 3 %.
+    Without friction, and with friction in one step and in eight.
     """
-
-    computed: tuple[float, float, float] = (0.779275, 0.754844, 0.0927840)
-    published: tuple[float, float, float] = (0.762576, 0.740573, 0.0918286)
-
-
-def solve_pin(case: Case, levels: int) -> Outcome:
-    """Without friction, and with friction in one step and in eight."""
-    given: LoadedPin = case.parameters
     (_, free), one, many = (_pin(friction, steps) for friction, steps in ((None, 1), (0.1, 1), (0.1, 8)))
     names = "largest u_x of the pin", "largest u_x of the hole", "largest u_y of the hole"
-    rows = list(zip(names, free, given.computed, given.published, one[1], strict=True))
+    rows = list(zip(names, free, computed, published, one[1], strict=True))
     apart = float(np.abs(many[1] / one[1] - 1).max())
     source = "code_aster, cont014a: ssnp156a without friction"
     return Outcome(
@@ -186,34 +167,25 @@ def _pin(friction: float | None, steps: int) -> tuple[Solved, Floats]:
     return one, np.array([pin[:, 0].max(), hole[:, 0].max(), hole[:, 1].max()])
 
 
-@dataclass(frozen=True)
-class Ironing:
-    """Shallow ironing, ssnp153a: a die goes down by 1 in 10 steps, then along by 10 in `steps`.
-
-    `slaves`: groups that are the slave in turn. `iterations`: at most, of all steps.
-    """
-
-    slaves: tuple[str, ...]
-    steps: int
-    iterations: int | None = None
-
-
 #: code_aster's forces (F_x, F_y) on the die at two times; its law is not neo-Hookean, but has logarithmic strains
 _IRONED = {0.5: (1.8359e7, 9.4539e7), 1.0: (6.9020e7, 3.2990e8)}
 
 
-def solve_ironing(case: Case, levels: int) -> Outcome:
-    """Iron, with the die or the slab as the slave."""
-    given: Ironing = case.parameters
-    every = [_ironed(slave, given.steps) for slave in given.slaves]
+def solve_ironing(slaves: tuple[str, ...], steps: int, iterations: int | None = None, *, levels: int) -> Outcome:
+    """Shallow ironing, ssnp153a: a die goes down by 1 in 10 steps, then along by 10 in `steps`. Iron, with the die or
+    the slab as the slave.
+
+    `slaves`: groups that are the slave in turn. `iterations`: at most, of all steps.
+    """
+    every = [_ironed(slave, steps) for slave in slaves]
     forces = np.array([[_force(one, time) for time in (*_IRONED, 2.0)] for one in every])
     most = max(one.iterations for one in every)
     count = "iterations of all steps, of the role that takes more"
     results = [
         at_most("cutbacks", sum(one.halvings for one in every), 0, source="a prototype had none in 110 steps"),
         informative(count, most, reason="no bound")
-        if given.iterations is None
-        else at_most(count, most, given.iterations, source="a prototype: 528 and 656"),
+        if iterations is None
+        else at_most(count, most, iterations, source="a prototype: 528 and 656"),
     ]
     if len(every) > 1:
         apart = np.abs(forces[0, -1] / forces[1, -1] - 1).max()
@@ -253,12 +225,26 @@ def cases(family: str) -> Iterator[Case]:
     """Plate, roller, punch, pin, ironing."""
     both = ("Master", "Slave")
     known = (
-        ("ssnv128", "ssnv128m", "a plate on a rigid plane", Plate(), "quick", 3.0),
-        ("ssnp154a", "ssnp154a", "NAFEMS's roller", Roller(), "quick", 5.0),
-        ("ssna122a", "ssna122a", "NAFEMS's punch with rounded edges", RoundedPunch(), "full", 5.0),
-        ("ssnp156a", "ssnp156a", "NAFEMS's loaded pin", LoadedPin(), "quick", 5.0),
-        ("ironing-110", "ssnp153a", "ironing in 110 steps, both roles", Ironing(both, 100, 600), "all", 600.0),
-        ("ironing-60", "ssnp153a", "ironing in 60 steps, the die is the slave", Ironing(both[:1], 50), "all", 200.0),
+        ("ssnv128", "ssnv128m", "a plate on a rigid plane", partial(solve_plate), "quick", 3.0),
+        ("ssnp154a", "ssnp154a", "NAFEMS's roller", partial(solve_roller), "quick", 5.0),
+        ("ssna122a", "ssna122a", "NAFEMS's punch with rounded edges", partial(solve_rounded), "full", 5.0),
+        ("ssnp156a", "ssnp156a", "NAFEMS's loaded pin", partial(solve_pin), "quick", 5.0),
+        (
+            "ironing-110",
+            "ssnp153a",
+            "ironing in 110 steps, both roles",
+            partial(solve_ironing, both, 100, 600),
+            "all",
+            600.0,
+        ),
+        (
+            "ironing-60",
+            "ssnp153a",
+            "ironing in 60 steps, the die is the slave",
+            partial(solve_ironing, both[:1], 50),
+            "all",
+            200.0,
+        ),
     )
     for name, mesh, description, given, suite, seconds in known:
         if there(mesh):

@@ -25,7 +25,7 @@ from verification.measures.edge import edge_of_contact
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
-from verification.records import Case, Family, Outcome, Picture, Result, at_most, informative, rate
+from verification.records import Case, Family, Outcome, Result, at_most, informative, rate
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
 
 Floats = NDArray[np.floating]
@@ -252,12 +252,13 @@ _QUANTITIES = {
 }
 
 
-def outcome(case: Case, levels: int) -> Outcome:
+def outcome(given: Given, title: str, *, levels: int) -> Outcome:
     """Solve a case on its levels, and hold its errors against the figures."""
-    given: Given = case.parameters
     solutions = [solve_level(given, level) for level in range(levels)]
     plot = profile(given, solutions[min(2, levels - 1)])
-    return Outcome(results(given, solutions), (plot,), _pictures(case, solutions))
+    # a 3D solution is drawn on the level that is coarse enough to see the cells
+    pictures = (solutions[0].solved.picture(title),) if given.dim == 3 else ()
+    return Outcome(results(given, solutions), (plot,), pictures)
 
 
 def results(given: Given, solutions: list[LevelSolution]) -> tuple[Result, ...]:
@@ -308,11 +309,6 @@ def _sorted(label: str, x: Floats, y: Floats, style: Literal["points", "both"]) 
     return line(label, x[order], y[order], style)
 
 
-def _pictures(case: Case, solutions: list[LevelSolution]) -> tuple[Picture, ...]:
-    """Picture of a 3D solution, on the level that is coarse enough to see the cells."""
-    return (solutions[0].solved.picture(case.description),) if case.parameters.dim == 3 else ()
-
-
 PLANE_CELLS = ("TRIA3", "TRIA6", "QUAD4", "QUAD8", "QUAD9")
 #: cells in space, and how they are cut; those on four levels first
 MAIN_CELLS = (
@@ -349,7 +345,8 @@ def _case(given: Given, label: str, full: int, everything: int, seconds: float) 
     name = f"{start}-{label}-{'rigid' if given.rigid else 'elastic'}".replace(" ", "-")
     quick = {"quick": 3} if (given.model, label, given.rigid) in _QUICK else {}
     description = f"{shape} on {'a rigid plane' if given.rigid else 'an elastic half-space'}, {label}"
-    return Case("hertz", name, description, given, {**quick, "full": full, "all": everything}, seconds)
+    levels = {**quick, "full": full, "all": everything}
+    return Case("hertz", name, description, partial(outcome, given, description), levels, seconds)
 
 
 TEXT = """\
@@ -363,4 +360,4 @@ In the plane the displacement of half-planes is known up to a constant; the datu
 axis stand still. The approach is that of the two points on the axis at depth a.
 """
 
-FAMILY = Family("hertz", "Hertz, half-spaces", TEXT, _cases(), outcome)
+FAMILY = Family("hertz", "Hertz, half-spaces", TEXT, _cases())

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -94,13 +95,6 @@ class Constants(NamedTuple):
     unknowns: int
 
 
-def run(case: Case, levels: int) -> Outcome:
-    """Solve a case."""
-    if isinstance(case.parameters, Pressed):
-        return _pressed(case, levels)
-    return _constants(case, levels)
-
-
 # ---- constants
 
 
@@ -153,13 +147,13 @@ def _moving(mesh: Mesh) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     return ~(far | sides), ~far
 
 
-def _constants(case: Case, levels: int) -> Outcome:
-    given: Skin = case.parameters
+def solve_constants(given: Skin, title: str, *, levels: int) -> Outcome:
+    """The constants on so many meshes."""
     sides = SIDES[given.dim][:levels]
     constants_of = [constants(given, n) for n in sides]
     h = [1 / n for n in sides]
     results = [*_bounded(h, constants_of), *([] if given.kind in WHOLE else _unbounded(given, h, constants_of))]
-    return Outcome(tuple(results), (_plot(case, h, constants_of),))
+    return Outcome(tuple(results), (_plot(title, given, h, constants_of),))
 
 
 def _bounded(h: Sequence[float], values: Sequence[Constants]) -> list[Result]:
@@ -208,15 +202,15 @@ def _unbounded(given: Skin, h: Sequence[float], values: Sequence[Constants]) -> 
     return [*out, at_least(quantity, fitted(h, free), FALLS, source=source, reason=reason, levels=levels)]
 
 
-def _plot(case: Case, h: Sequence[float], values: Sequence[Constants]) -> Plot:
+def _plot(title: str, given: Skin, h: Sequence[float], values: Sequence[Constants]) -> Plot:
     names = {"cut": "cut, rim fixed", "cut_free": "cut, rim free", "internal": "cut, internal dofs alone"}
-    if case.parameters.kind not in WHOLE:
+    if given.kind not in WHOLE:
         names |= {"uncut": f"uncut, rim fixed (zero is drawn at {ZERO_DRAWN:g})", "uncut_free": "uncut, rim free"}
     lines = [
         Line(label, tuple(h), tuple(max(float(getattr(v, name)), ZERO_DRAWN) for v in values))
         for name, label in names.items()
     ]
-    return Plot("inf-sup", f"{case.name}: inf-sup constant", "h", "beta", tuple(lines), log_x=True, log_y=True)
+    return Plot("inf-sup", f"{title}: inf-sup constant", "h", "beta", tuple(lines), log_x=True, log_y=True)
 
 
 # ---- pressures
@@ -261,8 +255,8 @@ def over_best(got: Solved) -> float:
     return errors.exact / math.sqrt(errors.exact**2 - errors.mean**2)
 
 
-def _pressed(case: Case, levels: int) -> Outcome:
-    given: Pressed = case.parameters
+def solve_pressed(given: Pressed, title: str, *, levels: int) -> Outcome:
+    """The pressed block on so many meshes."""
     both = [(pressed(given, n), pressed(given, n, cut=False)) for n in PRESSED[given.dim][:levels]]
     with_, without = ([over_best(pair[k]) for pair in both] for k in (0, 1))
     worst = int(np.argmax(without))
@@ -277,17 +271,17 @@ def _pressed(case: Case, levels: int) -> Outcome:
         *balanced([got for pair in both for got in pair]),
     )  # fmt: skip
     names = ("cut", "uncut") if given.dim == 3 else ()
-    pictures = tuple(pair.picture(f"{case.name}, {name}") for pair, name in zip(both[worst], names, strict=False))
-    return Outcome(results, (_profile(case, *both[worst]),), pictures)
+    pictures = tuple(pair.picture(f"{title}, {name}") for pair, name in zip(both[worst], names, strict=False))
+    return Outcome(results, (_profile(title, *both[worst]),), pictures)
 
 
-def _profile(case: Case, cut: Solved, without: Solved) -> Plot:
+def _profile(title: str, cut: Solved, without: Solved) -> Plot:
     """Pressures along x: of all macro-elements in a plane, of those that a line at y = 0.4 meets in space."""
     x = np.linspace(0, 1, 101)
     exact = Line("exact", tuple(x.tolist()), tuple(exact_pressure(x[:, None])[:, 0].tolist()), "line")
     lines = [_steps(got, name) for got, name in ((without, "uncut"), (cut, "cut"))]
-    where = "" if case.parameters.dim == 2 else " along y = 0.4"
-    return Plot("pressure", f"{case.name}: contact pressure{where}", "x", "p_m", (exact, *lines))
+    where = "" if cut.mesh.space_dim == 2 else " along y = 0.4"
+    return Plot("pressure", f"{title}: contact pressure{where}", "x", "p_m", (exact, *lines))
 
 
 def _steps(got: Solved, label: str) -> Line:
@@ -339,7 +333,8 @@ def _skin(name: str, given: Skin) -> Case:
     cut = f", cut {given.hexa}" if given.kind in stacks.TWO_WAYS else ""
     on = f" on a block of {given.master}" if given.master else ""
     description = f"{given.kind}{cut}{on}: beta against h, cut and uncut"
-    return Case("inf-sup", name, description, given, levels, 3.0 if given.dim == 2 else 5.0)
+    solve = partial(solve_constants, given, name)
+    return Case("inf-sup", name, description, solve, levels, 3.0 if given.dim == 2 else 5.0)
 
 
 def _skins() -> Iterator[Case]:
@@ -357,7 +352,9 @@ def _pressures() -> Iterator[Case]:
     for kind, dim in (("TRIA3", 2), ("QUAD4", 2), ("TETRA4", 3), ("HEXA8", 3)):
         levels = {"quick": 2, "full": 3} if kind == "TRIA3" else {"full": 3}
         description = f"{kind} pressed on a rigid plane, nodes moved at random: p_m, cut and uncut"
-        yield Case("inf-sup", f"pressed-{kind}", description, Pressed(kind, dim), levels, 3.0 if dim == 2 else 8.0)
+        name = f"pressed-{kind}"
+        solve = partial(solve_pressed, Pressed(kind, dim), name)
+        yield Case("inf-sup", name, description, solve, levels, 3.0 if dim == 2 else 8.0)
 
 
 _TEXT = """
@@ -375,4 +372,4 @@ reported: the hypothesis is sufficient, not necessary.
 as good as the best constants are; on the uncut skin it oscillates from face to face.
 """
 
-FAMILY = Family("inf-sup", "Inf-sup condition", _TEXT.strip(), (*_skins(), *_pressures()), run)
+FAMILY = Family("inf-sup", "Inf-sup condition", _TEXT.strip(), (*_skins(), *_pressures()))

@@ -10,7 +10,7 @@ matching and not. *fit*: a press fit by sectors, whose contact touches the sides
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,27 +38,19 @@ _FINITE = {"law": "neo_hookean"}
 # ---- couplings
 
 
-@dataclass(frozen=True)
-class SpreadLoad:
-    """A force and a moment at a point, spread by `weights` over a side of a block of a cell type."""
-
-    cell: str
-    kinematics: str
-    weights: str | None = "1 + x + y**2"
-
-
-def solve_spread(case: Case, levels: int) -> Outcome:
-    """Solve under the loads: what the load is, and what the support carries, about the place of the point."""
-    given: SpreadLoad = case.parameters
-    dim, point, F, M = _loads(given.cell)
+def solve_spread(cell: str, kinematics: str, weights: str | None = "1 + x + y**2", *, levels: int) -> Outcome:
+    """A force and a moment at a point, spread by `weights` over a side of a block of a cell type. Solve under the
+    loads: what the load is, and what the support carries, about the place of the point.
+    """
+    dim, point, F, M = _loads(cell)
     text = _block_text(
-        given.cell, given.kinematics,
+        cell, kinematics,
         entry(
-            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), weights=given.weights,
+            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), weights=weights,
             moment=M.tolist() if dim == 3 else float(M[0]), **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)),
         ),
     )  # fmt: skip
-    one = solve(text, _block(given.cell))
+    one = solve(text, _block(cell))
     problem, state = one.problem, one.state
     (load,) = resultants(problem.space, problem.materials, problem.case, 1.0, u=state.u)
     coupling = next(iter(one.figures.couplings.values()))
@@ -76,51 +68,33 @@ def solve_spread(case: Case, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
-@dataclass(frozen=True)
-class PulledBody:
-    """A block of a cell type, pulled by a traction, and by a coupling with the same force."""
-
-    cell: str
-    kinematics: str
-
-
-def solve_pulled(case: Case, levels: int) -> Outcome:
-    """Both solutions are the same."""
-    given: PulledBody = case.parameters
-    dim, _, F, _ = _loads(given.cell)
+def solve_pulled(cell: str, kinematics: str, *, levels: int) -> Outcome:
+    """A block of a cell type, pulled by a traction, and by a coupling with the same force: one solution."""
+    dim, _, F, _ = _loads(cell)
     side = f"{'xyz'[dim - 1]}1"
     traction = entry("traction", group=side, **dict(zip(("tx", "ty", "tz"), F.tolist(), strict=False)))
     coupling = entry("coupling", group=side, **dict(zip(("fx", "fy", "fz"), F.tolist(), strict=False)))
-    one, other = (
-        solve(_block_text(given.cell, given.kinematics, how), _block(given.cell)) for how in (traction, coupling)
-    )
+    one, other = (solve(_block_text(cell, kinematics, how), _block(cell)) for how in (traction, coupling))
     error = float(np.abs(other.u - one.u).max() / np.abs(one.u).max())
     source = "weights of the area's shape functions"
     return Outcome((at_most("difference of the displacements", error, SOLVED, source=source),))
 
 
-@dataclass(frozen=True)
-class TurnedBody:
-    """A block of a cell type, held by one side alone, which is turned by large angles."""
-
-    cell: str
-    weights: str | None = None
-
-
-def solve_turned(case: Case, levels: int) -> Outcome:
-    """The body turns as a whole, without energy."""
-    given: TurnedBody = case.parameters
-    dim, point, _, _ = _loads(given.cell)
+def solve_turned(cell: str, weights: str | None = None, *, levels: int) -> Outcome:
+    """A block of a cell type, held by one side alone, which is turned by large angles. The body turns as a whole,
+    without energy.
+    """
+    dim, point, _, _ = _loads(cell)
     theta = [1.5, -1.2, 0.9] if dim == 3 else 2.5
     moved = dict.fromkeys(("ux", "uy", "uz")[:dim], 0.5)
     text = _block_text(
-        given.cell, "finite",
+        cell, "finite",
         entry(
-            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=given.weights, **moved
+            "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=weights, **moved
         ),
         entry("steps", count=4), fixed=False,
     )  # fmt: skip
-    one = solve(text, _block(given.cell))
+    one = solve(text, _block(cell))
     arm = one.mesh.points.copy()
     arm[:, :dim] -= point
     wanted = (arm @ _rotation(np.atleast_1d(theta)).T - arm)[:, :dim] + 0.5
@@ -163,32 +137,23 @@ def _block_text(cell: str, kinematics: str, *tables: str, fixed: bool = True) ->
 # ---- sectors
 
 
-@dataclass(frozen=True)
-class WholeRing:
-    """A sixth of a ring of a cell type, and the whole."""
-
-    cell: str
-    kinematics: str
-
-
-def solve_ring(case: Case, levels: int) -> Outcome:
-    """Both under a load that every sector has, without a plane of symmetry."""
-    given: WholeRing = case.parameters
-    dim = CELLS[given.cell].dim
+def solve_ring(cell: str, kinematics: str, *, levels: int) -> Outcome:
+    """A sixth of a ring of a cell type, and the whole. Both under a load that every sector has, without a plane of
+    symmetry.
+    """
+    dim = CELLS[cell].dim
     counts, radii = ((3, 4) if dim == 2 else (2, 3, 2)), (1.0, 2.0)
     angle = f"{SECTORS} * atan2(y, x)"
-    law = _FINITE if given.kinematics == "finite" else {}
+    law = _FINITE if kinematics == "finite" else {}
     tables = [
         entry("material", **_STEEL, **law),
         _axes(entry("displacement", group="in", ux=f"0.01 * t * sin({angle})", uy=f"0.02 * t * cos({angle})"), dim),
         *([entry("displacement", group="bottom", uz=0.0)] if dim == 3 else []),
         entry("pressure", group="out", value=f"t * (1 + cos({angle} + 1))"),
     ]
-    one = solve(
-        case_text(model_of(dim), *tables, kinematics=given.kinematics), whole(given.cell, counts, radii, SECTORS)
-    )
-    text = case_text(model_of(dim), *tables, _cyclic(), kinematics=given.kinematics)
-    part = solve(text, sector(given.cell, counts, radii, SECTORS))
+    one = solve(case_text(model_of(dim), *tables, kinematics=kinematics), whole(cell, counts, radii, SECTORS))
+    text = case_text(model_of(dim), *tables, _cyclic(), kinematics=kinematics)
+    part = solve(text, sector(cell, counts, radii, SECTORS))
     away, at = cKDTree(one.mesh.points).query(part.mesh.points)
     error = np.abs(part.u - one.u[at]).max() / np.abs(one.u).max()
     return Outcome((
@@ -197,28 +162,19 @@ def solve_ring(case: Case, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
-@dataclass(frozen=True)
-class EvenGrowth:
-    """A sixth of a ring of a cell type, whose sides do not match."""
-
-    cell: str
-    kinematics: str
-
-
-def solve_growth(case: Case, levels: int) -> Outcome:
-    """The displacement e X of an even strain, which is given within and around."""
-    given: EvenGrowth = case.parameters
-    dim = CELLS[given.cell].dim
-    law = _FINITE if given.kinematics == "finite" else {}
+def solve_growth(cell: str, kinematics: str, *, levels: int) -> Outcome:
+    """A sixth of a ring of a cell type, whose sides do not match. The displacement e X of an even strain, which is
+    given within and around.
+    """
+    dim = CELLS[cell].dim
+    law = _FINITE if kinematics == "finite" else {}
     grown = [
         _axes(entry("displacement", group=g, ux="0.05 * t * sqrt(x**2 + y**2)", uy=0.0), dim) for g in ("in", "out")
     ]
     flat = [entry("displacement", group=g, uz=0.0) for g in ("bottom", "top")] if dim == 3 else []
-    text = case_text(
-        model_of(dim), entry("material", **_STEEL, **law), _cyclic(), *grown, *flat, kinematics=given.kinematics
-    )
+    text = case_text(model_of(dim), entry("material", **_STEEL, **law), _cyclic(), *grown, *flat, kinematics=kinematics)
     counts = (3, 4) if dim == 2 else (2, 3, 2)
-    one = solve(text, sector(given.cell, counts, (1.0, 2.0), SECTORS, skew=0.2))
+    one = solve(text, sector(cell, counts, (1.0, 2.0), SECTORS, skew=0.2))
     wanted = 0.05 * one.mesh.points[:, :dim] * np.array([1.0, 1.0, 0.0])[:dim]
     tied = len(one.problem.joints)
     return Outcome((
@@ -227,26 +183,19 @@ def solve_growth(case: Case, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
-@dataclass(frozen=True)
-class RotatingDisc:
-    """A sixth of a disc that rotates, in cells of one type; `skew`: of the sides."""
-
-    cell: str
-    skew: float
-
-
-def solve_disc(case: Case, levels: int) -> Outcome:
-    """Displacements on finer and finer meshes."""
-    given: RotatingDisc = case.parameters
-    exact, order = Disc(1.0, 2.0, 100.0, 0.3, 3.0), CELLS[given.cell].order
+def solve_disc(cell: str, skew: float, *, levels: int) -> Outcome:
+    """A sixth of a disc that rotates, in cells of one type; `skew`: of the sides. Displacements on finer and finer
+    meshes.
+    """
+    exact, order = Disc(1.0, 2.0, 100.0, 0.3, 3.0), CELLS[cell].order
     solutions = []
     for k in range(levels):
         n = 4 * 2**k if order == 1 else 2 * 2**k
-        one = solve(_disc_text(exact), sector(given.cell, (n, n), (1.0, 2.0), SECTORS, skew=given.skew))
+        one = solve(_disc_text(exact), sector(cell, (n, n), (1.0, 2.0), SECTORS, skew=skew))
         error = displacement_error(one.mesh, one.u, exact.displacement)
         solutions.append(LevelSolution(one, 1 / n, {"u": error}))
-    reason = "displacements of order p + 1" + ("; a tie leaves an error of the mean jumps" if given.skew else "")
-    wanted = order + 1 - (0.4 if given.skew else 0.15)
+    reason = "displacements of order p + 1" + ("; a tie leaves an error of the mean jumps" if skew else "")
+    wanted = order + 1 - (0.4 if skew else 0.15)
     return Outcome(
         (rate("displacement in L2", convergence(solutions, "u"), wanted, source="interpolation", reason=reason),)
     )
@@ -262,17 +211,10 @@ def _disc_text(exact: Disc) -> str:
     )
 
 
-@dataclass(frozen=True)
-class FittedSector:
-    """A sixth of a press fit, in cells of one type; `skew`: of the sides."""
-
-    cell: str
-    skew: float
-
-
-def solve_fit(case: Case, levels: int) -> Outcome:
-    """The pressure of contact on finer and finer meshes: its slave ends at the sides of the sector."""
-    given: FittedSector = case.parameters
+def solve_fit(cell: str, skew: float, *, levels: int) -> Outcome:
+    """A sixth of a press fit, in cells of one type; `skew`: of the sides. The pressure of contact on finer and finer
+    meshes: its slave ends at the sides of the sector.
+    """
     within, around = (Shell("plane_stress", *radii, 100.0, 0.3) for radii in ((1.0, 1.5), (1.5, 2.0)))
     exact = Fit(within, around, interference=0.01)
     text = case_text(
@@ -285,11 +227,11 @@ def solve_fit(case: Case, levels: int) -> Outcome:
     solutions = []
     for k in range(levels):
         n = 3 * 2**k
-        one = solve(text, fitted(given.cell, n, (1.0, 1.5, 2.0), SECTORS, skew=given.skew))
+        one = solve(text, fitted(cell, n, (1.0, 1.5, 2.0), SECTORS, skew=skew))
         zone = next(zone for zone in one.state.zones if not zone.tie)
         error = float(np.abs(zone.pressure / exact.between - 1).max())
         solutions.append(LevelSolution(one, 1 / n, {"p": error}))
-    wanted, reason = (1.8 if not given.skew else 1.0), "the worst macro-element; linear cells on facets"
+    wanted, reason = (1.8 if not skew else 1.0), "the worst macro-element; linear cells on facets"
     return Outcome(
         (rate("largest error of a pressure", convergence(solutions, "p"), wanted, source="Lame", reason=reason),)
     )
@@ -304,16 +246,6 @@ def _axes(table: str, dim: int) -> str:
     return f"{table}\naxes = {{ origin = {[0.0] * dim}, axis = [0.0, 0.0, 1.0] }}"
 
 
-#: what solves a case, by the type of its parameters
-SOLVERS = {
-    SpreadLoad: solve_spread,
-    PulledBody: solve_pulled,
-    TurnedBody: solve_turned,
-    WholeRing: solve_ring,
-    EvenGrowth: solve_growth,
-    RotatingDisc: solve_disc,
-    FittedSector: solve_fit,
-}
 CELL_TYPES = ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "PENTA6", "TETRA10", "HEXA20")
 
 
@@ -324,17 +256,17 @@ def cases(family: str) -> Iterator[Case]:
         levels = {**quick, "full": 1}
         for kinematics in ("small", "finite"):
             name, how = f"{kinematics}-{cell}", f"{kinematics} displacements, {cell}"
-            spread = SpreadLoad(cell, kinematics)
+            spread = partial(solve_spread, cell, kinematics)
             yield Case(family, f"spread-{name}", f"a force and a moment at a point, {how}", spread, levels, 1.0)
-            pulled = PulledBody(cell, kinematics)
+            pulled = partial(solve_pulled, cell, kinematics)
             yield Case(family, f"pulled-{name}", f"pulled by a coupling and by a traction, {how}", pulled, levels, 1.0)
-            ring = WholeRing(cell, kinematics)
+            ring = partial(solve_ring, cell, kinematics)
             yield Case(family, f"ring-{name}", f"a sector against the whole ring, {how}", ring, levels, 4.0)
-            growth = EvenGrowth(cell, kinematics)
+            growth = partial(solve_growth, cell, kinematics)
             yield Case(family, f"growth-{name}", f"growth across sides that do not match, {how}", growth, levels, 2.0)
         for weights in (None, "1 + x"):
             called = "area" if weights is None else "given"
-            turned = TurnedBody(cell, weights)
+            turned = partial(solve_turned, cell, weights)
             yield Case(
                 family, f"turned-by-{called}-{cell}", f"a large rotation, {called} weights, {cell}", turned, levels, 2.0
             )
@@ -342,7 +274,7 @@ def cases(family: str) -> Iterator[Case]:
         for skew in (0.0, 0.2):
             sides = "matching" if not skew else "other"
             quick = {"quick": 3} if cell == "QUAD4" else {}
-            disc = RotatingDisc(cell, skew)
+            disc = partial(solve_disc, cell, skew)
             yield Case(
                 family,
                 f"disc-{sides}-{cell}",
@@ -351,7 +283,7 @@ def cases(family: str) -> Iterator[Case]:
                 {**quick, "full": 3},
                 3.0,
             )
-            fit = FittedSector(cell, skew)
+            fit = partial(solve_fit, cell, skew)
             yield Case(
                 family, f"fit-{sides}-{cell}", f"a press fit, {sides} sides, {cell}", fit, {**quick, "full": 3}, 4.0
             )

@@ -5,8 +5,9 @@ first yield of Hertz's contact; a ball that is pressed in far beyond it; a plate
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -32,69 +33,22 @@ JOHNSON = "Johnson, Contact mechanics, 1985, section 6"
 _NEAR, _ROUNDING = 0.05, 1e-12
 
 
-@dataclass(frozen=True)
-class YieldingSphere:
-    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `asked`: rate of u in L2."""
-
-    cell: str
-    asked: float
-    front: float = 1.5
-
-
-@dataclass(frozen=True)
-class OpenedTube:
-    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `asked`: relative error."""
-
-    cell: str
-    asked: float
-
-
-@dataclass(frozen=True)
-class FlatPunch:
-    """A flat rigid punch on a half-plane, `faces` to half of it, on the finest level."""
-
-    faces: int = 32
-
-
-@dataclass(frozen=True)
-class FirstYield:
-    """Hertz's contact of a body with a rigid plane, just below and just above its first yield."""
-
-    model: str
-    cell: str = "QUAD4"
-    across: int = 16
-
-
-@dataclass(frozen=True)
-class PressedBall:
-    """A rigid ball of radius 10 on a metal, `faces` to a length of 1; `young` over the yield stress."""
-
-    faces: int = 24
-    young: float = 2000.0
-
-
-@dataclass(frozen=True)
-class CyclicPlate:
-    """A plate of kinematic hardening that is pulled and pushed by 1 % three times."""
-
-    cell: str = "QUAD8"
-
-
 def metal(young: float = 500.0, poisson: float = 0.3, limit: float = 1.0, **more: object) -> str:
     """Table of a metal of perfect plasticity, unless `hardening` is among `more`."""
     return entry("material", law="plastic", young=young, poisson=poisson, **({"hardening": [[limit, 0.0]]} | more))
 
 
-def solve_sphere(case: Case, levels: int) -> Outcome:
-    """Load a sphere in three steps on finer and finer meshes."""
-    given: YieldingSphere = case.parameters
-    sphere, solutions = Sphere(1.0, 2.0, given.front, 500.0, 0.3, 1.0), []
+def solve_sphere(cell: str, asked: float, front: float = 1.5, *, levels: int) -> Outcome:
+    """A thick sphere (axisymmetric) of a cell, that yields as far as `front`; `asked`: rate of u in L2. Load a sphere
+    in three steps on finer and finer meshes.
+    """
+    sphere, solutions = Sphere(1.0, 2.0, front, 500.0, 0.3, 1.0), []
     for n in (4 * 2**k for k in range(levels)):
         text = case_text(
             "axisymmetric", metal(), entry("displacement", group="y0", uy=0.0),
             entry("pressure", group="low", value=sphere.pressure), entry("steps", count=3),
         )  # fmt: skip
-        solved = solve(text, ring(given.cell, (n, 2 * n), (1.0, 2.0)))
+        solved = solve(text, ring(cell, (n, 2 * n), (1.0, 2.0)))
         x = solved.mesh.points[:, :2]
         r = np.hypot(*x.T)
         u, exact = (solved.u * x).sum(axis=1) / r, sphere.displacement(r)
@@ -103,7 +57,7 @@ def solve_sphere(case: Case, levels: int) -> Outcome:
         )
     source = f"{HILL}; the front of the plastic zone is on a line of nodes, so that u is smooth in each cell"
     return Outcome((
-        rate("u at the nodes", convergence(solutions, "u"), given.asked, source=source),
+        rate("u at the nodes", convergence(solutions, "u"), asked, source=source),
         at_most("iterations of a step", max(s.iterations for s in solutions[-1].solved.states), 7, source="Newton"),
         at_most("residual after an iteration, less round-off, over the square of that before, where this is below 0.05",
                 max(map(_quadratic, solutions)), 100.0, source="the consistent tangent: Newton's method is quadratic"),
@@ -122,9 +76,10 @@ def _quadratic(solution: LevelSolution) -> float:
     return max(ratios)
 
 
-def solve_tube(case: Case, levels: int) -> Outcome:
-    """Open a tube by half its radius; the pressure is that of the reactions on its inner side."""
-    given: OpenedTube = case.parameters
+def solve_tube(cell: str, asked: float, *, levels: int) -> Outcome:
+    """A tube (plane strain, finite) of a cell whose inner radius grows by a half; `asked`: relative error. Open a tube
+    by half its radius; the pressure is that of the reactions on its inner side.
+    """
     young, poisson, errors = 500.0, 0.4999, []
     exact = Tube(1.0, 2.0, young / 2 / (1 + poisson), 1.0, 2.0, 1.0).pressure(0.5)
     for n in (4 * 2**k for k in range(levels)):
@@ -134,11 +89,11 @@ def solve_tube(case: Case, levels: int) -> Outcome:
             entry("displacement", group="x0", ux=0.0), entry("displacement", group="y0", uy=0.0),
             entry("displacement", group="low", ux=out[0], uy=out[1]), entry("steps", count=10), kinematics="finite",
         )  # fmt: skip
-        solved = solve(text, ring(given.cell, (n, n), (1.0, 2.0)))
+        solved = solve(text, ring(cell, (n, n), (1.0, 2.0)))
         errors.append(abs(_pressure_inside(solved) / (exact * 1.5) - 1))
     source = "quadrature of the balance of forces of an incompressible tube; poisson is 0.4999 here"
     return Outcome((
-        at_most("relative error of the pressure", errors[-1], given.asked, source=source),
+        at_most("relative error of the pressure", errors[-1], asked, source=source),
         *(informative(f"the same, level {k + 1}", e, reason="coarser") for k, e in enumerate(errors[:-1])),
     ))  # fmt: skip
 
@@ -150,10 +105,11 @@ def _pressure_inside(solved: Solved) -> float:
     return float((force * x).sum() / np.hypot(*x[0]) / (np.pi / 2))
 
 
-def solve_punch(case: Case, levels: int) -> Outcome:
-    """Press a flat punch into a half-plane until the pressure stays, on finer and finer meshes."""
-    given: FlatPunch = case.parameters
-    solutions = [_punched(given.faces // 2**k) for k in reversed(range(levels))]
+def solve_punch(faces: int = 32, *, levels: int) -> Outcome:
+    """A flat rigid punch on a half-plane, `faces` to half of it, on the finest level. Press a flat punch into a
+    half-plane until the pressure stays, on finer and finer meshes.
+    """
+    solutions = [_punched(faces // 2**k) for k in reversed(range(levels))]
     over = [s.errors["over"] for s in solutions]
     source = "Prandtl 1920: (2 + pi) k"
     results: list[Result] = [
@@ -186,12 +142,12 @@ def _on_rigid(aside: Floats, deep: Floats, width: float) -> Mesh:
     return with_master(joined([(piece("QUAD4", [aside, deep]), roles)]), "SEG2", np.array([[0.0, 0.0], [width, 0.0]]))
 
 
-def solve_yield(case: Case, levels: int) -> Outcome:
-    """Solve with a yield stress 2 % above and 2 % below the one at which the contact begins to yield."""
-    del levels
-    given: FirstYield = case.parameters
-    exact = hertz.Given(given.model, given.cell, "pyramid", True, (given.across,))
-    whole, limit = hertz.case_of(exact), exact.p0 / FIRST_YIELD[given.model]
+def solve_yield(model: str, cell: str = "QUAD4", across: int = 16, *, levels: int) -> Outcome:
+    """Hertz's contact of a body with a rigid plane, just below and just above its first yield. Solve with a yield
+    stress 2 % above and 2 % below the one at which the contact begins to yield.
+    """
+    exact = hertz.Given(model, cell, "pyramid", True, (across,))
+    whole, limit = hertz.case_of(exact), exact.p0 / FIRST_YIELD[model]
     far = [
         one.altered(**{name: _ramped(getattr(one, name)) for name in ("ux", "uy")})
         if (one.group or "").startswith("far")
@@ -202,11 +158,11 @@ def solve_yield(case: Case, levels: int) -> Outcome:
     for factor in (1.02, 0.98):
         steel = Material(law="plastic", young=exact.young[0], poisson=0.3, hardening=[[factor * limit, 0.0]])
         problem = replace(whole, material=(steel,), displacement=tuple(far))
-        solved = solve(problem, half_spaces(given.cell, given.across, exact.fraction, rigid=True))
+        solved = solve(problem, half_spaces(cell, across, exact.fraction, rigid=True))
         flown.append(solved)
     low, high = (step_figures(one.problem, one.state).plastic for one in flown)
     assert low is not None and high is not None
-    source = f"{JOHNSON}: p0 = {FIRST_YIELD[given.model]:.2f} Y"
+    source = f"{JOHNSON}: p0 = {FIRST_YIELD[model]:.2f} Y"
     return Outcome((
         equal("largest equivalent stress over p0 / c, less 1", low.von_mises_max / limit - 1, 0.0, 0.02, source=source,
               reason="the goal is 2 %"),
@@ -221,13 +177,13 @@ def _ramped(value: Value) -> Value:
     return Value.of(lambda x, t: t * value(x, 1.0))
 
 
-def solve_ball(case: Case, levels: int) -> Outcome:
-    """Press a ball in; mean pressure of the last half of the steps, over the area of closed macro-elements."""
-    del levels
-    given: PressedBall = case.parameters
-    h, reach = 1 / given.faces, 20.0
+def solve_ball(faces: int = 24, young: float = 2000.0, *, levels: int) -> Outcome:
+    """A rigid ball of radius 10 on a metal, `faces` to a length of 1; `young` over the yield stress. Press a ball in;
+    mean pressure of the last half of the steps, over the area of closed macro-elements.
+    """
+    h, reach = 1 / faces, 20.0
     text = case_text(
-        "axisymmetric", metal(given.young),
+        "axisymmetric", metal(young),
         entry("contact", slave="top", master="master", clearance="x**2 / 20"),
         entry("displacement", group="bottom", uy=0.0), entry("rigid", group="master", uy=-0.05),
         entry("steps", count=6),
@@ -245,15 +201,15 @@ def solve_ball(case: Case, levels: int) -> Outcome:
     return Outcome((
         at_least("mean pressure over Y", mean, low, source=source, reason=reason),
         at_most("mean pressure over Y, at most", mean, high, source=source, reason=reason),
-        at_least("E a / (Y R) at the end: fully plastic", given.young * reach_of[-1] / 10, 100.0, source=source),
+        at_least("E a / (Y R) at the end: fully plastic", young * reach_of[-1] / 10, 100.0, source=source),
         *balanced([solved]),
     ))  # fmt: skip
 
 
-def solve_cycles(case: Case, levels: int) -> Outcome:
-    """Pull and push a plate; stress and dissipation of the last cycle against the one before."""
-    del levels
-    given: CyclicPlate = case.parameters
+def solve_cycles(cell: str = "QUAD8", *, levels: int) -> Outcome:
+    """A plate of kinematic hardening that is pulled and pushed by 1 % three times. Pull and push a plate; stress and
+    dissipation of the last cycle against the one before.
+    """
     young, limit, modulus = 1000.0, 2.0, 50.0
     table = [[0.0, 0.0]] + [[float(k + 1), 0.01 * (-1) ** k] for k in range(6)]
     text = case_text(
@@ -261,7 +217,7 @@ def solve_cycles(case: Case, levels: int) -> Outcome:
         entry("displacement", group="y0", uy=0.0), entry("displacement", group="y1", uy=table),
         entry("steps", end=6.0, count=6),
     )  # fmt: skip
-    solved = solve(text, block(given.cell, 3, (0.0, 0.0), (1.0, 1.0)))
+    solved = solve(text, block(cell, 3, (0.0, 0.0), (1.0, 1.0)))
     figures = [step_figures(solved.problem, state) for state in solved.states]
     force = [one.reactions["y1"][1] for one in figures]
     plastic = (0.02 - 2 * limit / young) / (1 + modulus / young)
@@ -275,30 +231,19 @@ def solve_cycles(case: Case, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
-#: what solves a case, by the type of its parameters
-SOLVERS: dict[type, Callable[[Case, int], Outcome]] = {
-    YieldingSphere: solve_sphere,
-    OpenedTube: solve_tube,
-    FlatPunch: solve_punch,
-    FirstYield: solve_yield,
-    PressedBall: solve_ball,
-    CyclicPlate: solve_cycles,
-}
-
-
 def cases(family: str) -> Iterator[Case]:
     """The cases."""
     for cell, asked in (("QUAD4", 1.9), ("QUAD8", 2.9), ("TRIA6", 2.9)):
         quick = {"quick": 3} if cell == "QUAD4" else {}
         name = f"yielding_sphere_{cell.lower()}"
         text = f"thick sphere that yields in part, {cell}"
-        yield Case(family, name, text, YieldingSphere(cell, asked), {**quick, "full": 4}, 10.0)
+        yield Case(family, name, text, partial(solve_sphere, cell, asked), {**quick, "full": 4}, 10.0)
     for cell, levels in (("QUAD4", 3), ("TRIA6", 2)):
         name, text = f"opened_tube_{cell.lower()}", f"tube opened by half its radius, finite strains, {cell}"
-        yield Case(family, name, text, OpenedTube(cell, 1e-3), {"full": levels}, 12.0)
-    yield Case(family, "flat_punch", "flat punch on perfect plasticity", FlatPunch(), {"full": 3}, 60.0)
+        yield Case(family, name, text, partial(solve_tube, cell, 1e-3), {"full": levels}, 12.0)
+    yield Case(family, "flat_punch", "flat punch on perfect plasticity", partial(solve_punch), {"full": 3}, 60.0)
     for model in FIRST_YIELD:
         text = f"first yield below Hertz's contact, {model}"
-        yield Case(family, f"first_yield_{model}", text, FirstYield(model), {"full": 1}, 10.0)
-    yield Case(family, "pressed_ball", "rigid ball pressed into a metal", PressedBall(), {"full": 1}, 60.0)
-    yield Case(family, "cyclic_plate", "plate under a cyclic load", CyclicPlate(), {"quick": 1, "full": 1}, 3.0)
+        yield Case(family, f"first_yield_{model}", text, partial(solve_yield, model), {"full": 1}, 10.0)
+    yield Case(family, "pressed_ball", "rigid ball pressed into a metal", partial(solve_ball), {"full": 1}, 60.0)
+    yield Case(family, "cyclic_plate", "plate under a cyclic load", partial(solve_cycles), {"quick": 1, "full": 1}, 3.0)

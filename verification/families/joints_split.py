@@ -12,7 +12,8 @@ moments of its section.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,24 +39,13 @@ RATES = {1: 0.6, 3: 1.5}
 # ---- cracks
 
 
-@dataclass(frozen=True)
-class OpenedEdge:
-    """An edge crack in cells of one type, of `levels` cells along it."""
-
-    cell: str
-    levels: tuple[int, ...]
-    exact: EdgeCrack
-    wanted: float
+def solve_edge(cell: str, sizes: tuple[int, ...], exact: EdgeCrack, wanted: float, *, levels: int) -> Outcome:
+    """An edge crack in cells of one type, of `sizes` cells along it."""
+    return _judged([_edge(cell, exact, n) for n in sizes[:levels]], wanted)
 
 
-def solve_edge(case: Case, levels: int) -> Outcome:
-    """The edge crack on so many meshes."""
-    given: OpenedEdge = case.parameters
-    return _judged([_edge(given, n) for n in given.levels[:levels]], given.wanted)
-
-
-def _edge(given: OpenedEdge, n: int) -> LevelSolution:
-    exact, dim = given.exact, CELLS[given.cell].dim
+def _edge(cell: str, exact: EdgeCrack, n: int) -> LevelSolution:
+    dim = CELLS[cell].dim
 
     def moved(k: int) -> Value:
         return Value.of(lambda x, t: exact.displacement(np.asarray(x)[:, :2])[:, k])
@@ -74,28 +64,18 @@ def _edge(given: OpenedEdge, n: int) -> LevelSolution:
     supports += [Displacement(group=side, uz=0.0) for side in ("z0", "z1")] if dim == 3 else []
     mouth = Traction(group="x0", tx=replace(pulled(0), takes_normals=True), ty=replace(pulled(1), takes_normals=True))
     model = replace(lacsolver.parse_case(text), displacement=tuple(supports), traction=(mouth,))
-    one = solve(model, meshes.split_at(meshes.edge_cracked(given.cell, n), "crack"))
+    one = solve(model, meshes.split_at(meshes.edge_cracked(cell, n), "crack"))
     x, opening = _openings(one, 1)
     return _level(one, n, opening, exact.opening(-x[:, 0]), np.ones(len(x)))
 
 
-@dataclass(frozen=True)
-class OpenedPenny:
-    """A penny-shaped crack, axisymmetric in cells of one type or in space, of `levels` cells along its radius."""
-
-    cell: str
-    levels: tuple[int, ...]
-    exact: PennyCrack
+def solve_penny(cell: str, sizes: tuple[int, ...], exact: PennyCrack, *, levels: int) -> Outcome:
+    """A penny-shaped crack, axisymmetric in cells of one type or in space, of `sizes` cells along its radius."""
+    return _judged([_penny(cell, exact, n) for n in sizes[:levels]], RATES[1])
 
 
-def solve_penny(case: Case, levels: int) -> Outcome:
-    """The penny-shaped crack on so many meshes."""
-    given: OpenedPenny = case.parameters
-    return _judged([_penny(given, n) for n in given.levels[:levels]], RATES[1])
-
-
-def _penny(given: OpenedPenny, n: int) -> LevelSolution:
-    exact, dim = given.exact, CELLS[given.cell].dim
+def _penny(cell: str, exact: PennyCrack, n: int) -> LevelSolution:
+    dim = CELLS[cell].dim
 
     def moved(k: int) -> Value:
         def component(x: Floats, t: float) -> Floats:
@@ -117,7 +97,7 @@ def _penny(given: OpenedPenny, n: int) -> LevelSolution:
     far: dict[str, Any] = {name: moved(k) for k, name in enumerate(names)}
     if dim == 2:
         supports = [Displacement(group=side, **far) for side in ("x1", "y0", "y1")] + [Displacement(group="x0", ux=0.0)]
-        mesh = meshes.penny(given.cell, n)
+        mesh = meshes.penny(cell, n)
     else:
         supports = [
             Displacement(group="far", **far),
@@ -163,25 +143,17 @@ def _judged(solutions: list[LevelSolution], wanted: float) -> Outcome:
 # ---- bolts
 
 
-@dataclass(frozen=True)
-class ClampedColumns:
-    """A bolt and the columns that it clamps; `halves`: its section lies between two meshes; `locked`: by a force."""
-
-    cell: str
-    locked: bool = True
-    halves: bool = False
-    young: float = 1000.0
-    force: float = 10.0
-
-
-def solve_clamped(case: Case, levels: int) -> Outcome:
-    """Tighten, then pull with 0, F0, 2 F0 and 3 F0: the columns part at 2 F0, as both are as stiff as the bolt."""
-    given: ClampedColumns = case.parameters
-    dim, F = CELLS[given.cell].dim, given.force
-    stiffness = given.young / 2
+def solve_clamped(
+    cell: str, locked: bool = True, halves: bool = False, young: float = 1000.0, force: float = 10.0, *, levels: int
+) -> Outcome:
+    """A bolt and the columns that it clamps; `halves`: its section lies between two meshes; `locked`: by a force.
+    Tighten, then pull with 0, F0, 2 F0 and 3 F0: the columns part at 2 F0, as both are as stiff as the bolt.
+    """
+    dim, F = CELLS[cell].dim, force
+    stiffness = young / 2
     text = case_text(
         "3d" if dim == 3 else "plane_stress",
-        entry("material", young=given.young, poisson=0.0),
+        entry("material", young=young, poisson=0.0),
         entry("contact", slave="slave", master="master"),
         entry("displacement", group="foot", **dict.fromkeys(("ux", "uy", "uz")[:dim], 0.0)),
         entry(
@@ -189,11 +161,11 @@ def solve_clamped(case: Case, levels: int) -> Outcome:
             **{"fy" if dim == 2 else "fz": [[0.0, 0.0], [1.0, 0.0], [4.0, 3 * F]]},
         ),
         entry("pretension", group="shank", force=[[0.0, 0.0], [1.0, F]], lock=1.0)
-        if given.locked
+        if locked
         else entry("pretension", group="shank", shortening=[[0.0, 0.0], [1.0, 2 * F / stiffness]]),
         entry("steps", times=[1.0, 2.0, 3.0, 4.0]),
     )  # fmt: skip
-    one = solve(text, meshes.clamped(given.cell, (2, 2, 3), halves=given.halves))
+    one = solve(text, meshes.clamped(cell, (2, 2, 3), halves=halves))
     states = [replace(one, states=one.states[: k + 1]).figures for k in range(4)]
     off = [states[k].pretension["shank"].force / wanted - 1 for k, wanted in enumerate((F, 1.5 * F, 2 * F, 3 * F))]
     clamp = [-states[k].contact["slave"].resultant[-1] - wanted for k, wanted in enumerate((F, F / 2, 0, 0))]
@@ -205,21 +177,19 @@ def solve_clamped(case: Case, levels: int) -> Outcome:
     return Outcome((*results, *balanced([one])))
 
 
-@dataclass(frozen=True)
-class BentBolt:
-    """A bolt 1 wide and 3 high, fixed below, with a section at the height 1 and forces on its end."""
-
-    cell: str
-    halves: bool
-    kinematics: str = "small"
-    pull: tuple[float, float, float] = (0.3, 0.2, 5.0)
-
-
-def solve_bent(case: Case, levels: int) -> Outcome:
-    """The section carries what acts beyond it: forces, and their moments about its centre."""
-    given: BentBolt = case.parameters
-    dim = CELLS[given.cell].dim
-    pull = np.array(given.pull)[[0, 2] if dim == 2 else [0, 1, 2]]
+def solve_bent(
+    cell: str,
+    halves: bool,
+    kinematics: str = "small",
+    force: tuple[float, float, float] = (0.3, 0.2, 5.0),
+    *,
+    levels: int,
+) -> Outcome:
+    """A bolt 1 wide and 3 high, fixed below, with a section at the height 1 and forces on its end. The section carries
+    what acts beyond it: forces, and their moments about its centre.
+    """
+    dim = CELLS[cell].dim
+    pull = np.array(force)[[0, 2] if dim == 2 else [0, 1, 2]]
     text = case_text(
         "3d" if dim == 3 else "plane_strain",
         entry("material", young=1000.0, poisson=0.3),
@@ -227,13 +197,13 @@ def solve_bent(case: Case, levels: int) -> Outcome:
         entry("traction", group="end", **dict(zip(("tx", "ty", "tz"), pull.tolist(), strict=False))),
         entry("pretension", group="shank", shortening=0.01),
     )
-    one = solve(text, _beam(given.cell, given.halves))
+    one = solve(text, _beam(cell, halves))
     bolt = one.figures.pretension["shank"]
     side = np.sign(one.problem.sections[0].normal[-1])
-    exact = np.cross([0.0, 0.0, 2.0], given.pull) if dim == 3 else np.array(-2.0 * given.pull[0])
+    exact = np.cross([0.0, 0.0, 2.0], force) if dim == 3 else np.array(-2.0 * force[0])
     assert bolt.moment is not None
     errors = {
-        "force across and along the bolt": np.abs(side * bolt.resultant - pull).max() / given.pull[2],
+        "force across and along the bolt": np.abs(side * bolt.resultant - pull).max() / force[2],
         "moment of the section": np.abs(side * bolt.moment - exact).max() / np.abs(exact).max(),
         "shortening": abs(bolt.shortening / 0.01 - 1),
     }
@@ -256,39 +226,35 @@ def _beam(kind: str, halves: bool) -> Mesh:
     return meshes.with_inner(mesh, "shank", lambda *x: np.abs(x[dim - 1] - 1) < 1e-9)
 
 
-#: what solves a case, by the type of its parameters
-SOLVERS = {
-    OpenedEdge: solve_edge,
-    OpenedPenny: solve_penny,
-    ClampedColumns: solve_clamped,
-    BentBolt: solve_bent,
-}
-
-
 def cases(family: str) -> Iterator[Case]:
     """Cases of this module."""
     for n, called, what in ((1, "edge", "of a stress intensity"), (3, "cusp", "that opens as a cusp")):
         for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9", "TETRA4", "HEXA8", "PENTA6", "HEXA20", "TETRA10"):
             sizes = (8, 16, 32) if CELLS[cell].order == 1 else (4, 8, 16)
             levels = {"quick": 3, "full": 3} if cell in ("QUAD4", "TRIA6") else {"full": 3}
-            given = OpenedEdge(cell, sizes, EdgeCrack(n), RATES[n])
+            given = partial(solve_edge, cell, sizes, EdgeCrack(n), RATES[n])
             yield Case(family, f"{called}-{cell}", f"edge crack {what}, {cell}", given, levels, 6.0)
     for cell, sizes in (("TRIA3", (8, 16, 32)), ("QUAD4", (8, 16, 32)), ("QUAD8", (4, 8, 16)), ("TRIA6", (4, 8, 16))):
         levels = {"quick": 3, "full": 3} if cell == "QUAD4" else {"full": 3}
-        crack = OpenedPenny(cell, sizes, PennyCrack())
+        crack = partial(solve_penny, cell, sizes, PennyCrack())
         yield Case(family, f"penny-{cell}", f"penny-shaped crack, axisymmetric, {cell}", crack, levels, 6.0)
-    crack = OpenedPenny("HEXA20", (2, 3, 4), PennyCrack())
+    crack = partial(solve_penny, "HEXA20", (2, 3, 4), PennyCrack())
     yield Case(family, "penny-HEXA20", "penny-shaped crack in space", crack, {"full": 3}, 30.0)
     for cell in BLOCK_TYPES:
         quick = {"quick": 1} if cell in ("QUAD4", "TETRA10", "HEXA8") else {}
         levels = {**quick, "full": 1}
         yield Case(
-            family, f"clamped-{cell}", f"a locked bolt and what it clamps, {cell}", ClampedColumns(cell), levels, 3.0
+            family,
+            f"clamped-{cell}",
+            f"a locked bolt and what it clamps, {cell}",
+            partial(solve_clamped, cell),
+            levels,
+            3.0,
         )
         for halves in (False, True):
             where = "between meshes" if halves else "inside"
             name = f"{'halves' if halves else 'whole'}-{cell}"
-            turned = ClampedColumns(cell, locked=False, halves=halves)
+            turned = partial(solve_clamped, cell, locked=False, halves=halves)
             yield Case(family, f"turned-{name}", f"a bolt shortened at a section {where}, {cell}", turned, levels, 3.0)
-            bent = BentBolt(cell, halves)
+            bent = partial(solve_bent, cell, halves)
             yield Case(family, f"bent-{name}", f"a bent bolt, its section {where}, {cell}", bent, levels, 2.0)

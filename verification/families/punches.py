@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -35,9 +36,8 @@ class Bank:
     same: float = 1e-8
 
 
-def solve_case(case: Case, levels: int) -> Outcome:
+def solve_case(bank: Bank, *, levels: int) -> Outcome:
     """Press in the first so many punches of a bank."""
-    bank: Bank = case.parameters
     solutions: list[Solved] = []
     lost, apart = 0, [0.0]
     for number in range(bank.first, bank.first + levels):
@@ -100,7 +100,9 @@ def text(bank: Bank, punch: Punch, steps: int) -> str:
 def _case(name: str, bank: Bank, levels: Mapping[str, int], seconds: float) -> Case:
     where = "in the plane" if bank.dim == 2 else "in space"
     slave = "the block" if bank.slave == "top" else "the punch"
-    return Case("punches", name, f"punches on a block {where}, {slave} as slave", bank, levels, seconds)
+    return Case(
+        "punches", name, f"punches on a block {where}, {slave} as slave", partial(solve_case, bank), levels, seconds
+    )
 
 
 TEXT = """
@@ -131,5 +133,4 @@ FAMILY = Family(
         _case("space_block", Bank(3, "top"), {"full": 40}, 90.0),
         _case("space_punch", Bank(3, "face", 40), {"full": 10}, 40.0),
     ),
-    solve_case,
 )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -108,16 +109,10 @@ class Dragged:
         return 2 if self.model == "3d" else 1
 
 
-def solve_case(case: Case, levels: int) -> Outcome:
-    """Solve a case on its first meshes."""
-    given = case.parameters
-    return slide(case, given, levels) if isinstance(given, Slider) else drag(case, given, levels)
-
-
 # ---- a block on a plate
 
 
-def slide(case: Case, given: Slider, levels: int) -> Outcome:
+def slide(given: Slider, title: str, *, levels: int) -> Outcome:
     """The block on meshes each twice as fine; the plate stays as it is."""
     solutions = [slid(given, given.n << level) for level in range(levels)]
     states = [state for own in solutions for state in own.states]
@@ -134,7 +129,7 @@ def slide(case: Case, given: Slider, levels: int) -> Outcome:
             at_most("error of the contact force over the load, worst of all steps", off / given.pressure, 1e-10,
                     source=_EXACT, reason="the same; its part along the plate is the drag, which is nothing"),
         ]  # fmt: skip
-    return Outcome((*results, *balanced(solutions)), (histories(case.description, solutions[-1].states),))
+    return Outcome((*results, *balanced(solutions)), (histories(title, solutions[-1].states),))
 
 
 def slid(given: Slider, n: int) -> Solved:
@@ -169,7 +164,7 @@ def slider_text(given: Slider) -> str:
 # ---- a ring, and ironing
 
 
-def drag(case: Case, given: Dragged, levels: int) -> Outcome:
+def drag(given: Dragged, title: str, *, levels: int) -> Outcome:
     """The body that is dragged, on its meshes."""
     solutions = [dragged(given, *each) for each in list(zip(given.sizes, given.steps, strict=True))[:levels]]
     results: list[Result] = []
@@ -179,9 +174,9 @@ def drag(case: Case, given: Dragged, levels: int) -> Outcome:
     results.append(_iterations(given, solutions[-1]))
     if given.surface == "smooth":
         results += between_faces(given, solutions[0])
-    force, last = forces(case.description, given, solutions[-1]), solutions[-1]
-    plots = histories(case.description, last.states), force, profiles(case.description, last.states)
-    return Outcome((*results, *balanced(solutions)), plots, (last.picture(case.description),))
+    force, last = forces(title, given, solutions[-1]), solutions[-1]
+    plots = histories(title, last.states), force, profiles(title, last.states)
+    return Outcome((*results, *balanced(solutions)), plots, (last.picture(title),))
 
 
 def between_faces(given: Dragged, smooth: Solved) -> Iterator[Result]:
@@ -381,7 +376,8 @@ def _space(normals: str) -> Dragged:
 
 
 def _case(name: str, description: str, given: Slider | Dragged, levels: Mapping[str, int], seconds: float) -> Case:
-    return Case("sliding", name, description, given, levels, seconds)
+    solve = partial(slide, given, description) if isinstance(given, Slider) else partial(drag, given, description)
+    return Case("sliding", name, description, solve, levels, seconds)
 
 
 TEXT = f"""
@@ -426,5 +422,4 @@ FAMILY = Family(
         _case("ironing_3d_facet", "ironing in space, facet normals", _space("facet"), {"full": 2}, 110.0),
         _case("ironing_3d_smoothed", "ironing in space, smoothed normals", _space("smoothed"), {"full": 2}, 150.0),
     ),
-    solve_case,
 )  # fmt: skip

@@ -222,8 +222,8 @@ def _case_of(family: str, case: str, listed: list[dict[str, Any]]) -> CaseResult
 
 def parameters_of(case: Case) -> dict[str, Any]:
     """Definition of a case, as JSON data."""
-    parameters = plain(case.parameters)
-    return parameters if isinstance(parameters, dict) else {} if parameters is None else {"rows": parameters}
+    parameters: dict[str, Any] = plain(case.parameters)
+    return parameters
 
 
 def plain(value: Any) -> Any:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lacmesh.kernels.threads import peak_memory
 from verification import families
-from verification.records import Case, Family, Outcome
+from verification.records import Case, Outcome
 from verification.running.folder import write_case_result
 from verification.running.plan import sources
 
@@ -25,17 +25,16 @@ _PAUSE = 1.0
 def main(family: str, name: str, levels: int, folder: Path) -> None:
     """Solve a case and keep what it yields."""
     code = sources(family)
-    studied = families.family(family)
-    (case,) = (case for case in studied.cases if case.name == name)
+    (case,) = (case for case in families.family(family).cases if case.name == name)
     began = time.perf_counter()
-    outcome = _solved(studied, case, levels)
+    outcome = _solved(case, levels)
     write_case_result(case, levels, time.perf_counter() - began, peak_memory(), outcome, folder, code)
 
 
-def _solved(family: Family, case: Case, levels: int) -> Outcome:
+def _solved(case: Case, levels: int) -> Outcome:
     """Solve a case and return its outcome, or the reason why there is none."""
     try:
-        outcome = family.solve(case, levels)
+        outcome = case.solve(levels=levels)
     except Exception as error:  # whatever it is, it is this case's alone
         traceback.print_exc()
         return Outcome(failure=f"{type(error).__name__}: {error}".removesuffix(": "))
