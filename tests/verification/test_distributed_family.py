@@ -114,8 +114,8 @@ def test_other_families_run_without_petsc(monkeypatch, capsys):
     monkeypatch.setattr(mpiexec, "python_with_petsc", lambda: "")
     monkeypatch.setattr(mpiexec, "_complaint", lambda python: "MPI is not installed")
     cases = (
-        Case("distributed", "a", "", partial(run, GIVEN, "a"), {"all": 1}),
-        Case("patch", "b", "", partial(run, GIVEN, "b"), {"all": 1}),
+        Case("distributed", "a", "", partial(print), {"all": 1}),
+        Case("patch", "b", "", partial(print), {"all": 1}),
     )
     left = run._possible([Planned(case, 1, "") for case in cases])
     assert [planned.case.name for planned in left] == ["b"]
