@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver import Solution
+from lacsolver.case import Displacement, Value
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
@@ -23,6 +25,8 @@ from verification.measures.balance import Balance, unbalanced
 from verification.records import Level, Picture, Result, at_most, levels_of
 
 Floats = NDArray[np.floating]
+#: displacement (n, dim) at points (n, 3) and a time
+Motion = Callable[[Floats, float], Floats]
 
 #: what is left of forces and moments, of their own size (design: rounding of some thousand terms)
 BALANCED = 1e-12
@@ -135,6 +139,19 @@ class LevelSolution:
 def solve(case: lacsolver.Case | str, mesh: Mesh) -> Solved:
     """Solve a case, or its text, on a mesh. Raises what `Problem.of` and `march` raise."""
     return finished(Problem.of(lacsolver.parse_case(case) if isinstance(case, str) else case, mesh))
+
+
+def with_motions(case: lacsolver.Case | str, motions: Mapping[str, Motion]) -> lacsolver.Case:
+    """A case, or its text, with groups that are moved by functions."""
+    case = lacsolver.parse_case(case) if isinstance(case, str) else case
+    axes = "xyz" if case.model == "3d" else "xy"
+
+    def moved(group: str, motion: Motion) -> Displacement:
+        u: dict[str, Any] = {f"u{axis}": Value.of(lambda x, t, k=k: motion(x, t)[:, k]) for k, axis in enumerate(axes)}
+        return Displacement(group=group, **u)
+
+    more = (moved(group, motion) for group, motion in motions.items())
+    return replace(case, displacement=(*case.displacement, *more))
 
 
 def finished(problem: Problem) -> Solved:

@@ -6,7 +6,8 @@ error. Beside the pressure: the force on the quarter, and the angle at which con
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -14,12 +15,11 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacsolver.case import Displacement, Value
 from verification.exact.pin import PinInHole
 from verification.measures.edge import edge_of_contact
 from verification.meshes.blocks import joined
 from verification.meshes.rings import pair, ring
-from verification.solving import Solved, case_text, entry
+from verification.solving import Solved, case_text, entry, with_motions
 
 Floats = NDArray[np.floating]
 
@@ -72,16 +72,13 @@ class Pin:
             entry("contact", slave="slave", master="master", clearance=self.pin.clearance, surface=surface),
             entry("displacement", group="y0", uy=0.0),
         )
-        symmetry = (
-            *(self._held(group, "pin") for group in ("inner", "x0_within")),
-            *(self._held(group, "plate") for group in ("outer", "x0_around")),
-        )
-        case = lacsolver.parse_case(text)
-        return replace(case, displacement=(*case.displacement, *symmetry))
+        body_of: dict[str, Literal["pin", "plate"]]
+        body_of = {"inner": "pin", "x0_within": "pin", "outer": "plate", "x0_around": "plate"}
+        motions = {group: partial(self._moved, body) for group, body in body_of.items()}
+        return with_motions(text, motions)
 
-    def _held(self, group: str, body: Literal["pin", "plate"]) -> Displacement:
-        u = [Value.of(lambda x, t, k=k: self.pin.displacement(x[:, :2], body)[:, k]) for k in range(2)]
-        return Displacement(group=group, ux=u[0], uy=u[1])
+    def _moved(self, body: Literal["pin", "plate"], x: Floats, t: float) -> Floats:
+        return self.pin.displacement(x[:, :2], body)
 
     def gap(self, x: Floats) -> Floats:
         """True gap (n,): the clearance; both skins have the radius of the hole."""

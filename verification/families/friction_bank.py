@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacsolver import NotConvergedError
-from lacsolver.case import Displacement, Value
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
@@ -27,7 +26,7 @@ from verification.exact.coulomb import Condensed, condensed, lemke, tresca
 from verification.meshes.blocks import bent
 from verification.meshes.stacks import stack
 from verification.records import Case, Outcome, at_most, informative
-from verification.solving import case_text, entry, model_of
+from verification.solving import case_text, entry, model_of, with_motions
 
 Floats = NDArray[np.floating]
 
@@ -74,18 +73,12 @@ def case_of(
     )
     shift, turn = motions(bank.dim, friction, severity, seed)
 
-    def component(k: int) -> Value:
-        def u(x: Floats, t: float) -> Floats:
-            step, centre = min(round(t), STEPS) - 1, unit * np.array([0.5, *([0.5] * (bank.dim - 2)), 2.0])
-            arm = x[:, : bank.dim] - centre
-            return np.asarray(unit * shift[step, k] + arm @ turn[step, k])
+    def moved(x: Floats, t: float) -> Floats:
+        step, centre = min(round(t), STEPS) - 1, unit * np.array([0.5, *([0.5] * (bank.dim - 2)), 2.0])
+        arm = x[:, : bank.dim] - centre
+        return np.stack([unit * shift[step, k] + arm @ turn[step, k] for k in range(bank.dim)], axis=1)
 
-        return Value.of(u)
-
-    u = [component(k) for k in range(bank.dim)]
-    top = Displacement(group="top", ux=u[0], uy=u[1], uz=u[2] if bank.dim == 3 else None)
-    case = lacsolver.parse_case(text)
-    return replace(case, displacement=(*case.displacement, top))
+    return with_motions(text, {"top": moved})
 
 
 def motions(dim: int, friction: float, severity: float, seed: int) -> tuple[Floats, Floats]:

@@ -10,16 +10,13 @@ equations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-import lacsolver
-from lacsolver.case import Displacement, Value
 from verification.exact import spence
 from verification.exact.crack import Crack
 from verification.exact.fits import SlidingFit, capstan
@@ -30,21 +27,21 @@ from verification.measures.norms import pressure_errors
 from verification.meshes import friction as meshes
 from verification.meshes.blocks import nodes_of
 from verification.records import Case, Outcome, Result, at_most, equal, informative, rate
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import (
+    LevelSolution,
+    Motion,
+    Solved,
+    balanced,
+    case_text,
+    convergence,
+    entry,
+    solve,
+    with_motions,
+)
 
 Floats = NDArray[np.floating]
 #: T = mu N, to rounding
 ROUNDING = 1e-10
-
-
-def moved_by(case: lacsolver.Case, motions: Mapping[str, Callable[[Floats, float], Floats]]) -> lacsolver.Case:
-    """The case with groups that are moved by functions of place and time, (n, 2) at points (n, 3)."""
-
-    def component(motion: Callable[[Floats, float], Floats], k: int) -> Value:
-        return Value.of(lambda x, t: motion(x, t)[:, k])
-
-    more = (Displacement(group=group, ux=component(u, 0), uy=component(u, 1)) for group, u in motions.items())
-    return replace(case, displacement=(*case.displacement, *more))
 
 
 # ---- a pad on an incline
@@ -112,7 +109,7 @@ def solve_fit(cell: str, way: Literal["pulled", "turned"], part: float, fit: Sli
     stress = min(part, 1.0) * exact.bound
     c = exact.fit.within.outer
 
-    def motion(body: Literal["within", "around"]) -> Callable[[Floats, float], Floats]:
+    def motion(body: Literal["within", "around"]) -> Motion:
         def u(x: Floats, t: float) -> Floats:
             x = x[:, :2]
             r = x[:, 0] if way == "pulled" else np.linalg.norm(x, axis=1)
@@ -135,7 +132,7 @@ def solve_fit(cell: str, way: Literal["pulled", "turned"], part: float, fit: Sli
         entry("steps", times=[1.0, 2.0]),
     )  # fmt: skip
     mesh = (meshes.pulled_fit if way == "pulled" else meshes.turned_fit)(cell, 16)
-    one = solve(moved_by(lacsolver.parse_case(text), {f"far_{b}": motion(b) for b in ("within", "around")}), mesh)
+    one = solve(with_motions(text, {f"far_{b}": motion(b) for b in ("within", "around")}), mesh)
     zone = one.zone
     if way == "pulled":
         total, whole = float(one.shear[:, 1] @ zone.area), exact.pull_out
@@ -203,9 +200,7 @@ def _belt(angle: float, friction: float, h: float) -> tuple[Solved, float]:
     def motion(x: Floats, t: float) -> Floats:
         return t * np.linalg.norm(x[:, :2], axis=1)[:, None] * end
 
-    one = solve(
-        moved_by(lacsolver.parse_case(text), {"last": motion}), meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3))
-    )
+    one = solve(with_motions(text, {"last": motion}), meshes.belt("QUAD8", h, angle, round(2 * angle / h / 3)))
     last = nodes_of(one.mesh, "last")
     pull = one.state.reaction.reshape(-1, 2)[last].sum(axis=0) @ np.array([-np.sin(angle), np.cos(angle)])
     return one, float(pull / tension)
@@ -243,7 +238,7 @@ def _crack(cell: str, exact: Crack, n: int) -> LevelSolution:
         entry("material", young=exact.young, poisson=exact.poisson),
         entry("contact", slave="slave", master="master", friction=exact.friction),
     )
-    case = moved_by(lacsolver.parse_case(text), {"far": lambda x, t: exact.displacement(x[:, :2])})
+    case = with_motions(text, {"far": lambda x, t: exact.displacement(x[:, :2])})
     one = solve(case, meshes.cracked(cell, n))
     zone = one.fields.zones["slave"]
     slip = pressure_errors(one.mesh, one.passed[:, 0], lambda x: exact.slip(x[:, 0])[:, None])
@@ -281,7 +276,7 @@ def solve_punch(poisson: float, friction: float, n: int = 64, *, levels: int) ->
         entry("rigid", group="master", fy=-0.5),
     )
     far = {"far": lambda x, t: below.under_forces(x[:, :2], place, force) - still}
-    one = solve(moved_by(lacsolver.parse_case(text), far), meshes.punched_half("QUAD8", n))
+    one = solve(with_motions(text, far), meshes.punched_half("QUAD8", n))
     zone = one.zone
     on = zone.status == 1
     left = 1 - np.abs(one.shear[on, 0]) / (friction * zone.pressure[on])

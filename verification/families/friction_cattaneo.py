@@ -10,7 +10,7 @@ sticks moves to the leading edge, and the far bodies creep.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.report.charts import Plot
-from lacsolver.case import Displacement, Value
+from lacsolver.case import Value
 from verification.exact import cattaneo
 from verification.exact.cattaneo import Cylinders
 from verification.exact.half_plane import Ellipse
@@ -31,12 +31,19 @@ from verification.meshes.blocks import joined
 from verification.meshes.half_spaces import REACH, depth_lines, edge_lines, half_planes, piece
 from verification.profiles import line
 from verification.records import Case, Outcome, at_most, equal, informative, rate
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import (
+    LevelSolution,
+    Motion,
+    Solved,
+    balanced,
+    case_text,
+    convergence,
+    entry,
+    solve,
+    with_motions,
+)
 
 Floats = NDArray[np.floating]
-#: (n, dim) at points (n, dim) and a time
-Motion = Callable[[Floats, float], Floats]
-
 #: Q / (mu P) of the shear; macro-elements to the half-width, by level
 LOAD, LEVELS = 0.6, (8, 16, 32, 64)
 FRACTION = 0.6
@@ -96,16 +103,7 @@ def case_of(
         entry("steps", times=list(times)),
         *more,
     )
-    case = lacsolver.parse_case(text)
-    return replace(case, displacement=(*case.displacement, *(_moved(f"far_{b}", u, dim) for b, u in motions.items())))
-
-
-def _moved(group: str, motion: Motion, dim: int) -> Displacement:
-    def component(k: int) -> Value:
-        return Value.of(lambda x, t: motion(x, t)[:, k])
-
-    u = [component(k) for k in range(dim)]
-    return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if dim == 3 else None)
+    return with_motions(text, {f"far_{body}": motion for body, motion in motions.items()})
 
 
 def solved(given: PressedCylinders, k: int, friction: float | None = None) -> Solved:

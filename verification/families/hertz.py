@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh.cells import CELLS
 from lacmesh.report.charts import Line, Plot
-from lacsolver.case import Displacement, Value
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms
@@ -26,7 +25,7 @@ from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.meshes.half_spaces import half_spaces
 from verification.profiles import line
 from verification.records import Case, Family, Outcome, Result, at_most, informative, rate
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve, with_motions
 
 Floats = NDArray[np.floating]
 
@@ -112,6 +111,10 @@ class HalfSpace:
         columns = [strains.u_r * c, strains.u_r * s, up] if self.given.dim == 3 else [strains.u_r, up]
         return np.stack(columns, axis=1)
 
+    def motion(self, x: Floats, t: float) -> Floats:
+        """Displacement (n, dim) at points (n, 3)."""
+        return self.displacement(self.at(x[:, : self.given.dim]))
+
     def strain(self, at: tuple[Strains, Floats, Floats]) -> Floats:
         """Strain (n, 6): xx, yy, zz, xy, yz, xz, from the result of `at`."""
         strains, c, s = at
@@ -154,17 +157,7 @@ def case_of(given: Given) -> lacsolver.Case:
         *([entry("rigid", group="master", **still)] if given.rigid else []),
         *([entry("solver", backend="multigrid")] if given.dim == 3 else []),
     )
-    case = lacsolver.parse_case(text)
-    supports = tuple(_held(f"far_{group}", body) for group, body in bodies(given).items())
-    return replace(case, displacement=(*case.displacement, *supports))
-
-
-def _held(group: str, body: HalfSpace) -> Displacement:
-    def component(k: int) -> Value:
-        return Value.of(lambda x, t: body.displacement(body.at(x[:, : body.given.dim]))[:, k])
-
-    u = [component(k) for k in range(body.given.dim)]
-    return Displacement(group=group, ux=u[0], uy=u[1], uz=u[2] if len(u) == 3 else None)
+    return with_motions(text, {f"far_{group}": body.motion for group, body in bodies(given).items()})
 
 
 def solve_level(given: Given, level: int) -> LevelSolution:

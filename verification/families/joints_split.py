@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from verification.exact.opened_cracks import EdgeCrack, PennyCrack
 from verification.meshes import cracks as meshes
 from verification.meshes.blocks import BLOCK_TYPES, block, joined
 from verification.records import Case, Outcome, Result, at_most, informative, rate
-from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
+from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve, with_motions
 
 Floats = NDArray[np.floating]
 #: forces of columns, to rounding
@@ -77,35 +76,23 @@ def solve_penny(cell: str, sizes: tuple[int, ...], exact: PennyCrack, *, levels:
 def _penny(cell: str, exact: PennyCrack, n: int) -> LevelSolution:
     dim = CELLS[cell].dim
 
-    def moved(k: int) -> Value:
-        def component(x: Floats, t: float) -> Floats:
-            x = np.asarray(x)
-            r = np.hypot(x[:, 0], x[:, 1]) if dim == 3 else x[:, 0]
-            u = exact.displacement(r, x[:, dim - 1])
-            part = np.divide(x[:, k], r, out=np.ones_like(r), where=r > 0) if dim == 3 else 1.0
-            return u[:, 1] if k == dim - 1 else u[:, 0] * part
-
-        return Value.of(component)
+    def moved(x: Floats, t: float) -> Floats:
+        r = np.hypot(x[:, 0], x[:, 1]) if dim == 3 else x[:, 0]
+        u = exact.displacement(r, x[:, dim - 1])
+        if dim == 2:
+            return u
+        aside = np.divide(x[:, :2], r[:, None], out=np.ones((len(x), 2)), where=r[:, None] > 0)
+        return np.column_stack([u[:, :1] * aside, u[:, 1]])
 
     text = case_text(
         "axisymmetric" if dim == 2 else "3d",
         entry("material", young=exact.young, poisson=exact.poisson),
         entry("contact", slave="crack_a", master="crack_b"),
         entry("pressure", group="crack", value=exact.pressure),
+        *(entry("displacement", group=f"{axis}0", **{f"u{axis}": 0.0}) for axis in "xy"[: dim - 1]),
     )
-    names = ("ux", "uy", "uz")[:dim]
-    far: dict[str, Any] = {name: moved(k) for k, name in enumerate(names)}
-    if dim == 2:
-        supports = [Displacement(group=side, **far) for side in ("x1", "y0", "y1")] + [Displacement(group="x0", ux=0.0)]
-        mesh = meshes.penny(cell, n)
-    else:
-        supports = [
-            Displacement(group="far", **far),
-            Displacement(group="x0", ux=0.0),
-            Displacement(group="y0", uy=0.0),
-        ]
-        mesh = meshes.penny_in_space(n)
-    model = replace(lacsolver.parse_case(text), displacement=tuple(supports))
+    mesh = meshes.penny(cell, n) if dim == 2 else meshes.penny_in_space(n)
+    model = with_motions(text, dict.fromkeys(("x1", "y0", "y1") if dim == 2 else ("far",), moved))
     one = solve(model, meshes.split_at(mesh, "crack"))
     x, opening = _openings(one, dim - 1)
     r = np.hypot(x[:, 0], x[:, 1]) if dim == 3 else x[:, 0]
