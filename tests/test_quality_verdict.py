@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from lacmesh.quality import measure_cells
-from lacmesh.quality.by_vtk import TYPES
-from lacmesh.quality.measures import RELATIVE
+from lacmesh.quality.measures import RELATIVE, TYPES
 from lacmesh.quality.verdict import ACCEPTED
 from tests.quality_cells import IDEAL, LINEAR, degenerate, distorted, near_ideal
 

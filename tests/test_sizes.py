@@ -7,8 +7,8 @@ import pytest
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.quality.sizes import cell_sizes, group_sizes
 from lacmesh.report import describe
+from lacmesh.report.records import cell_sizes, group_sizes
 from tests.lacsolver.bodies import PLANES, SOLIDS, body
 
 

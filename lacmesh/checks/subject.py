@@ -10,19 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import CELLS
 from lacmesh.checks.findings import Finding, Where, counted
-from lacmesh.checks.macros import Macros, macros_of
+from lacmesh.checks.recorded import Fault, record_faults
 from lacmesh.checks.rules import RULES
-from lacmesh.cutting.records import CELL_RECORDS
-from lacmesh.cutting.select import in_first_group
-from lacmesh.errors import GroupNotFoundError, some
+from lacmesh.cutting.patterns import WHOLE_FACES
+from lacmesh.cutting.recognition import as_cut, find_macros
+from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
+from lacmesh.cutting.select import skin_faces, slave_skin
+from lacmesh.errors import CutError, GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
-from lacmesh.topology.faces import cells_of_dim, distinct_faces
+from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.facets import Facets
-from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners
+from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners
 
 #: at most so many numbers in a sentence
 SHOWN = 8
@@ -204,10 +206,7 @@ def _skin_dim(mesh: Mesh, cells: Ints) -> int:
 
 
 def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...], dim: int) -> CheckedSkin:
-    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
-    parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
-    cells, zone = in_first_group(parts)
-    faces, rows = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
+    cells, zone, faces, rows = skin_faces(mesh, groups, dim)
     copies = np.setdiff1d(cells, cells[rows])
     return CheckedSkin(what, names, groups, cells[rows], zone[rows], faces, copies)
 
@@ -229,3 +228,65 @@ def _nodes_of(mesh: Mesh, spec: str) -> Ints:
 def is_carried(name: str) -> bool:
     """True for types that are passed through unchanged: cells of order 3 and higher."""
     return name not in CELLS
+
+
+# ---- the macro-elements of the slave skin, from the records of the cut, or recognised from the faces without records
+
+
+#: types of faces that own an internal dof as they are
+_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+
+
+@dataclass(frozen=True)
+class Macros:
+    """The macro-elements of the slave faces: `of_face` (f,) numbered from 0, and their `count`.
+
+    `cut` (f,): faces that a cut made or left as a macro-element, by its records or as they were `recognised`; every
+    other face is a macro-element by itself. `whole` (f,): faces of types that need no cut (SEG3, TRIA7, QUAD9).
+    `number` (count,): number of each macro-element in the records, -1 without one. `faults`: reasons why the records
+    cannot be used.
+    """
+
+    of_face: Ints
+    count: int
+    cut: NDArray[np.bool_]
+    whole: NDArray[np.bool_]
+    number: Ints
+    recognised: bool = False
+    faults: tuple[Fault, ...] = ()
+
+    def faces(self, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """(f,): mask of the faces that belong to some macro-elements, given as a mask (count,)."""
+        return some[self.of_face]
+
+
+def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> Macros:
+    """Return the macro-elements of a skin: from the records, else recognised, else each face by itself.
+
+    `recognise`: as in `cut_skin`.
+    """
+    own, recognised = np.full(len(side), -1, np.int64), False
+    faults = _faults(mesh) if is_cut(mesh) else []
+    if recognise is False:
+        faults = []
+    elif is_cut(mesh) and not faults:
+        own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
+    elif len(side):
+        recognised_cut = find_macros(mesh, slave_skin(mesh, side.names))
+        if recognised_cut.n_cut and (recognise or not recognised_cut.doubt):
+            recognised = True
+            own = as_cut(mesh, recognised_cut).macro_of_face[side.cells].astype(np.int64)
+    whole = own >= 0
+    last = int(own.max(initial=-1))
+    own[~whole] = last + 1 + np.arange(np.count_nonzero(~whole))
+    values, of_face = np.unique(own, return_inverse=True)
+    number = np.where((values <= last) & (not recognised), values, -1)
+    return Macros(of_face, len(values), whole, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+
+
+def _faults(mesh: Mesh) -> list[Fault]:
+    """List the reasons why the records of a mesh cannot be used."""
+    try:
+        return record_faults(Cut(mesh))
+    except (CutError, IndexError, ValueError) as error:
+        return [Fault(str(error))]

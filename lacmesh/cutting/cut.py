@@ -21,10 +21,10 @@ import numpy as np
 
 from lacmesh.cutting.assemble import assemble
 from lacmesh.cutting.earlier import earlier_cut
-from lacmesh.cutting.macros import internal_nodes, with_macros
-from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, is_cut, without_records
+from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, Origin, is_cut, with_records, without_records
 from lacmesh.cutting.select import Selection, select, slave_skin
-from lacmesh.cutting.subdivide import WHOLE_CODE, Subdivision, subdivide
+from lacmesh.cutting.subdivide import WHOLE_CODE, CutFaces, Subdivision, subdivide
 from lacmesh.cutting.variants import HEXA, allowed_variants, compare_variants, with_ring
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, spec_list
@@ -114,3 +114,35 @@ def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
         names = ", ".join(f"{dim}:{tag}" for dim, tag in sorted(here))
         message = f"slave faces lie on periodic entities ({names}): their new nodes have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=3)
+
+
+# ---- the macro-elements of a cut: the records of its faces and of the nodes that carry an internal dof (`records`)
+
+
+def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, internal: Ints) -> Cut:
+    """Return the cut: the new mesh of `origin` in the old one, with its records; `internal`: `internal_nodes`."""
+    macro_of_old = np.full(mesh.n_cells, -1, np.int32)
+    macro_of_old[selection.slave] = np.arange(len(selection.slave), dtype=np.int32)
+    macro = macro_of_old[origin.cell]
+    faces = np.flatnonzero(macro >= 0)
+    zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(2))
+    zone[faces] = selection.zone[macro[faces]]
+    order = faces[np.argsort(macro[faces], kind="stable")]  # E1, E2, ... of each, as the children of a face follow
+    first = np.flatnonzero(np.diff(macro[order], prepend=-1))
+    child[order] = 1 + np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
+    wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
+    parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
+    parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]
+    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
+    return Cut(with_records(new, records, internal, selection.zones), origin)
+
+
+def internal_nodes(cut: CutFaces, n_nodes: int) -> Ints:
+    """(n_nodes,): the macro-element whose internal dof each node carries, or -1."""
+    owner = np.full(n_nodes, -1, np.int32)
+    for face, pattern, rows in cut.by_pattern():
+        if face in WHOLE_FACES:
+            owner[cut.faces.nodes[rows, WHOLE_FACES[face]]] = rows
+        else:
+            owner[cut.points[rows][:, internal_points(face, pattern, cut.ring)]] = rows[:, None]
+    return owner

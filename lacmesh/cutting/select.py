@@ -54,14 +54,19 @@ class Selection:
     parents: FaceIncidence
 
 
-def in_first_group(groups: Sequence[Ints]) -> tuple[Ints, Ints]:
-    """Return the cells of some groups, each once, and the place of the first group that holds each."""
-    cells = np.concatenate([np.empty(0, np.int64), *groups])
-    group = np.repeat(np.arange(len(groups)), [len(g) for g in groups])
-    if len(groups) < 2:
-        return cells, group
-    first = np.sort(np.unique(cells, return_index=True)[1])
-    return cells[first], group[first]
+def skin_faces(mesh: Mesh, groups: Sequence[Ints], dim: int) -> tuple[Ints, Ints, Faces, Ints]:
+    """Return the cells in groups that are skin faces of a dimension, each once; the place of the first group that holds
+    each; the faces; and the rows of the cells that these are from.
+    """
+    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
+    parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
+    cells = np.concatenate([np.empty(0, np.int64), *parts])
+    group = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
+    if len(parts) > 1:
+        once = np.sort(np.unique(cells, return_index=True)[1])
+        cells, group = cells[once], group[once]
+    faces, first = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
+    return cells, group, faces, first
 
 
 def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> SlaveSkin:
@@ -72,11 +77,7 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
     names = tuple(_name(mesh, spec) for spec in specs)
     dims = [_skin_dim(mesh, name, skin_only) for name in names]
     highest = max((dim for dim in dims if dim < 3), default=0)
-    known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == highest > 0 for b in mesh.blocks], bool)
-    members = (np.asarray(mesh.cells_of(name)) for name in names)
-    groups = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in members]
-    cells, zone = in_first_group(groups)
-    faces, first = distinct_faces(mesh, cells) if len(cells) else (Faces.join([]), np.empty(0, np.int64))
+    cells, zone, faces, first = skin_faces(mesh, [np.asarray(mesh.cells_of(name)) for name in names], highest)
     refusals = tuple(_refusals(mesh, names, dims, skin_only))
     remarks = [_lower(mesh, name, dim) for name, dim in zip(names, dims, strict=True)]
     remarks += [_empty_zones(names, zone), _duplicates(mesh, cells, first)]

@@ -7,17 +7,16 @@ quadratic cell has these only: Verdict defines nothing on it. Lines have `validi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.errors import RequestError, did_you_mean, listed
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.by_vtk import vtk_measures
 from lacmesh.quality.corner import corner_measures
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.linear import HEXA_CORNERS, LINEAR, linear_measures
@@ -196,3 +195,41 @@ def mean_size_of(name: str, points: Floats, nodes: Ints) -> float:
     """Mean area or volume of cells of a linear type, by Verdict's definition."""
     size = linear_measures(name, points, nodes)["area" if CELLS[name].dim == 2 else "volume"]
     return float(size.mean()) if len(nodes) else float("nan")
+
+
+# ---- Verdict's measures that only a list of measures asks for, computed by VTK through pyvista (the extra `view`)
+
+#: linear type -> its name in `pyvista.CellType`
+TYPES = {
+    **{"TRIA3": "TRIANGLE", "QUAD4": "QUAD", "TETRA4": "TETRA"},
+    **{"HEXA8": "HEXAHEDRON", "PENTA6": "WEDGE", "PYRAM5": "PYRAMID"},
+}
+#: cells at a time
+_PIECE = 1 << 15
+
+
+def vtk_measures(name: str, points: Floats, nodes: Ints, measures: Sequence[str]) -> dict[str, NDArray]:
+    """Return measures, (c,) each, of cells of a linear type with `nodes` (c, n) among points (p, 3).
+
+    Raises RequestError where pyvista is not installed, or is older than 0.45, the first that has the measures.
+    """
+    try:
+        import pyvista
+
+        compute: Any = pyvista.UnstructuredGrid.cell_quality
+    except (ImportError, AttributeError):
+        what = f"the measure {measures[0]!r} needs" if len(measures) == 1 else f"{listed(measures, 'and')} need"
+        raise RequestError(f"{what} pyvista, 0.45 or later; pip install 'lacmesh[view]' brings it") from None
+    values = {measure: np.empty(len(nodes)) for measure in measures}
+    for start in range(0, len(nodes), _PIECE):
+        x = points[nodes[start : start + _PIECE]]
+        x = x - x[:, :1]
+        _, exponent = np.frexp(np.ptp(x, axis=1).max(axis=1))
+        unit = np.ldexp(1.0, exponent)  # a power of two, by which nothing is rounded
+        rows = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
+        x = (x / unit[:, None, None]).reshape(-1, 3)
+        grid = compute(pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: rows}, x), list(measures))
+        for measure, out in values.items():
+            power = {"jacobian": CELLS[name].dim, "dimension": 1}.get(measure, 0)
+            out[start : start + _PIECE] = grid.cell_data[measure] * unit**power
+    return values

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
@@ -16,7 +18,7 @@ from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
 from lacmesh.smooth.parents import Parents, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
-from lacmesh.smooth.tangency import NodeShapes, heights_between
+from lacmesh.smooth.shape import Shape
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
@@ -181,3 +183,86 @@ def _split_centres(sought: Sought, sides: NodeShapes, value: Floats, centre: Int
 def _met(one: FoundShape, x: Floats, way: Floats) -> Floats:
     """(n,): distance of the shape from points x (n, 3) along directions (n, 3); 0 where they miss it."""
     return np.nan_to_num(one.shape.meets(x, way))
+
+
+# ---- faces between two shapes that touch inside them: a plane that goes over into a fillet between two rows of nodes
+
+
+#: how far the sum of the roots may be from that of shapes that touch, against it
+_TOUCHING = 0.15
+
+
+class NodeShapes(NamedTuple):
+    """The shapes of nodes: `first` and `second` (n,) of `found` that each lies on, or -1; nodes of more have two.
+
+    `loose` (f,): faces of planes without a node of their own, as one row of quadrangles between a plane and a fillet
+    is: the nodes do not tell that these are planes, and have only the shapes beside them.
+    """
+
+    found: tuple[FoundShape, ...]
+    first: Ints
+    second: Ints
+    loose: Bools
+
+    @classmethod
+    def of(cls, sought: Sought) -> NodeShapes:
+        """Return the shapes of the nodes of all patches, before shapes were grown inside them."""
+        node, n = sought.whole.node, len(sought.whole.x)
+        nodes = [np.unique(node[one.faces][node[one.faces] >= 0]) for one in sought.found]
+        shared = np.zeros(n, np.int64)
+        for mine in nodes:
+            shared[mine] += 1
+        first, second, loose = np.full(n, -1), np.full(n, -1), np.zeros(len(node), bool)
+        for number, (one, mine) in enumerate(zip(sought.found, nodes, strict=True)):
+            if one.shape.kind == "plane" and shared[mine].min() > 1:
+                loose[one.faces] = True
+                continue
+            second[mine] = np.where(first[mine] >= 0, number, -1)
+            first[mine] = np.where(first[mine] >= 0, first[mine], number)
+        return cls(sought.found, first, second, loose)
+
+
+def heights_between(
+    sought: Sought, sides: NodeShapes, i: Ints, j: Ints, normal: Floats
+) -> tuple[NDArray[np.floating], Bools, NDArray[np.floating]]:
+    """(e,): heights over the middles of chords from nodes i to j (e,) along unit normals (e, 3); (e,): True if known.
+
+    Known are those between two nodes of one shape, and of two shapes that touch in between. (e,): largest distance of
+    the skin from the parabola of such a height.
+    """
+    out, known, left = np.zeros(len(i)), np.zeros(len(i), bool), np.zeros(len(i))
+    a, b = sides.first[i], sides.first[j]
+    for one, other in ((sides.second[i], b), (a, sides.second[j]), (sides.second[i], sides.second[j])):
+        same = (one == other) & (one >= 0)  # a node on two shapes: that which it shares with the other end
+        a, b = np.where(same, one, a), np.where(same, other, b)
+    x = sought.whole.x
+    both = np.flatnonzero((a >= 0) & (b >= 0))
+    pair = a[both] * len(sides.found) + b[both]
+    for code in np.unique(pair):
+        e = both[pair == code]
+        A, B = (sides.found[k].shape for k in divmod(int(code), len(sides.found)))
+        at, to = x[i[e]], x[j[e]]
+        bend_a, f_b = _bend(A, at, to - at, normal[e]), _signed(B, at, normal[e])
+        bend_b, f_a = _bend(B, to, to - at, normal[e]), _signed(A, to, normal[e])
+        if A is B:
+            out[e], known[e] = bend_a / 8, True
+            continue
+        root_a, root_b = np.sqrt(np.abs(f_a)), np.sqrt(np.abs(f_b))
+        whole = np.sqrt(np.abs(bend_b - bend_a) / 2)
+        known[e] = (f_a * f_b < 0) & (np.abs(root_a + root_b - whole) <= _TOUCHING * whole)
+        t = np.divide(root_a, root_a + root_b, out=np.zeros_like(root_a), where=root_a + root_b > 0)
+        out[e] = (bend_a + (bend_b - bend_a) * t * t * (3 - 2 * t)) / 8
+        left[e] = np.abs(bend_b - bend_a) * t * (1 - t) / 16
+    return out, known, left
+
+
+def _signed(shape: Shape, x: Floats, normal: Floats) -> NDArray[np.floating]:
+    """(n,): signed distances of points x (n, 3) from a shape, outward along normals (n, 3) of the faces."""
+    f, gradient = shape.distance(x)
+    return f * np.copysign(1.0, (gradient * normal).sum(axis=1))
+
+
+def _bend(shape: Shape, x: Floats, e: Floats, normal: Floats) -> NDArray[np.floating]:
+    """(n,): curvature of a shape at points x (n, 3) along chords e (n, 3), convex > 0, times the chord squared."""
+    ahead, here, behind = (_signed(shape, x + part * e, normal) for part in (0.5, 0.0, -0.5))
+    return 4 * (ahead - 2 * here + behind)

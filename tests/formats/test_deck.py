@@ -15,9 +15,9 @@ from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, WriteError
+from lacmesh.formats.inp.deck_writer import variant
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.types import FACETS
-from lacmesh.formats.inp.variants import variant
 from lacmesh.formats.inp.writer_types import card as element_of
 from lacmesh.mesh import Mesh
 from tests.formats.decks import pressed

@@ -11,8 +11,7 @@ import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
 from lacmesh.reference.shapes import shape
-from verification.families.manufactured import cells_a_side, mesh_of
-from verification.families.manufactured_rows import ROWS
+from verification.families.manufactured import ROWS, cells_a_side, mesh_of
 from verification.meshes.blocks import BLOCK_TYPES, block
 
 LOW, HIGH = (-0.5, 1.0, 0.0), (0.5, 3.0, 3.0)

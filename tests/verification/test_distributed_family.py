@@ -13,8 +13,7 @@ from verification.cli import main
 from verification.divided import FailedError, found
 from verification.families import distributed
 from verification.families.balance import Touch, mesh_of, text
-from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, compared, problems
-from verification.families.distributed_moving import Free
+from verification.families.distributed import FAMILY, FEW, PLANE, RANKS, SOLID, Free, compared, problems
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 from verification.records import Case
 from verification.running.plan import suite_of

@@ -11,8 +11,7 @@ import pytest
 import lacmesh
 import lacsolver
 from verification.families import levels_in, manufactured
-from verification.families.manufactured import FAMILY, WANTED, case_of, mesh_of, solution
-from verification.families.manufactured_rows import LAW, ROWS
+from verification.families.manufactured import FAMILY, LAW, ROWS, WANTED, case_of, mesh_of, solution
 
 CASES = {case.name: case for case in FAMILY.cases}
 

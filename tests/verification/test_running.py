@@ -38,8 +38,7 @@ from verification.running.folder import (
     sweep,
     write_results,
 )
-from verification.running.junit import junit
-from verification.running.suite import locked_run, run_suite
+from verification.running.suite import junit, locked_run, run_suite
 
 
 @pytest.fixture

@@ -9,8 +9,7 @@ from lacsolver import parse_case
 from lacsolver.case import Value
 from tests.samples import samples
 from verification.exact.sources import Law, compiled, derive
-from verification.families.manufactured import case_of
-from verification.families.manufactured_rows import LAW, PLANE, ROWS, SOLID
+from verification.families.manufactured import LAW, PLANE, ROWS, SOLID, case_of
 
 PROBLEMS = {"plane": PLANE, "solid": SOLID}
 #: of a pair of opposite differences of a polynomial of degree 10 with an exact gradient inside

@@ -80,3 +80,31 @@ class Fit:
         c = np.array([self.within.outer])
         inner, outer = self.within.displacement(c, self.pressure, p), self.around.displacement(c, p, self.outside)
         return float((outer - inner)[0])
+
+
+# ---- a disc with a hole that rotates
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc between two radii. `load`: density times the square of the angular velocity."""
+
+    inner: float
+    outer: float
+    young: float
+    poisson: float
+    load: float
+
+    def stress(self, r: Floats) -> tuple[Floats, Floats]:
+        """Radial and hoop stress (n,) at radii (n,)."""
+        a, b, nu = self.inner**2, self.outer**2, self.poisson
+        factor = (3 + nu) / 8 * self.load
+        radial = factor * (a + b - a * b / r**2 - r**2)
+        return radial, factor * (a + b + a * b / r**2 - (1 + 3 * nu) / (3 + nu) * r**2)
+
+    def displacement(self, x: Floats) -> Floats:
+        """Displacement (n, 2) at points (n, 2) or more."""
+        x = np.asarray(x)[:, :2]
+        r = np.linalg.norm(x, axis=1)
+        radial, hoop = self.stress(r)
+        return x * ((hoop - self.poisson * radial) / self.young)[:, None]

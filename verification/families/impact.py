@@ -31,8 +31,7 @@ from lacmesh.cells import CELLS
 from lacsolver.results.figures import step_figures
 from verification.exact import impact as exact
 from verification.families.impact_finite import THROWN, thrown
-from verification.families.impact_free import spin, vibration
-from verification.families.impact_order import order
+from verification.families.impact_free import order, spin, vibration
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, bars_text, energies, on_wall, run
 from verification.families.impact_sphere import sphere
 from verification.meshes import published

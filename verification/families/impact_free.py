@@ -1,19 +1,23 @@
-"""*Free motion*, without contact: a body that spins and flies, under finite kinematics, and a bar that vibrates."""
+"""*Free motion*, without contact: a body that spins and flies, under finite kinematics, and a bar that vibrates.
+*Order in time*: a bar that stays in contact.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacsolver import natural_modes, parse_case
 from lacsolver.problem.problem import Problem
 from verification.families.impact_runs import ACCOUNT, CLOSED, Impact, bars_text
-from verification.meshes.bars import WIDTH, bar
+from verification.meshes.bars import WIDTH, bar, bar_on_wall
 from verification.records import Result, at_least, at_most, levels_of, rate
 from verification.solving import Solved, case_text, entry, model_of, solve
 
+Floats = NDArray[np.floating]
 #: velocity and angular velocity of a body in one turn, in a plane and in space
 _FLIGHT = (0.3, 0.1, -0.2)
 _TURN = {2: 1.0, 3: [0.6, 0.0, 0.8]}
@@ -81,3 +85,36 @@ def vibration(given: Impact, levels: int) -> Iterator[Result]:
     yield at_least("least error of a frequency", min(errors), 0.0, source="a consistent mass: all come from above")
     yield rate(f"largest error of {_MODES} frequencies", levels_of([1 / n for n in counts], unknowns, errors),
                2.0 * CELLS[given.cell].order - 0.05, source="h^2 and h^4: frequencies (2 k - 1) c / 4 L")  # fmt: skip
+
+
+# ---- order in time: a bar under preload on a wall, contact closed, and a smooth further load, against small steps
+
+#: end of the preload and of the motion, steps to the end on the coarsest level, and how much finer the reference is
+_LOADED, _END, _COUNT, _FINER = 1.0, 3.0, 60, 16
+
+
+def order(given: Impact, levels: int) -> Iterator[Result]:
+    """Errors at the end of displacements, of velocities of nodes with mass, and of the force of contact."""
+    counts = [_COUNT << level for level in range(levels)]
+    *coarser, right = (_loaded(given, count) for count in (*counts, _COUNT * _FINER))
+    unknowns = [right.unknowns] * levels
+    for what, kind in (("displacement", 0), ("velocity", 1), ("force of contact", 2)):
+        exact = _measured(right)[kind]
+        errors = [float(np.abs(_measured(one)[kind] - exact).max() / np.abs(exact).max()) for one in coarser]
+        table = levels_of([_END / count for count in counts], unknowns, errors)
+        yield rate(f"{what}, largest error at the end", table, 1.95, source="second order in dt",
+                   reason=f"against steps of 1/{_COUNT * _FINER} of the time")  # fmt: skip
+
+
+def _loaded(given: Impact, count: int) -> Solved:
+    load = entry("force", group="top", fy=f"-0.01 - 0.02 * max(t - {_LOADED}, 0) ** 4")
+    skins = entry("contact", slave="slave", master="wall"), entry("rigid", group="wall")
+    text = bars_text(given, _END, count, *skins, load)
+    return solve(text, bar_on_wall(given.cell, given.n))
+
+
+def _measured(solved: Solved) -> tuple[Floats, Floats, Floats]:
+    """Displacements, velocities of nodes with mass, force on the slave, all at the end."""
+    inertia, motion = solved.problem.inertia, solved.state.step.motion
+    assert inertia is not None and motion is not None
+    return solved.state.u, np.delete(motion.velocity, inertia.massless_dofs), motion.pushes[0, 0]

@@ -19,8 +19,7 @@ from scipy.spatial import cKDTree
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacsolver.problem.resultants import resultants
-from verification.exact.lame import Fit, Shell
-from verification.exact.rotating import Disc
+from verification.exact.lame import Disc, Fit, Shell
 from verification.measures.norms import displacement_error
 from verification.meshes.blocks import block
 from verification.meshes.sectors import fitted, sector, whole
