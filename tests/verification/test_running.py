@@ -303,18 +303,6 @@ def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
     assert not list((tmp_path / "cases" / "cut").iterdir())
 
 
-def test_a_case_that_an_earlier_version_stored_is_read(solved, tmp_path):
-    now = solved(lambda levels: Outcome((informative("levels", levels, reason=""),)))
-    file = tmp_path / "cases" / "cut" / "one.json"
-    words = (("description", "about"), ("parameters", "given"), ("informative", "reported"))
-    text = file.read_text()
-    for new, old in words:
-        assert f'"{new}"' in text
-        text = text.replace(f'"{new}"', f'"{old}"')
-    file.write_text(text)
-    assert read_case_result(tmp_path, "cut", "one") == now
-
-
 def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
     def fails(levels):
         raise ArithmeticError("no equilibrium")

@@ -303,14 +303,8 @@ def _cases() -> Iterator[Case]:
         yield Case("cut", family, description, solve, {"quick": 1, "full": 2}, 8.0)
     for dim, kinds in ((2, PLANE_KINDS), (3, SOLID_KINDS)):
         mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
-        yield Case(
-            "cut",
-            f"mixed-{dim}d",
-            f"blocks of mixed cells in {dim}D",
-            partial(run, dim, (), mixed),
-            {"quick": 1, "full": 2},
-            3.0,
-        )
+        solve = partial(run, dim, (), mixed)
+        yield Case("cut", f"mixed-{dim}d", f"blocks of mixed cells in {dim}D", solve, {"quick": 1, "full": 2}, 3.0)
     yield Case("cut", "counts", "cells and nodes as code_aster's test of its cut counts them",
                partial(compare_counts, _ROWS), {"quick": 1}, 1.0)  # fmt: skip
 

@@ -234,14 +234,8 @@ def _iterations(
 def cases(family: str) -> Iterator[Case]:
     """960 steps in the plane, 480 in space."""
     plane, space = ("TRIA3", "QUAD4", "TRIA6", "QUAD8"), ("TETRA4", "HEXA8")
-    yield Case(
-        family,
-        "bank-plane",
-        "random steps of blocks",
-        partial(solve_bank, FrictionBank(plane, 2)),
-        {"quick": 1, "full": 6},
-        150.0,
-    )
+    solve = partial(solve_bank, FrictionBank(plane, 2))
+    yield Case(family, "bank-plane", "random steps of blocks", solve, {"quick": 1, "full": 6}, 150.0)
     yield Case(
         family, "bank-space", "random steps of blocks", partial(solve_bank, FrictionBank(space, 3)), {"full": 6}, 300.0
     )

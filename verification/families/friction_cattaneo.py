@@ -377,38 +377,22 @@ def cases(family: str) -> Iterator[Case]:
     for cell in BEST:
         quick = {"quick": 3} if cell in ("TRIA3", "QUAD8") else {}
         description = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation"
-        yield Case(
-            family,
-            f"cattaneo-{cell}",
-            description,
-            partial(solve_pressed, PressedCylinders(cell)),
-            {**quick, "full": 4},
-            60.0,
-        )
+        solve = partial(solve_pressed, PressedCylinders(cell))
+        yield Case(family, f"cattaneo-{cell}", description, solve, {**quick, "full": 4}, 60.0)
     for name, turns in (("back", (LOAD, -LOAD)), ("loop", (LOAD, -LOAD, LOAD))):
         reversed_ = partial(solve_pressed, PressedCylinders("QUAD8", turns))
         yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", reversed_, {"full": 3}, 40.0)
     for cell in ("QUAD4", "QUAD8"):
         given = PressedCylinders(cell)
+        solve = partial(solve_steps, given)
         yield Case(
-            family,
-            f"steps-{cell}",
-            "in 1, 2, ... 16 steps",
-            partial(solve_steps, given),
-            {"quick" if cell == "QUAD4" else "full": 1},
-            15.0,
+            family, f"steps-{cell}", "in 1, 2, ... 16 steps", solve, {"quick" if cell == "QUAD4" else "full": 1}, 15.0
         )
         loop = partial(solve_steps, PressedCylinders(cell, (LOAD, -LOAD)), (1, 16))
         yield Case(family, f"steps-reversed-{cell}", "there and back in 1 and 16 steps", loop, {"full": 1}, 20.0)
     for cell, counts in (("HEXA8", (4, 6, 8)), ("HEXA20", (4, 6))):
-        yield Case(
-            family,
-            f"spheres-{cell}",
-            f"spheres with nu = 0, {cell}",
-            partial(solve_balls, cell, counts),
-            {"full": len(counts)},
-            120.0,
-        )
+        solve = partial(solve_balls, cell, counts)
+        yield Case(family, f"spheres-{cell}", f"spheres with nu = 0, {cell}", solve, {"full": len(counts)}, 120.0)
     for cell in ("QUAD4", "QUAD8"):
         yield Case(
             family, f"rolling-{cell}", f"Carter's rolling, {cell}", partial(solve_rolling, cell), {"full": 1}, 60.0

@@ -74,21 +74,9 @@ def cases(family: str) -> Iterator[Case]:
     """In the plane and in space."""
     for cell in ("TRIA3", "QUAD4", "QUAD8"):
         description = f"applications of K^-1 with friction and without, {cell}"
-        yield Case(
-            family,
-            f"cost-{cell}",
-            description,
-            partial(solve_applications, cell, 2, (16, 32)),
-            {"quick": 1, "full": 2},
-            10.0,
-        )
+        solve = partial(solve_applications, cell, 2, (16, 32))
+        yield Case(family, f"cost-{cell}", description, solve, {"quick": 1, "full": 2}, 10.0)
     for cell, counts in (("TETRA4", (4,)), ("HEXA8", (4, 6))):
         description = f"applications of K^-1 with friction and without, {cell}"
-        yield Case(
-            family,
-            f"cost-{cell}",
-            description,
-            partial(solve_applications, cell, 3, counts),
-            {"full": len(counts)},
-            60.0,
-        )
+        solve = partial(solve_applications, cell, 3, counts)
+        yield Case(family, f"cost-{cell}", description, solve, {"full": len(counts)}, 60.0)

@@ -101,14 +101,8 @@ def cases(family: str) -> Iterator[Case]:
         for kind in kinds:
             name = kind.replace("mixed", f"mixed {dim}D").replace(" ", "-")
             levels = {"full": 4 if dim == 2 else 3} | ({"quick": 3} if kind in ("TRIA3", "TETRA4") else {})
-            yield Case(
-                family,
-                f"inf-sup-{name}",
-                f"{kind}: beta of p, t and both",
-                partial(solve_case, Skin(kind, dim)),
-                levels,
-                4.0,
-            )
+            solve = partial(solve_case, Skin(kind, dim))
+            yield Case(family, f"inf-sup-{name}", f"{kind}: beta of p, t and both", solve, levels, 4.0)
     for slave, master, dim in (("TRIA3", "QUAD4", 2), ("HEXA8", "TETRA4", 3)):
         given = partial(solve_case, Skin(slave, dim, master=master))
         yield Case(family, f"inf-sup-{slave}-on-{master}", f"{slave} on a block of {master}", given, {"full": 3}, 4.0)

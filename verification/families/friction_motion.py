@@ -170,20 +170,8 @@ def cases(family: str) -> Iterator[Case]:
     yield Case(family, "thrown", "a block thrown along a plane", partial(solve_thrown, "QUAD4"), {"full": 1}, 20.0)
     slides, sticks = partial(solve_spinning, 4.0, 0.1, 0.3), partial(solve_spinning, 1.0, 0.3, 0.45)
     yield Case(family, "spinning-slides", "a sphere with much spin hits a plane", slides, {"full": 1}, 150.0)
-    yield Case(
-        family,
-        "spinning-sticks",
-        "a sphere with spin that hits a plane slides, then sticks",
-        sticks,
-        {"full": 1},
-        150.0,
-    )
+    description = "a sphere with spin that hits a plane slides, then sticks"
+    yield Case(family, "spinning-sticks", description, sticks, {"full": 1}, 150.0)
     for friction, word in ((0.5, "slides"), (2.0, "jams")):
-        yield Case(
-            family,
-            f"rod-{word}",
-            "a rod pushed along a plane, Painleve's",
-            partial(solve_leaning, Leaning(friction)),
-            {"full": 1},
-            12.0,
-        )
+        solve = partial(solve_leaning, Leaning(friction))
+        yield Case(family, f"rod-{word}", "a rod pushed along a plane, Painleve's", solve, {"full": 1}, 12.0)

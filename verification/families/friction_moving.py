@@ -213,22 +213,10 @@ def cases(family: str) -> Iterator[Case]:
     to_and_fro = partial(solve_carried, "QUAD4", 8, "0.5 * sin(2 * pi * max(t - 1, 0))", 10)
     yield Case(family, "carried-cycles", "a ring on a hub that turns to and fro", to_and_fro, {"full": 1}, 40.0)
     for dim, pair in ((2, ("QUAD4", "TRIA6")), (3, ("HEXA8", "TETRA4"))):
-        yield Case(
-            family,
-            f"cycled-{dim}d",
-            "ten cycles of shear that sticks",
-            partial(solve_cycled, pair, dim),
-            {"full": 1},
-            30.0,
-        )
+        solve = partial(solve_cycled, pair, dim)
+        yield Case(family, f"cycled-{dim}d", "ten cycles of shear that sticks", solve, {"full": 1}, 30.0)
     for cell in ("QUAD4", "QUAD8"):
-        yield Case(
-            family,
-            f"rolls-{cell}",
-            f"a wheel of {cell} that rolls on a plane",
-            partial(solve_wheel, cell),
-            {"full": 1},
-            15.0,
-        )
+        solve = partial(solve_wheel, cell)
+        yield Case(family, f"rolls-{cell}", f"a wheel of {cell} that rolls on a plane", solve, {"full": 1}, 15.0)
     description = "a half-cylinder dragged over rubber: where the work goes"
     yield Case(family, "ledger", description, partial(solve_ledger), {"full": 1}, 60.0)

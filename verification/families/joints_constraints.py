@@ -274,14 +274,8 @@ def cases(family: str) -> Iterator[Case]:
             sides = "matching" if not skew else "other"
             quick = {"quick": 3} if cell == "QUAD4" else {}
             disc = partial(solve_disc, cell, skew)
-            yield Case(
-                family,
-                f"disc-{sides}-{cell}",
-                f"a rotating disc, {sides} sides, {cell}",
-                disc,
-                {**quick, "full": 3},
-                3.0,
-            )
+            description = f"a rotating disc, {sides} sides, {cell}"
+            yield Case(family, f"disc-{sides}-{cell}", description, disc, {**quick, "full": 3}, 3.0)
             fit = partial(solve_fit, cell, skew)
             yield Case(
                 family, f"fit-{sides}-{cell}", f"a press fit, {sides} sides, {cell}", fit, {**quick, "full": 3}, 4.0

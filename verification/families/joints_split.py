@@ -230,14 +230,8 @@ def cases(family: str) -> Iterator[Case]:
     for cell in BLOCK_TYPES:
         quick = {"quick": 1} if cell in ("QUAD4", "TETRA10", "HEXA8") else {}
         levels = {**quick, "full": 1}
-        yield Case(
-            family,
-            f"clamped-{cell}",
-            f"a locked bolt and what it clamps, {cell}",
-            partial(solve_clamped, cell),
-            levels,
-            3.0,
-        )
+        solve = partial(solve_clamped, cell)
+        yield Case(family, f"clamped-{cell}", f"a locked bolt and what it clamps, {cell}", solve, levels, 3.0)
         for halves in (False, True):
             where = "between meshes" if halves else "inside"
             name = f"{'halves' if halves else 'whole'}-{cell}"

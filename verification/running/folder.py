@@ -34,8 +34,6 @@ from verification.records import Case, Outcome, Result
 FORMAT = 1
 #: in a folder: the results of all cases
 RESULTS = "results.json"
-#: names in the files of cases that earlier versions wrote -> the names now
-_RENAMED = {"about": "description", "given": "parameters"}
 
 
 class FolderError(LacmeshError):
@@ -122,19 +120,9 @@ def read_case_result(path: Path, family: str, name: str) -> CaseResult | None:
     """Read the outcome of a case from a folder; None if there is none that can be read."""
     try:
         stored = json.loads(_place(path, family, name).read_text(encoding="utf-8"))
-        return None if stored.get("format") != FORMAT else made_of(CaseResult, _renamed(stored))
+        return None if stored.get("format") != FORMAT else made_of(CaseResult, stored)
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return None
-
-
-def _renamed(stored: Mapping[str, Any]) -> dict[str, Any]:
-    """A stored case, or a stored result, with the names and bounds that earlier versions wrote replaced."""
-    renamed = {_RENAMED.get(name, name): value for name, value in stored.items()}
-    if renamed.get("bound") == "reported":
-        renamed["bound"] = "informative"
-    if "results" in renamed:
-        renamed["results"] = [_renamed(result) for result in renamed["results"]]
-    return renamed
 
 
 def forget(path: Path, family: str, name: str) -> None:
@@ -212,7 +200,7 @@ def read_results(path: Path) -> Run:
 def _case_of(family: str, case: str, listed: list[dict[str, Any]]) -> CaseResult:
     """A case from its rows: the inverse of `rows`."""
     own = ("family", "case", "seconds")
-    results = tuple(made_of(Result, {k: v for k, v in _renamed(row).items() if k not in own}) for row in listed)
+    results = tuple(made_of(Result, {k: v for k, v in row.items() if k not in own}) for row in listed)
     levels = max(len(result.levels) for result in results)
     failure = results[0].reason if results[0].quantity == "outcome" else ""
     return CaseResult(
