@@ -379,7 +379,7 @@ def test_sweeping_an_empty_folder_is_nothing(tmp_path):
 
 def test_the_code_of_a_family_is_known():
     found = plan._imported("verification.families.manufactured", set())
-    wanted = {"records", "solving", "exact.sources", "families.manufactured_rows", "measures.norms", "meshes.blocks"}
+    wanted = {"records", "solving", "exact.sources", "measures.norms", "meshes.blocks"}
     assert {f"verification.{name}" for name in wanted} <= found
     assert not [name for name in found if re.match(r"verification\.(report|running|cli)", name)]
     assert plan.sources("cut") != plan.sources("patch")

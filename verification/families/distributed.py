@@ -172,7 +172,7 @@ def problems(given: Borrowed) -> Iterator[tuple[str, Mesh]]:
 
 
 def run(problem: Borrowed, title: str, ranks: Ranks = RANKS, *, levels: int) -> Outcome:
-    """Solve a problem of another family, or of `distributed_moving`, in one process and in several, and compare.
+    """Solve a problem of another family, or a `Free` one, in one process and in several, and compare.
 
     `ranks`: numbers of processes, and the backends that each solves with.
     """
