@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -38,7 +38,7 @@ from lacsolver.results.faceted import faceted
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
 from lacsolver.results.motion import ENERGIES, doubtful_energy
-from lacsolver.results.new_contact import closed_at_start, sliding_since_contact
+from lacsolver.results.new_contact import closed_at_start, sliding_since_contact, turned_far
 from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
@@ -139,6 +139,9 @@ class RunOutput:
         self._covered: dict[str, float] = {}
         #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
         self._touched, self._way = closed_at_start(problem, faces), ""
+        #: motions of rigid bodies at the end of the last step, and the first warning of one that turns far
+        self._rigid: Mapping[str, Floats] = {}
+        self._turned = ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -156,6 +159,7 @@ class RunOutput:
         """
         problem, self._number = self._problem, start.number
         self._touched = {name: status >= CONTACT for name, status in start.status.items()}
+        self._rigid = start.rigid
         problem.space.share.on_first(lambda: check_same(start, problem.case, mesh, self._prints))
         return scatter_state(start, problem.space.share, self._orders) if self._orders else start
 
@@ -170,7 +174,9 @@ class RunOutput:
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
         self._linear_solver = self._linear_solver or state.linear_solver
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
+        self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
+        self._rigid = state.rigid
         stress = point_stress(problem, state)
         steps, ranges = (
             (*self.results.steps, step_figures(problem, state, stress)),
@@ -241,7 +247,7 @@ class RunOutput:
         yield from doubts(problem)
         yield from _doubtful_energy(problem.case, self.results)
         yield from self._softened()
-        yield from filter(None, [self._way])
+        yield from filter(None, [self._way, self._turned])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)

@@ -10,7 +10,7 @@ import pytest
 
 import lacsolver as ls
 from lacmesh.errors import LacmeshWarning
-from lacsolver.case import BodyForce, Case, CaseError, Contact, Displacement, Material, Steps
+from lacsolver.case import BodyForce, Case, CaseError, Contact, Displacement, Material, Rigid, Steps
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.equilibrium.stepping import NotConvergedError
@@ -20,6 +20,7 @@ from lacsolver.validation import validate
 from tests.lacsolver.friction.test_output import rubbed
 from tests.lacsolver.friction.test_sliding import block_on_block
 from tests.lacsolver.patch_meshes import stack
+from verification.meshes.friction import ring_on_hub
 
 MU = 0.3
 
@@ -100,6 +101,24 @@ def test_bodies_that_meet_and_slide_in_one_step(tmp_path):
     (message,) = told(0.01, 1)
     assert "friction of 'joint' depends on the way: " in message and "compare with twice as many steps" in message
     assert told(0.0, 1) == []
+
+
+@pytest.mark.parametrize(("angle", "count"), [(0.4, 0), (1.0, 1), (2 * np.pi, 1)])
+def test_a_hub_that_turns_far_in_a_step_is_warned_of(tmp_path, angle, count):
+    """Slip is the chord of the way: 4 % short at half a radian, none after a turn."""
+    mesh = ring_on_hub("QUAD4", 12)
+    outer = np.flatnonzero(np.linalg.norm(mesh.points, axis=1) > 1.49)
+    case = Case(
+        model="plane_strain", kinematics="finite", material=[Material(law="neo_hookean", young=1000.0, poisson=0.3)],
+        contact=[Contact(name="joint", slave="slave", master="master", friction=MU, clearance=-0.01)],
+        displacement=[Displacement(group="outer", ux=0, uy=0)], steps=Steps(times=[1.0, 2.0]),
+        rigid=[Rigid(group="master", centre=[0.0, 0.0], rotation=[[0.0, 0.0], [1.0, 0.0], [2.0, angle]])],
+    )  # fmt: skip
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LacmeshWarning)
+        ls.run(case, tmp_path / "hub", mesh=replace(mesh, node_groups={"outer": outer}))
+    told = [str(one.message) for one in caught if "straight lines" in str(one.message)]
+    assert len(told) == count and all(f"'master' turns by {angle:.3g} radians in the step" in one for one in told)
 
 
 def test_a_slip_that_is_prescribed_everywhere_is_refused():
