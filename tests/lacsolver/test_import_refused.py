@@ -107,7 +107,7 @@ REFUSED = {
         "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*PLASTIC, HARDENING=COMBINED\n1., 0.\n", "", "PLASTIC", "not COMBINED",
     ),
     "softening": (
-        "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*PLASTIC\n2., 0.\n1., 0.1\n", "", "PLASTIC", "a metal that softens is not available",
+        "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*PLASTIC\n2., 0.\n1., 0.1\n", "", "PLASTIC", "a metal that softens is",
     ),
     "kinematic table": (
         "*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*PLASTIC, HARDENING=KINEMATIC\n2., 0.\n3., 0.1\n3.5, 0.2\n",
