@@ -20,21 +20,19 @@ def gravity(draft: CaseDraft) -> None:
     density, mesh = densities(draft), draft.groups.mesh
     parts = list(parts_of(draft.deck, orders(draft, "gravity"), once=True))
     heavy = np.flatnonzero(density)
-    for part in parts:
-        keys = {f"{AXES[c]}": written(points, draft.ramped) for c, points in part.histories.items() if c < draft.dim}
+    for part, histories in parts:
+        keys = {f"{AXES[c]}": written(points, draft.ramped) for c, points in histories.items() if c < draft.dim}
         if not np.isin(part.items, heavy).any():
-            raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.line.row)
+            raise Refused("gravity acts on elements without a density; give their material a *DENSITY", part.row)
         if len(parts) == 1 and np.isin(heavy, part.items).all():
             if mesh.plane == "CAX" and keys.pop("x", 0.0):
-                raise Refused(
-                    "gravity along the radius has no meaning in a full circle; give it along y", part.line.row
-                )
-            draft.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.line.card)
+                raise Refused("gravity along the radius has no meaning in a full circle; give it along y", part.row)
+            draft.add("gravity", {f"g{axis}": value for axis, value in keys.items()}, part.card)
             continue
         for rho, cells in _by_density(density, part.items):
             group = draft.groups.add_cells(part.name or "heavy", cells)
             loads = {f"f{axis}": scaled(value, rho) for axis, value in keys.items()}
-            draft.add("body_force", {"groups": [group]} | loads, part.line.card)
+            draft.add("body_force", {"groups": [group]} | loads, part.card)
 
 
 def _by_density(density: Floats, cells: Ints) -> list[tuple[float, Ints]]:

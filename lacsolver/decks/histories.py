@@ -7,8 +7,8 @@ its value in later steps. With an amplitude it is the factor of the amplitude ti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,20 +127,10 @@ def written(points: Points, end: float, start: float = 0.0) -> Any:
     return [list(row) for row in kept]
 
 
-class HistoryPart(NamedTuple):
-    """Items with one history: name of their set ("" if the deck has none), and the history of each component.
+def parts_of(deck: DeckContent, orders: Orders, *, once: bool) -> Iterator[tuple[Assigned, dict[int, Points]]]:
+    """Yield items with the history of each component, which cover every order: whole sets with one, then what is left.
 
-    `line`: the line of the deck that names them first.
-    """
-
-    name: str
-    items: Ints
-    histories: dict[int, Points]
-    line: Assigned
-
-
-def parts_of(deck: DeckContent, orders: Orders, *, once: bool) -> Iterator[HistoryPart]:
-    """Yield parts that cover every order: whole sets where all items have one history, then what is left.
+    They are the items of the line that names them first, or of one like it without a name.
 
     `once`: each component of an item is in one part only, as loads must be; supports may be in several.
     Raises Refused for a history that a case cannot have.
@@ -153,7 +143,7 @@ def parts_of(deck: DeckContent, orders: Orders, *, once: bool) -> Iterator[Histo
         some &= left[:, at].all(axis=1) if once else left[:, at].any(axis=1)
         if some.any():
             left[np.ix_(some, at)] = False
-            yield HistoryPart(line.name, line.items, _histories(deck, orders, int(at[0]), some, line), line)
+            yield line, _histories(deck, orders, int(at[0]), some, line)
     yield from _others(deck, orders, left)
 
 
@@ -169,7 +159,7 @@ def _uniform(orders: Orders, at: Ints) -> NDArray[np.bool_]:
     return np.asarray((same & (amplitude == amplitude[:, :, :1])).all(axis=(0, 2)))
 
 
-def _others(deck: DeckContent, orders: Orders, left: NDArray[np.bool_]) -> Iterator[HistoryPart]:
+def _others(deck: DeckContent, orders: Orders, left: NDArray[np.bool_]) -> Iterator[tuple[Assigned, dict[int, Points]]]:
     """Yield the items that no set has covered, split by their histories."""
     rest = np.flatnonzero(left.any(axis=0))
     if not len(rest):
@@ -180,7 +170,8 @@ def _others(deck: DeckContent, orders: Orders, left: NDArray[np.bool_]) -> Itera
     for k in np.argsort(first).tolist():
         at = rest[which.ravel() == k]
         line = orders.line_of(at[0])
-        yield HistoryPart("", orders.items[at], _histories(deck, orders, int(at[0]), left[:, at[0]], line), line)
+        histories = _histories(deck, orders, int(at[0]), left[:, at[0]], line)
+        yield replace(line, name="", items=orders.items[at]), histories
 
 
 def _histories(

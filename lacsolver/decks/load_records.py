@@ -74,37 +74,34 @@ def supports(draft: CaseDraft) -> None:
     """Add a [[displacement]] for each set of nodes. Raises Refused."""
     prescribed = orders(draft, "displacement")
     names = draft.deck.names
-    for part in parts_of(draft.deck, prescribed, once=False):
+    for part, histories in parts_of(draft.deck, prescribed, once=False):
         there = part.items[names.in_cells[part.items]]
         if not len(there):
-            draft.deck.note(
-                part.line.card, "these nodes belong to no solid element: the support is left out", part.line.row
-            )
+            draft.deck.note(part.card, "these nodes belong to no solid element: the support is left out", part.row)
             continue
-        keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in part.histories.items() if c < draft.dim}
+        keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in histories.items() if c < draft.dim}
         for axes, some_nodes in by_axes(draft, there) if keys else ():
             name = part.name if len(some_nodes) == len(part.items) else ""
             group = draft.node_group(name, some_nodes, "held")
-            draft.add("displacement", {"group": group} | keys | axes, part.line.card)
+            draft.add("displacement", {"group": group} | keys | axes, part.card)
 
 
 def forces(draft: CaseDraft) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
-    for part in parts_of(draft.deck, orders(draft, "force"), once=True):
-        if max(part.histories) >= draft.dim:
-            raise Refused("a force has the directions 1 and 2 in a plane model", part.line.row)
+    for part, histories in parts_of(draft.deck, orders(draft, "force"), once=True):
+        if max(histories) >= draft.dim:
+            raise Refused("a force has the directions 1 and 2 in a plane model", part.row)
         loose = part.items[~draft.deck.names.in_cells[part.items]]
         numbers = draft.groups.mesh.node_number
         if len(loose):
-            raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.line.row)
+            raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.row)
         keys = {
-            f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness)
-            for c, points in part.histories.items()
+            f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness) for c, points in histories.items()
         }
         for axes, some_nodes in by_axes(draft, part.items):
             name = part.name if len(some_nodes) == len(part.items) else ""
             group = draft.node_group(name, some_nodes, "loaded")
-            draft.add("force", {"group": group} | keys | axes, part.line.card)
+            draft.add("force", {"group": group} | keys | axes, part.card)
     if moments := [one for one in draft.deck.assigned if one.kind in ("moment", "spin")]:
         _check_rotations(draft, moments)
 
@@ -126,15 +123,13 @@ def scaled(value: Any, factor: float) -> Any:
 
 def pressures(draft: CaseDraft) -> None:
     """Add a [[pressure]] for each set of faces; with NLGEOM it follows them. Raises Refused."""
-    for part in parts_of(draft.deck, orders(draft, "pressure"), once=True):
+    for part, histories in parts_of(draft.deck, orders(draft, "pressure"), once=True):
         if len(inner := draft.deck.names.inner(part.items)):
             numbers = some(draft.groups.mesh.cell_number[inner // SIDES])
-            raise Refused(
-                f"these faces of elements {numbers} lie between two elements; press outer faces", part.line.row
-            )
+            raise Refused(f"these faces of elements {numbers} lie between two elements; press outer faces", part.row)
         group = draft.groups.add_skin(part.name or "pressed", part.items)
-        keys = {"group": group, "value": written(part.histories[0], draft.ramped)}
-        draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.line.card)
+        keys = {"group": group, "value": written(histories[0], draft.ramped)}
+        draft.add("pressure", keys | ({"follower": True} if draft.large else {}), part.card)
 
 
 def temperatures(draft: CaseDraft) -> None:

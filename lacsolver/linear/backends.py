@@ -92,17 +92,17 @@ def backends() -> Mapping[str, Backend]:
     return BACKENDS
 
 
-def choose(backend: str, n: int, n_modes: int = 0, multigrid_above: int = MULTIGRID_ABOVE) -> Backend:
+def choose(backend: str, n: int, n_modes: int = 0) -> Backend:
     """Return the backend of a name, or for `auto` the best one that is installed for n unknowns.
 
-    `auto` takes multigrid above `multigrid_above` unknowns if the rigid-body modes of 3D (`n_modes` >= 6) are given,
+    `auto` takes multigrid above `MULTIGRID_ABOVE` unknowns if the rigid-body modes of 3D (`n_modes` >= 6) are given,
     else the first direct one. Raises RequestError for a name that is unknown or not installed.
 
     >>> choose("superlu", 10).direct
     True
     """
     if backend == "auto":
-        large = n > multigrid_above and n_modes >= _MODES_3D
+        large = n > MULTIGRID_ABOVE and n_modes >= _MODES_3D
         if large and BACKENDS["multigrid"].installed:
             return BACKENDS["multigrid"]
         return next(b for b in BACKENDS.values() if b.direct and b.installed)
@@ -122,7 +122,6 @@ def analyse(
     modes: Floats | None = None,
     block: int | None = None,
     near: csr_array | None = None,
-    multigrid_above: int = MULTIGRID_ABOVE,
     definite: bool = True,
 ) -> Analysis:
     """Analyse a sparse, symmetric positive definite matrix (n, n), with both triangles and the whole diagonal stored.
@@ -137,7 +136,7 @@ def analyse(
     `threads`: cores, for all backends except superlu. `modes` (n, r), `block` and `near` are for multigrid: the
     rigid-body modes, at least those of every body; the number of unknowns of a node (that of a block matrix if None);
     and which nodes may be in one aggregate (`multigrid.aggregation.aggregated`). `auto` takes multigrid above
-    `multigrid_above` unknowns, see `choose`. A direct solution is exact to round-off, one of multigrid to the
+    `MULTIGRID_ABOVE` unknowns, see `choose`. A direct solution is exact to round-off, one of multigrid to the
     `tolerance` that `solve` takes.
 
     Raises RequestError for a backend that is unknown or not installed; `factor` raises SingularError.
@@ -153,7 +152,7 @@ def analyse(
     if threads < 1:
         raise RequestError(f"threads is 1 or more, not {threads}")
     if definite:
-        name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1], multigrid_above).name
+        name = choose(backend, K.shape[0], 0 if modes is None else np.shape(modes)[-1]).name
     else:
         name = "superlu" if why_no_rslab() else "rslab"
     if name == "multigrid":

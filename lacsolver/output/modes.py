@@ -21,7 +21,7 @@ from lacsolver.output.files import read_json, writing
 from lacsolver.output.folder import check_folder
 from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in
 from lacsolver.output.parts import body
-from lacsolver.output.vtu import PvdEntry, wide, write_pvd
+from lacsolver.output.vtu import wide, write_pvd
 from lacsolver.results.modes import NaturalModes
 from lacsolver.space.space import Space
 
@@ -46,12 +46,13 @@ def write_modes(folder: Path, modes: NaturalModes, space: Space) -> None:
         (folder / FIELDS).mkdir(parents=True, exist_ok=True)
         for path in modes_in(folder):
             path.unlink()
-    part, entries = body(space), []
+    part = body(space)
+    files: dict[float, str] = {}
     for number, shape in enumerate(np.concatenate([modes.rigid_shapes, modes.shapes]), 1):
         data = {"displacement": wide(shape[part.nodes], 3)}
         write(folder / mode_file(number), replace(part.mesh, node_data={**part.mesh.node_data, **data}), compress=True)
-        entries.append(PvdEntry(float(number), mode_file(number)))
-    write_pvd(folder / MODES_PVD, entries)
+        files[float(number)] = mode_file(number)
+    write_pvd(folder / MODES_PVD, files)
     replace_file(folder / MODES, (json.dumps(_summary(modes), ensure_ascii=False, indent=1) + "\n").encode())
 
 

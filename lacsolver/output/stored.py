@@ -38,13 +38,13 @@ class StoredVtu:
     """Fields in VTU files. What all times have in one file, series and tables, is read once."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder, self._entries = folder, read_pvd(folder / f"{SOLID}.pvd")
+        self._folder, self._entries = folder, list(read_pvd(folder / f"{SOLID}.pvd").items())
         self._series, self._table = cache(read_pvd), cache(_contact_table)
 
     @property
     def times(self) -> Sequence[float]:
         """Times of the PVD."""
-        return [entry.time for entry in self._entries]
+        return [time for time, _ in self._entries]
 
     def read(self, i: int, zones: tuple[str, ...]) -> tuple[Mesh, Fields]:
         """Return the bodies and the fields at the i-th time. Raises ReadError."""
@@ -54,7 +54,7 @@ class StoredVtu:
         contact = {}
         for zone, stem in contact_stems(zones).items():
             series = self._series(self._folder / f"{stem}.pvd")
-            skin = next((entry.file for entry in series if same_time(entry.time, time)), None)
+            skin = next((file for then, file in series.items() if same_time(then, time)), None)
             if skin is not None:
                 rows = _rows_at(self._table(self._folder / f"{stem}.csv"), time)
                 contact[zone] = _of_skin(solid, read(self._folder / skin), rows)

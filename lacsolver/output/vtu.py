@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -31,13 +30,6 @@ from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.space.space import Space
 
 
-class PvdEntry(NamedTuple):
-    """A time of a PVD, and its file."""
-
-    time: float
-    file: str
-
-
 class VtuSeries:
     """The PVD and VTU files of a folder; existing ones are continued. Raises ReadError, WriteError.
 
@@ -47,11 +39,11 @@ class VtuSeries:
     def __init__(self, folder: Path, space: Space, sector: Cyclic | None = None) -> None:
         self._folder, self._space, self._sector = folder, space, sector
         self._parts: dict[str, Part] = {}
-        self._told: dict[str, list[PvdEntry]] = {}
+        self._told: dict[str, dict[float, str]] = {}
         if space.share.rank == 0:
             self._told = {path.stem: read_pvd(path) for path in collections_in(folder)}
-            for stem, entries in self._told.items():
-                write_pvd(folder / f"{stem}.pvd", entries)
+            for stem, files in self._told.items():
+                write_pvd(folder / f"{stem}.pvd", files)
 
     def write(self, fields: Fields, number: int) -> None:
         """Add the fields after `number` steps. Raises WriteError."""
@@ -96,8 +88,9 @@ class VtuSeries:
             write(self._folder / file, mesh, compress=True)
         if share.rank > 0:
             return
-        self._told[stem] = [*self._told.get(stem, []), PvdEntry(float(time), file)]
-        write_pvd(self._folder / f"{stem}.pvd", self._told[stem])
+        files = self._told.setdefault(stem, {})
+        files[float(time)] = file
+        write_pvd(self._folder / f"{stem}.pvd", files)
 
 
 def _solid(fields: Fields) -> dict[str, NDArray]:
@@ -141,20 +134,20 @@ def wide(values: Floats, width: int) -> Floats:
     return np.pad(np.asarray(values, float), ((0, 0), (0, width - values.shape[1])))
 
 
-def read_pvd(path: Path) -> list[PvdEntry]:
-    """Return the times of a PVD whose files exist; none if there is no PVD. Raises ReadError."""
+def read_pvd(path: Path) -> dict[float, str]:
+    """Return the files of a PVD that exist, by their times; none if there is no PVD. Raises ReadError."""
     if not path.exists():
-        return []
+        return {}
     try:
         sets = ElementTree.parse(path).getroot().iter("DataSet")
-        entries = [PvdEntry(float(s.attrib["timestep"]), s.attrib["file"]) for s in sets]
+        files = {float(s.attrib["timestep"]): s.attrib["file"] for s in sets}
     except (OSError, ValueError, KeyError, ElementTree.ParseError) as error:
         raise ReadError(path, f"cannot be gone on with ({error}); write into another folder") from error
-    return [entry for entry in entries if (path.parent / entry.file).is_file()]
+    return {time: file for time, file in files.items() if (path.parent / file).is_file()}
 
 
-def write_pvd(path: Path, entries: list[PvdEntry]) -> None:
+def write_pvd(path: Path, files: Mapping[float, str]) -> None:
     """Write a PVD that names the file of each time. Raises WriteError."""
-    sets = [f'<DataSet timestep="{e.time!r}" group="" part="0" file={quoted(e.file)}/>\n' for e in entries]
+    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoted(file)}/>\n' for t, file in files.items()]
     head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
     replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())

@@ -139,8 +139,7 @@ def film(
         colour, title = "shape", title or _mode_title(folder, mode)
     if shown.surface.dim == 3 and find_spec("pyvista") is None:
         raise RequestError("a film in space needs pyvista; pip install 'lacmesh[view]' brings it")
-    colours = ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, shown.span))
-    sheet = _Sheet(shown, colours, drawn, readable(title or folder.name), camera, path)
+    sheet = _Sheet(shown, _colour_scale(shown, colour, scale, log), drawn, readable(title or folder.name), camera, path)
     replace_file(path, _moving(sheet, rate, _STAYS if mode is None else 0.0) if moving else _still(sheet))
 
 
@@ -188,6 +187,10 @@ def _ends(scale: tuple[float, float] | None, log: bool, span: tuple[float, float
         what = "0 < low < high" if log else "low < high"
         raise RequestError(f"a scale of colours from {low:g} to {high:g} is none; it needs {what}")
     return {"low": float(low), "high": float(high), "log": log}
+
+
+def _colour_scale(frames: Frames, colour: str, scale: tuple[float, float] | None, log: bool) -> ColourScale:
+    return ColourScale(COLOURS.get(colour, SHAPE), **_ends(scale, log, frames.span))
 
 
 # ---- curves

@@ -126,23 +126,23 @@ def read_frames(folder: Path, colour: str, count: int | None = None) -> Frames:
         others = [name for name in QUANTITIES if name not in COLOURS]
         words = f"bodies are coloured by {' or '.join(COLOURS)}, and zones by {' or '.join(others)}"
         raise RequestError(f"{words}, not by {colour!r}")
-    entries = read_pvd(folder / f"{SOLID}.pvd")
-    if not entries:
+    files = list(read_pvd(folder / f"{SOLID}.pvd").items())
+    if not files:
         wanted = 'name the folder of a run whose [output] has format = "vtu"'
         raise RequestError(f"{folder} holds no fields to film (solid.pvd and the files that it names); {wanted}")
     zones = _zones(folder) if colour == "pressure" else []
-    entries = [entries[k] for k in even_times([entry.time for entry in entries], count)]
-    first = lacmesh.read(folder / entries[0].file)
+    files = [files[k] for k in even_times([time for time, _ in files], count)]
+    first = lacmesh.read(folder / files[0][1])
     surface, frames = DrawnSurface.of(first), []
-    for entry in entries:
-        mesh = lacmesh.read(folder / entry.file)
+    for time, file in files:
+        path = folder / file
+        mesh = lacmesh.read(path)
         if mesh.n_nodes != first.n_nodes:
-            raise DataError(f"{folder / entry.file} is of another mesh than the files before; run the case again")
-        path = folder / entry.file
+            raise DataError(f"{path} is of another mesh than the files before; run the case again")
         stress = colour == "stress"
-        value = von_mises(_field(mesh, "stress", path)) if stress else _pressure(mesh, folder, entry.time, zones)
+        value = von_mises(_field(mesh, "stress", path)) if stress else _pressure(mesh, folder, time, zones)
         x = mesh.points + _field(mesh, "displacement", path)
-        frames.append(Frame(entry.time, surface.points(x), surface.points(value), f"t = {entry.time:.4g}"))
+        frames.append(Frame(time, surface.points(x), surface.points(value), f"t = {time:.4g}"))
     return Frames(surface, tuple(frames))
 
 
@@ -164,12 +164,12 @@ def read_mode(folder: Path, number: int, count: int) -> Frames:
 
     Raises RequestError if the folder has no such mode, ReadError, DataError for damaged files.
     """
-    entries = read_pvd(folder / MODES_PVD)
-    if not entries:
+    files = list(read_pvd(folder / MODES_PVD).values())
+    if not files:
         raise RequestError(f"{folder} holds no natural modes (modes.pvd); name a folder that lacsolver modes wrote")
-    if not 1 <= number <= len(entries):
-        raise RequestError(f"{folder} holds the modes 1 to {len(entries)}, and not {number}")
-    path = folder / entries[number - 1].file
+    if not 1 <= number <= len(files):
+        raise RequestError(f"{folder} holds the modes 1 to {len(files)}, and not {number}")
+    path = folder / files[number - 1]
     mesh = lacmesh.read(path)
     shape, surface = _field(mesh, "displacement", path), DrawnSurface.of(mesh)
     size, far = np.linalg.norm(shape, axis=1), np.ptp(mesh.points, axis=0).max()
@@ -182,11 +182,9 @@ def read_mode(folder: Path, number: int, count: int) -> Frames:
     return Frames(surface, tuple(frames))
 
 
-def _zones(folder: Path) -> list[Mapping[float, str]]:
+def _zones(folder: Path) -> list[dict[float, str]]:
     """Return the file of each time, for each zone. Raises RequestError if there is no zone."""
-    zones: list[Mapping[float, str]] = [
-        {e.time: e.file for e in read_pvd(p)} for p in sorted(folder.glob(f"{CONTACT}*.pvd"))
-    ]
+    zones = [read_pvd(path) for path in sorted(folder.glob(f"{CONTACT}*.pvd"))]
     if not zones:
         raise RequestError(f"{folder} holds no contact to colour by its pressure; --colour stress needs none")
     return zones

@@ -3,7 +3,7 @@
 Forces are those of the whole thickness or circle: the weight of a point includes thickness or 2 pi r, here and in
 `bodies.points`. Every value is a number or f(points (n, 3), t) -> (n,) (`lacsolver.space.values`). The rules
 integrate a constant exactly on any cell or face, including curved ones, if the integrand is a polynomial: that of a
-pressure is (the normal is not normalised), that of a traction on a curved face is not, and converges with `degree`.
+pressure is (the normal is not normalised), that of a traction on a curved face is not, and converges with its degree.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _PIECE = 1 << 18
 
 
 def pressure(
-    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None
 ) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a pressure on skin cells `faces` (indices), > 0 into the body.
 
@@ -55,11 +55,11 @@ def pressure(
     def force(at: Floats, normal: Floats) -> NDArray[np.floating]:
         return -evaluate(value, at, t, "pressure")[..., None] * normal[..., : space.dim]
 
-    return _on_faces(space, _pressed(space, faces), force, x, degree)
+    return _on_faces(space, _pressed(space, faces), force, x)
 
 
 def pressure_tangent(
-    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None, degree: int | None = None
+    space: Space, faces: Ints, value: ScalarField, t: float = 1.0, *, x: Floats | None = None
 ) -> csr_array:
     """Return df/du (n_dof, n_dof) of `pressure` as a follower load, with normals and radii at x (n_nodes, 3).
 
@@ -72,7 +72,7 @@ def pressure_tangent(
     """
     surface = _pressed(space, faces)
     parts = []
-    for part in _face_points(space, surface, x, degree):
+    for part in _face_points(space, surface, x):
         p = -evaluate(value, part.at, t, "pressure") * part.w
         K = np.einsum("fq,qa,fqbst->fasbt", p, part.N, _turning(space, part), optimize=True)
         dofs = space.dofs(part.nodes.ravel()).reshape(len(part.nodes), -1)
@@ -100,9 +100,7 @@ def _turning(space: Space, part: _FacePoints) -> NDArray[np.floating]:
     return turned + grown[..., None] * np.eye(2)[0]
 
 
-def traction(
-    space: Space, faces: Ints, value: TractionField, t: float = 1.0, *, degree: int | None = None
-) -> NDArray[np.floating]:
+def traction(space: Space, faces: Ints, value: TractionField, t: float = 1.0) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a force per area on skin cells `faces` (indices).
 
     `value`: one value per component, or f(points, normals, t). Normals are those of `lacmesh.Surface`: unit and
@@ -121,12 +119,10 @@ def traction(
             raise DataError(f"traction: the function returned {what}; return finite numbers {wanted}")
         return got.reshape(*at.shape[:-1], space.dim) * size
 
-    return _on_faces(space, _skin(space, faces), force, None, degree)
+    return _on_faces(space, _skin(space, faces), force, None)
 
 
-def body_force(
-    space: Space, value: Vector, t: float = 1.0, *, cells: Ints | None = None, degree: int | None = None
-) -> NDArray[np.floating]:
+def body_force(space: Space, value: Vector, t: float = 1.0, *, cells: Ints | None = None) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of a force per volume on some cells of the space (indices; all if None).
 
     `value`: one value per component.
@@ -135,12 +131,10 @@ def body_force(
     def force(at: Floats, _block: int, _rows: Ints) -> NDArray[np.floating]:
         return evaluate_vector(value, at, t, space.dim, "body force")
 
-    return _on_cells(space, cells, force, degree)
+    return _on_cells(space, cells, force)
 
 
-def gravity(
-    space: Space, materials: Materials, acceleration: Vector, t: float = 1.0, *, degree: int | None = None
-) -> NDArray[np.floating]:
+def gravity(space: Space, materials: Materials, acceleration: Vector, t: float = 1.0) -> NDArray[np.floating]:
     """Return the nodal forces (n_dof,) of weight: each cell's density times an acceleration, one value per component.
 
     Raises DataError if no law has a density.
@@ -152,7 +146,7 @@ def gravity(
         density = materials.densities(block)[rows]
         return density[:, None, None] * evaluate_vector(acceleration, at, t, space.dim, "gravity")
 
-    return _on_cells(space, None, force, degree)
+    return _on_cells(space, None, force)
 
 
 def nodal_force(space: Space, nodes: Ints, value: Vector, t: float = 1.0) -> NDArray[np.floating]:
@@ -186,9 +180,9 @@ def _nodal_parts(space: Space, cells: Ints | None, nodes: Ints | None) -> NDArra
     if cells is not None and dim:
         cells = cells[own == dim]
         if dim == space.dim - 1:
-            parts = _on_faces(space, _skin(space, cells), _unit_on_faces(space.dim), None, None)
+            parts = _on_faces(space, _skin(space, cells), _unit_on_faces(space.dim), None)
         elif dim == space.dim:
-            parts = _on_cells(space, cells, lambda at, _block, _rows: np.ones((*at.shape[:-1], space.dim)), None)
+            parts = _on_cells(space, cells, lambda at, _block, _rows: np.ones((*at.shape[:-1], space.dim)))
         else:
             parts = _on_edges(space, cells)
         return parts.reshape(-1, space.dim)[:, 0]
@@ -307,14 +301,14 @@ class _FacePoints(NamedTuple):
     w: NDArray[np.floating]
 
 
-def _face_points(space: Space, surface: Surface | None, x: Floats | None, degree: int | None) -> Iterator[_FacePoints]:
+def _face_points(space: Space, surface: Surface | None, x: Floats | None) -> Iterator[_FacePoints]:
     """Yield the faces of a surface, type by type, with normals and radii at `x`, and undeformed points."""
     if surface is None:
         return
     where = space.local.points if x is None else np.asarray(x, dtype=float)
     for name, _, nodes in surface.by_type():
         cell = CELLS[name]
-        X, w = rule(cell.family, _FACE_DEGREE[cell.order] if degree is None else degree)
+        X, w = rule(cell.family, _FACE_DEGREE[cell.order])
         N = shape(name, X)
         J = jacobian(name, where[nodes], X[:, : cell.dim])
         normal = normals_of(J)
@@ -328,11 +322,10 @@ def _on_faces(
     surface: Surface | None,
     force: Callable[[Floats, Floats], NDArray[np.floating]],
     x: Floats | None,
-    degree: int | None,
 ) -> NDArray[np.floating]:
     """Return the nodal forces of force(points, normals times Jacobian), which is per reference area, (f, q, dim)."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
-    for part in _face_points(space, surface, x, degree):
+    for part in _face_points(space, surface, x):
         f = np.einsum("qn,fq,fqs->fns", part.N, part.w, force(part.at, part.normal), optimize=True)
         scatter(out, part.nodes, np.ascontiguousarray(f))
     return out.ravel()
@@ -342,13 +335,12 @@ def _on_cells(
     space: Space,
     cells: Ints | None,
     force: Callable[[Floats, int, Ints], NDArray[np.floating]],
-    degree: int | None,
 ) -> NDArray[np.floating]:
     """Return the nodal forces of force(points, block, rows of it), per volume, (c, q, dim), on some cells."""
     out = np.zeros((space.mesh.n_nodes, space.dim))
     for number, (name, nodes, cell_of) in enumerate(space.blocks):
         cell = CELLS[name]
-        X, w = rule(cell.family, _CELL_DEGREE[space.dim, cell.order] if degree is None else degree)
+        X, w = rule(cell.family, _CELL_DEGREE[space.dim, cell.order])
         N, dN = shape(name, X), gradient(name, X)
         chosen = np.arange(len(cell_of)) if cells is None else np.flatnonzero(np.isin(cell_of, cells))
         size = max(1, _PIECE // N.size)

@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,13 +77,6 @@ class Rows:
         return rows
 
 
-class Since(NamedTuple):
-    """Start of the slip of a pair that moves: its anchors, and coordinates x (n_nodes, 3) in the last state."""
-
-    anchors: Anchors
-    x: Floats
-
-
 @dataclass(frozen=True, eq=False)
 class RowGroup:
     """Rows of one contact pair: its `law`, the `rows` that obey it, and their `history` (rows, n_history).
@@ -92,7 +84,8 @@ class RowGroup:
     `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
     `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
     of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`; `since`: what the slip is
-    counted from where the pair moves. `equality`: rows of equality, without a pair, at u and t of `here`.
+    counted from where the pair moves, its anchors and coordinates (n_nodes, 3) in the last state. `equality`: rows of
+    equality, without a pair, at u and t of `here`.
     """
 
     law: ContactLaw
@@ -103,7 +96,7 @@ class RowGroup:
     symmetric: bool = True
     share: Share = ALONE
     shear: ShearRows | None = None
-    since: Since | None = None
+    since: tuple[Anchors, Floats] | None = None
     equality: EqualityRows | None = None
     here: tuple[Floats, float] = (np.empty(0), 0.0)
 
@@ -138,8 +131,8 @@ class RowGroup:
         """Slip of a pair with friction that moves, None for others, where it is linear in u."""
         if self.since is None or self.pair is None or self.face is None:
             return None
-        since = self.since
-        return slip(since.anchors, self.face, self.pair.pairing, since.x, self.share, lambda: self.motion)
+        anchors, before = self.since
+        return slip(anchors, self.face, self.pair.pairing, before, self.share, lambda: self.motion)
 
     @property
     def measure(self) -> Floats:
@@ -432,7 +425,7 @@ class ContactSystem:
                 out.append(Anchors.none())
                 continue
             sticks = active[group.shear.normal] & group.shear.sticks(active)
-            own = renewed(group.since.anchors, group.face, ~sticks | group.slip.entered)
+            own = renewed(group.since[0], group.face, ~sticks | group.slip.entered)
             out.append(all_anchors(own, group.share))
         return tuple(out)
 
@@ -500,7 +493,7 @@ def contact_system(
         if shear is not None and pair.moving:
             anchors = histories.anchors[k] if histories.anchors else Anchors.none()
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
-            since = Since(anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before))
+            since = anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before)
         fixed = symmetric or not pair.moving
         group = RowGroup(pair.law_at(t, dt), own, memory, pair, face, fixed, problem.space.share, shear, since)
         groups.append(group)

@@ -167,14 +167,14 @@ def test_a_matrix_that_is_not_symmetric_is_found_out(backend):
         factorise(K, backend=backend).solve(np.ones(K.shape[0]))
 
 
-def test_auto_takes_multigrid_above_a_size_where_the_modes_of_a_solid_are_given():
+def test_auto_takes_multigrid_above_a_size_where_the_modes_of_a_solid_are_given(monkeypatch):
     K, modes = held("hexahedra")
-    small = {"modes": modes, "block": 3, "multigrid_above": 10}
-    assert analyse(K, **small).backend == "multigrid"
     assert analyse(K, modes=modes, block=3).backend in DIRECT
-    assert analyse(K, multigrid_above=10).backend in DIRECT
+    monkeypatch.setitem(choose.__globals__, "MULTIGRID_ABOVE", 10)
+    assert analyse(K, modes=modes, block=3).backend == "multigrid"
+    assert analyse(K).backend in DIRECT
     K, modes = held("plane")
-    assert analyse(K, modes=modes, block=2, multigrid_above=10).backend in DIRECT
+    assert analyse(K, modes=modes, block=2).backend in DIRECT
 
 
 def test_a_backend_that_is_not_there(monkeypatch):

@@ -512,8 +512,8 @@ def test_pieces_of_several_processes_are_joined(tmp_path):
 
     folder = solved(tmp_path, GOOD, blocks())
     before = ls.read_results(folder).solution()
-    (entry,) = read_pvd(folder / "solid.pvd")
-    whole = lacmesh.read(folder / entry.file)
+    ((time, file),) = read_pvd(folder / "solid.pvd").items()
+    whole = lacmesh.read(folder / file)
     ends = np.split(np.arange(whole.n_cells), [whole.n_cells // 3])
     for k, cells in enumerate(ends):
         lacmesh.write(folder / "fields" / f"piece_{k}.vtu", restricted(whole, cells))
@@ -521,9 +521,9 @@ def test_pieces_of_several_processes_are_joined(tmp_path):
     (folder / "fields" / "solid_0001.pvtu").write_text(
         f"<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>"
     )
-    write_pvd(folder / "solid.pvd", [entry._replace(file="fields/solid_0001.pvtu")])
+    write_pvd(folder / "solid.pvd", {time: "fields/solid_0001.pvtu"})
     after = ls.read_results(folder).solution()
-    assert stored_fields(folder).times == [entry.time]
+    assert stored_fields(folder).times == [time]
     assert after.mesh.cells_by_type == before.mesh.cells_by_type and after.mesh.n_nodes == before.mesh.n_nodes
     order, other = np.argsort(before.mesh.node_number), np.argsort(after.mesh.node_number)
     assert np.array_equal(before.u[order], after.u[other])

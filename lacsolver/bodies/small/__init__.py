@@ -6,7 +6,6 @@ strain and stress at the same points, and f_int from stress    (fields)
 
 from lacsolver.bodies.small.fields import (
     displacement,
-    displacement_gradient,
     internal_force,
     points,
     strain,
@@ -18,7 +17,6 @@ from lacsolver.bodies.small.stiffness import assemble_stiffness, stiffness_value
 __all__ = [
     "assemble_stiffness",
     "displacement",
-    "displacement_gradient",
     "internal_force",
     "points",
     "stiffness_values",

@@ -48,22 +48,6 @@ def displacement(space: Space, u: Floats, degree: int | None = None) -> Field:
     return gathered(space, lambda part: part.N @ nodal(u, part, space.dim), degree=degree)
 
 
-def displacement_gradient(space: Space, u: Floats, degree: int | None = None) -> Field:
-    """Return du_s/dX_i at [s, i] of u (n_dof,), (cells, points, dim, rows).
-
-    In axisymmetry there is a third column, whose first entry is u_x / r.
-    """
-    u = checked(space, u)
-
-    def gradient(part: Piece) -> NDArray[np.floating]:
-        made = _gradient(part, u, space.dim).swapaxes(2, 3).copy()
-        if space.model.axisymmetric:
-            made[:, :, 1, 2] = 0.0
-        return made
-
-    return gathered(space, gradient, degree=degree)
-
-
 def strain(space: Space, u: Floats, degree: int | None = None) -> Field:
     """Return the total strain of u (n_dof,), thermal strain included, (cells, points, 4 or 6).
 
@@ -170,13 +154,6 @@ def temperature_at(
         rows = slice(None) if mask is None else np.flatnonzero(mask[index])
         out[rows] = evaluate(value, x[rows], t, "temperature")
     return out
-
-
-def _gradient(part: Piece, u: Floats, dim: int) -> NDArray[np.floating]:
-    """Return L_i u_s, (c, q, rows, dim)."""
-    n_cells, n_points, rows, n = part.L.shape
-    made = part.L.reshape(n_cells, n_points * rows, n) @ nodal(u, part, dim)
-    return made.reshape(n_cells, n_points, rows, dim)
 
 
 def _strain(space: Space, part: Piece, u: Floats) -> NDArray[np.floating]:
