@@ -38,7 +38,6 @@ their digits and a rotation causes no stress.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -68,14 +67,12 @@ class Hyperelastic(Elastic):
         return PointResponse(stress, A, energy, history)
 
 
-@dataclass(frozen=True)
 class SaintVenantKirchhoff(Hyperelastic):
     """Linear in the Green-Lagrange strain: S = lambda tr E I + 2 mu E. It has no mean dilatation."""
 
     takes_mean = False
 
 
-@dataclass(frozen=True)
 class NeoHookean(Hyperelastic):
     """Compressible rubber: S = mu (I - C^-1) + lambda ln J C^-1."""
 

@@ -30,15 +30,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.assembly import sort_places
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import parts_of, piece, table
@@ -108,8 +107,8 @@ def _consistent(space: Space, materials: Materials) -> csr_array:
     """Return the consistent mass matrix: one of the nodes, the same along every axis."""
     n, (indptr, indices) = space.mesh.n_nodes, space.pattern
     values = np.zeros(len(indices))
-    for part in _cells(space, materials):
-        add_pairs(part.nodes, part.M.take(part.at, axis=1), indptr, indices, values)
+    for nodes, M, at, _ in _cells(space, materials):
+        add_pairs(nodes, M.take(at, axis=1), indptr, indices, values)
     of_nodes = csr_array((values, indices, indptr), shape=(n, n))
     rows = of_nodes[np.repeat(np.arange(n), space.dim)]
     axis = np.repeat(np.tile(np.arange(space.dim, dtype=rows.indices.dtype), n), np.diff(rows.indptr))
@@ -119,35 +118,26 @@ def _consistent(space: Space, materials: Materials) -> csr_array:
 def _lumped(space: Space, materials: Materials) -> csr_array:
     """Return the mass matrix of Hinton, Rock and Zienkiewicz."""
     out = np.zeros((space.mesh.n_nodes, 1))
-    for part in _cells(space, materials):
-        diagonal = part.M.take(part.at.diagonal(), axis=1)
-        share = diagonal * (part.mass / diagonal.sum(axis=1))[:, None]
-        scatter(out, part.nodes, share[..., None])
+    for nodes, M, at, mass in _cells(space, materials):
+        diagonal = M.take(at.diagonal(), axis=1)
+        share = diagonal * (mass / diagonal.sum(axis=1))[:, None]
+        scatter(out, nodes, share[..., None])
     return csr_array(diags_array(np.repeat(out[:, 0], space.dim)).tocsr())
 
 
-class _CellMass(NamedTuple):
-    """Mass of some cells of nodes (c, n): int rho N_a N_b dV is M[:, at[a, b]], and the whole is `mass` (c,)."""
-
-    nodes: Ints
-    M: NDArray[np.floating]
-    at: Ints
-    mass: NDArray[np.floating]
-
-
-def _cells(space: Space, materials: Materials) -> Iterator[_CellMass]:
-    """Yield the masses of the cells, piece by piece; those of a pair of nodes are computed once."""
+def _cells(space: Space, materials: Materials) -> Iterator[tuple[Ints, Floats, Ints, Floats]]:
+    """Yield (nodes (c, n), M, at, mass (c,)), piece by piece: int rho N_a N_b dV is M[:, at[a, b]], computed once."""
     for number, block in enumerate(space.blocks):
         degree = DEGREE[block.type][space.model.axisymmetric]
         pairs, at = _pairs(block.type, space.model.axisymmetric)
         densities = materials.densities(number)
         for cells in parts_of(space, number, np.arange(len(block.nodes)), degree):
             W = piece(space, (number, -1, cells), degree).W * densities[cells, None]
-            yield _CellMass(block.nodes[cells], W @ pairs, at, W.sum(axis=1))
+            yield block.nodes[cells], W @ pairs, at, W.sum(axis=1)
 
 
 @cache
-def _pairs(name: str, axisymmetric: bool) -> tuple[NDArray[np.floating], Ints]:
+def _pairs(name: str, axisymmetric: bool) -> tuple[Floats, Ints]:
     """Return N_a N_b (q, pairs) at the points of the mass for a <= b, and the column (n, n) of each pair (a, b)."""
     N = table(name, axisymmetric, DEGREE[name][axisymmetric]).N
     a, b = np.triu_indices(N.shape[1])

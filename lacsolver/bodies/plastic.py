@@ -135,7 +135,6 @@ class Plastic(Elastic):
         return PointResponse(stress, A, energy, new)
 
 
-@dataclass(frozen=True)
 class FinitePlastic(Plastic):
     """Elastic and plastic at finite strains, see above."""
 

@@ -7,7 +7,6 @@ on the bodies by forces -C^T p, C = dc/du.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -60,7 +59,6 @@ class EqualityRows(Protocol):
         """
 
 
-@dataclass(frozen=True)
 class Free(Bilateral):
     """No row is held, and none has a force."""
 

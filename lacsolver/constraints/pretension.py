@@ -186,7 +186,6 @@ class Lock:
         return Unlocked() if t <= self.record.lock * (1 + _SAME) else Locked()
 
 
-@dataclass(frozen=True)
 class Unlocked(Free):
     """A gap that is free, and remembered at the end of each step."""
 
@@ -197,7 +196,6 @@ class Unlocked(Free):
         return rows.gap[:, None]
 
 
-@dataclass(frozen=True)
 class Locked(Bilateral):
     """A gap that stays what it was.
 

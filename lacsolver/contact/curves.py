@@ -25,7 +25,6 @@ _LEAST = 1e-3
 _STEPS = 60
 
 
-@dataclass(frozen=True)
 class Curved(Unilateral):
     """A law p(g): `pressure`, `slope` (-dp/dg) and `gap_of` give the curve, `stiff_from` its first stiff pressure."""
 

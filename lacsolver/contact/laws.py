@@ -144,7 +144,6 @@ class Bilateral:
         return rows.history
 
 
-@dataclass(frozen=True)
 class Unilateral(Bilateral):
     """Pressure or gap: 0 <= p, 0 <= g, p g = 0; with a `compliance` 0 <= p, 0 <= g + compliance * p, one of them 0.
 
@@ -168,7 +167,6 @@ class Unilateral(Bilateral):
         return np.where(rows.pressure > 0, CONTACT, OPEN).astype(np.int8)
 
 
-@dataclass(frozen=True)
 class Tied(Bilateral):
     """No jump in any component."""
 
