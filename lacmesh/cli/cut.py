@@ -18,6 +18,7 @@ from lacmesh.cli.options import (
     add_skin_options,
     check_skins,
     facing_options,
+    output_of,
     pending_mesh,
     sides,
     skins,
@@ -96,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
 
     check_skins(args)
     source = Path(args.input)
-    target = Path(args.output) if args.output else _beside(source)
+    target = output_of(args, "lac")
     asked = {"check": args.master or args.pair, "report": args.report}
     stage = Stages(args, ("read", "cut", *(name for name, wanted in asked.items() if wanted), "write"))
     args.left = pending_mesh(target, args)
@@ -157,14 +158,6 @@ def _check(cut: Cut, groups: dict[str, Any], args: argparse.Namespace) -> Findin
         raise DataError(f"the cut is not usable for LAC: {first.rule}: {first.message}{others}")
     warn_of(findings)
     return findings
-
-
-def _beside(source: Path) -> Path:
-    """Default output of a cut: the input with `.lac` before its suffix (the format's own suffix if it has none)."""
-    from lacmesh.formats import detect_format
-
-    suffix = source.suffix or f".{detect_format(source).format}"
-    return source.with_name(f"{source.stem}.lac{suffix}")
 
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:

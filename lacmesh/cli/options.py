@@ -214,6 +214,15 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
 
 
+def output_of(args: argparse.Namespace, ending: str) -> Path:
+    """Output of a command: as `-o` says, or the input with an ending before its suffix (its format's without one)."""
+    from lacmesh.formats import detect_format
+
+    source = Path(args.input)
+    suffix = source.suffix or f".{detect_format(source).format}"
+    return Path(args.output) if args.output else source.with_name(f"{source.stem}.{ending}{suffix}")
+
+
 def left_at(path: Path) -> Callable[[], str]:
     """Return a function for an interrupted command: a clause that says, by what is there, if its output was written."""
     before = _identity(path)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, pending_mesh, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, output_of, pending_mesh, write_mesh
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -24,12 +24,11 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Orient the skins of a file outward."""
-    from lacmesh.formats import detect_format, read
+    from lacmesh.formats import read
     from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
 
     source = Path(args.input)
-    suffix = source.suffix or f".{detect_format(source).format}"
-    target = Path(args.output) if args.output else source.with_name(f"{source.stem}.out{suffix}")
+    target = output_of(args, "out")
     args.left = pending_mesh(target, args)
     mesh = read(source, mesh=args.mesh)
     said = []

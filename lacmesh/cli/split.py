@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.options import add_command, add_output_options, pending_mesh, write_mesh
+from lacmesh.cli.options import add_command, add_output_options, output_of, pending_mesh, write_mesh
 from lacmesh.cli.terminal import Stages, console, table
 
 if TYPE_CHECKING:
@@ -35,11 +35,10 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Divide a file's mesh."""
     from lacmesh.cutting.split import split_skins
-    from lacmesh.formats import detect_format, read
+    from lacmesh.formats import read
 
     source = Path(args.input)
-    suffix = source.suffix or f".{detect_format(source).format}"
-    target = Path(args.output) if args.output else source.with_name(f"{source.stem}.split{suffix}")
+    target = output_of(args, "split")
     stage = Stages(args, ("read", "split", "write"))
     args.left = pending_mesh(target, args)
     with stage("read"):

@@ -27,9 +27,9 @@ from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SE
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
 from lacmesh.scene.placing import drawn_bodies, exploded, find_exploded_view, find_eye, fit_camera
-from lacmesh.scene.request import check_placing
+from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import MASTER as IS_MASTER
-from lacmesh.scene.visible import SLAVE, Groups, Vector, VisibleSurface, find_visible, names_of_bodies
+from lacmesh.scene.visible import SLAVE, Groups, VisibleSurface, find_visible, names_of_bodies
 
 #: the part of the picture's height above which the mesh ends, and what a line of the legend takes below it
 HIGH, FOOT, LEGEND_LINE = 0.93, 0.035, 0.04
@@ -93,22 +93,21 @@ def make_scene(
     *,
     findings: Iterable[MarkedFinding] | None = None,
     values: Values | None = None,
-    camera: Vector | None = None,
-    explode: float | None = None,
-    tilt: float | None = None,
-    near: float | None = None,
-    cutaway: Vector | None = None,
-    bodies: str | None = None,
+    **options: Any,
 ) -> Scene:
-    """Make the scene that `view.picture` draws, by its options. Raises RequestError, GroupNotFoundError, DataError."""
-    check_placing(camera, cutaway, explode, near, bodies)
+    """Make the scene that `view.picture` draws; `options`: of `Placing`.
+
+    Raises RequestError, GroupNotFoundError, DataError.
+    """
+    placing = Placing(**options)
     given, mesh = mesh, from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
-    visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
-    eye = find_eye(mesh, visible, camera)
+    visible = find_visible(mesh, slave, master, near=placing.near, cutaway=placing.cutaway)
+    eye = find_eye(mesh, visible, placing.camera)
+    explode, tilt, bodies = placing.explode, placing.tilt, placing.bodies
     if bodies in ("ghost", "hidden") and explode is None and tilt is None:
         explode, tilt = 0.0, 0.0  # nothing hides the skin
     view = find_exploded_view(mesh, visible, eye, explode, tilt)
-    bodies = bodies or drawn_bodies(mesh, visible, eye, view, near is not None or cutaway is not None)
+    bodies = bodies or drawn_bodies(mesh, visible, eye, view, placing.part)
     points = exploded(mesh, visible, view)
     marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(

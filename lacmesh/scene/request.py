@@ -1,11 +1,13 @@
-"""Checks of the numbers in a drawing request: directions, and the gap between bodies."""
+"""A drawing request: how a mesh is placed, and the checks of its numbers."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.scene.visible import Vector
 
 #: the widest gap, in diagonals of the mesh: beyond it bodies are dots
 WIDEST = 100.0
@@ -28,20 +30,33 @@ def check_gap(name: str, gap: float) -> None:
         raise RequestError(f"{name} {gap:g} is no gap; say a number from 0 to {WIDEST:g}, in sizes of the mesh")
 
 
-def check_placing(
-    camera: Sequence[float] | None,
-    cutaway: Sequence[float] | None,
-    explode: float | None,
-    near: float | None,
-    bodies: str | None = None,
-) -> None:
-    """Raise RequestError for the first option that cannot be drawn; None leaves the choice to the drawing."""
-    for name, direction in (("camera", camera), ("cutaway", cutaway)):
-        if direction is not None:
-            check_direction(name, direction)
-    if explode is not None:
-        check_gap("explode", explode)
-    if near is not None and not near >= 0:
-        raise RequestError(f"near {near:g} is no distance; say a part of the mesh's diagonal")
-    if bodies is not None and bodies not in BODIES_AS:
-        raise RequestError(f"bodies are drawn {', '.join(BODIES_AS)}, not {bodies!r}{did_you_mean(bodies, BODIES_AS)}")
+@dataclass(frozen=True)
+class Placing:
+    """How a mesh is placed in a drawing, as `view.picture` describes it; None leaves the choice to the drawing.
+
+    Raises RequestError for the first option that cannot be drawn.
+    """
+
+    camera: Vector | None = None
+    explode: float | None = None
+    tilt: float | None = None
+    near: float | None = None
+    cutaway: Vector | None = None
+    bodies: str | None = None
+
+    def __post_init__(self) -> None:
+        for name, direction in (("camera", self.camera), ("cutaway", self.cutaway)):
+            if direction is not None:
+                check_direction(name, direction)
+        if self.explode is not None:
+            check_gap("explode", self.explode)
+        if self.near is not None and not self.near >= 0:
+            raise RequestError(f"near {self.near:g} is no distance; say a part of the mesh's diagonal")
+        if self.bodies is not None and self.bodies not in BODIES_AS:
+            near_match = did_you_mean(self.bodies, BODIES_AS)
+            raise RequestError(f"bodies are drawn {', '.join(BODIES_AS)}, not {self.bodies!r}{near_match}")
+
+    @property
+    def part(self) -> bool:
+        """True if a part of the mesh is drawn."""
+        return self.near is not None or self.cutaway is not None

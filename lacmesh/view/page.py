@@ -31,7 +31,7 @@ from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
 from lacmesh.scene.placing import ExplodedView, drawn_bodies, find_exploded_view, find_eye
-from lacmesh.scene.request import check_placing
+from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import (
     BODY,
     SLAVE,
@@ -101,28 +101,22 @@ def page_text(
     findings: Iterable[MarkedFinding] | None = None,
     values: Values | None = None,
     moments: Sequence[Moment] = (),
-    camera: Vector | None = None,
-    explode: float | None = None,
-    near: float | None = None,
-    cutaway: Vector | None = None,
-    bodies: str | None = None,
     title: str | None = None,
+    **options: Any,
 ) -> str:
-    """Return the text of a page; the options are those of `page`.
+    """Return the text of a page; the `options` are those of `page`.
 
     `moments`: several times, with a slider between them, the last of which is shown first; `values` then has the scale
     of all, and the values of the last. Raises RequestError, GroupNotFoundError, DataError.
     """
-    check_placing(camera, cutaway, explode, near, bodies)
-    visible = find_visible(mesh, slave, master, near=near, cutaway=cutaway)
+    placing = Placing(**options)
+    visible = find_visible(mesh, slave, master, near=placing.near, cutaway=placing.cutaway)
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
     head, arrays = _content(mesh, visible, marks, values, moments)
-    eye = find_eye(mesh, visible, camera)
-    view = find_exploded_view(mesh, visible, eye, explode or None)
-    head |= _placing(visible, head, eye, view, explode)
-    shown = bodies or drawn_bodies(
-        mesh, visible, eye, None if explode == 0 else view, near is not None or cutaway is not None
-    )
+    eye = find_eye(mesh, visible, placing.camera)
+    view = find_exploded_view(mesh, visible, eye, placing.explode or None)
+    head |= _placing(visible, head, eye, view, placing.explode)
+    shown = placing.bodies or drawn_bodies(mesh, visible, eye, None if placing.explode == 0 else view, placing.part)
     head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": shown}
     return _filled(head, arrays)
 

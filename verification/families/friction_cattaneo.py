@@ -27,8 +27,7 @@ from verification.exact.half_plane import Ellipse
 from verification.exact.spheres import LikeSpheres
 from verification.measures.edge import edge_of_contact
 from verification.measures.norms import PressureErrors, pressure_errors
-from verification.meshes.blocks import joined
-from verification.meshes.half_spaces import REACH, depth_lines, edge_lines, half_planes, piece
+from verification.meshes.half_spaces import REACH, depth_lines, edge_lines, facing, half_planes, piece
 from verification.profiles import line
 from verification.records import Case, Outcome, at_most, equal, informative, rate
 from verification.solving import (
@@ -226,12 +225,7 @@ def balls(cell: str, k: int) -> Mesh:
     whole, even = np.concatenate([-aside[:0:-1], aside]), np.linspace(0, REACH, 3 * k // 2 + 1)
     upper = piece(cell, [whole, aside, deep])
     lower = piece(cell, [np.concatenate([-even[:0:-1], even]), even, -deep[::-1]])
-    return joined([
-        (mesh, {"": body, "y0": "axis_y"} | {s: f"far_{body}" for s in ("x0", "x1", "y1", far)} | {near: role})
-        for mesh, body, near, far, role in (
-            (upper, "upper", "z0", "z1", "slave"), (lower, "lower", "z1", "z0", "master"),
-        )
-    ])  # fmt: skip
+    return facing(upper, lower, y0="axis_y")
 
 
 def solve_balls(cell: str, sizes: tuple[int, ...], exact: LikeSpheres = SPHERES, *, levels: int) -> Outcome:
@@ -309,12 +303,7 @@ def rolled(cell: str, k: int, way: float) -> Mesh:
     even = np.linspace(-REACH, REACH + way, round(1.5 * len(aside) * 0.9))
     deep = depth_lines(k)
     upper, lower = piece(cell, [aside, deep]), piece(cell, [even, -deep[::-1]])
-    return joined([
-        (mesh, {"": body} | {s: f"far_{body}" for s in ("x0", "x1", far)} | {surface: role})
-        for mesh, body, surface, far, role in (
-            (upper, "upper", "y0", "y1", "slave"), (lower, "lower", "y1", "y0", "master"),
-        )
-    ])  # fmt: skip
+    return facing(upper, lower)
 
 
 def solve_rolling(

@@ -52,9 +52,15 @@ def half_planes(kind: str, k: int, fraction: float) -> Mesh:
     aside, even, deep = edge_lines(k, fraction), np.linspace(-REACH, REACH, 3 * k + 1), depth_lines(k)
     upper = piece(kind, [np.concatenate([-aside[:0:-1], aside]), deep], mirrored=True)
     lower = piece(kind, [even, -deep[::-1]], mirrored=True)
-    roles = (("upper", "y0", "slave"), ("lower", "y1", "master"))
+    return facing(upper, lower)
+
+
+def facing(upper: Mesh, lower: Mesh, **sides: str) -> Mesh:
+    """A body on another: `upper`, `lower`, `slave`, `master`; other sides are far_upper, far_lower, or of `sides`."""
+    up = "xyz"[upper.space_dim - 1]
+    roles = (("upper", f"{up}0", "slave"), ("lower", f"{up}1", "master"))
     return joined([
-        (mesh, {"": body} | {side: f"far_{body}" for side in ("x0", "x1", "y0", "y1")} | {surface: role})
+        (mesh, dict.fromkeys(mesh.cell_groups, f"far_{body}") | {"": body, surface: role} | sides)
         for mesh, (body, surface, role) in zip((upper, lower), roles, strict=True)
     ])  # fmt: skip
 
