@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from verification.families import scaling
-from verification.families.scaling import FAMILY, BenchmarkStages, Plates, seconds_of, timed
+from verification.families.scaling import FAMILY, BenchmarkStages, seconds_of, timed
 from verification.records import levels_of
 
 
@@ -51,12 +51,11 @@ def test_every_stage_is_timed(monkeypatch):
         monkeypatch.setattr(scaling, name, value)
     monkeypatch.setattr(scaling.seconds_of, "__defaults__", (0.0,))
     monkeypatch.setattr(scaling.gc, "collect", lambda: None)
-    given = Plates("HEXA8", (4, 6))
-    outcome = scaling.run(given, levels=2)
+    outcome = scaling.run("HEXA8", (4, 6), levels=2)
     names = [result.quantity for result in outcome.results]
     assert names[::2] == [f"exponent of {stage}" for stage in (*scaling._STAGES, "the solve")]
     assert [line.label for line in outcome.plots[0].lines] == [*scaling._STAGES, "solve"]
-    one = BenchmarkStages.of(given, 4)
+    one = BenchmarkStages.of("HEXA8", 4)
     seconds = timed([one])
     assert seconds.shape == (2, 4, 1) and (seconds >= 0).all() and np.isfinite(seconds).all()
     assert one.faces == 4 * 4 * 4 + 3 * 3 and levels_of([1, 2], [1, 2], [1.0, 2.0])[1].rate == 1

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -22,26 +21,15 @@ _TWO = (
 _ONE = "statics without friction and with an elastic law: steps do not matter"
 
 
-@dataclass(frozen=True)
-class Bank:
-    """Punches number `first`, `first` + 1, ... of a dimension.
+def solve_case(dim: int, slave: str, first: int = 0, two: int = 0, same: float = 1e-8, *, levels: int) -> Outcome:
+    """Press in so many punches of a dimension: number `first`, `first` + 1, ...
 
     `slave`: `top` of the block or the `face` of the punch. `two`: number of them that are known for two equilibria.
     """
-
-    dim: int
-    slave: str
-    first: int = 0
-    two: int = 0
-    same: float = 1e-8
-
-
-def solve_case(bank: Bank, *, levels: int) -> Outcome:
-    """Press in the first so many punches of a bank."""
     solutions: list[Solved] = []
     lost, apart = 0, [0.0]
-    for number in range(bank.first, bank.first + levels):
-        own = list(pressed(bank, number))
+    for number in range(first, first + levels):
+        own = list(pressed(dim, slave, number))
         lost += len(steps_of(number)) - len(own)
         apart += [difference(own[0], each) for each in own[1:]]
         solutions += own
@@ -50,9 +38,9 @@ def solve_case(bank: Bank, *, levels: int) -> Outcome:
     return Outcome(
         (
             at_most("runs that end without an equilibrium", lost, 0, source=_ONE),
-            at_most("largest difference of displacements between numbers of steps, over the largest", off, bank.same,
+            at_most("largest difference of displacements between numbers of steps, over the largest", off, same,
                     source=_ONE, reason="Newton's method ends at 1e-10 of forces and gaps"),
-            at_most("punches with two equilibria", sum(d > OTHER for d in apart), bank.two, source=_ONE, reason=_TWO),
+            at_most("punches with two equilibria", sum(d > OTHER for d in apart), two, source=_ONE, reason=_TWO),
             informative("iterations of a step, mean", float(np.mean(each)), reason="beside the largest"),
             informative("iterations of a step, largest", max(each), reason="a punch that is pressed in in one step"),
             informative("halved steps", sum(own.halvings for own in solutions), reason=f"of {len(each)}"),
@@ -66,12 +54,12 @@ def steps_of(number: int) -> tuple[int, ...]:
     return 1, 2 + number % 19
 
 
-def pressed(bank: Bank, number: int) -> Iterator[Solved]:
+def pressed(dim: int, slave: str, number: int) -> Iterator[Solved]:
     """A punch that is pressed in by each number of steps, of those that find an equilibrium."""
-    punch = random_punch(bank.dim, number)
+    punch = random_punch(dim, number)
     for steps in steps_of(number):
         try:
-            yield solve(text(bank, punch, steps), punched(punch))
+            yield solve(text(slave, punch, steps), punched(punch))
         except NotConvergedError:
             continue
 
@@ -81,15 +69,15 @@ def difference(one: Solved, other: Solved) -> float:
     return float(np.abs(one.u - other.u).max() / np.abs(one.u).max())
 
 
-def text(bank: Bank, punch: Punch, steps: int) -> str:
+def text(slave: str, punch: Punch, steps: int) -> str:
     """The case of a punch that is pressed in by so many steps, as TOML."""
     axes = "xyz"[: punch.dim]
-    master = {"top": "face", "face": "top"}[bank.slave]
+    master = {"top": "face", "face": "top"}[slave]
     motion = {f"u{axis}": 0.0 for axis in axes[:-1]} | {f"u{axes[-1]}": -punch.depth - ABOVE}
     return case_text(
         model_of(punch.dim),
         entry("material", law="neo_hookean", young=1000.0, poisson=punch.poisson),
-        entry("contact", slave=bank.slave, master=master),
+        entry("contact", slave=slave, master=master),
         entry("displacement", group="bottom", **{f"u{axis}": 0.0 for axis in axes}),
         entry("rigid", group="punch", **motion),
         entry("steps", count=steps),
@@ -97,12 +85,19 @@ def text(bank: Bank, punch: Punch, steps: int) -> str:
     )
 
 
-def _case(name: str, bank: Bank, levels: Mapping[str, int], seconds: float) -> Case:
-    where = "in the plane" if bank.dim == 2 else "in space"
-    slave = "the block" if bank.slave == "top" else "the punch"
-    return Case(
-        "punches", name, f"punches on a block {where}, {slave} as slave", partial(solve_case, bank), levels, seconds
-    )
+def _cases() -> Iterator[Case]:
+    for name, dim, slave, first, two, levels, seconds in (
+        ("plane_block_1", 2, "top", 0, 0, {"quick": 3, "full": 40}, 60.0),
+        ("plane_block_2", 2, "top", 40, 0, {"full": 40}, 60.0),
+        ("plane_block_3", 2, "top", 80, 1, {"full": 40}, 60.0),
+        ("plane_punch", 2, "face", 120, 1, {"full": 30}, 40.0),
+        ("space_block", 3, "top", 0, 0, {"full": 40}, 90.0),
+        ("space_punch", 3, "face", 40, 0, {"full": 10}, 40.0),
+    ):
+        where = "in the plane" if dim == 2 else "in space"
+        what = "the block" if slave == "top" else "the punch"
+        description = f"punches on a block {where}, {what} as slave"
+        yield Case("punches", name, description, partial(solve_case, dim, slave, first, two), levels, seconds)
 
 
 TEXT = """
@@ -119,18 +114,5 @@ FAMILY = Family(
     "punches",
     "Punches with sharp corners",
     TEXT,
-    (
-        *(
-            _case(
-                f"plane_block_{k + 1}",
-                Bank(2, "top", 40 * k, int(k == 2)),
-                {"full": 40} | ({} if k else {"quick": 3}),
-                60.0,
-            )
-            for k in range(3)
-        ),
-        _case("plane_punch", Bank(2, "face", 120, two=1), {"full": 30}, 40.0),
-        _case("space_block", Bank(3, "top"), {"full": 40}, 90.0),
-        _case("space_punch", Bank(3, "face", 40), {"full": 10}, 40.0),
-    ),
+    tuple(_cases()),
 )

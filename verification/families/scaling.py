@@ -44,33 +44,20 @@ _SOLVED = (17, 24, 34)
 _SOURCE = "every cell and face is visited a bounded number of times"
 
 
-@dataclass(frozen=True)
-class Plates:
-    """A plate on another, each two cells thick, of cells of one kind; the master has 3 where the slave has 4.
-
-    `sides`: cells along the slave's side, level by level. The coarsest matrix is larger than a processor's cache: what
-    fits takes less time a cell, which is not growth. `hexa`: how the slave is cut.
-    """
-
-    kind: str
-    sides: tuple[int, ...]
-    hexa: str = "pyramid"
-
-
 @dataclass(frozen=True, eq=False)
 class BenchmarkStages:
     """A problem on plates whose stages can be run again and again; `mesh`: as it is before the cut."""
 
-    given: Plates
+    hexa: str
     mesh: Mesh
     problem: Problem
 
     @classmethod
-    def of(cls, given: Plates, n: int) -> BenchmarkStages:
-        """Plates of n cells a side."""
-        mesh = stack(given.kind, given.kind, 3, counts=(n, 3 * n // 4), bend=0.2)
-        cut = lacmesh.cut_skin(mesh, "slave", hexa=given.hexa).mesh
-        return cls(given, mesh, Problem.of(lacsolver.parse_case(text()), cut))
+    def of(cls, kind: str, n: int, hexa: str = "pyramid") -> BenchmarkStages:
+        """Plates of n cells a side, each two thick; the master has 3 where the slave has 4. `hexa`: how it is cut."""
+        mesh = stack(kind, kind, 3, counts=(n, 3 * n // 4), bend=0.2)
+        cut = lacmesh.cut_skin(mesh, "slave", hexa=hexa).mesh
+        return cls(hexa, mesh, Problem.of(lacsolver.parse_case(text()), cut))
 
     @property
     def cells(self) -> int:
@@ -90,7 +77,7 @@ class BenchmarkStages:
 
     def cut(self) -> None:
         """Cut the slave."""
-        lacmesh.cut_skin(self.mesh, "slave", hexa=self.given.hexa)
+        lacmesh.cut_skin(self.mesh, "slave", hexa=self.hexa)
 
     def search(self) -> None:
         """Find the master in front of the slave, and the points at which contact is integrated."""
@@ -120,20 +107,24 @@ _STAGES: dict[str, tuple[str, str, str]] = {
 }
 
 
-def run(given: Plates, *, levels: int) -> Outcome:
-    """Time all stages on plates of some sizes; only the smaller ones are solved."""
-    small = BenchmarkStages.of(given, 6)
+def run(kind: str, sides: tuple[int, ...], hexa: str = "pyramid", *, levels: int) -> Outcome:
+    """Time all stages on plates of some sizes; only the smaller ones are solved.
+
+    `sides`: cells along the slave's side, level by level. The coarsest matrix is larger than a processor's cache: what
+    fits takes less time a cell, which is not growth.
+    """
+    small = BenchmarkStages.of(kind, 6, hexa)
     _ = timed([small]), seconds_of(small.solve, 0.0)  # compiled and loaded, all that is used
-    problems = [BenchmarkStages.of(given, n) for n in given.sides[:levels]]
+    problems = [BenchmarkStages.of(kind, n, hexa) for n in sides[:levels]]
     whole, program = timed(problems)
-    answers = [BenchmarkStages.of(given, n) for n in _SOLVED]
+    answers = [BenchmarkStages.of(kind, n, hexa) for n in _SOLVED]
     spent = [seconds_of(one.solve, 0.0)[0] for one in answers]
     results = [
         result
         for stage, row, own in zip(_STAGES, whole, program, strict=True)
         for result in (_judged(stage, problems, row), _alone(stage, problems, own))
     ]
-    return Outcome((*results, _solve(answers, spent)), (_plot(given, problems, whole, answers, spent),))
+    return Outcome((*results, _solve(answers, spent)), (_plot(kind, problems, whole, answers, spent),))
 
 
 def timed(problems: Sequence[BenchmarkStages]) -> NDArray[np.floating]:
@@ -209,25 +200,25 @@ def _solve(answers: Sequence[BenchmarkStages], seconds: Sequence[float]) -> Resu
 
 
 def _plot(
-    given: Plates, problems: Sequence[BenchmarkStages], seconds: NDArray[np.floating],
+    kind: str, problems: Sequence[BenchmarkStages], seconds: NDArray[np.floating],
     answers: Sequence[BenchmarkStages], spent: Sequence[float],
 ) -> Plot:  # fmt: skip
     cells = tuple(float(one.cells) for one in problems)
     lines = [Line(stage, cells, tuple(row.tolist())) for stage, row in zip(_STAGES, seconds, strict=True)]
     lines.append(Line("solve", tuple(float(one.cells) for one in answers), tuple(spent)))
-    title = f"seconds of each stage, {given.kind}"
+    title = f"seconds of each stage, {kind}"
     return Plot("scaling", title, "cells of the mesh", "seconds", tuple(lines), log_x=True, log_y=True)
 
 
 def _cases() -> Iterator[Case]:
     hexahedra, tetrahedra = (34, 68, 136, 204), (56, 80, 112, 160, 224)
-    for name, given, levels in (
-        ("HEXA8", Plates("HEXA8", hexahedra), {"quick": 3, "full": 4}),
-        ("TETRA4", Plates("TETRA4", tetrahedra), {"full": 5}),
-        ("HEXA8-hexa", Plates("HEXA8", hexahedra, "hexa"), {"all": 3}),
+    for name, kind, sides, hexa, levels in (
+        ("HEXA8", "HEXA8", hexahedra, "pyramid", {"quick": 3, "full": 4}),
+        ("TETRA4", "TETRA4", tetrahedra, "pyramid", {"full": 5}),
+        ("HEXA8-hexa", "HEXA8", hexahedra, "hexa", {"all": 3}),
     ):
-        description = f"plates of {given.kind}, the slave cut {given.hexa}"
-        yield Case("scaling", name, description, partial(run, given), levels, 90.0, exclusive=True)
+        description = f"plates of {kind}, the slave cut {hexa}"
+        yield Case("scaling", name, description, partial(run, kind, sides, hexa), levels, 90.0, exclusive=True)
 
 
 FAMILY = Family(
