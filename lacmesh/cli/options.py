@@ -215,7 +215,7 @@ def add_mesh_option(parser: argparse.ArgumentParser) -> None:
 
 
 def output_of(args: argparse.Namespace, ending: str) -> Path:
-    """Output of a command: as `-o` says, or the input with an ending before its suffix (its format's without one)."""
+    """Return the path to write to: as `-o` says, or the input with an ending before the suffix of its format."""
     from lacmesh.formats import detect_format
 
     source = Path(args.input)

@@ -32,7 +32,7 @@ def check_gap(name: str, gap: float) -> None:
 
 @dataclass(frozen=True)
 class Placing:
-    """How a mesh is placed in a drawing, as `view.picture` describes it; None leaves the choice to the drawing.
+    """Placing of a mesh in a drawing, as `view.picture` describes it; None leaves the choice to the drawing.
 
     Raises RequestError for the first option that cannot be drawn.
     """
