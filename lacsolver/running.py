@@ -289,8 +289,9 @@ def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
     steps = [(step.time, step.motion.energies) for step in results.steps if step.motion is not None]
     table = np.array([[energies[name] for name in ENERGIES] for _, energies in steps]).reshape(-1, len(ENERGIES))
     known = np.isfinite(table).all(axis=1)  # static steps before have none
-    rigid = all(pair.type in ("unilateral", "bilateral") and not pair.is_soft for pair in case.contact)
-    message = doubtful_energy([time for (time, _), on in zip(steps, known, strict=True) if on], table[known], rigid)
+    conservative = all(pair.type in ("unilateral", "bilateral") for pair in case.contact)
+    times = [time for (time, _), on in zip(steps, known, strict=True) if on]
+    message = doubtful_energy(times, table[known], conservative)
     if message is not None and case.dynamics is not None:
         skins = case.dynamics.massless == "skins"
         yield f"{message}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')

@@ -44,7 +44,7 @@ class FailedError(LacmeshError):
 @dataclass(frozen=True, eq=False)
 class WholeState:
     """A state of the whole model. `u` (n_nodes, dim); of all zones, one after the other: `status` and `pressure`
-    (macro-elements,), and `force` (zones, n_nodes, dim). In motion, `velocity` (n_nodes, dim) and `energies` (7,); both
+    (macro-elements,), and `force` (zones, n_nodes, dim). In motion, `velocity` (n_nodes, dim) and `energies` (8,); both
     are empty without.
     """
 

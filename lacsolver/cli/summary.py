@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lacmesh.cli.terminal import console, table
+from lacsolver.results.motion import ENERGIES, STORED
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Floats
@@ -90,7 +91,7 @@ def _figures(results: Results) -> Iterator[tuple[str, str]]:
 def _energies(steps: Sequence[StepFigures]) -> Iterator[tuple[str, str]]:
     """Yield the kinetic energy at the end, and what has been taken until then, relative to the largest energy."""
     table = [step.motion.energies for step in steps if step.motion is not None]
-    largest = np.nanmax([energies["kinetic"] + energies["strain"] for energies in table]) or 1.0
+    largest = np.nanmax([sum(energies[ENERGIES[k]] for k in STORED) for energies in table]) or 1.0
     yield "kinetic energy", f"{table[-1]['kinetic']:.6g}"
     takers = (("damping", "damped"), ("contact", "contact"), ("friction", "friction"), ("the time scheme", "numerical"))
     rubs = any(zone.friction is not None for zone in steps[-1].contact.values())

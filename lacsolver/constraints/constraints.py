@@ -282,10 +282,18 @@ class Constraints:
             raise ValueError("q are no unknowns of u: multiply with T")
         return self.T.tocsc().indices
 
-    @property
+    @cached_property
     def places(self) -> Ints | None:
-        """Index (n_q,) into u of each unknown, which is that displacement; None if some are none."""
-        return self.free if self.is_selection else None
+        """Index (n_q,) of each unknown among as many as there are displacements; None if some belong to no node.
+
+        An unknown along an axis of the mesh has the place of that displacement, one along a local axis any of its node.
+        """
+        if self.is_selection:
+            return self.free
+        if self.n_nodal < self.n_q:
+            return None
+        node = self.node_of_unknown
+        return np.asarray(self.space.dim * node + np.arange(len(node)) - np.searchsorted(node, node))
 
     def reactions(
         self, reaction: Floats, equations: Mapping[str, Floats] = MappingProxyType({})

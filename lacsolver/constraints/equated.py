@@ -92,7 +92,7 @@ class EquatedConstraints(Constraints):
 
     @property
     def places(self) -> Ints | None:
-        """Index (n_q,) into u of each unknown, which is that displacement; None if some are none."""
+        """Index (n_q,) of each unknown that is kept, as without equations."""
         own = self.plain.places
         return own[self.system.kept] if own is not None and self.n_nodal == self.n_q else None
 

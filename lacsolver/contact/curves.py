@@ -1,10 +1,10 @@
 """Contact laws whose pressure is a curve p(g) of the gap: an exponential, and a table.
 
-Both press from a gap `reach` on, and the more, the smaller the gap. The equation of a row is the curve's tangent:
-where the curve is softer than the macro-element's own skin, at the gap of the last solve; where it is stiffer, at the
-pressure of the last solve, but not at less than the first one from which on the curve is stiffer. So Newton's method
-takes few iterations, however stiff the curve: a small error of a gap is a large one of the pressure, or the other way
-round.
+Both press from a gap `reach` on, and the more, the smaller the gap; what they store is the area under the curve. The
+equation of a row is the curve's tangent: where the curve is softer than the macro-element's own skin, at the gap of the
+last solve; where it is stiffer, at the pressure of the last solve, but not at less than the first one from which on the
+curve is stiffer. So Newton's method takes few iterations, however stiff the curve: a small error of a gap is a large
+one of the pressure, or the other way round.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ _STEPS = 60
 
 
 class Curved(Unilateral):
-    """A law p(g): `pressure`, `slope` (-dp/dg) and `gap_of` give the curve, `stiff_from` its first stiff pressure."""
+    """A law p(g): `pressure`, `slope` (-dp/dg), `energy` and `gap_of` give the curve.
+
+    `stiff_from` gives its first stiff pressure.
+    """
 
     @property
     def yields(self) -> bool:
@@ -44,6 +47,10 @@ class Curved(Unilateral):
 
     def slope(self, gap: Floats) -> NDArray[np.floating]:
         """Return -dp/dg (m,) at gaps (m,)."""
+        raise NotImplementedError
+
+    def energy(self, gap: Floats) -> NDArray[np.floating]:
+        """Return the energy per area (m,) stored at gaps (m,): the integral of p from there to the reach."""
         raise NotImplementedError
 
     def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
@@ -68,6 +75,10 @@ class Curved(Unilateral):
         slope = np.maximum(self.slope(gap), _LEAST * rows.skin_stiffness)
         return gap + self.pressure(gap) / slope, 1 / slope
 
+    def stored(self, rows: RowState) -> Floats:
+        """Return the energy of the curve at the gap."""
+        return self.energy(rows.gap)
+
     def residual(self, rows: RowState) -> Floats:
         """Return the difference of pressures over the slopes of curve and skin."""
         return (self.pressure(rows.gap) - rows.pressure) / (self.slope(rows.gap) + rows.skin_stiffness)
@@ -91,6 +102,10 @@ class Linear(Curved):
     def slope(self, gap: Floats) -> NDArray[np.floating]:
         """Return the stiffness for every gap."""
         return np.full(np.shape(gap), self.stiffness)
+
+    def energy(self, gap: Floats) -> NDArray[np.floating]:
+        """Return that of the springs (m,)."""
+        return np.asarray(0.5 * self.stiffness * np.square(np.minimum(gap, 0.0)))
 
     def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
         """Return offsets of 0, and one over the stiffness: it is linear."""
@@ -132,6 +147,11 @@ class Exponential(Curved):
         """Return -dp/dg (m,)."""
         s = self._s(gap)
         return np.asarray(self._scale / self.clearance * (np.expm1(s) + s * np.exp(s)))
+
+    def energy(self, gap: Floats) -> NDArray[np.floating]:
+        """Return c times the integral of p over s."""
+        s = self._s(gap)
+        return np.asarray(self._scale * self.clearance * ((s - 1) * np.expm1(s) + s - 0.5 * s**2))
 
     def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
         """Return the gaps (m,), by Newton's method from above on a convex function."""
@@ -186,6 +206,14 @@ class Table(Curved):
     def slope(self, gap: Floats) -> NDArray[np.floating]:
         """Return -dp/dg (m,); beyond the reach that of the first rows."""
         return self._columns[2][self._row(gap)]
+
+    def energy(self, gap: Floats) -> NDArray[np.floating]:
+        """Return the area under the table: that of whole segments, and of a part of one."""
+        pressures, gaps, _ = self._columns
+        whole = np.append(0.0, np.cumsum(0.5 * (pressures[1:] + pressures[:-1]) * -np.diff(gaps)))
+        k = self._row(gap)
+        part = np.maximum(gaps[k] - gap, 0.0)
+        return np.asarray(whole[k] + 0.5 * (pressures[k] + self.pressure(gap)) * part)
 
     def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
         """Return the gaps (m,)."""

@@ -96,6 +96,10 @@ class Damped(Curved):
         rate = known * (o - rows.history[:, 1]) / (self.dt or 1.0)
         return np.column_stack([np.ones_like(o), o, rate, known * self.dt, known * self._damper(rows)])
 
+    def stored(self, rows: RowState) -> Floats:
+        """Return that of the law without the damper."""
+        return self.base.stored(rows)
+
     def _damper(self, rows: RowState) -> NDArray[np.floating]:
         return np.asarray(rows.pressure - self.base.pressure(rows.gap))
 

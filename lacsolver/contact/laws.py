@@ -6,6 +6,7 @@ A law answers for a group of rows, in the state `RowState`; nothing else in the 
     linearise      that equation: gap + compliance * pressure = offset
     residual       how far a row is from the law, as a length
     status         what is reported: OPEN or CONTACT
+    stored         the energy that contact gives back as it opens
     commit         the history at the end of a step, for laws with memory
 
 `Unilateral` is 0 <= p, 0 <= g, p g = 0 (27), (29); `Bilateral` is g = 0. With a `compliance` a (length per stress) both
@@ -98,6 +99,9 @@ class ContactLaw(Protocol):
     def status(self, rows: RowState) -> Ints:
         """Return the status (m,) of converged rows, OPEN or CONTACT."""
 
+    def stored(self, rows: RowState) -> Floats:
+        """Return the energy per area (m,) that converged rows give back as they open."""
+
     def commit(self, rows: RowState) -> Floats:
         """Return the history (m, n_history) at the end of a step."""
 
@@ -138,6 +142,10 @@ class Bilateral:
     def status(self, rows: RowState) -> Ints:
         """Return CONTACT for every row."""
         return np.full(len(rows.gap), CONTACT, np.int8)
+
+    def stored(self, rows: RowState) -> Floats:
+        """Return the energy of the spring."""
+        return np.asarray(0.5 * self.compliance * np.square(rows.pressure))
 
     def commit(self, rows: RowState) -> Floats:
         """Return the history unchanged."""

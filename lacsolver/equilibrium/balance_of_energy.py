@@ -1,12 +1,13 @@
 """Energies of a motion, and its momentum: an account that closes in every step, if the step fulfils its equations.
 
-    kinetic + strain - external + damped + contact + friction + numerical = 0
+    kinetic + strain + soft_contact - external + damped + contact + friction + numerical = 0
 
-`external`: the energy at the start, and the work of loads, supports and heat since then; `damped`, `contact`,
-`friction`: what damping (also that of contact), contact and its friction have taken. Work is that of mean forces, dw .
-(F + F') / 2. Friction takes its traction at the end of each step times the slip of that step, and the rest of the work
-of contact forces is `contact`. `numerical`: what the time scheme has taken, by its own formula, with d for differences
-over a step and m for means,
+`strain`, `soft_contact`: what bodies and springs store, and what soft contact does; `external`: the energy at the
+start, and the work of loads, supports and heat since then; `damped`, `contact`, `friction`: what damping (also that of
+contact), contact and its friction have taken. Work is that of mean forces, dw . (F + F') / 2. Friction takes its
+traction at the end of each step times the slip of that step, and the rest of the work of contact forces, but what soft
+contact stores of it, is `contact`. `numerical`: what the time scheme has taken, by its own formula, with d for
+differences over a step and m for means,
 
     dT = dv . M v_m = dw . M a_m - N,
     N = dt^2 (beta - gamma/2) (d(a . M a) / 2 + (gamma - 1/2) da . M da) - (gamma - 1/2) da . M dw
@@ -65,7 +66,7 @@ def momentum(inertia: Inertia, w: Floats, v: Floats) -> tuple[NDArray[np.floatin
 def energies(
     scheme: Newmark, step: LoadStep, q: Floats, p: Floats, dt: float, after: MotionState
 ) -> NDArray[np.floating]:
-    """Return the energies (7,) at the end of a step, in the order of `results.motion.ENERGIES`.
+    """Return the energies (8,) at the end of a step, in the order of `results.motion.ENERGIES`.
 
     The step, of size dt, has converged at q (n_q,), p (m,) with the motion `after`.
     """
@@ -78,20 +79,21 @@ def energies(
         return 0.5 * problem.space.dot(du, getattr(before, name) + getattr(after, name))
 
     stored, heat = strain(step, q, after.internal), heat_of(step, q)
+    soft = step.stored_in_contact(q, p)
     damped = 0.0 if scheme.C is None else 0.5 * inertia.dot(dw, scheme.C @ (before.velocity + after.velocity))
     supports, turned = _supports(scheme, step, q, after, dw)
     rubbed, in_contact = step.dissipated(q, p), step.damped_by_contact(q, p)
     added = [
         work("load") + supports + heat,
         damped + in_contact,
-        work("contact") - rubbed - in_contact,
+        work("contact") - rubbed - in_contact - (soft - before.energies[-1]),
         rubbed,
         turned + _dissipated(scheme, before, after, dt, dw),
     ]
     if not problem.kinematics.linear:  # what laws with a history do not give back is damped
         keeps = any(getattr(law, "n_history", 0) for law in problem.materials.laws)
         added[1 if keeps else 4] += work("internal") + heat - (stored - before.energies[1])
-    return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:] + added)])
+    return np.array([kinetic(inertia, after.velocity), stored, *(before.energies[2:-1] + added), soft])
 
 
 def heat_of(step: LoadStep, q: Floats) -> float:

@@ -152,6 +152,10 @@ class LoadStep:
         """Return the energy that damping of contact takes in the step."""
         return self._nodal_contact(q)[1].damped(self.u(q), p)
 
+    def stored_in_contact(self, q: Floats, p: Floats) -> float:
+        """Return the energy that soft contact stores at q."""
+        return self._nodal_contact(q)[1].stored(self.u(q), p)
+
     def zone_forces(self, q: Floats, p: Floats) -> NDArray[np.floating]:
         """Return the resultant (n_pairs, dim) of the contact forces on each slave."""
         space, system = self.model.problem.space, self._nodal_contact(q)[1]

@@ -27,7 +27,7 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import StepTerms
 from lacsolver.equilibrium.starting import motion_forces, start_of_motion
 from lacsolver.problem.problem import Problem
-from lacsolver.results.motion import MotionState
+from lacsolver.results.motion import CONTACT, STORED, MotionState
 from lacsolver.results.state import Iterate, StepState
 
 #: digits of a step's size: steps that differ by round-off are one, and share a factor
@@ -128,7 +128,7 @@ class Newmark:
         if model.linear or before is None:
             return False
         then, now = before.energies, kept["energies"]
-        return bool(abs(now[4] - then[4]) > _COARSE * max(then[:2].sum(), now[:2].sum()))
+        return bool(abs(now[CONTACT] - then[CONTACT]) > _COARSE * max(then[STORED].sum(), now[STORED].sum()))
 
     def forces(self, motion: MotionState) -> NDArray[np.floating]:
         """Return F (n_w,), all forces but those of inertia and of supports."""

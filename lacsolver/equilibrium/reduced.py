@@ -179,14 +179,15 @@ class ReducedProblem:
     def _whole(self) -> NodalEmbedding | None:
         """Embedding of q in the unknowns of all nodes, with the rigid-body modes, for multigrid.
 
-        None if unknowns are no displacements of nodes along the axes of the mesh.
+        None if some unknowns belong to no node.
         """
-        space, free = self.problem.space, self.problem.constraints.places
+        space, constraints, free = self.problem.space, self.problem.constraints, self.problem.constraints.places
         if free is None:
             return None
-        modes = rigid_modes(space, space.bodies)
-        modes[np.setdiff1d(np.arange(space.n_dof), free, assume_unique=True)] = 0.0
-        near = space.neighbours if self.problem.constraints.equations else None
+        of_bodies = rigid_modes(space, space.bodies)
+        modes = np.zeros_like(of_bodies)
+        modes[free] = constraints.at_nodes.T.T @ of_bodies
+        near = space.neighbours if constraints.equations else None
         return NodalEmbedding(free, space.n_dof, space.dim, modes, near)
 
     @cached_property

@@ -62,10 +62,10 @@ def start_of_motion(
     T = inertia.tangent(q, t)
     left = c.force(t, q) - inertia.on_unknowns(F + inertia.M @ b, q, t)
     a = T @ _accelerations(model, inertia.reduced(inertia.M, q, t), left) + b
-    whole = kinetic(inertia, v), strain(step, q, internal)
+    whole, soft = (kinetic(inertia, v), strain(step, q, internal)), step.stored_in_contact(q, p)
     pushes = step.zone_forces(q, p)
     motion = MotionState(
-        v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole), 0.0, 0.0, 0.0, 0.0]),
+        v, a, inertia.M @ a + F, internal, load, contact, np.array([*whole, sum(whole) + soft, 0, 0, 0, 0, soft]),
         *momentum(inertia, inertia.places(q, t), v), np.zeros_like(pushes), np.stack([pushes, pushes], axis=1),
     )  # fmt: skip
     histories = state.histories._replace(scheme=motion._asdict())

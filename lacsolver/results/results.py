@@ -79,10 +79,10 @@ class ZoneFigures(Described):
 class MotionFigures(Described):
     """Figures of a step in motion (NaN in static steps before the start of [dynamics]).
 
-    `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain - external + damped + contact +
-    friction + numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the origin.
-    `impulse`: by zone, that of the contact forces on the slave since the start, (d,). `velocities`, `accelerations`: of
-    each probe, (d,).
+    `energies`: by the names of `results.motion.ENERGIES`, with kinetic + strain + soft_contact - external + damped +
+    contact + friction + numerical = 0; `momentum`: `linear` (d,) and `angular`, (3,) or () in a plane, about the
+    origin. `impulse`: by zone, that of the contact forces on the slave since the start, (d,). `velocities`,
+    `accelerations`: of each probe, (d,).
     """
 
     energies: Mapping[str, float]

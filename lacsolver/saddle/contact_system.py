@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -431,13 +432,24 @@ class ContactSystem:
 
     def damped(self, u: Floats, p: Floats) -> float:
         """Return the energy that damping of contact takes in a step, at u (n_dof,) and pressures p (m,)."""
+        return self._energy(u, p, lambda law: isinstance(law, Damped), lambda law, rows: law.taken(rows))
+
+    def stored(self, u: Floats, p: Floats) -> float:
+        """Return the energy that soft contact stores at u (n_dof,) and pressures p (m,)."""
+        return self._energy(u, p, lambda law: law.yields, lambda law, rows: law.stored(rows))
+
+    def _energy(
+        self, u: Floats, p: Floats, counts: Callable[[Any], bool], of: Callable[[Any, RowState], Floats]
+    ) -> float:
+        """Return an energy of rows, given per area, summed over the pairs whose law counts."""
         G, energy = self.G.copy(), 0.0
         for group in self.groups:
-            if isinstance(group.law, Damped):
+            if counts(group.law):
                 G[group.every] = group.gaps(u)
         for group, rows in self.with_gaps(G).states(p, np.zeros(len(G), bool)):
-            if isinstance(group.law, Damped):
-                energy += float(self.rows.w[group.rows] @ group.law.taken(rows))
+            if counts(group.law):
+                own = np.where(self.enforceable[group.rows], of(group.law, rows), 0.0)
+                energy += float(self.rows.w[group.rows] @ own)
         return energy
 
     @property

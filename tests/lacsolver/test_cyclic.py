@@ -227,15 +227,21 @@ def test_the_zones_of_a_whole_ring_are_those_of_the_sector_turned():
         sector_of({"contact": {}})
 
 
-def test_a_sector_takes_no_more_cycles_than_one_with_free_sides(monkeypatch):
-    """Multigrid aggregates nodes of one side with those of their own cells: the other side's modes are turned."""
-    cycles, cycle = [0], MultigridFactor.cycle
+@pytest.fixture
+def cycles(monkeypatch):
+    """Numbers of V-cycles, the last of which counts."""
+    counts, cycle = [0], MultigridFactor.cycle
 
     def counted(factor, f):
-        cycles[-1] += 1
+        counts[-1] += 1
         return cycle(factor, f)
 
     monkeypatch.setattr(MultigridFactor, "cycle", counted)
+    return counts
+
+
+def test_a_sector_takes_no_more_cycles_than_one_with_free_sides(cycles):
+    """Multigrid aggregates nodes of one side with those of their own cells: the other side's modes are turned."""
     mesh = sector("HEXA8", (10, 10, 10), 6)
     held = Displacement(group="bottom", ux=0, uy=0, uz=0)
     keys = {"displacement": held, "pressure": Pressure(group="out", value=1.0), "solver": Solver(backend="multigrid")}
@@ -243,3 +249,18 @@ def test_a_sector_takes_no_more_cycles_than_one_with_free_sides(monkeypatch):
         solved(made(mesh, **keys, **sides))
         cycles.append(0)
     assert 10 < cycles[0] <= cycles[1]
+
+
+def test_supports_along_local_axes_take_no_more_cycles(cycles):
+    """A body that is turned, with its supports along axes that are turned too: multigrid has its nodes and modes."""
+    answers, (c, s) = [], (np.cos(0.3), np.sin(0.3))
+    mesh, R = sector("HEXA8", (8, 8, 8), 6), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    keys = {"pressure": Pressure(group="in", value=1.0), "solver": Solver(backend="multigrid")}
+    local = {"x": [c, s, 0.0], "xy": [-s, c, 0.0]}
+    for turned, axes in ((mesh, None), (replace(mesh, points=mesh.points @ R.T), local)):
+        supports = {"out": {"uy": 0}, "b": {"ux": 0}, "bottom": {"uz": 0}}
+        held = [Displacement(group=group, axes=axes, **way) for group, way in supports.items()]
+        answers.append(solved(made(turned, displacement=held, **keys))[1].u.reshape(-1, 3))
+        cycles.append(0)
+    assert 10 < cycles[1] <= cycles[0] + 2
+    np.testing.assert_allclose(answers[1] @ R, answers[0], rtol=0, atol=1e-8 * np.abs(answers[0]).max())

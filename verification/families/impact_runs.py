@@ -55,7 +55,7 @@ class Impact:
 
 @dataclass(frozen=True, eq=False)
 class ImpactRun:
-    """A solved impact: `time` (steps,), `pressure` (steps, n), `energies` (steps, 7).
+    """A solved impact: `time` (steps,), `pressure` (steps, n), `energies` (steps, 8).
 
     `account` (steps,): sums of the account of energy.
     """
