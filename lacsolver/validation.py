@@ -218,7 +218,7 @@ def _look_at_motions(
         return
     equalities: tuple[EqualityRows, ...] = ()
     with validation.looking():
-        equalities = equalities_of(space, case)
+        equalities = equalities_of(constraints, case)
     motions = free_motions(space, constraints, springs)
     if not motions:
         return

@@ -12,10 +12,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.sparse.linalg import norm
 
 from lacmesh.mesh import Floats
 from lacsolver.case.entry import Entry
 from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
+
+#: length of a row on the unknowns that remain, relative to that on all nodes, which is round-off
+_ROUNDING = 1e-13
 
 
 class EqualityAt(NamedTuple):
@@ -57,6 +61,14 @@ class EqualityRows(Protocol):
 
         A law with a history keeps values from step to step.
         """
+
+
+def moves(rows: csr_array, on_nodes: csr_array) -> NDArray[np.bool_]:
+    """Return whether some unknown moves each of some rows (m, n_q); `on_nodes` (m, n_dof): these on all nodes.
+
+    What prescribed displacements and equations leave of a row that they determine is round-off.
+    """
+    return np.asarray(norm(rows, axis=1) > _ROUNDING * norm(on_nodes, axis=1))
 
 
 class Free(Bilateral):

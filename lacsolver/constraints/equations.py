@@ -165,7 +165,8 @@ def _partners(equations: tuple[Equations, ...], system: EquationSystem, i: int) 
     part = np.zeros(len(system.rows))
     part[:] = system.forces(row.toarray().ravel())[system.rows]
     others = system.rows[np.abs(part) > _SAME * np.abs(part).max(initial=0.0)]
-    return " and ".join(words_of(equations, int(k)) for k in others[:3]) + (" and others" if len(others) > 3 else "")
+    words = list(dict.fromkeys(words_of(equations, int(k)) for k in others))
+    return " and ".join(words[:_NAMED]) + (" and others" if len(words) > _NAMED else "")
 
 
 def following(equations: tuple[Equations, ...], system: EquationSystem) -> str:

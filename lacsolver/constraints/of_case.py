@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
+from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import norm
 
 from lacmesh.mesh import Ints
 from lacsolver.case.case import Case
@@ -15,11 +16,15 @@ from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Force
 from lacsolver.constraints import coupling, cyclic, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
-from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.constraints.equality_rows import EqualityRows, moves
 from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
-from lacsolver.space.places import nodes_of
+from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
+
+#: least eigenvalue of the products of rows of equality, of unit length, below which one follows from others; part of
+#: the largest coefficient from which on a row is named
+_FOLLOWS, _SHARE = 1e-12, 1e-3
 
 #: functions that return the equations that are eliminated, each for its own records of a case
 EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [
@@ -47,9 +52,30 @@ def constraints_of(space: Space, case: Case, equations: tuple[Equations, ...] | 
     return EquatedConstraints.with_equations(plain, equations, probed_times(case))
 
 
-def equalities_of(space: Space, case: Case) -> tuple[EqualityRows, ...]:
-    """Return the rows of equality of a case. Raises CaseError for mistakes in its records."""
-    return tuple(rows for of_records in EQUALITIES for rows in of_records(space, case))
+def equalities_of(constraints: Constraints, case: Case) -> tuple[EqualityRows, ...]:
+    """Return the rows of equality of a case. Raises CaseError for mistakes, and for rows that follow from others."""
+    rows = tuple(rows for of_records in EQUALITIES for rows in of_records(constraints.space, case))
+    if rows:
+        _check_apart(constraints, rows)
+    return rows
+
+
+def _check_apart(constraints: Constraints, rows: tuple[EqualityRows, ...]) -> None:
+    """Raise CaseError for rows of equality that follow from others, or contradict them: forces are not determined."""
+    nothing = np.zeros(constraints.space.n_dof)
+    parts = [one.at(nothing, 0.0).C for one in rows]
+    C = csr_array(vstack(parts))
+    N = csr_array(C @ constraints.T)
+    moved, size = np.flatnonzero(moves(N, C)), norm(N, axis=1)
+    unit = csr_array(diags_array(1 / size[moved]) @ N[moved])
+    alike, way = np.linalg.eigh((unit @ unit.T).toarray())
+    if not len(alike) or alike[0] > _FOLLOWS:
+        return
+    at = np.repeat(np.arange(len(rows)), [part.shape[0] for part in parts])[moved]
+    named = np.unique(at[np.abs(way[:, 0]) > _SHARE * np.abs(way[:, 0]).max()])
+    last, others = rows[named[-1]].record, " and ".join(in_words(rows[k].record) for k in named[:-1])
+    message = f"what it holds follows from {others or 'another part of it'}, or contradicts it"
+    raise wrong(last, f"{message}; leave one out")
 
 
 # ---- for several processes

@@ -109,7 +109,7 @@ class Problem(Described):
     @cached_property
     def equalities(self) -> tuple[EqualityRows, ...]:
         """Rows of equality, with multipliers. Raises CaseError for mistakes in their records."""
-        return equalities_of(self.space, self.case)
+        return equalities_of(self.constraints, self.case)
 
     @cached_property
     def sections(self) -> tuple[BoltSection, ...]:

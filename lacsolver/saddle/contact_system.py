@@ -24,7 +24,7 @@ from scipy.sparse import csr_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
-from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.constraints.equality_rows import EqualityRows, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
 from lacsolver.contact.damping import Damped
@@ -211,7 +211,7 @@ class ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
-        moved, yields = np.diff(rows.B.indptr) > 0, self._marked(g.rows for g in self.groups if g.law.yields)
+        moved, yields = moves(rows.B, self.rows.B), self._marked(g.rows for g in self.groups if g.law.yields)
         return replace(made, enforceable=self.above_threshold & (moved | yields))
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:

@@ -14,6 +14,7 @@ from lacsolver.case import (
     Coupling,
     Displacement,
     Dynamics,
+    Equation,
     Force,
     Material,
     Rigid,
@@ -240,3 +241,21 @@ def test_couplings_that_cannot_be_are_named(keys, words):
 def test_a_coupling_between_prescribed_nodes_is_named():
     with pytest.raises(LacmeshError, match=r"coupling: it is off by .* all that it acts on is prescribed"):
         solved(made(coupling=Coupling(group="z0", ux=0.1)))
+
+
+@pytest.mark.parametrize("ux", [0.1, 0.2])
+def test_two_couplings_of_one_motion_are_named(ux):
+    """What both hold has no force of its own in either, whether they agree or not."""
+    couplings = [Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=ux, name="again")]
+    with pytest.raises(CaseError, match=r"what it holds follows from coupling 'z1', or contradicts it; leave one out"):
+        solved(made(coupling=couplings))
+
+
+def test_a_rotation_that_an_equation_holds_already_has_no_moment():
+    """A top that is level by an equation: round-off of the rotation's rows is no row."""
+    lid = Equation(group="z1", same=["uz"])
+    _, _, one = solved(made(coupling=Coupling(group="z1", uz=0.1), equation=lid))
+    _, _, other = solved(made(coupling=Coupling(group="z1", uz=0.1, rotation=[0.0, 0.0, 0.0]), equation=lid))
+    (first,), (second,) = one.couplings.values(), other.couplings.values()
+    np.testing.assert_allclose(second.force, first.force, rtol=0, atol=1e-9 * abs(first.force[2]))
+    np.testing.assert_allclose(second.moment, 0.0, rtol=0, atol=1e-9 * abs(first.force[2]))

@@ -61,7 +61,7 @@ def test_a_bar_bounces(law, kinematics):
 
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_foundation_that_was_pressed_throws_the_bar(kinematics):
-    """What static steps have stored is there at the start, and becomes motion without anything made of nothing."""
+    """The energy that static steps have stored is there at the start, and becomes motion, with nothing added."""
     load = '[[pressure]]\ngroup = "top"\nvalue = "0.4 if t < 1.001 else 0"\n'
     times = [1.0, *np.linspace(1.002, 3, 41).tolist()]
     more = held_sideways() + load + f"[dynamics]\nstart = 1.0\n[steps]\ntimes = {times}\n"
