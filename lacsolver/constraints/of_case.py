@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import norm
 
 from lacmesh.mesh import Ints
 from lacsolver.case.case import Case
@@ -16,7 +15,7 @@ from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Force
 from lacsolver.constraints import coupling, cyclic, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
-from lacsolver.constraints.equality_rows import EqualityRows, moves
+from lacsolver.constraints.equality_rows import EqualityRows, lengths, moves
 from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
 from lacsolver.space.places import in_words, nodes_of, wrong
@@ -66,7 +65,7 @@ def _check_apart(constraints: Constraints, rows: tuple[EqualityRows, ...]) -> No
     parts = [one.at(nothing, 0.0).C for one in rows]
     C = csr_array(vstack(parts))
     N = csr_array(C @ constraints.T)
-    moved, size = np.flatnonzero(moves(N, C)), norm(N, axis=1)
+    moved, size = np.flatnonzero(moves(N, C)), lengths(N)
     unit = csr_array(diags_array(1 / size[moved]) @ N[moved])
     alike, way = np.linalg.eigh((unit @ unit.T).toarray())
     if not len(alike) or alike[0] > _FOLLOWS:

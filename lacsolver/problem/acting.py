@@ -101,8 +101,7 @@ def _force(space: Space, force: Force, t: float) -> NDArray[np.floating]:
     if force.moment is None:
         return spread
     record = Coupling(group=force.group or "", moment=force.moment, axes=None).altered(kind=force.kind)
-    with _said_of(force):
-        return spread + coupling.loads(space, record.altered(place=force.place), False, t, None)
+    return spread + coupling.loads(space, record.altered(place=force.place), False, t, None)
 
 
 def _spread_force(space: Space, force: Force, value: Sequence[float | PointFunction], t: float) -> NDArray[np.floating]:
