@@ -245,7 +245,7 @@ def test_a_coupling_between_prescribed_nodes_is_named():
 
 @pytest.mark.parametrize("ux", [0.1, 0.2])
 def test_two_couplings_of_one_motion_are_named(ux):
-    """What both hold has no force of its own in either, whether they agree or not."""
+    """A motion that both hold has no force of its own in either, whether they agree or not."""
     couplings = [Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=ux, name="again")]
     with pytest.raises(CaseError, match=r"what it holds follows from coupling 'z1', or contradicts it; leave one out"):
         solved(made(coupling=couplings))
