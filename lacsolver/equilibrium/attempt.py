@@ -183,11 +183,12 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
     internal = np.zeros_like(load) if model.problem.kinematics.linear else internal
     load = constraints.on_unknowns(load - internal) + constraints.force(step.t)
     carried = outcome.contact.rows.B_T @ outcome.contact.lawful(outcome.iterate.p)
-    for motion in model.motions:
-        along = constraints.unknowns(motion.field)
-        left = model.vectors.dots(along[None], load - carried)[0]
-        if abs(left) > _UNCARRIED * model.vectors.dots(np.abs(along)[None], np.abs(load) + np.abs(carried))[0]:
-            yield motion, along, load
+    along = np.stack([constraints.unknowns(motion.field) for motion in model.motions])
+    left = np.abs(model.vectors.dots(along, load - carried))
+    whole = model.vectors.dots(np.abs(along), np.abs(load) + np.abs(carried))
+    within = step.model.problem.case.solver.tolerance * whole.max()  # forces that are in balance leave that
+    for k in np.flatnonzero(left > np.maximum(_UNCARRIED * whole, within)):
+        yield model.motions[k], along[k], load
 
 
 def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> str:
