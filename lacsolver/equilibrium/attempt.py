@@ -17,7 +17,7 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
-from lacsolver.equilibrium.newton import LOOSE, LOOSE_OF_CONSTANT, newton_iterates, residual_of
+from lacsolver.equilibrium.newton import newton_iterates, residual_of
 from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
@@ -73,8 +73,7 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
 
     def newton(start: Iterate, most: int, **how: Any) -> Outcome:
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
-        loose = LOOSE_OF_CONSTANT if constant else LOOSE
-        return search(newton_iterates(step.linearize, start, limits, loose=loose, **how), limits, report)
+        return search(newton_iterates(step.linearize, start, limits, constant=constant, **how), limits, report)
 
     state, constant, outcome = step.state, model.problem.kinematics.linear, None
     first, both = (max(int(share * solver.max_iterations), least) for share, least in (_FIRST, _BOTH))

@@ -32,6 +32,7 @@ from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.saddle import SaddleProblem
@@ -59,7 +60,7 @@ _RISES = 3
 _FORCING = 0.03
 #: its largest value: where each stiffness has its own factor, and where one serves them all, so that solves are
 #: most of what an iteration costs
-LOOSE, LOOSE_OF_CONSTANT = 1e-4, 1e-3
+_LOOSE, _LOOSE_OF_CONSTANT = 1e-4, 1e-3
 #: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
 _LAST = 1e-4
 #: largest number of active sets of one linear problem; with friction, where no proof says that pivoting ends
@@ -77,17 +78,18 @@ def newton_iterates(
     *,
     predictor: Linearization | None = None,
     damping: float = 0.0,
-    loose: float = LOOSE,
+    constant: bool = False,
 ) -> Iterator[Trial]:
     """Yield the trials of Newton's method from a start; it ends where no step helps, or too many in a row did not.
 
     `predictor`: linearisation to use at the start, whose residual is not comparable with others. `damping`: artificial
     viscous damping for a distant equilibrium, as a fraction of the undeformed bodies' stiffness, see `_damping_of`; no
-    line search is made then, and residuals may grow on the way. `loose`: largest relative tolerance of a linear solve.
+    line search is made then, and residuals may grow on the way. `constant`: True if K does not depend on q.
 
     Raises InadmissibleError if the start itself inverts cells.
     """
     there = linearize(start.q) if predictor is None else predictor
+    loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
     now, rows = _start(there, start, tolerance)
     sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
     while True:
@@ -97,7 +99,7 @@ def newton_iterates(
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
-        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first)
+        step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
         worst = np.inf if damping else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
         if step is None or then is None:
@@ -146,11 +148,13 @@ class _Step(NamedTuple):
 
 
 def _newton_step(
-    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool
-) -> _Step | None:
+    there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool,
+    kept: KeptDirections | None,
+) -> _Step | None:  # fmt: skip
     """Return the step of a linear problem, whose row set is updated until it is consistent, in `limit` solves.
 
     p (m,): pressures of the geometric stiffness. `first`: True for the first step from a predictor, see `_let_go`.
+    `kept`: directions of the steps before.
     None if the tangent is singular, or the system cannot be solved.
     """
     contact, R = there.contact, there.free
@@ -162,14 +166,15 @@ def _newton_step(
             now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
             step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots()
             while True:
-                step = _solved(there, K, C, step, there.r, goal)
+                step = _solved(there, K, C, step, there.r, goal, kept)
                 if step.solves == limit and not first:
                     return step
                 wanted = contact.with_gaps(contact.G - contact.rows.D @ step.dq).next_rows(step.rows, step.p)
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
-                    rows, kept = let_go
-                    alone = _solved(there, K, C, step._replace(rows=rows), there.r - contact.rows.B_T @ kept, goal)
-                    return alone._replace(p=alone.p + kept, rows=wanted)
+                    rows, held = let_go
+                    r = there.r - contact.rows.B_T @ held
+                    alone = _solved(there, K, C, step._replace(rows=rows), r, goal, kept)
+                    return alone._replace(p=alone.p + held, rows=wanted)
                 if step.solves == limit or wanted.equals(step.rows):
                     return step
                 step = step._replace(rows=pivots.next(step.rows, wanted, exact=True))
@@ -177,13 +182,14 @@ def _newton_step(
 
 
 def _solved(
-    there: Linearization, K: Operator, C: csr_array | None, before: _Step, r: Floats, goal: LinearTolerance
-) -> _Step:
+    there: Linearization, K: Operator, C: csr_array | None, before: _Step, r: Floats, goal: LinearTolerance,
+    kept: KeptDirections | None,
+) -> _Step:  # fmt: skip
     """Return the step with the row set and from the pressures of one before, under the unbalanced forces r (n_q,)."""
     linear = there.contact.linear(before.rows, before.p)
     h = linear.load(r, there.contact.rows.B_T)
     problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
-    dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal)
+    dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal, kept)
     return _Step(dq, linear.full(p), before.rows, before.solves + 1, before.applications + more)
 
 

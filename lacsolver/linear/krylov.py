@@ -19,6 +19,8 @@ from lacsolver.linear.vectors import Vectors
 
 #: orthogonalise a second time when the first pass leaves less than this fraction of the norm; fraction that is noise
 _LOST, _NOISE = 0.1, 1e-12
+#: a known direction whose image depends on the earlier ones but for this fraction is passed over
+_REPEATED = 1e-8
 #: a residual that is below this fraction of the least before has made progress
 _PROGRESS = 0.9
 
@@ -57,36 +59,42 @@ def minimise(
 
     `excess(r)`: a residual relative to its tolerance; the loop ends where it is 1 or less, once the known directions
     are used. It also ends at a norm of `least`, at a direction that depends on the earlier ones up to round-off, and
-    when the excess has not fallen by a tenth for `patience` directions.
+    when the excess has not fallen by a tenth for `patience` directions. Known directions that depend on one another are
+    passed over.
     """
-    vectors, k, r = system.vectors, 0, r.copy()
-    most = len(known) + limit
+    vectors, k, r, found = system.vectors, 0, r.copy(), 0
+    given, most = iter(known), len(known) + limit
     Z = images = np.empty((0, 0))  # made at the first direction; the system gives memory to a row when it is written
     T, along = np.zeros((most, most)), np.zeros(most)
     best, since = np.inf, 0
-    while k < most and vectors.norm(r) > least:
-        left = excess(r) if k >= len(known) else np.inf
-        best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
-        if left <= 1 or (patience is not None and since >= patience):
-            break
-        z = known[k] if k < len(known) else system.precondition(r)
+    while found < limit and vectors.norm(r) > least:
+        z = next(given, None)
+        is_known = z is not None
+        if z is None:
+            left = excess(r)
+            best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
+            if left <= 1 or (patience is not None and since >= patience):
+                break
+            z = system.precondition(r)
         image = system.image(z)
         if not k:
             Z, images = np.empty((most, len(z))), np.empty((most, len(image)))
         Z[k] = z
         before = vectors.norm(image)
         T[k, :k], T[k, k] = _orthogonalise(image, images[:k], vectors)
-        if not T[k, k] > _NOISE * before:
+        if not T[k, k] > (_REPEATED if is_known else _NOISE) * before:
+            if is_known:
+                continue
             break
         images[k] = image / T[k, k]
         along[k] = vectors.dots(images[k : k + 1], r)[0]
         r -= along[k] * images[k]
-        k += 1
+        k, found = k + 1, found + (not is_known)
     x = np.zeros(Z.shape[1])
     if k:
         part = solve_triangular(T[:k, :k], along[:k], trans="T", lower=True)
         vectors.subtract(-vectors.same(part), Z[:k], x)
-    return KrylovStep(x, r, max(k - len(known), 0))
+    return KrylovStep(x, r, found)
 
 
 def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDArray[np.floating], float]:

@@ -7,7 +7,8 @@ to 25 to round-off. With multigrid, where K^-1 is itself iterative, both are sol
 
 For bodies that only contact supports (`stiffness`), pressures are kept in balance with the load along each rigid-body
 mode (the coarse projection of FETI, Farhat and Roux), so that the springs that make K definite carry no force, and the
-rigid-body motions themselves follow from the gaps. Forces of the geometric stiffness are further unknowns.
+rigid-body motions themselves follow from the gaps. Forces of the geometric stiffness are further unknowns. Systems that
+follow one another with one K start from the directions of those before (`kept_directions`).
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.accuracy import backward_error
 from lacsolver.linear.krylov import minimise
 from lacsolver.saddle.coupled import solve_coupled
+from lacsolver.saddle.kept_directions import Direction, KeptDirections
 from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
@@ -36,11 +38,16 @@ _BALANCED, _CORRECTIONS = 2e-15, 3
 _SLOW = 0.5
 
 
-def solve_saddle(problem: SaddleProblem, q: Floats, p: Floats, tolerance: LinearTolerance) -> SaddleSolution:
-    """Solve a saddle-point problem from a start q (n,), p (m,), of which the pressures of active rows count."""
+def solve_saddle(
+    problem: SaddleProblem, q: Floats, p: Floats, tolerance: LinearTolerance, kept: KeptDirections | None = None
+) -> SaddleSolution:
+    """Solve a saddle-point problem from a start q (n,), p (m,), of which the pressures of active rows count.
+
+    `kept`: directions of the systems before, if K stays, and then those of this one as well.
+    """
     if problem.K.iterative:
         return solve_coupled(problem, q, p, tolerance)
-    loop = _SchurLoop(problem, q)
+    loop = _SchurLoop(problem, q, kept)
     now = loop.balanced_near(q, p, np.zeros(len(loop.bent)))
     loose, applications = tolerance.reduction * _relative(now.r, loop.unit) * loop.unit, now.applications
     while applications < _MOST:
@@ -98,16 +105,20 @@ def in_balance(
 class _SchurLoop:
     """The Schur complement of one problem. Residuals are gaps of the active rows, then forces of the unknowns `bent`.
 
-    `bent`: the unknowns that the geometric stiffness acts on. A direction of the Krylov loop is a change of q, then one
-    of the active pressures and of the forces of `bent`.
+    `bent`: the unknowns that the geometric stiffness acts on, and the directions of before. A direction of the Krylov
+    loop is a change of q, then one of the active pressures and of the forces of `bent`.
     """
 
-    def __init__(self, problem: SaddleProblem, start: Floats) -> None:
+    def __init__(self, problem: SaddleProblem, start: Floats, kept: KeptDirections | None = None) -> None:
         K, rows, active, geometric = cast(Stiffness, problem.K), problem.rows, problem.active, problem.geometric
         self.problem, self.K, self.rows, self.active, self.start = problem, K, rows, active, start
         self.vectors, self.f = K.vectors, problem.f - problem.geometric_forces(start)
         self.S, self.G, self.n = problem.S, problem.G[active], len(active)
-        self.bent = np.empty(0, np.int64) if geometric is None else np.flatnonzero(np.diff(geometric.indptr))
+        self.bent: Ints = np.empty(0, np.int64) if geometric is None else np.flatnonzero(np.diff(geometric.indptr))
+        self.kept = None if geometric is None else kept
+        if self.kept is not None:
+            self.kept.begin(K)
+            self.bent = self.kept.unknowns(np.concatenate([self.bent, rows.touched]))
         self.C = csr_array((0, len(start))) if geometric is None else geometric[self.bent]
         self.preconditioner = SchurPreconditioner(problem)
         self.D = self.preconditioner.D
@@ -124,8 +135,7 @@ class _SchurLoop:
 
     def carrying(self, p: Floats, f: Floats) -> NDArray[np.floating]:
         """Return pressures, 0 on inactive rows, that balance the load along modes that the active rows constrain."""
-        out = np.zeros_like(p)
-        out[self.active] = p[self.active]
+        out = self.on_rows(p[self.active])
         out[self.active] += self.preconditioner.balancing(self.K.R.T @ (f - self.rows.B_T @ out))
         return out
 
@@ -135,9 +145,26 @@ class _SchurLoop:
         z = self.preconditioner.pressures((r * self.unit)[: self.n])
         moment = self.QB.T @ z + self.K.R[self.bent].T @ s
         z = z - self.preconditioner.balancing(moment)
-        full = np.zeros(self.rows.B.shape[0])
-        full[self.active] = z
-        return np.concatenate([self.K.solve(self.rows.B_T @ full + self.scattered(s)), z, s])
+        p = self.on_rows(z)
+        f = self.rows.B_T @ p + self.scattered(s)
+        y = self.K.solve(f)
+        if self.kept is not None:
+            self.kept.add(Direction(y, self.bent, f[self.bent], p))
+        return np.concatenate([y, z, s])
+
+    def known(self) -> list[NDArray[np.floating]]:
+        """Return the directions of the systems before."""
+        out = []
+        for one in () if self.kept is None else self.kept.each:
+            p = one.p[self.active]
+            out.append(np.concatenate([one.y, p, one.beside(self.rows.B_T @ self.on_rows(p), self.bent)]))
+        return out
+
+    def on_rows(self, p: Floats) -> NDArray[np.floating]:
+        """Return pressures of the active rows on all rows, (m,)."""
+        out = np.zeros(self.rows.B.shape[0])
+        out[self.active] = p
+        return out
 
     def image(self, z: Floats) -> NDArray[np.floating]:
         """Return the change of the residual, as lengths, by a direction."""
@@ -180,8 +207,8 @@ class _SchurLoop:
         The loop ends when the residual is at most `allowed`, or when it no longer falls.
         """
         start, ends = self.project(now.r) / self.unit, allowed / self.unit
-        step = minimise(self, start, lambda r: _relative(r, ends), limit, patience=_PATIENCE)
-        dq, dp, ds = np.split(step.x, [len(now.q), len(now.q) + self.n]) if step.directions else (0.0, 0.0, 0.0)
+        step = minimise(self, start, lambda r: _relative(r, ends), limit, known=self.known(), patience=_PATIENCE)
+        dq, dp, ds = np.split(step.x, [len(now.q), len(now.q) + self.n]) if len(step.x) else (0.0, 0.0, 0.0)
         p = now.p.copy()
         p[self.active] += dp
         return self.balanced_near(now.q - dq, p, now.s + ds), step.directions
