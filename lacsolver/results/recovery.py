@@ -190,14 +190,13 @@ def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_arr
 
     W (merged, n) takes means over macro-elements to means over the merged ones.
     """
-    inner = diags_array((contact & ~last).astype(float))
-    shares = (inner @ _ones(slave.touch.T @ slave.touch) @ diags_array(last.astype(float))).tocsr()
+    shares = _scaled(_ones(slave.touch.T @ slave.touch), contact & ~last, last)
     count = shares.sum(axis=0)
     kept = contact & (~last | (count == 0))
-    shares = shares @ diags_array(np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
+    shares = _scaled(shares, 1.0, np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
     shares = (shares + diags_array(kept.astype(float))).tocsr()[np.flatnonzero(kept)]
     area = shares @ slave.area
-    W = (diags_array(1 / area) @ shares @ diags_array(slave.area)).tocsr()
+    W = _scaled(shares, 1 / area, slave.area)
     centroid = W @ slave.centroid
     second = W @ (slave.moment + _square(slave.centroid)).reshape(-1, 9)
     merged = slave._replace(
@@ -332,11 +331,17 @@ def _patches(touch: csr_array, many: int) -> csr_array:
     patch = beside
     for _ in range(_RINGS - 1):
         small = np.diff(patch.indptr) < many
-        if not small.any():
+        before, patch = patch.nnz, _ones(patch + _scaled(patch, small, 1.0) @ beside)
+        if patch.nnz == before:  # no row is small, or those that are have all that is connected with them
             break
-        rest = diags_array((~small).astype(float)) @ patch
-        patch = _ones(diags_array(small.astype(float)) @ patch @ beside + rest)
     return patch
+
+
+def _scaled(A: csr_array, rows: Floats | Bools | float, columns: Floats | Bools | float) -> csr_array:
+    """Return diag(rows) A diag(columns) for A (n, m)."""
+    left, right = np.broadcast_to(rows, A.shape[0]), np.broadcast_to(columns, A.shape[1])
+    data = A.data * np.repeat(left, np.diff(A.indptr)) * right[A.indices]
+    return csr_array((data, A.indices, A.indptr), shape=A.shape, copy=True)
 
 
 def _nodes(touch: csr_array, macros: Bools) -> Bools:
@@ -353,7 +358,7 @@ def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
 
 def _only(touch: csr_array, macros: Bools) -> csr_array:
     """Return the matrix with the columns of some macro-elements, and all others empty."""
-    return _ones(touch @ diags_array(macros.astype(float)))
+    return _ones(_scaled(touch, 1.0, macros))
 
 
 def _ones(matrix: coo_array | csr_array) -> csr_array:
