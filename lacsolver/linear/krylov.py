@@ -62,12 +62,12 @@ def minimise(
     when the excess has not fallen by a tenth for `patience` directions. Known directions that depend on one another are
     passed over.
     """
-    vectors, k, r, found = system.vectors, 0, r.copy(), 0
+    vectors, k, r, n_new = system.vectors, 0, r.copy(), 0
     given, most = iter(known), len(known) + limit
     Z = images = np.empty((0, 0))  # made at the first direction; the system gives memory to a row when it is written
     T, along = np.zeros((most, most)), np.zeros(most)
     best, since = np.inf, 0
-    while found < limit and vectors.norm(r) > least:
+    while n_new < limit and vectors.norm(r) > least:
         z = next(given, None)
         is_known = z is not None
         if z is None:
@@ -89,12 +89,12 @@ def minimise(
         images[k] = image / T[k, k]
         along[k] = vectors.dots(images[k : k + 1], r)[0]
         r -= along[k] * images[k]
-        k, found = k + 1, found + (not is_known)
+        k, n_new = k + 1, n_new + (not is_known)
     x = np.zeros(Z.shape[1])
     if k:
         part = solve_triangular(T[:k, :k], along[:k], trans="T", lower=True)
         vectors.subtract(-vectors.same(part), Z[:k], x)
-    return KrylovStep(x, r, found)
+    return KrylovStep(x, r, n_new)
 
 
 def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDArray[np.floating], float]:
