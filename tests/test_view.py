@@ -20,7 +20,7 @@ from lacmesh.scene import camera_of, colours, make_scene
 from lacmesh.scene.edges import edges_of
 from lacmesh.scene.layers import CURVED, curved_parts
 from lacmesh.scene.marks import Values, cell_values, find_marks
-from lacmesh.scene.placing import SEEN_AT
+from lacmesh.scene.placing import SEEN_AT, shows_skin
 from lacmesh.scene.request import BODIES_AS
 from lacmesh.scene.visible import BODY, MASTER, SLAVE, find_visible
 from lacmesh.topology.skin import Faces
@@ -577,6 +577,33 @@ def test_bodies_are_ghosts_where_nothing_can_be_moved_to_show_the_slave():
     assert opacity_of_bodies(make_scene(cube(2), "slave")) == 1.0
     for mesh, explode, way in ((sandwich(), None, "ghost"), (two_cubes(), 0, "ghost"), (two_cubes(), None, "solid")):
         assert f'"bodiesAs":"{way}"' in page_text(mesh, slave="slave", explode=explode, camera=(1, -1, 1))
+
+
+@pytest.mark.parametrize(
+    ("slave", "moved"),
+    [("face_upper", "opened, tilted"), ("nut", ""), ("head", ""), (["face_upper", "nut", "head"], "")],
+)
+def test_bodies_stay_and_are_ghosts_where_no_motion_shows_the_slave(slave, moved):
+    """Under the head of a bolt and above its nut: the bolt hides one by itself, however it is moved."""
+    mesh = lacmesh.read(lacmesh.example("flange.msh"))
+    drawn = make_scene(mesh, slave)
+    assert drawn.moved == moved
+    assert opacity_of_bodies(drawn) == (1.0 if moved else BODIES_AS["ghost"])
+    text = page_text(mesh, slave=slave)
+    assert f'"bodiesAs":"{"solid" if moved else "ghost"}"' in text
+    assert f'"opened":{"true" if moved else "false"}' in text
+
+
+@pytest.mark.parametrize("turn", [np.eye(3), np.array([[2, -2, 1], [1, 2, 2], [-2, -1, 2]]) / 3])
+@pytest.mark.parametrize(("aside", "seen"), [(0.0, False), (0.1, False), (0.7, True)])
+def test_what_another_body_leaves_bare_is_in_sight(turn, aside, seen):
+    """A cube on three rows of faces: moved by a tenth it hides the middles of all, by seven tenths of one row."""
+    mesh = two_cubes()
+    visible = find_visible(mesh, "master", "slave")
+    x = mesh.points + np.outer(visible.body_of_node != visible.slave_bodies[0], [aside, 0, 0.2])
+    up = np.array([0.0, 0.0, 1.0])
+    assert shows_skin(x @ turn.T, visible, turn @ up) == seen
+    assert not shows_skin(x @ turn.T, visible, turn @ -up)  # the body itself hides it from below
 
 
 def test_bodies_have_the_names_of_their_groups():

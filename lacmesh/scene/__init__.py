@@ -26,7 +26,7 @@ from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import drawn_bodies, exploded, find_exploded_view, find_eye, fit_camera
+from lacmesh.scene.placing import arrange, exploded, find_eye, fit_camera
 from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import MASTER as IS_MASTER
 from lacmesh.scene.visible import SLAVE, Groups, VisibleSurface, find_visible, names_of_bodies
@@ -103,11 +103,7 @@ def make_scene(
     given, mesh = mesh, from_origin(mesh, origin_of_mesh(mesh))  # a graphics card counts with seven digits
     visible = find_visible(mesh, slave, master, near=placing.near, cutaway=placing.cutaway)
     eye = find_eye(mesh, visible, placing.camera)
-    explode, tilt, bodies = placing.explode, placing.tilt, placing.bodies
-    if bodies in ("ghost", "hidden") and explode is None and tilt is None:
-        explode, tilt = 0.0, 0.0  # nothing hides the skin
-    view = find_exploded_view(mesh, visible, eye, explode, tilt)
-    bodies = bodies or drawn_bodies(mesh, visible, eye, view, placing.part)
+    view, bodies = arrange(mesh, visible, eye, placing)
     points = exploded(mesh, visible, view)
     marks = None if findings is None else find_marks(mesh, findings, visible.kept)
     return Scene(

@@ -10,7 +10,9 @@ import numpy as np
 
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
+from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import MASTER, SLAVE, Vector, VisibleSurface, diagonal, is_segment, unit
+from lacmesh.topology.components import label_components
 
 #: where the eye is by default, and how far from straight on it may see the slave skin, in degrees
 OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0
@@ -18,6 +20,9 @@ OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0
 GAP, PLANE_GAP = 0.05, 0.03
 #: a skin whose mean normal is less than this looks every way
 ONE_WAY = 0.3
+#: a skin is in sight if this part of each patch is; patches that are looked at, and faces of each, at most; by how much
+#: what hides a face is nearer to the eye, as a part of the diagonal
+_IN_SIGHT, _PATCHES, _LOOKED_AT, _APART = 0.25, 16, 40, 1e-4
 
 
 @dataclass(frozen=True)
@@ -96,16 +101,58 @@ def find_exploded_view(
     return ExplodedView(centre, axis, float(np.radians(tilt)), -(overlap + gap * diagonal(shown)) * outward)
 
 
-def drawn_bodies(
-    mesh: Mesh, visible: VisibleSurface, eye: Floats, view: ExplodedView | None, opened: bool = False
-) -> str:
-    """Return how bodies are drawn by default: `solid`, or `ghost` where they hide the slave skin and none is moved.
+def arrange(mesh: Mesh, visible: VisibleSurface, eye: Floats, placing: Placing) -> tuple[ExplodedView | None, str]:
+    """Return the motion of the bodies that carry slave faces, and how bodies are drawn, so that the skin is seen.
 
-    `opened`: True where only a part of the cells is drawn, which shows the skin.
+    Bodies are see-through where they hide it for all that may be moved, which then stays by default.
     """
-    if view is not None or opened or mesh.space_dim == 2 or not visible.hidden:
-        return "solid"
-    return "ghost" if find_outward(mesh.points, visible) @ eye <= 0 else "solid"
+    explode, tilt, bodies = placing.explode, placing.tilt, placing.bodies
+    free = explode is None and tilt is None
+    if bodies in ("ghost", "hidden") and free:
+        explode, tilt = 0.0, 0.0  # nothing hides the skin
+    view = find_exploded_view(mesh, visible, eye, explode, tilt)
+    if bodies:
+        return view, bodies
+    shown = placing.part or mesh.space_dim == 2 or not visible.hidden
+    if shown or shows_skin(exploded(mesh, visible, view), visible, eye):
+        return view, "solid"
+    return None if free else view, "ghost"
+
+
+def shows_skin(points: Floats, visible: VisibleSurface, eye: Floats) -> bool:
+    """True if, from the eye, a quarter of each patch of the slave skin, at points (n_nodes, 3), lies bare."""
+    axes, corners = screen_axes(eye), visible.faces.corners
+    corners = np.where(corners < 0, corners[:, :1], corners)
+    x = (points @ axes)[corners]
+    triangles = np.concatenate([x[:, :3], x[:, [0, 2, 3]]])
+    boxes = triangles.min(axis=1), triangles.max(axis=1)
+    least = _APART * diagonal(points[corners].reshape(-1, 3))
+    slaves = visible.rows(SLAVE)
+    joined = corners[slaves]
+    patch = label_components(np.repeat(joined[:, 0], 4), joined.ravel(), len(points))[joined[:, 0]]
+    for label in np.unique(patch)[:_PATCHES]:
+        rows = slaves[patch == label]
+        centres = x[rows[:: -(-len(rows) // _LOOKED_AT)]].mean(axis=1)
+        if sum(not _hidden(centre, triangles, boxes, least) for centre in centres) < _IN_SIGHT * len(centres):
+            return False
+    return True
+
+
+def _hidden(point: Floats, triangles: Floats, boxes: tuple[Floats, Floats], least: float) -> bool:
+    """True if one of some triangles (t, 3, 3) is nearer to the eye than a point (3,), and in front of it.
+
+    Coordinates are to the right, upwards and towards the eye. `boxes`: least and largest of each triangle (t, 3);
+    `least`: by how much it has to be nearer.
+    """
+    low, high = boxes
+    around = (low[:, :2] <= point[:2]).all(axis=1) & (high[:, :2] >= point[:2]).all(axis=1)
+    a, b, c = np.moveaxis(triangles[around & (high[:, 2] > point[2] + least)], 1, 0)
+    u, v, w = b - a, c - a, point - a
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    flat = area == 0
+    r, s = ((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]) / np.where(flat, 1.0, area) for p, q in ((w, v), (u, w)))
+    inside = (r >= 0) & (s >= 0) & (r + s <= 1) & ~flat
+    return bool((inside & (r * u[:, 2] + s * v[:, 2] > w[:, 2] + least)).any())
 
 
 def _why_still(visible: VisibleSurface) -> str:

@@ -30,7 +30,7 @@ from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
 from lacmesh.scene.layers import curved_parts, grid
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks
-from lacmesh.scene.placing import ExplodedView, drawn_bodies, find_exploded_view, find_eye
+from lacmesh.scene.placing import ExplodedView, arrange, find_exploded_view, find_eye
 from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import (
     BODY,
@@ -114,9 +114,8 @@ def page_text(
     marks = find_marks(mesh, [*(findings or ()), *_worst(mesh, values)], visible.kept)
     head, arrays = _content(mesh, visible, marks, values, moments)
     eye = find_eye(mesh, visible, placing.camera)
-    view = find_exploded_view(mesh, visible, eye, placing.explode or None)
-    head |= _placing(visible, head, eye, view, placing.explode)
-    shown = placing.bodies or drawn_bodies(mesh, visible, eye, None if placing.explode == 0 else view, placing.part)
+    view, shown = arrange(mesh, visible, eye, replace(placing, tilt=0.0) if placing.explode == 0 else placing)
+    head |= _placing(visible, head, eye, view or find_exploded_view(mesh, visible, eye)) | {"opened": view is not None}
     head |= {"title": title or title_of(mesh), "checked": findings is not None, "bodiesAs": shown}
     return _filled(head, arrays)
 
@@ -314,11 +313,9 @@ def _on_faces(mesh: Mesh, visible: VisibleSurface) -> tuple[Ints, Ints]:
     return order[np.repeat(low, count) + within], np.repeat(cells, count)
 
 
-def _placing(
-    visible: VisibleSurface, head: dict[str, Any], eye: Floats, view: ExplodedView | None, explode: float | None
-) -> dict[str, Any]:
+def _placing(visible: VisibleSurface, head: dict[str, Any], eye: Floats, view: ExplodedView | None) -> dict[str, Any]:
     """Direction of the eye, and motion of the bodies with the slave skin that shows it, in the page's own lengths."""
-    placed: dict[str, Any] = {"eye": eye.tolist(), "opened": explode != 0}
+    placed: dict[str, Any] = {"eye": eye.tolist()}
     if view is not None:
         mine = np.searchsorted(head["bodies"], visible.slave_bodies)
         placed["opening"] = {
