@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 MU, STICKS, SLIDES = 0.2, 1, 2
+BLUE, ORANGE = "#2b6cb0", "#e8701a"  # as in the pictures of lacsolver plot
 
 # ---- the clamp
 
@@ -30,10 +31,10 @@ left.set(
 )
 left.legend()
 for state, zone in zip(states, zones, strict=True):
-    for status, colour in ((STICKS, "tab:blue"), (SLIDES, "tab:red")):
+    for status, colour in ((STICKS, BLUE), (SLIDES, ORANGE)):
         on = zone.status == status
         right.plot(zone.centre[on, 0], np.full(on.sum(), state.time), "s", color=colour, markersize=5)
-right.set(xlabel="x, mm", ylabel="time", title="what sticks (blue) and what slides (red)")
+right.set(xlabel="x, mm", ylabel="time", title="what sticks (blue) and what slides (orange)")
 figure.tight_layout()
 figure.savefig("clamp.png")
 print(f"the clamp carries {carried[-1]:.1f} N/mm of {bound[-1]:.1f}")
@@ -49,7 +50,7 @@ outer, inner = (MU * p0 * r / a * np.sqrt(np.maximum(1 - (x / r) ** 2, 0)) for r
 figure, axes = plt.subplots(figsize=(11, 4.6), dpi=100)
 axes.plot(x, outer, "k--", label="0.2 times the pressure, half-spaces")
 axes.plot(x, outer - inner, "k-", label="Cattaneo and Mindlin")
-for status, colour, label in ((STICKS, "tab:blue", "sticks"), (SLIDES, "tab:red", "slides")):
+for status, colour, label in ((STICKS, BLUE, "sticks"), (SLIDES, ORANGE, "slides")):
     on = zone.status == status
     axes.plot(zone.centre[on, 0], np.abs(zone.shear_vector[on, 0]), "o", color=colour, label=label)
 axes.set(xlabel="x", ylabel="shear stress", title="two cylinders, pressed together and sheared")
