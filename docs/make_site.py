@@ -27,6 +27,7 @@ OPTIONS = {
     "html_static_path": ["style.css"],
     "html_css_files": ["style.css"],
     "html_show_sphinx": False,
+    "html_show_copyright": False,
     "html_show_search_summary": False,  # they are fetched, which browsers forbid for files
     "html_copy_source": False,
     "html_show_sourcelink": False,

@@ -115,6 +115,7 @@ NEEDS = {
     "ngsolve": lambda: _no_package("ngsolve"),
     "mfem": lambda: _no_package("mfem"),
     "sfepy": lambda: _no_package("sfepy"),
+    "dolfinx": lambda: _no_package("dolfinx"),
     "compiler": lambda: _no_program("g++", "g++"),
     "docs": lambda: _no_package("sphinx") or _no_package("myst_parser") or _no_package("furo"),
 }
@@ -133,6 +134,7 @@ FORGIVEN = (
     "ngsolve",
     "mfem",
     "sfepy",
+    "dolfinx",
     "compiler",
 )
 

@@ -22,7 +22,9 @@ PAGE = BRIDGES.with_suffix(".md").read_text(encoding="utf-8")
 MESH = ROOT / "data" / "press_fit.msh"
 CONSOLE, FILES = re.findall(r"```console\n(.*?)```", PAGE, re.DOTALL)
 (CPP,) = re.findall(r"```cpp\n(.*?)```", PAGE, re.DOTALL)
-NAMES = [pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("felupe", "ngsolve", "mfem", "sfepy")]
+NAMES = [
+    pytest.param(name, marks=getattr(pytest.mark, name)) for name in ("felupe", "ngsolve", "mfem", "sfepy", "dolfinx")
+]
 
 
 def bridge(name):
@@ -49,13 +51,14 @@ def own(order):
         pytest.param("ngsolve", 1, marks=pytest.mark.ngsolve),
         pytest.param("mfem", 1, marks=pytest.mark.mfem),
         pytest.param("sfepy", 1, marks=pytest.mark.sfepy),
+        pytest.param("dolfinx", 1, marks=pytest.mark.dolfinx),
     ],
 )
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_bridge_solves_as_lacsolver_does(name, order):
     theirs = bridge(name).solve(MESH, **({"order": order} if order == 2 else {}))
     ours = own(order)
-    u = theirs.u.reshape(-1, 3) if name in ("felupe", "sfepy") else theirs.u.reshape(3, -1).T
+    u = theirs.u.reshape(-1, 3) if name in ("felupe", "sfepy", "dolfinx") else theirs.u.reshape(3, -1).T
     np.testing.assert_allclose(u, ours.u, rtol=0, atol=1e-9 * abs(ours.u).max())
     pressure = ours.contact["fit"].pressure
     np.testing.assert_allclose(theirs.pressure, pressure, rtol=0, atol=1e-9 * pressure.max())
