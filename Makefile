@@ -70,8 +70,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@mkdir -p .venv && touch $@
 
 test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); what is skipped must be what was expected
-	@bash tools/test.sh
-	LACMESH_ALL=1 $(PYTEST) -m "not petsc and not slow"
+	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
 lint: $(INSTALLED) ## style, types, import layers
 	$(BIN)/ruff check .
