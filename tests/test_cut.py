@@ -17,11 +17,13 @@ from lacmesh.mesh import Model, Periodic
 from lacmesh.reference.quadrature import measure
 from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
+from tests.samples import samples
 
 VARIANTS = ("pyramid", "hexa", "auto")
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.fuzz
+@settings(max_examples=samples(25, 60), deadline=None)
 @given(
     seed=st.integers(0, 10**9),
     dim=st.sampled_from([2, 3]),
@@ -43,7 +45,8 @@ def test_random_meshes(seed, dim, order, hexa, interior, twins, slaves):
     assert len(cut.mesh.node_groups["every"]) == cut.mesh.n_nodes
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.fuzz
+@settings(max_examples=samples(10, 25), deadline=None)
 @given(seed=st.integers(0, 10**9), order=st.sampled_from([1, 2]), hexa=st.sampled_from(VARIANTS))
 def test_order_does_not_matter(seed, order, hexa):
     """Permuting slave faces, cells or groups gives the same mesh up to numbering."""

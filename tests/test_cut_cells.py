@@ -63,10 +63,10 @@ def test_one_cell(name, j, variant):
 def test_every_set_of_slave_faces(name, variant):
     """Several slave faces of one cell, in any order, in one pass: one macro-element each.
 
-    Quadratic cells are cut as their corners are: pairs and all faces are enough for these.
+    Pairs, with three that meet at a corner or do not, and all faces; quadratic cells are cut as their corners are.
     """
     n = len(CELLS[name].facets)
-    for size in range(2, n + 1) if CELLS[name].order == 1 else samples((2, n), range(2, n + 1)):
+    for size in samples(sorted({2, n} | ({3} if CELLS[name].order == 1 else set())), range(2, n + 1)):
         for facets in combinations(range(n), size):
             mesh = cell_with_faces(name, facets, rotation=size, inward=bool(size % 2))
             cut = cut_skin(mesh, "slave", hexa=variant)

@@ -14,7 +14,7 @@ from lacmesh.scene import make_scene
 from tests.lacsolver.patch_meshes import stack
 from verification.meshes.stacks import tilt
 
-FAR = (1e3, 1e5, 1e7)
+FAR = (1e3, 1e7)
 KINDS = {2: ("QUAD8", "TRIA3"), 3: ("HEXA8", "TETRA4")}
 
 
@@ -86,7 +86,7 @@ def test_a_picture_is_drawn_near_0(dim):
         np.testing.assert_allclose(np.ptp(b.points, axis=0), np.ptp(a.points, axis=0), atol=1e-12)
 
 
-@pytest.mark.parametrize("length", [1e-6, 1e-3, 1e3, 1e6])
+@pytest.mark.parametrize("length", [1e-6, 1e3])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_units_of_length(dim, length):
     _, mesh, _ = moved(dim, 0.0)

@@ -8,6 +8,7 @@ import math
 import os
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from threading import Lock
 
@@ -16,10 +17,10 @@ import pytest
 
 from lacmesh import kernels
 from lacmesh.kernels import Kernel, kept
-from lacmesh.kernels.signatures import FILE, compile_signature, declared
+from lacmesh.kernels.signatures import FILE, compile_signature, declared, described
 from lacmesh.kernels.threads import in_threads, worthwhile
 from tests.kernels_to_try import DATA
-from tests.samples import one_in
+from tests.samples import one_in, samples
 from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
 
@@ -40,13 +41,9 @@ def ran(folder, limit=""):
     return done.stdout.split(), "compiling" in done.stderr
 
 
-def test_a_kernel_is_kept_and_the_first_says_that_it_is_compiled(tmp_path):
+def test_a_kernel_is_kept_and_said_to_be_compiled_at_first_and_where_it_is_damaged(tmp_path):
     assert ran(tmp_path) == (["4.0", "Counter({(float64,):", "1})"], True)
     assert ran(tmp_path) == (["4.0", "Counter()"], False)
-
-
-def test_what_is_damaged_is_compiled_again(tmp_path):
-    assert ran(tmp_path)[1]
     for path in tmp_path.rglob("*.nbc"):
         path.write_bytes(path.read_bytes()[:100])
     assert ran(tmp_path)[0][0] == "4.0"
@@ -95,13 +92,17 @@ def same(a, b):
     return a.shape == b.shape and np.allclose(a, b, rtol=room, atol=room * scale, equal_nan=True)
 
 
-@pytest.fixture(scope="module")
-def worked(tmp_path_factory):
-    """Argument forms with which all the work called the kernels, and the kernels whose two forms differed."""
-    different, alone = [], Lock()
+@pytest.mark.fuzz
+def test_every_kernel_gives_the_same_compiled_and_as_it_stands_and_is_listed(tmp_path):
+    """Compared in the first calls of each form; after a change of arguments: `python -m tools.record_kernels`."""
+    different, alone, calls, most = [], Lock(), Counter(), samples(6, math.inf)
 
     def both(kernel, *arguments):
         with alone:  # other threads write into the same arrays
+            form = kernel, str(described(arguments))
+            calls[form] += 1
+            if calls[form] > most:
+                return kernel.compile()(*arguments)
             mine = copy.deepcopy(arguments)
             plain = kernel.py_func(*mine)
             made = kernel.compile()(*arguments)
@@ -109,12 +110,9 @@ def worked(tmp_path_factory):
                 different.append(kernel.__name__)
         return made
 
-    return recorded(tmp_path_factory.mktemp("work"), both), different
-
-
-def test_every_kernel_gives_the_same_compiled_and_as_it_stands(worked):
-    compared, different = worked
+    compared = recorded(tmp_path, both)
     assert not different
+    assert compared == json.loads(FILE.read_text())
     inside = {value for one in Kernel.known for _, value in one.named() if isinstance(value, Kernel)}
     own = {f"{k.__module__}.{k.__qualname__}" for k in Kernel.known if k not in inside}
     assert {name for name in own if not name.startswith(("tests.", "test_", "benchmarks."))} <= set(compared)
@@ -276,11 +274,6 @@ def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, m
 
 
 # ---- compiling beforehand
-
-
-def test_what_is_listed_is_what_kernels_are_called_with(worked):
-    """After a change: `python -m tools.record_kernels`."""
-    assert worked[0] == json.loads(FILE.read_text())
 
 
 def test_compile_compiles_all_that_is_listed(tmp_path):

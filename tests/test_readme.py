@@ -27,21 +27,6 @@ def blocks(page, language):
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
-def run_commands(page):
-    """Run the commands of a page in their order, and return how many there are."""
-    commands = [line[2:] for block in blocks(page, "console") for line in block.splitlines() if line.startswith("$ ")]
-    for command in commands:
-        name, *args = shlex.split(command)
-        assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
-    return len(commands)
-
-
-def test_commands_of_the_readme_run(fresh):
-    assert run_commands(README) == 3
-    assert {"two_blocks.lac.msh", "two_blocks_pressure.png", "two_blocks"} <= {p.name for p in fresh.iterdir()}
-    assert (fresh / "two_blocks" / "solid.pvd").is_file()
-
-
 #: runs commands (sys.argv[2:]) with the modules sys.argv[1] out of reach
 WITHOUT = """
 import json, shlex, sys
@@ -68,8 +53,8 @@ def out_of_reach(named):
 
 
 @pytest.mark.vtk
-def test_the_install_line_of_the_readme_brings_what_its_commands_need(fresh):
-    """In an installation by the line that stands there; without its extras the third command fails."""
+def test_the_readme_runs_with_what_its_install_line_brings(fresh):
+    """Its commands and its Python, in an installation by the line that stands there; less of one fails."""
     (line,) = re.findall(r"^pip install '\.\[(.*)\]'", "\n".join(blocks(README, "")), re.MULTILINE)
     commands = [c[2:] for block in blocks(README, "console") for c in block.splitlines()]
     (code,) = blocks(README, "python")
@@ -81,19 +66,25 @@ def test_the_install_line_of_the_readme_brings_what_its_commands_need(fresh):
     assert "pyvista" in out_of_reach([]) and "numpy" not in out_of_reach([])
     done = run(line.split(","), commands)
     assert done.returncode == 0 and "macro-elements" in done.stdout, done.stderr
+    assert len(commands) == 3 and (fresh / "two_blocks" / "solid.pvd").is_file()
+    assert {"two_blocks.lac.msh", "two_blocks_pressure.png"} <= {p.name for p in fresh.iterdir()}
     without = run([], [commands[2].replace("-o two_blocks", "-o again").replace("pressure.png", "again.png")])
     assert without.returncode != 0 and "pip install 'lacmesh[view]'" in without.stderr
 
 
 @pytest.mark.slow
 def test_commands_of_the_overview_run(fresh):
-    assert run_commands(OVERVIEW) >= 15
+    printed = "".join(blocks(OVERVIEW, "console"))
+    commands = [line[2:] for line in printed.splitlines() if line.startswith("$ ")]
+    for command in commands:
+        name, *args = shlex.split(command)
+        assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
+    assert len(commands) >= 15
     assert {"two_blocks.med", "quadratic.msh"} <= {p.name for p in fresh.iterdir()}
 
 
-@both
-def test_python_runs(page, fresh):
-    (code,) = blocks(page, "python")
+def test_python_of_the_overview_runs(fresh):
+    (code,) = blocks(OVERVIEW, "python")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=fresh)
     assert done.returncode == 0, done.stderr
     assert "macro-elements" in done.stdout

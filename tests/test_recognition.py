@@ -22,6 +22,7 @@ from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
 from tests.checks.blocks import SOLIDS, block, cut_blocks, join, skin, two_blocks
 from tests.meshes import cell_with_faces, random_mesh
+from tests.samples import samples
 from tests.test_cut_cells import CASES, CUTS, from_aster, type_of
 
 
@@ -67,9 +68,10 @@ def test_several_slave_faces_of_one_cell(name, variant):
         same(cut, recognise(without_records(cut.mesh), "slave"))
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("order", [1, 2, 3])
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(samples(6, 12)))  # six: with interior faces and twins, or without
 def test_random_meshes(seed, dim, order):
     """Mixtures with faces between cells, duplicates, both orientations, any numbering; and uncut ones find nothing."""
     rng = np.random.default_rng([seed, dim, order])

@@ -52,14 +52,14 @@ def all_well_before_and_after(mesh, slave="slave", master="master", held=(), but
 #: a type of each family, or all
 SOME = one_of_each(SOLIDS, lambda name: CELLS[name].family)
 #: the largest shape, for one type of each family and order
-LARGE = samples(("TETRA10", "HEXA8"), ("TETRA10", "HEXA8", "HEXA20", "PENTA6", "PYRAM13"))
+LARGE = samples(("HEXA8",), ("TETRA10", "HEXA8", "HEXA20", "PENTA6", "PYRAM13"))
 
 
 def shapes():
-    """Every type in every shape, or in two by turns; the largest shape for some types."""
+    """Every type in every shape, or in one by turns; the largest shape for some types."""
     others = [shape for shape in SHAPES if shape != "torus"]
     for k, name in enumerate(SOLID):
-        yield from ((name, shape) for shape in samples((others[k % 4], others[(k + 1) % 4]), others))
+        yield from ((name, shape) for shape in samples((others[k % 4],), others))
         yield from [(name, "torus")] if name in LARGE else []
 
 

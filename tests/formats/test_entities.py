@@ -13,6 +13,7 @@ from lacmesh.errors import DataError, LacmeshWarning
 from lacmesh.formats.entities import Entity, assign
 from lacmesh.mesh import Mesh, Model, Periodic
 from tests.formats.msh_meshes import meshes
+from tests.samples import samples
 
 
 def chain(n, **rest):
@@ -31,7 +32,8 @@ def node_tags(mesh):
     return [(table.entities[r].dim, table.entities[r].tag) for r in table.node]
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@pytest.mark.fuzz
+@settings(max_examples=samples(50, 150), deadline=None, suppress_health_check=list(HealthCheck))
 @given(mesh=meshes())
 def test_the_table_says_what_the_groups_say(mesh):
     table = assign(mesh)

@@ -696,7 +696,7 @@ def outcome(path):
 @pytest.mark.fuzz
 def test_every_part_missing_or_of_another_kind(tmp_path, cube):
     """Each link and attribute in turn: gone or a group, or replaced by text, reals, too few or very large integers."""
-    step = samples(3, 1)
+    step = samples(6, 1)
     source, path = tmp_path / "source.med", tmp_path / "damaged.med"
     med.write(source, replace(cube, zones=("a",)))
     places = []

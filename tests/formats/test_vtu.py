@@ -54,7 +54,7 @@ def test_the_table_is_sound():
 
 
 @pytest.mark.fuzz
-@settings(max_examples=samples(40, 120), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=samples(20, 120), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mesh=meshes(kinds=KINDS))
 def test_what_is_written_is_read(mesh, tmp_path):
     for k, options in enumerate(({}, {"binary": False}, {"compress": True})):

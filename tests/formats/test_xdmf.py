@@ -40,7 +40,7 @@ def test_the_table_is_sound():
 
 
 @pytest.mark.fuzz
-@settings(max_examples=samples(40, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=samples(20, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mesh=meshes(kinds=KINDS))
 def test_what_is_written_is_read(mesh, tmp_path):
     for options in ({}, {"binary": False}, {"compress": True}):

@@ -58,15 +58,16 @@ FORMATS = {
 }
 
 
-def meshes() -> list[Mesh]:
+@cache
+def meshes() -> tuple[Mesh, ...]:
     """A cut, mixtures of cells in space and in the plane, and a mesh with all that a mesh may have."""
     rng = np.random.default_rng
-    return [
+    return (
         cut_skin(cell_with_faces("HEXA8", (0, 5)), "slave").mesh,
         random_mesh(rng(1), 3),
         random_mesh(rng(2), 2, order=2),
         _everything(),
-    ]
+    )
 
 
 def _everything() -> Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import h5py
@@ -23,11 +24,18 @@ def cut():
     return cut_skin(read(BLOCKS), "slave").mesh
 
 
+@pytest.fixture(scope="module")
+def written(cut, tmp_path_factory):
+    """A folder with four parts of the cut, which no test changes."""
+    folder = tmp_path_factory.mktemp("written") / "parts"
+    write_parts(folder, cut, distribute_nodes(cut, 4))
+    return folder
+
+
 @pytest.fixture
-def parts(cut, tmp_path):
-    """A folder with four parts of the cut."""
-    write_parts(tmp_path / "parts", cut, distribute_nodes(cut, 4))
-    return tmp_path / "parts"
+def parts(written, tmp_path):
+    """A copy of the folder with four parts."""
+    return shutil.copytree(written, tmp_path / "parts")
 
 
 def check(mesh, n, folder, everywhere):
@@ -39,7 +47,7 @@ def check(mesh, n, folder, everywhere):
             assert differences(there, here) == []
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 8])
+@pytest.mark.parametrize("n", [1, 2, 5])
 def test_parts_read_are_those_of_the_whole_mesh(cut, n, tmp_path):
     check(cut, n, tmp_path, ("slave", "master"))
 

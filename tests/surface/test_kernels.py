@@ -73,7 +73,7 @@ def test_tidying_takes_out_what_adds_no_area_and_the_longer_edge_names_both():
 @pytest.mark.fuzz
 def test_layers_keep_the_nearest_and_the_union():
     rng = np.random.default_rng(3)
-    for _ in range(samples(15, 50)):
+    for _ in range(samples(6, 50)):
         of = make_room(1000)
         n = int(rng.integers(2, 9))
         polygons = [convex(rng) for _ in range(n)]

@@ -56,7 +56,7 @@ def test_cut_interfaces_are_integrated_exactly_in_either_role(hexa, order, skew)
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("seed", range(samples(4, 12)))
+@pytest.mark.parametrize("seed", range(samples(2, 12)))
 @pytest.mark.parametrize("kind", ["QUAD8", "QUAD9", "TRIA6", "TRIA7"])
 def test_sides_that_are_curved_in_the_plane(kind, seed):
     def swirl(x):
@@ -273,7 +273,7 @@ def test_layers_of_lines():
     assert np.isclose((p.weight * p.gap).sum(), 0.6 * 0.05 + 0.4 * 0.1)
 
 
-@pytest.mark.parametrize("patch", [1, 10**5, 10**9])
+@pytest.mark.parametrize("patch", [1, 10**5, 10**7])
 def test_layers_of_lines_on_any_patch(patch):
     """Neighbours share 5e-13, which is rounding; a third interval shares 5e-12 with a farther one, which is cut."""
     low, high = np.array([0.0, 0.1 - 5e-13, 0.7]), np.array([0.1, 0.7 + 5e-12, 1.0])
@@ -485,9 +485,9 @@ def test_what_presses_does_not_jump_as_faces_bend_and_is_mirrored(kind, normals)
     slave = whole(sheet(5, kind=kind, skew=0.1))
     master = whole(sheet(4, 0.01, kind=kind, skew=0.1, seed=1, down=True))
     last = None
-    for amount in np.geomspace(1e-7, 1e-2, 61):  # faces bend by less and by more than what counts as flat
+    for amount in np.geomspace(1e-7, 1e-2, samples(31, 61)):  # faces bend by less and by more than what counts as flat
         made = _pressing(_bent(slave, amount), _bent(master, amount), normals)
-        if last is not None:  # bends grow by a fifth, and what presses by no more than that
+        if last is not None:  # bends grow by a fifth or half, and what presses by no more than that
             step = amount - last[0]
             for a, b in zip(last[1], made, strict=True):
                 assert np.abs(b - a).max() <= 20 * step * np.abs(b).max()
