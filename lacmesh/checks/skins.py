@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -91,12 +91,7 @@ def _in_two_zones(subject: Subject) -> Iterator[Finding]:
 
 def check_parents(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check the parent cells of the faces, and the orientation of the faces."""
-    findings: list[Finding] = []
-    for side in subject.sides:
-        if len(side):
-            findings += _behind(subject, side)
-            findings += _inward(subject, side)
-    return findings, {}
+    return _of_sides(subject, _behind, _inward), {}
 
 
 def _are_recorded(subject: Subject, cells: Ints) -> bool:
@@ -167,12 +162,12 @@ def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:
 
 def check_shape(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
     """Check that each skin is a manifold surface of faces of one order."""
-    findings: list[Finding] = []
-    for side in subject.sides:
-        if len(side):
-            findings += _branches(subject, side)
-            findings += _orders(subject, side)
-    return findings, {}
+    return _of_sides(subject, _branches, _orders), {}
+
+
+def _of_sides(subject: Subject, *rules: Callable[[Subject, CheckedSkin], Iterator[Finding]]) -> list[Finding]:
+    """Findings of some rules on each skin that has faces."""
+    return [finding for side in subject.sides if len(side) for rule in rules for finding in rule(subject, side)]
 
 
 def _branches(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:

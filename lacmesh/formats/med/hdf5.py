@@ -153,30 +153,27 @@ class Branch:
 
     def integer(self, name: str, default: Any = _MISSING, *, of: Name = "") -> int:
         """An integer attribute of the group, or of the dataset `of`."""
-        value = self._attribute(name, of, default)
-        if value is None:
-            return default
-        if value.size != 1 or value.dtype.kind not in "iu":
-            raise self.error(f"attribute {name} is not an integer", of)
-        return int(value.reshape(-1)[0])
+        value = self._one(name, of, default, "iu", "an integer")
+        return default if value is None else int(value)
 
     def real(self, name: str, default: float) -> float:
         """A real attribute of the group."""
-        value = self._attribute(name, "", default)
-        if value is None:
-            return default
-        if value.size != 1 or value.dtype.kind not in "iuf":
-            raise self.error(f"attribute {name} is not a number")
-        return float(value.reshape(-1)[0])
+        value = self._one(name, "", default, "iuf", "a number")
+        return default if value is None else float(value)
 
     def string(self, name: str, default: str = "") -> str:
         """A text attribute of the group, without the blanks that fill it up."""
-        value = self._attribute(name, "", default)
+        value = self._one(name, "", default, "SUO", "text")
+        return default if value is None else text(value)
+
+    def _one(self, name: str, of: Name, default: Any, kinds: str, what: str) -> Any:
+        """The one value of an attribute, None where the default stands for it; `kinds`: of numpy's types."""
+        value = self._attribute(name, of, default)
         if value is None:
-            return default
-        if value.size != 1 or value.dtype.kind not in "SUO":
-            raise self.error(f"attribute {name} is not text")
-        return text(value.reshape(-1)[0])
+            return None
+        if value.size != 1 or value.dtype.kind not in kinds:
+            raise self.error(f"attribute {name} is not {what}", of)
+        return value.reshape(-1)[0]
 
     def check_room(self, n_bytes: int, name: Name = "", packed: bool = True) -> None:
         """Raise ReadError for an array that the file cannot hold: deflate packs 1032:1 at most, MED packs nothing."""
