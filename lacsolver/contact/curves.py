@@ -20,7 +20,7 @@ from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools, RowState, Unilateral
 
 #: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
-_LEAST = 1e-3
+_LEAST = 1e-6
 #: iterations for the inverse of the exponential, and for its knee; each at least squares the error
 _STEPS = 60
 

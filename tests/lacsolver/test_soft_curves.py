@@ -73,6 +73,17 @@ def test_columns(name, geometry, tolerance, digits, most):
         assert state.iterations <= most and state.halvings == 0
 
 
+@pytest.mark.parametrize("load", [1e-9, 1e-6, 1e-3])
+def test_a_load_near_nothing_finds_the_beginning_of_an_exponential(load):
+    """A curve that begins without a slope, and a block that hangs on it alone along the normal."""
+    text = HEAD.format(model="3d") + "[steps]\nmax_halvings = 0\n[[material]]\nyoung = 1e2\npoisson = 0.0\n"
+    text += JOINT + text_of(Exponential(at_contact=0.2, clearance=0.05)) + held("bottom", ux=0.0, uy=0.0, uz=0.0)
+    text += held("top", ux=0.0, uy=0.0) + f'[[pressure]]\ngroup = "top"\nvalue = {load}\n'
+    (state,) = march(Problem.of(parse_case(text), stack("HEXA8", "HEXA8", 3, counts=(2, 3))))
+    np.testing.assert_allclose(state.zones[0].pressure, load, rtol=1e-6)
+    assert state.iterations <= 15
+
+
 def test_friction_goes_with_a_table():
     """A block on a gasket is pushed aside: friction carries mu times the pressure of the table, and no more."""
     text = HEAD.format(model="3d") + "[[material]]\nyoung = 1e3\npoisson = 0.0\n" + JOINT + text_of(LAWS["soft"])
