@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csr_array, vstack
+from scipy.sparse import bsr_array, csr_array, get_index_dtype, vstack
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
@@ -200,9 +200,11 @@ class Motion:
     def _on_unknowns(self, entries: csr_array, value: Floats) -> csr_array:
         """Return a matrix on all unknowns (columns), with the normals eliminated; `value` (entries, k, d).
 
-        Some rows are taken at once, as what stands between takes several times the memory of the matrix.
+        To eliminate normals some rows are taken at once, as what stands between takes several times the memory of the
+        matrix.
         """
-        starts = np.searchsorted(entries.indptr, np.arange(0, max(entries.nnz, 1), _BLOCKS_AT_ONCE))
+        at_once = max(entries.nnz, 1) if self.normals is None else _BLOCKS_AT_ONCE
+        starts = np.searchsorted(entries.indptr, np.arange(0, max(entries.nnz, 1), at_once))
         ends = np.unique([*starts, entries.shape[0]])
         parts = [self._some_on_unknowns(entries, value, *pair) for pair in itertools.pairwise(ends)]
         return parts[0] if len(parts) == 1 else csr_array(vstack(parts))
@@ -211,18 +213,19 @@ class Motion:
         """Return the rows of `_on_unknowns` that belong to the rows `first` to `last` of the entries."""
         n, k, start = self.d * len(self.nodes), value.shape[1], entries.indptr[first : last + 1]
         own, shape = slice(start[0], start[-1]), (k * (last - first), self.d * self._n_columns)
-        blocks = value[own], entries.indices[own], start - start[0]
+        dtype = get_index_dtype(maxval=max(value[own].size, self.d * self.n_nodes))  # half the memory, if they are few
+        blocks = value[own], entries.indices[own].astype(dtype), (start - start[0]).astype(dtype)
         A = bsr_array(blocks, shape=shape, blocksize=(k, self.d)).tocsr()
         if self.normals is not None:
             A = csr_array(A[:, :n] + A[:, n:] @ self.normals.derivative)
-        place = (self.d * self.nodes[:, None] + np.arange(self.d)).ravel()
+        place = (self.d * self.nodes[:, None] + np.arange(self.d)).ravel().astype(A.indices.dtype)
         return csr_array((A.data, place[A.indices], A.indptr), shape=(shape[0], self.d * self.n_nodes))
 
     def _on_rows(self, A: csr_array) -> csr_array:
         """Return a matrix whose rows are those of the skins' nodes with rows of all nodes."""
         count = np.zeros((self.n_nodes, self.d), np.int64)
         count[self.nodes] = np.diff(A.indptr).reshape(-1, self.d)
-        indptr = np.concatenate([[0], np.cumsum(count)])
+        indptr = np.concatenate([[0], np.cumsum(count)]).astype(A.indptr.dtype)
         return csr_array((A.data, A.indices, indptr), shape=(self.d * self.n_nodes, A.shape[1]))
 
 
