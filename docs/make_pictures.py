@@ -65,7 +65,8 @@ def draw_press_fit(folder: Path) -> None:
         case = folder / f"{surface}.toml"
         case.write_text(text.replace('name = "fit"', f'name = "fit"\nsurface = "{surface}"'), encoding="utf-8")
         picture_of = FIGURES / f"press_fit_{surface}.png"
-        assert lacsolver(["run", str(case), "-o", str(folder / surface), "--quiet", "--plot", str(picture_of)]) == 0
+        pressed = ["run", str(case), "-o", str(folder / surface), "--quiet", "--force"]
+        assert lacsolver([*pressed, "--plot", str(picture_of)]) == 0
 
 
 def main() -> None:
@@ -90,7 +91,7 @@ def main() -> None:
         sheet = Path(folder) / "two_blocks.html"
         findings = check(blocks, blocks.zones, "master")
         page(blocks, sheet, master="master", findings=findings, values=values, title=title)
-        pressed = ["run", str(ROOT / "data" / "two_blocks.toml"), "-o", f"{folder}/pressed", "--quiet"]
+        pressed = ["run", str(ROOT / "data" / "two_blocks.toml"), "-o", f"{folder}/pressed", "--quiet", "--force"]
         assert lacsolver([*pressed, "--plot", str(FIGURES / "two_blocks_pressure.png")]) == 0
         draw_press_fit(Path(folder))
         photograph(sheet, FIGURES / "view_page.png", "theme=light&colour=role&pick=330,270")

@@ -23,10 +23,8 @@ _EVEN, _SEEN = 0.9, 0.35
 #: a skin whose mean normal is less than this faces every way
 _ONE_WAY = 0.3
 #: how far a skin may be from a cylinder: the part of its normals along the axis; how far its nodes lie outside, and
-#: inside, as those of the cut do in the middles of flat faces
+#: inside, as those of the cut do in the middles of flat faces, which do not count for its radius
 _ALONG, _OUTSIDE, _INSIDE = 0.02, 0.03, 0.2
-#: nodes that lie inside of a first circle by more are left out of the second
-_LEVEL = 1e-6
 #: nodes around a face, at most
 _AROUND = 8
 #: cosine of the angle up to which a skin is seen along a coordinate axis
@@ -167,7 +165,7 @@ def _unrolled(rows: Ints, X: Floats, n: Floats, size: Floats, macro: Ints) -> Sk
     flat = X @ basis.T
     points = np.unique(X.reshape(-1, 3), axis=0) @ basis.T
     centre, radius = _circle(points)
-    centre, radius = _circle(points[np.linalg.norm(points - centre, axis=1) > (1 - _LEVEL) * radius])
+    centre, radius = _circle(points[np.linalg.norm(points - centre, axis=1) > (1 - _OUTSIDE) * radius])
     away = np.linalg.norm(points - centre, axis=1) / radius
     if away.max() > 1 + _OUTSIDE or away.min() < 1 - _INSIDE:
         return None
