@@ -1,8 +1,11 @@
-"""Share of the cases of a test in `make test`; `make fuzz`, which sets LACMESH_FUZZ, takes all."""
+"""Share of the cases of a test in `make test`; `make fuzz`, which sets LACMESH_FUZZ, or `make verify` takes all."""
 
 from __future__ import annotations
 
 import os
+from collections import Counter
+
+import pytest
 
 FUZZ = os.environ.get("LACMESH_FUZZ") == "1"
 
@@ -24,3 +27,21 @@ def one_of_each(cases, key):
     for case in every:
         firsts.setdefault(key(case), case)
     return every if FUZZ else list(firsts.values())
+
+
+def each_option(cases):
+    """Make parameters of cases, tuples of options: a few that together have every option, and the others marked slow.
+
+    The next one is always that with most options that none has yet; of several, that whose options are rarest so far.
+    """
+    every = [case if isinstance(case, tuple) else (case,) for case in cases]
+    options = [[(place, str(option)) for place, option in enumerate(case)] for case in every]
+    uses, quick = Counter(), set()
+
+    def worth(k):
+        return sum(not uses[option] for option in options[k]), -sum(uses[option] for option in options[k])
+
+    while (best := max(range(len(every)), key=worth)) not in quick and worth(best)[0]:
+        quick.add(best)
+        uses.update(options[best])
+    return [pytest.param(*case, marks=[pytest.mark.slow] * (k not in quick)) for k, case in enumerate(every)]

@@ -82,7 +82,7 @@ def test_what_moves_a_coupling_works_from_outside():
 
 def test_what_is_left_falls_with_the_steps():
     case, mesh = rubbed("plane_strain", "small")
-    left = [states_of(replace(case, steps=Steps(end=1.0, count=n)), mesh)[1][-1].step.work.left for n in (16, 64)]
+    left = [states_of(replace(case, steps=Steps(end=1.0, count=n)), mesh)[1][-1].step.work.left for n in (8, 32)]
     assert 3.5 < left[0] / left[1] < 4.5
 
 
@@ -117,7 +117,7 @@ def test_files_have_it_and_a_restart_goes_on_with_it(tmp_path):
     (*_, last) = json.loads((tmp_path / "a" / "results.json").read_text())["steps"]
     assert last["work"] == whole.steps[-1].work._asdict()
     assert "work.left" in (tmp_path / "a" / "history.csv").read_text().splitlines()[0]
-    without = replace(case, contact=(replace(case.contact[0], friction=0.0),))
+    without = replace(case, contact=(replace(case.contact[0], friction=0.0),), steps=Steps())
     assert ls.run(without, tmp_path / "c", mesh=mesh).steps[-1].work is None
 
 

@@ -19,9 +19,9 @@ MU, RADIUS, TILT = 0.3, 5.0, 0.1
 
 def pressed(shape, **contact):
     """A block over one with a flat skin, pressed on it: `round`, `tilted`, `apart` in parallel, or `flat` on it."""
-    mesh = block_on_block(((0, 3), (0, 1), 24, 4), ((1.0, 2.0), (1, 2), 12, 4))
+    mesh = block_on_block(((0, 3), (0, 1), 24, 2), ((1.0, 2.0), (1, 2), 12, 2))
     points = mesh.points.copy()
-    upper = np.unique(np.concatenate([b.nodes[b.nodes[:, 0] >= 25 * 5].ravel() for b in mesh.blocks]))
+    upper = np.unique(np.concatenate([b.nodes[b.nodes[:, 0] >= 25 * 3].ravel() for b in mesh.blocks]))
     x = points[upper, 0] - 1.5
     rise = {"round": RADIUS - np.sqrt(RADIUS**2 - x**2), "tilted": TILT * (x + 0.5), "apart": 0.01 + 0 * x}
     points[upper, 1] += rise.get(shape, 0 * x)
@@ -31,7 +31,7 @@ def pressed(shape, **contact):
         displacement=[
             Displacement(group="bottom", ux=0, uy=0), Displacement(group="top", ux="0.01 * t", uy="-0.02 * t"),
         ],
-        steps=Steps(end=1.0, count=4),
+        steps=Steps(end=1.0, count=1),
     )  # fmt: skip
     return case, replace(mesh, points=points)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import lacsolver as ls
 from lacsolver.case import Case, Contact, Displacement, Material, Solver, Traction
 from tests.lacsolver.patch_meshes import stack
+from tests.samples import each_option
 
 YOUNG, POISSON, PRESSURE, MU = 1000.0, 0.3, 1.0, 0.3
 #: (shear, slip): below the bound it sticks, at the bound it slides
@@ -19,6 +21,7 @@ KINDS = {
     3: [("TETRA4", "HEXA8"), ("HEXA8", "TETRA4"), ("TETRA10", "HEXA20"), ("HEXA20", "TETRA10")],
 }
 PAIRS = [(dim, *pair) for dim, pairs in KINDS.items() for pair in pairs]
+CASES = each_option(itertools.product(PAIRS, WAYS, ("below", "above")))
 
 
 def turned(dim):
@@ -81,11 +84,10 @@ def of_axis(displacement, k, upper):
     return lambda x, t: displacement(x, upper)[:, k]
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("below", [True, False], ids=["below", "above"])
-@pytest.mark.parametrize(("dim", "slave", "master"), PAIRS)
-def test_patch(dim, slave, master, way, below):
-    case = press(dim, slave, master, way, below)
+@pytest.mark.parametrize(("pair", "way", "place"), CASES, ids=str)
+def test_patch(pair, way, place):
+    dim = pair[0]
+    case = press(*pair, way, place == "below")
     solution = ls.solve(case)
     zone = solution.contact["joint"]
     stress, displacement = exact(dim, way)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import lacsolver as ls
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import CONTACT, SLIDES
 from lacsolver.results.recovered_shear import recover_shear
 from lacsolver.results.recovery import recover_pressure
 from tests.lacsolver.friction.small import coulomb
-from tests.lacsolver.friction.test_output import WAYS, rubbed
+from tests.lacsolver.friction.test_output import WAYS, joint
+from tests.samples import each_option
 from verification.families import friction_cattaneo as cattaneo
 from verification.measures.norms import nodal_pressure_error
 
@@ -33,10 +33,9 @@ def test_cylinders_that_are_sheared(cell, turns):
     assert own[1] < 0.68 * own[0]
 
 
-@pytest.mark.parametrize(("model", "geometry"), WAYS)
+@pytest.mark.parametrize(("model", "geometry"), each_option(WAYS))
 def test_it_is_within_its_bound_where_the_pressure_is(model, geometry):
-    case, mesh = rubbed(model, geometry)
-    zone = ls.solve(case, mesh).contact["joint"]
+    zone = joint(model, geometry)
     t, on = np.linalg.norm(zone.shear_recovered, axis=1), np.isfinite(zone.pressure_recovered)
     assert np.isfinite(t[on]).all() and np.isnan(t[~on]).all()
     assert (t[on] <= 0.4 * zone.pressure_recovered[on] * (1 + 1e-12) + 1e-12).all() and t[on].max() > 0
@@ -44,8 +43,7 @@ def test_it_is_within_its_bound_where_the_pressure_is(model, geometry):
 
 def skin():
     """Return the slave of a flat zone in space, its macro-elements, and their centres."""
-    case, mesh = rubbed("3d", "small")
-    zone = ls.solve(case, mesh).contact["joint"]
+    zone = joint("3d", "small")
     return zone.surface, zone.macro, zone.centre
 
 

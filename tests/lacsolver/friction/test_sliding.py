@@ -63,9 +63,9 @@ def test_a_block_is_pulled_over_another(slave, master):
 
 @pytest.mark.parametrize("geometry", ["reference", "current"])
 def test_sticking_does_not_drift(geometry):
-    """Ten cycles of shear, all sticking: tractions come back to round-off."""
+    """Three cycles of shear, all sticking: tractions come back to round-off."""
     mesh = block_on_block(((0, 2), (0, 1), 6, 3), ((0.4, 1.4), (1, 2), 5, 4))
-    times = np.arange(41) / 4 + 1
+    times = np.arange(13) / 4 + 1
     shear = [[0, 0], [1, 0], *([float(t), 1e-3 * float(np.sin(np.pi / 2 * k))] for k, t in enumerate(times) if k)]
     case = Case(
         model="plane_strain", kinematics="finite" if geometry == "current" else "small",
@@ -92,7 +92,7 @@ def test_a_thrown_block_stops():
         model="plane_strain", material=[Material(young=1e5, poisson=0.0, density=1.0)],
         contact=[Contact(name="joint", slave="above", master="below", friction=MU)],
         displacement=[Displacement(group="bottom", ux=0, uy=0)], gravity=Gravity(gy=-g),
-        initial=[Initial(groups=["upper"], vx=speed)], dynamics=Dynamics(scheme="hht"), steps=Steps(end=1.0, count=100),
+        initial=[Initial(groups=["upper"], vx=speed)], dynamics=Dynamics(scheme="hht"), steps=Steps(end=1.0, count=50),
     )  # fmt: skip
     *_, last = ls.march(case, mesh)
     zone = last.contact["joint"]
