@@ -29,13 +29,14 @@ def one_of_each(cases, key):
     return every if FUZZ else list(firsts.values())
 
 
-def each_option(cases):
+def each_option(cases, of=enumerate):
     """Make parameters of cases, tuples of options: a few that together have every option, and the others marked slow.
 
-    The next one is always that with most options that none has yet; of several, that whose options are rarest so far.
+    `of`: a function of a case that gives its options, where they are not what stands at each place. The next case is
+    always that with most options that none has yet; of several, that whose options are rarest so far.
     """
-    every = [case if isinstance(case, tuple) else (case,) for case in cases]
-    options = [[(place, str(option)) for place, option in enumerate(case)] for case in every]
+    every = list(cases)
+    options = [[str(option) for option in of(case)] for case in every]
     uses, quick = Counter(), set()
 
     def worth(k):

@@ -110,6 +110,10 @@ def check_coupled(ran):
     assert lid["displacement"][2] == pytest.approx(2e-3) and lid["rotation"] == [0, pytest.approx(1e-3), 0]
     assert lid["force"][0] == pytest.approx(0.5) and lid["force"][1] == pytest.approx(0, abs=1e-12)
     assert pin["displacement"][1] == pytest.approx(1e-3)
+    body = ran.solid()
+    places = [np.abs(body.points - x).max(axis=1).argmin() for x in ([0, 0, 1], [0, 0.5, 1])]
+    one, other = body.node_data["displacement"][places, 1]
+    assert one != pytest.approx(other, rel=1e-3)  # along y nodes of the lid are free
     loads = {load["section"]: load for load in ran.results["loads"]}
     np.testing.assert_allclose(loads["force"]["moment"], [0, 0, 0.375], atol=1e-12)
 

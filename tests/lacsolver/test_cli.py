@@ -11,7 +11,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import suppress
 from dataclasses import replace
 from importlib import import_module
 
@@ -57,16 +56,16 @@ def results(folder):
 # ---- start
 
 
-@pytest.mark.parametrize("words", [["--help"], ["--version"], ["run", "--help"], ["validate", "--help"]])
-def test_help_and_version_import_no_numpy(words):
+def test_help_and_version_import_no_numpy():
     code = (
         "import sys\nfrom lacsolver.cli import main\n"
-        f"try: main({words!r})\nexcept SystemExit as e: assert e.code == 0\n"
+        "for words in (['--help'], ['--version'], ['run', '--help'], ['validate', '--help']):\n"
+        "    try: main(words)\n    except SystemExit as e: assert e.code == 0\n"
         "heavy = {'numpy', 'scipy', 'h5py', 'rich', 'numba', 'pyvista'} & set(sys.modules)\nassert not heavy, heavy"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert "lacsolver" in done.stdout
+    assert done.stdout.count("usage: lacsolver") == 3
 
 
 def test_importing_the_package_imports_nothing():
@@ -75,7 +74,12 @@ def test_importing_the_package_imports_nothing():
 
 
 @pytest.mark.parametrize(
-    "first", ["lacsolver", "lacsolver.running", "lacsolver.equilibrium.stepping", "lacsolver.pictures.drawing"]
+    "first",
+    [
+        "lacsolver",
+        "lacsolver.pictures.drawing",
+        *(pytest.param(f"lacsolver.{name}", marks=pytest.mark.slow) for name in ("running", "equilibrium.stepping")),
+    ],
 )
 def test_public_names_are_what_they_say_whatever_was_imported_before(first):
     code = (
@@ -147,16 +151,12 @@ def test_every_step_has_a_line(folder, capsys):
 FRICTION = GOOD.replace('master = "master"\n', 'master = "master"\nfriction = 0.3\n')
 
 
-@pytest.mark.parametrize("quiet", [False, True])
-def test_a_log_has_a_line_for_each_step_and_nothing_that_moves(folder, quiet):
+def test_a_log_has_a_line_for_each_step_and_nothing_that_moves(folder):
     """Output of a batch job: no terminal, standard output and error in one file."""
     (folder / "case.toml").write_text(FRICTION + "[steps]\ncount = 3\n")
-    with command("run", "case.toml", *(["-q"] if quiet else []), stderr=subprocess.STDOUT) as child:
+    with command("run", "case.toml", stderr=subprocess.STDOUT) as child:
         log, _ = child.communicate(timeout=300)
     assert child.returncode == 0, log
-    if quiet:
-        assert log == ""
-        return
     assert "\x1b" not in log and "\r" not in log and "iteration " not in log
     heading, *lines = log.splitlines()[:4]
     columns = re.split(r"  +", heading.strip())
@@ -171,24 +171,6 @@ def test_a_log_has_a_line_for_each_step_and_nothing_that_moves(folder, quiet):
         assert [cells["iterations"], cells["cutbacks"]] == [str(step["iterations"]), str(step["halvings"])]
         assert cells["in contact"] == f"{sum(friction)} of 3"
         assert [int(cells["sticking"]), int(cells["sliding"])] == friction
-
-
-def test_a_terminal_shows_iterations_and_keeps_a_line_for_each_step(folder):
-    (folder / "case.toml").write_text(FRICTION + "[steps]\ncount = 3\n")
-    ours, theirs = pty.openpty()
-    env = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120"}
-    with command("run", "case.toml", stdout=theirs, stderr=theirs, text=False, env=env) as child:
-        os.close(theirs)
-        shown = b""
-        with suppress(OSError):  # the other end is closed
-            while piece := os.read(ours, 4096):
-                shown += piece
-    os.close(ours)
-    assert child.returncode == 0
-    text = shown.decode()
-    assert re.search(r"towards t = \S+ of 1", text) and "\x1b[2K" in text  # the display that is erased again
-    kept = re.findall(r"\x1b\[2K +(\d) +(?:0\.\d+|1) +\d+ +0 +\S+ +\d of 3.*\n", text)
-    assert kept == ["1", "2", "3"]
 
 
 def test_quiet_prints_nothing(folder, capsys):
@@ -330,7 +312,8 @@ def started(folder, words=("run", "case.toml"), steps=3, **options):
 
 
 @pytest.mark.parametrize(
-    "number, status, word", [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
+    "number, status, word",
+    [pytest.param(signal.SIGINT, 130, "interrupted", marks=pytest.mark.slow), (signal.SIGTERM, 143, "terminated")],
 )
 def test_a_run_that_is_stopped_leaves_what_converged(folder, number, status, word):
     process = started(folder)
@@ -439,9 +422,9 @@ def visible(shown):
 
 
 def test_a_terminal_shows_iterations_which_leave_a_line_a_step(folder):
-    (folder / "case.toml").write_text(GOOD + "[steps]\ncount = 3\n")
+    (folder / "case.toml").write_text(FRICTION + "[steps]\ncount = 3\n")
     status, shown = on_terminal(["run", "case.toml"], folder)
-    assert status == 0
+    assert status == 0 and "\x1b[2K" in shown  # the display that is erased again
     assert re.search(r"towards t = [\d.]+ of 1", shown) and re.search(r"iteration +\d+  closed +3", shown)
     lines = visible(shown)
     assert not [line for line in lines if "towards" in line or "preparing" in line]

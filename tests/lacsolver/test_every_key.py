@@ -84,7 +84,7 @@ def test_every_line_of_a_case_has_its_effect(shop, name):
     case = CASES[name]
     ran = shop.run(case, case.text)
     CHECKS[name](ran)
-    lines = one_in(3, without_a_line(case.text))
+    lines = one_in(7, without_a_line(case.text))
     idle = [line for line, text in lines if is_idle(shop, case, ran.case, text, CHECKS[name])]
     assert set(idle) <= {'kind = "cell"'}, "what is so without being said"
 

@@ -30,6 +30,7 @@ from tests.lacsolver.assembled import (
 from tests.lacsolver.bodies import PAIRS, PLANE_MODELS, body, cube, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.test_assemble import rigid, solved
 from tests.quality_cells import rotation
+from tests.samples import each_option
 
 LAWS = {
     "kirchhoff": SaintVenantKirchhoff(200.0, 0.3, expansion=2e-3, reference_temperature=20.0),
@@ -39,6 +40,8 @@ RUBBER = {
     "nearly incompressible": NeoHookean(3.0, 0.49),
     "widens when pulled": NeoHookean(3.0, -0.4),
 }
+#: of each type of cell, model and law
+CASES = each_option((*pair, law) for pair, law in product(PAIRS, LAWS))
 MIXTURES = [(order, model) for order in ("1", "2", "2-full") for model in ("3d", *PLANE_MODELS)]
 
 
@@ -81,8 +84,7 @@ def by_differences(f, u, h):
     return np.stack(columns, axis=1)
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("name", "model", "law"), CASES)
 def test_the_tangent_is_the_derivative_of_the_forces_which_are_that_of_the_energy(name, model, law):
     space, materials = made(one_cell(name, 0.1 if CELLS[name].order == 1 else 0.05), model, LAWS[law])
     u = shaken(space, 0.04)
@@ -103,8 +105,7 @@ def test_the_tangent_of_extreme_rubber(model, law):
     np.testing.assert_allclose(K.toarray(), expected, rtol=0, atol=1e-8 * abs(K).max())
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("name", "model", "law"), CASES)
 def test_forces_and_tangent_equal_their_plain_twins(name, model, law):
     space, materials = made(distorted(body(name, 1), 0.04), model, LAWS[law])
     u = shaken(space, 0.03)
@@ -250,8 +251,7 @@ def test_a_ring_widened_and_drawn_out(law):
     assert np.abs(f[inside]).max() < 1e-12 * np.abs(f).max()
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("name", "model", "law"), CASES)
 def test_patch_newton_finds_a_uniform_finite_strain_and_its_last_steps_are_quadratic(name, model, law):
     """The exact u on the rim, the inside at random nearby: Newton brings it back."""
     mesh = distorted(body(name, 2), 0.05 if CELLS[name].order == 1 else 0.03, seed=2)

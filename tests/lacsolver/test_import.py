@@ -515,7 +515,8 @@ def test_friction_that_steps_change(tmp_path):
         assert abs(force[0].sum()) == pytest.approx(40 * friction, rel=1e-4, abs=1e-8)
         assert np.allclose(np.hypot(*along.T), friction * zones[time].pressure, rtol=1e-8, atol=1e-8)
 
-    """Growth over the step as if it stood there; the supports at 0 hold from the start."""
+
+def test_a_displacement_among_the_models_data(tmp_path):
     """As if it stood in the step: it grows over that, and the supports at 0 hold from the start."""
     block = Block("B", high=(1, 1, 1), cells=(1, 1, 2), element="C3D8")
     model = block.text() + section() + held()

@@ -59,19 +59,28 @@ def test_somewhere_else(name, far):
     check(name, there, np.abs(shift).max() * ROUNDING / CELL, one)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.model != "axisymmetric"])
-def test_turned(name):
-    check(name, replace(CASES[name].world, turn=tilt(CASES[name].dim, 2.5)), iterations=False)
+def turned(case):
+    """A rotation in space or in the plane; about an axis there is none."""
+    return np.eye(3) if case.model == "axisymmetric" else tilt(case.dim, 2.5)
+
+
+def mirrored(case):
+    """A reflection in x; about an axis along it."""
+    axis = 1 if case.model == "axisymmetric" else 0
+    return np.diag(np.where(np.arange(3) == axis, -1.0, 1.0))
 
 
 @MODELS
-def test_mirrored(name):
-    """In x; about an axis along it."""
-    axis = 1 if CASES[name].model == "axisymmetric" else 0
-    check(name, replace(CASES[name].world, turn=np.diag(np.where(np.arange(3) == axis, -1.0, 1.0))), iterations=False)
+def test_turned_and_mirrored_and_in_another_order(name):
+    """Nodes, cells, blocks, groups and sections are in another order."""
+    case = CASES[name]
+    check(name, replace(case.world, turn=turned(case) @ mirrored(case), seed=1), iterations=False)
 
 
+@pytest.mark.slow
 @MODELS
-def test_in_another_order(name):
-    """Nodes, cells, blocks, groups and sections."""
-    check(name, replace(CASES[name].world, seed=1), iterations=False)
+@pytest.mark.parametrize("alone", ["turned", "mirrored", "in another order"])
+def test_one_of_these_alone(name, alone):
+    case = CASES[name]
+    changes = {"turned": {"turn": turned(case)}, "mirrored": {"turn": mirrored(case)}, "in another order": {"seed": 1}}
+    check(name, replace(case.world, **changes[alone]), iterations=False)

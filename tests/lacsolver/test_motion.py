@@ -167,7 +167,7 @@ ACCOUNTS = {
 def test_the_account_of_energy_closes(name):
     """Kinetic + strain - external + damped + contact + numerical is 0 in every step, the impact among them."""
     law, rest = ACCOUNTS[name]
-    text = PLANE + law + rest + steps(0.4, 16)
+    text = PLANE + law + rest + steps(0.2, 8)
     problem, states, motions = moved(text, bar_on_wall("QUAD4", 4, 0.05))
     assert unbalanced(motions) < CLOSED
     assert any(s.zones[0].pressure.any() for s in states) or name == "heated"

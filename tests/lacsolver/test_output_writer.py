@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import os
 import signal
@@ -20,6 +21,7 @@ from lacsolver.output.vtu import read_pvd
 from lacsolver.results.results import Restart
 from tests.lacsolver.test_output_med import room
 from tests.lacsolver.written import fields, made_up, restart
+from tests.samples import each_option
 
 FORMATS = ("vtu", "med")
 
@@ -215,10 +217,10 @@ def test_a_disk_that_is_full_is_told_in_a_sentence_and_what_was_whole_stays(tmp_
 # ---- restart
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize(("from_time", "force"), [(None, False), (0.5, True)])
-def test_a_restart_goes_on_in_its_own_folder(tmp_path, kind, from_time, force):
+@pytest.mark.parametrize(("kind", "from_time"), each_option(itertools.product(FORMATS, (None, 0.5))))
+def test_a_restart_goes_on_in_its_own_folder(tmp_path, kind, from_time):
     """Whole or in two parts, the same files hold the same times, and the same states."""
+    force = from_time is not None
     whole = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
     whole.folder = tmp_path / "whole"
     writer = whole.writer()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -34,9 +35,11 @@ from lacsolver.running import run
 from lacsolver.validation import validate
 from tests.checks.blocks import SOLIDS, block, join, skin
 from tests.lacsolver.tables import table
+from tests.samples import each_option
 
 E = 1000.0
 KINDS = [name for name, cell in CELLS.items() if cell.dim > 1]
+SHORTENED = ["TRIA6", "QUAD4", "TETRA4", "HEXA20", "PENTA15"]
 STEPS = [1.0, 2.0, 3.0, 4.0]
 
 
@@ -112,7 +115,9 @@ def marched(case, mesh):
 LOCKED = [10.0, 15.0, 20.0, 30.0]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind not in SHORTENED)) for kind in KINDS]
+)
 def test_a_locked_bolt_between_clamped_columns(kind):
     mesh = joint(kind, m=3)
     steps = marched(tightened(mesh, force=[[0, 0], [1, 10]], lock=1.0), mesh)
@@ -121,8 +126,7 @@ def test_a_locked_bolt_between_clamped_columns(kind):
     np.testing.assert_allclose([bolt.shortening for bolt, *_ in steps], 10 * (2 / E + 2 / E), rtol=1e-10)
 
 
-@pytest.mark.parametrize("kind", ["TRIA6", "QUAD4", "TETRA4", "HEXA20", "PENTA15"])
-@pytest.mark.parametrize("halves", [False, True])
+@pytest.mark.parametrize("kind, halves", each_option(itertools.product(SHORTENED, (False, True))))
 def test_a_bolt_shortened_by_a_length(kind, halves):
     """Forces are as with a lock, also with a section between meshes that do not match."""
     mesh = joint(kind, halves=halves)
@@ -199,8 +203,7 @@ def bent(mesh, kinematics="small", **keys):
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("halves", [False, True])
+@pytest.mark.parametrize("kind, halves", each_option(itertools.product(KINDS, (False, True))))
 def test_moments_of_a_bent_bolt(kind, halves):
     """The section carries what acts beyond it: 5 along the bolt, 0.3 and 0.2 across it with an arm of 2."""
     mesh = beam(kind, halves=halves)

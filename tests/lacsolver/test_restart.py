@@ -230,7 +230,9 @@ def test_the_cases_open_and_close(kept):
         assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1, (name, closed)
 
 
-@for_all
+@pytest.mark.parametrize(
+    "name", ["several", *(pytest.param(name, marks=pytest.mark.slow) for name in ("current", "reference"))]
+)
 def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, whole, name):
     whole(name)
     shutil.copytree("whole", "again")
@@ -337,8 +339,14 @@ def test_a_step_that_was_halved_goes_on_as_long_as_it_was(folder):
 
 @pytest.mark.parametrize(
     "steps",
-    [END, "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 6\n"],
-    ids=["whole", "halved"],
+    [
+        pytest.param(END, id="whole"),
+        pytest.param(
+            "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 6\n",
+            id="halved",
+            marks=pytest.mark.slow,
+        ),
+    ],
 )
 def test_bodies_that_go_far_go_on_to_the_last_bit(folder, monkeypatch, steps):
     """Finite kinematics: a run goes on from its states with the same iterations, to the same figures, bit by bit."""

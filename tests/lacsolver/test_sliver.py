@@ -44,7 +44,7 @@ def over(covered, dim=2):
     return problem, pair, pair.integrate(problem.space, np.zeros(problem.space.n_dof), 1.0)
 
 
-@pytest.mark.parametrize("steps", [5, 20])
+@pytest.mark.parametrize("steps", [5, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_corner_on_a_node_has_one_answer_in_any_number_of_steps(steps):
     (once, _), (again, iterations) = answer(ALIGNED, 1), answer(ALIGNED, steps)
     assert np.abs(again.u - once.u).max() < 1e-9 * np.abs(once.u).max()
