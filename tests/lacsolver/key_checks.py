@@ -107,6 +107,7 @@ def check_coupled(ran):
     (of_hook,) = (rows.spread for rows in problem.equalities if rows.name == "coupling hook")
     w = 1 + space.mesh.points[of_hook.nodes, 2]
     np.testing.assert_allclose(of_hook.w, w / w.sum())
+    np.testing.assert_allclose(of_hook.w @ space.mesh.points[of_hook.nodes] + of_hook.d, [2.0, 0.5, 0.75])
     assert lid["displacement"][2] == pytest.approx(2e-3) and lid["rotation"] == [0, pytest.approx(1e-3), 0]
     assert lid["force"][0] == pytest.approx(0.5) and lid["force"][1] == pytest.approx(0, abs=1e-12)
     assert pin["displacement"][1] == pytest.approx(1e-3)

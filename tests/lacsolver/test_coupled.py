@@ -58,7 +58,7 @@ def solution(now, reduction=0.0, active=None):
 @pytest.mark.parametrize("free", [False, True])
 def test_as_with_a_factor_and_with_few_cycles(free):
     """Results agree with those of a factor, with not many more cycles than K alone needs."""
-    for count in (6, 12):
+    for count in (6, 10):
         _, exact = solution(moment(count, free, backend="rslab"))
         now = moment(count, free, backend="multigrid")
         found, made = solution(now)
@@ -117,7 +117,7 @@ def test_hertz_is_as_with_a_factor():
 def test_uniform_pressure_goes_through(slave, master, tilted, options, monkeypatch):
     text = patch.text
     monkeypatch.setattr(patch, "text", lambda given: text(given).replace("[solver]", f"[solver]\n{MULTIGRID}"))
-    given = patch.Press((), "3d", tilted, options, (4, 3))
+    given = patch.Press((), "3d", tilted, options, (3, 2) if slave == "TETRA10" else (4, 3))
     stack_errors = patch.errors(given, slave, master, True)
     assert stack_errors.solved.problem.case.solver.backend == "multigrid"
     assert max(stack_errors.errors.values()) <= 1e-10 and max(stack_errors.solved.balance) <= 1e-12, stack_errors

@@ -181,7 +181,10 @@ def stacked(make, cell):
     ])  # fmt: skip
 
 
-@pytest.mark.parametrize(("cell", "hexa"), [("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid")])
+@pytest.mark.parametrize(
+    ("cell", "hexa"),
+    [("HEXA8", "pyramid"), ("HEXA8", "hexa"), pytest.param("TETRA10", "pyramid", marks=pytest.mark.slow)],
+)
 def test_contact_that_touches_the_sides_is_that_of_the_ring(cell, hexa):
     """Nodes of both bodies are at one place on the sides; the slave is cut up to them."""
     angle = "6 * atan2(y, x)"

@@ -356,8 +356,15 @@ def test_in_a_log_each_step_is_a_line(mesh, capsys):
     assert heading.split()[:3] == ["step", "time", "iterations"] and line.split()[:2] == ["1", "1"]
 
 
+@pytest.fixture(scope="module")
+def drawn(solution, tmp_path_factory):
+    """The picture of the solution, and the file that it is written to."""
+    path = tmp_path_factory.mktemp("drawn") / "contact.png"
+    return solution.plot(path), path
+
+
 @pytest.mark.vtk
-def test_every_public_record_is_described_in_ten_lines(mesh, solution):
+def test_every_public_record_is_described_in_ten_lines(mesh, solution, drawn):
     cut = lacmesh.cut_skin(mesh, "slave")
     system = ls.assemble(case_of(), mesh)
     pair = ls.contact_matrices(mesh, "slave", "master")
@@ -372,7 +379,7 @@ def test_every_public_record_is_described_in_ten_lines(mesh, solution):
             *lacmesh.fit_surface(mesh, "slave"),
         ),
         *(lacmesh.Surface.of(mesh, mesh.cells_of("slave")), case_of(), *case_of().displacement, ls.Steps(), solution),
-        *(solution.contact["slave"], solution.fields, solution.plot(), system, pair, ls.validate(case_of(), mesh)),
+        *(solution.contact["slave"], solution.fields, drawn[0], system, pair, ls.validate(case_of(), mesh)),
         *(ls.solve_contact(system.K, system.f, pair.B, pair.G, fixed=system.fixed, u0=system.u0),),
         *(Problem.of(case_of(), mesh), *march(Problem.of(case_of(), mesh))),
     ]
@@ -410,7 +417,7 @@ def test_a_grid_has_the_fields(solution):
 
 
 @pytest.mark.vtk
-def test_a_picture_is_written_and_shown(solution, tmp_path):
-    picture = solution.plot(tmp_path / "contact.png")
-    assert (tmp_path / "contact.png").read_bytes() == picture._repr_png_()
+def test_a_picture_is_written_and_shown(drawn):
+    picture, path = drawn
+    assert path.read_bytes() == picture._repr_png_()
     assert picture.png[:4] == b"\x89PNG"

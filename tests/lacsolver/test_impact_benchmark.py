@@ -23,6 +23,7 @@ def test_a_step_in_contact_takes_at_most_one_and_a_half_elastic_solves():
     assert impact.line(found).count("|") == 9
 
 
+@pytest.mark.slow
 def test_the_hierarchy_of_the_first_tiny_step_would_take_many_times_more():
     """Mutation: the start of a motion takes a step of dt / 1000, whose matrix is all mass."""
     with patch.object(FactorCache, "forget", lambda self: None), pytest.MonkeyPatch.context() as context:

@@ -1,5 +1,6 @@
 """Decks solved by lacsolver and by CalculiX: decks of CalculiX's own tests with its .dat, and decks of our own."""
 
+import itertools
 import json
 import re
 import shutil
@@ -14,7 +15,7 @@ from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import Block, imported, listed, solved
 from tests.lacsolver.test_import import hanging, softly
-from tests.samples import samples
+from tests.samples import each_option, samples
 
 PROGRAM = shutil.which("ccx")
 pytestmark = pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
@@ -164,7 +165,7 @@ METALS = {
 
 
 @pytest.mark.calculix
-@pytest.mark.parametrize("metal", METALS)
+@pytest.mark.parametrize("metal", [pytest.param("perfect", marks=pytest.mark.slow), "isotropic", "kinematic"])
 def test_a_bent_metal_that_yields(tmp_path, metal):
     """A block of C3D20 with a pressure on a part of its top, small strains; then the load is taken away in part."""
     column = Block(high=(1, 1, 2), cells=(2, 2, 3), element="C3D20")
@@ -213,10 +214,10 @@ def test_bent_column_with_nlgeom(tmp_path, kind):
 
 
 @pytest.mark.calculix
-@pytest.mark.parametrize("options", ["", ", NLGEOM"])
-@pytest.mark.parametrize(("kind", "spring"), [("SPRING2", "3, 3\n25.\n"), ("SPRINGA", "\n25.\n")])
-def test_springs_between_nodes(tmp_path, kind, spring, options):
+@pytest.mark.parametrize("kind, options", each_option(itertools.product(("SPRING2", "SPRINGA"), ("", ", NLGEOM"))))
+def test_springs_between_nodes(tmp_path, kind, options):
     """By components, and along lines, which turn with NLGEOM: the block falls by a tenth of the springs' length."""
+    spring = {"SPRING2": "3, 3\n25.\n", "SPRINGA": "\n25.\n"}[kind]
     deck, _, above = hanging(kind, spring, options)
     tight = "*STATIC\n*CONTROLS, PARAMETERS=FIELD\n1e-8, 1e-8\n"  # CalculiX stops at 5e-3 of the forces else
     found = solved(tmp_path, deck.replace("*STATIC\n", tight))

@@ -47,6 +47,7 @@ def test_each_step_is_shown_and_the_foot_ends_in_the_middle(deck, capsys):
     assert (np.diff(force[: PRESSED[0], 2]) > 20).all()
 
 
+@pytest.mark.slow
 def test_each_iteration_is_told(deck):
     case, told = read_case("die.toml"), []
     for count, state in enumerate(march(Problem.of(case, read_mesh(case)), progress=told.append), 1):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
-from tests.samples import samples
+from tests.samples import each_option, samples
 from verification.meshes.stacks import tilt
 
 #: of figures, relative; of coordinates that are rounded, against the shift over the size of a cell
@@ -47,8 +47,15 @@ def test_in_other_units(name, length, stress):
     check(name, replace(CASES[name].world, length=length, stress=stress))
 
 
+def options_of(row):
+    """Model, kinematics and normals of a case, and whether formulas of the place are in it."""
+    case = CASES[row[0]]
+    text = case.sections(case.world)
+    return case.model, case.finite, (case.model, "smoothed" in text), "* (x - " in text
+
+
 @pytest.mark.fuzz
-@MODELS
+@pytest.mark.parametrize("name", each_option([(name,) for name in CASES], of=options_of))
 @pytest.mark.parametrize("far", samples(FAR[:1], FAR))
 def test_somewhere_else(name, far):
     """Compared with the model whose coordinates are rounded as they are there, where it stands."""

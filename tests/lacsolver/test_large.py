@@ -32,7 +32,7 @@ def test_the_figures_of_a_size(found):
 
 
 @pytest.mark.filterwarnings("ignore:contact 'slave'. slave 'slave' is stiffer than master")
-@pytest.mark.parametrize("ratio", [100.0, 0.01])
+@pytest.mark.parametrize("ratio", [100.0, pytest.param(0.01, marks=pytest.mark.slow)])
 def test_the_ratio_of_stiffnesses_hardly_matters(found, ratio):
     other = large.measured(2500, "multigrid", ratio=ratio)
     assert other["cycles"] / other["iterations"] <= 1.3 * found["cycles"] / found["iterations"]

@@ -109,7 +109,7 @@ def ran(case, mesh, folder):
     return results, written["contact"]["slave"], results.message
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("kinematics", ["small", pytest.param("finite", marks=pytest.mark.slow)])
 def test_a_run_tells_the_deepest_overlap_and_doubts_what_nothing_asks_for(tmp_path, kinematics):
     """0.03 of cells of 0.08; a clearance takes it away, and max_penetration says that it is meant."""
     mesh = cylinder_on_block(0.03)

@@ -187,22 +187,16 @@ def test_solid_kinds(slave, master, k, way):
 
 
 _DISTORTED = [
-    ("HEXA8", "TETRA4", 0.05, "pyramid"),
-    ("PENTA6 quadrangle", "TETRA10", 0.05, "pyramid"),
-    ("HEXA8", "HEXA8", 0.2, "pyramid"),
-    ("HEXA8", "TETRA4", 0.2, "hexa"),
-    ("HEXA20", "TETRA4", 0.2, "pyramid"),
-    ("HEXA20", "PENTA6 triangle", 0.05, "hexa"),
+    ("HEXA8", "TETRA4", 0.05, "pyramid", 0),
+    ("PENTA6 quadrangle", "TETRA10", 0.05, "pyramid", 2),
+    ("HEXA8", "HEXA8", 0.2, "pyramid", 0),
+    ("HEXA8", "TETRA4", 0.2, "hexa", 2),
+    ("HEXA20", "TETRA4", 0.2, "pyramid", 0),
+    ("HEXA20", "PENTA6 triangle", 0.05, "hexa", 2),
 ]
 
 
-@pytest.mark.parametrize(
-    "slave, master, skew, way, k",
-    [
-        pytest.param(*row, 2 * (number % 2), marks=[pytest.mark.slow] * (row[2:] == (0.2, "hexa")))
-        for number, row in enumerate(_DISTORTED)
-    ],
-)
+@pytest.mark.parametrize("slave, master, skew, way, k", each_option(_DISTORTED, of=lambda row: [row[0], *row[2:]]))
 def test_distorted_quadrangles(slave, master, skew, way, k):
     """Both measures by turns; the current one in a tilted frame."""
     check(pair(slave, master, k, counts=(3, 2), skew=skew, tilted=k > 1, way=way))
@@ -228,9 +222,10 @@ def test_pressed_by_a_load(case, load):
     check(pair(slave, master, 3, dim=3 if model == "3d" else 2, model=model)._replace(load=load))
 
 
-@pytest.mark.parametrize(
-    "slave, master, k", [("HEXA8", "TETRA4", 0), ("TETRA10", "PENTA6 triangle", 5), ("mixed 1", "HEXA8", 2)]
-)
+_OF_LAWS = [("HEXA8", "TETRA4", 0), ("TETRA10", "PENTA6 triangle", 5), ("mixed 1", "HEXA8", 2)]
+
+
+@pytest.mark.parametrize("slave, master, k", each_option(_OF_LAWS, of=lambda row: [LAWS[row[2] // 4]]))
 def test_with_multigrid(slave, master, k):
     check(pair(slave, master, k)._replace(solver='backend = "multigrid"\n' + SOLVER))
 

@@ -6,6 +6,8 @@ what the differences are good for; elsewhere, see `test_tangent`, the contact pa
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.saddle.stiffness import FactorCache
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
+from tests.samples import each_option
 
 #: the skins of these bodies are waves of a few faces
 pytestmark = pytest.mark.filterwarnings("ignore:contact 'slave'. .* its curvature changes within few faces")
@@ -69,6 +72,7 @@ def ground(dim, **values):
 FOLLOWER = '[[pressure]]\ngroup = "x0"\nvalue = "50 * (1 + y)"\nfollower = true\n'
 MODELS = ("plane_strain", "plane_stress", "axisymmetric", "3d")
 LAWS = ("saint_venant_kirchhoff", "neo_hookean")
+MEASURES = ("reference", "current")
 PAIRS = {2: ("QUAD4", "TRIA3"), 3: ("HEXA8", "PENTA6 triangle")}
 
 
@@ -85,9 +89,7 @@ def joint(measure="reference", normals="facet"):
     return JOINT + f'measure = "{measure}"\nnormals = "{normals}"\nsearch_distance = 0.6\n'
 
 
-@pytest.mark.parametrize("model", MODELS)
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("measure", ["reference", "current"])
+@pytest.mark.parametrize("model, law, measure", each_option(itertools.product(MODELS, LAWS, MEASURES)))
 def test_every_model_and_law(model, law, measure):
     """Straight slave faces with their own normals in front of many: gaps are open by a tenth of the block."""
     dim = dimension(model)
@@ -127,8 +129,7 @@ BODIES = {
 }
 
 
-@pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("measure", ["reference", "current"])
+@pytest.mark.parametrize("name, measure", each_option(itertools.product(BODIES, MEASURES)))
 def test_rigid_masters(name, measure):
     """Turned by 0.2 or so already where they are free to."""
     dim, body = BODIES[name]
@@ -161,22 +162,28 @@ def test_warm_bodies_on_springs(model):
     assert np.abs(hot - cold).max() > 0.1 * np.abs(hot).max() and made.errors().max() <= EXACT
 
 
-@pytest.mark.parametrize("dim, slave, master", [(2, "QUAD8", "TRIA6"), (3, "TETRA10", "HEXA8"), (3, "HEXA8", "HEXA20")])
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
-@pytest.mark.parametrize("measure", ["reference", "current"])
-def test_faces_of_any_shape_in_front_of_one(dim, slave, master, normals, measure):
+SHAPES = [(2, "QUAD8", "TRIA6"), (3, "TETRA10", "HEXA8"), (3, "HEXA8", "HEXA20")]
+
+
+@pytest.mark.parametrize(
+    "shapes, normals, measure", each_option(itertools.product(SHAPES, ("facet", "smoothed"), MEASURES))
+)
+def test_faces_of_any_shape_in_front_of_one(shapes, normals, measure):
+    dim, slave, master = shapes
     mesh = waves(slave, master, dim, gap=0.1, counts=(2, 1))
     made = Moved(mesh, joint(measure, normals) + ground(dim) + on_top(dim), model="3d" if dim == 3 else "plane_strain")
     assert made.errors().max() <= EXACT
 
 
-@pytest.mark.parametrize("slave, master, dim", [("QUAD8", "QUAD4", 2), ("TETRA4", "HEXA8", 3)])
-@pytest.mark.parametrize("measure", ["reference", "current"])
-def test_what_smoothed_normals_leave_out_goes_with_the_gap(slave, master, dim, measure):
+@pytest.mark.parametrize(
+    "kinds, measure", each_option(itertools.product([("QUAD8", "QUAD4", 2), ("TETRA4", "HEXA8", 3)], MEASURES))
+)
+def test_what_smoothed_normals_leave_out_goes_with_the_gap(kinds, measure):
     """In front of many faces: 2e-3 of the largest entry at a gap of 0.1 of a block, 1e-6 at a tenth of that."""
+    dim = kinds[2]
     worst = []
     for gap in (0.1, 0.01):
-        mesh = waves(slave, master, dim, gap=gap, size=0.2 * gap)
+        mesh = waves(*kinds, gap=gap, size=0.2 * gap)
         sections = joint(measure, "smoothed") + ground(dim) + on_top(dim)
         made = Moved(mesh, sections, model="3d" if dim == 3 else "plane_strain", size=0.02 * gap)
         worst.append(made.errors())

@@ -379,9 +379,15 @@ def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp
     (band,) = [own for own in axes.collections if own.get_linewidth()[0] == 7]
     states = ColourScale("", -1.0, 2.0, states=True).rgba(np.unique(zone.status).astype(float))
     assert np.allclose(np.unique(band.get_colors(), axis=0), np.unique(states, axis=0))
-    for field in ("status", "slip", "shear", "path", "use"):
-        ls.plot(sheared, tmp_path / f"{field}.png", field=field)
-        assert size(tmp_path / f"{field}.png")[0] > 1000
+
+
+FIELDS = ["status", "slip", *(pytest.param(field, marks=pytest.mark.slow) for field in ("shear", "path", "use"))]
+
+
+@pytest.mark.parametrize("field", FIELDS)
+def test_fields_of_friction_are_drawn(sheared, tmp_path, field):
+    ls.plot(sheared, tmp_path / "p.png", field=field)
+    assert size(tmp_path / "p.png")[0] > 1000
 
 
 def test_what_only_friction_has_is_refused_without_it(disc, tmp_path):

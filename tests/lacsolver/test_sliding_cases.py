@@ -151,6 +151,7 @@ def ripple(way, force):
     return np.abs(force - np.polyval(np.polyfit(way, force, 5), way)).max()
 
 
+@pytest.mark.slow
 def test_the_hook_snaps_in(tmp_path):
     """Pushed on until it is behind the ledge: up the slope, along the top, pulled on by itself, free again."""
     columns, told = solved(tmp_path, "snap_fit", ("end = 1.25\ncount = 50", "end = 1.0\ncount = 10"))
