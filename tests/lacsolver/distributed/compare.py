@@ -40,10 +40,12 @@ def main(world, rows):
     own = {name: in_one_process(name) for name in every[world.rank :: world.size]}
     wait(world)
     alone = {name: solved for part in world.allgather(own) for name, solved in part.items()}
+    groups = [ranks for ranks in dict.fromkeys(tuple(ranks) for ranks, _, _ in rows) if world.rank in ranks]
+    together = {ranks: world.Create_group(world.group.Incl(ranks)) for ranks in groups}
     for ranks, backend, names in rows:
         if world.rank not in ranks:
             continue
-        comm = world.Create_group(world.group.Incl(ranks))
+        comm = together[tuple(ranks)]
         wait(comm)
         for name in names:
             differences = compared(name, backend, comm, alone[name])

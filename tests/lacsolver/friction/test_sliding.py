@@ -92,7 +92,7 @@ def test_a_thrown_block_stops():
         model="plane_strain", material=[Material(young=1e5, poisson=0.0, density=1.0)],
         contact=[Contact(name="joint", slave="above", master="below", friction=MU)],
         displacement=[Displacement(group="bottom", ux=0, uy=0)], gravity=Gravity(gy=-g),
-        initial=[Initial(groups=["upper"], vx=speed)], dynamics=Dynamics(scheme="hht"), steps=Steps(end=0.8, count=80),
+        initial=[Initial(groups=["upper"], vx=speed)], dynamics=Dynamics(scheme="hht"), steps=Steps(end=1.0, count=100),
     )  # fmt: skip
     *_, last = ls.march(case, mesh)
     zone = last.contact["joint"]
