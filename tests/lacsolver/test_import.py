@@ -517,7 +517,7 @@ def test_friction_that_steps_change(tmp_path):
 
 
 def test_a_displacement_among_the_models_data(tmp_path):
-    """As if it stood in the step: it grows over that, and the supports at 0 hold from the start."""
+    """It grows over the first step, as if it stood in that, and the supports at 0 hold from the start."""
     block = Block("B", high=(1, 1, 1), cells=(1, 1, 2), element="C3D8")
     model = block.text() + section() + held()
     moved = "*BOUNDARY\nB_Z1, 3, 3, -0.01\n"

@@ -25,7 +25,7 @@ from tests.lacsolver.invariant_cases import CASES, text_of
 
 
 class Solved(NamedTuple):
-    """What one process finds: the states of a case, their figures, and what `doubts` says of it."""
+    """The solution of a case by one process: its states, their figures, and the doubts about it."""
 
     states: list[Any]
     figures: list[Any]
@@ -73,7 +73,7 @@ def problem_of(name):
 
 
 def in_one_process(name):
-    """What this process finds alone."""
+    """The solution of a case by this process alone."""
     text, mesh = problem_of(name)
     problem = Problem.of(parse_case(text), mesh)
     states = list(march(problem))

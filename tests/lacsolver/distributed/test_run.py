@@ -63,7 +63,7 @@ def runs(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def again(runs):
-    """What two processes say of a restart, and of a mesh in three parts."""
+    """The answers of two processes to a restart, and to a mesh in three parts."""
     again = [*restarted(runs.folder), "-o", runs.folder / "again_2"]
     return commands(2, again, ["run", "-q", runs.folder / "parts.toml", "-o", runs.folder / "no"])
 

@@ -244,7 +244,7 @@ def test_allocations_are_of_slices_and_parts(files, told, name):
 
 @pytest.fixture(scope="module")
 def commanded(files):
-    """What two processes say of the case `two_blocks` in msh, and in MED with a slave that is not there."""
+    """The answers of two processes to the case `two_blocks` in msh, and in MED with a slave that is not there."""
     text = (ROOT / "data" / "two_blocks.toml").read_text()
     (files / "case.toml").write_text(text.replace("two_blocks.msh", "blocks.msh"))
     wrong = text.replace("two_blocks.msh", "blocks.med").replace('slave = "slave"', 'slave = "slvae"')
