@@ -16,17 +16,16 @@ from lacsolver.equilibrium.search import Outcome
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.contact_system import contact_system
-from verification.families.punches import Bank, text
+from verification.families.punches import text
 from verification.meshes.punches import FACE, Punch, punched
 
 #: a punch from one node of the block to another, two faces wide
 ALIGNED = Punch((3 * FACE,), 2 * FACE, 4, 0.2, 0.3)
-BANK = Bank(2, "top")
 
 
 def problem_of(punch, steps=1, more=""):
     return Problem.of(
-        parse_case(text(BANK, punch, steps).replace("[[contact]]", f"[[contact]]\n{more}")), punched(punch)
+        parse_case(text("top", punch, steps).replace("[[contact]]", f"[[contact]]\n{more}")), punched(punch)
     )
 
 
@@ -39,7 +38,7 @@ def answer(punch, steps, more=""):
 def over(covered, dim=2):
     """The interface, and its problem, of a punch that covers such a part of the macro-element before it, undeformed."""
     punch = Punch((3 * FACE - covered * FACE,) * (dim - 1), 2 * FACE, 2, 0.2, 0.3)
-    problem = Problem.of(parse_case(text(Bank(dim, "top"), punch, 1)), punched(punch))
+    problem = Problem.of(parse_case(text("top", punch, 1)), punched(punch))
     (pair,) = problem.joints
     return problem, pair, pair.integrate(problem.space, np.zeros(problem.space.n_dof), 1.0)
 
@@ -56,7 +55,7 @@ def test_a_corner_on_a_node_has_one_answer_in_any_number_of_steps(steps):
 def test_the_derivative_of_what_is_allowed(dim, measure):
     """Gaps of slivers, against central differences, with a punch that turns and a block that stretches."""
     punch = Punch((3 * FACE - 0.02 * FACE,) * (dim - 1), 2 * FACE, 2, 0.2, 0.3)
-    given = text(Bank(dim, "top"), punch, 1).replace("[[contact]]", f'[[contact]]\nmeasure = "{measure}"')
+    given = text("top", punch, 1).replace("[[contact]]", f'[[contact]]\nmeasure = "{measure}"')
     problem = Problem.of(parse_case(given), punched(punch))
     rng, h = np.random.default_rng(0), 1e-7
     u, v = 2e-3 * rng.uniform(-1, 1, problem.space.n_dof), rng.uniform(-1, 1, problem.space.n_dof)
@@ -101,7 +100,7 @@ def test_a_search_that_goes_to_and_fro_ends_soon_and_says_where():
     """A block that is squeezed out sideways, until a few faces of it carry all of the punch."""
     told = []
     deep = replace(ALIGNED, depth=1.5)  # at which all processors end alike: other searches without an end are chaotic
-    case = text(BANK, deep, 5) + "\nmax_halvings = 0"
+    case = text("top", deep, 5) + "\nmax_halvings = 0"
     with pytest.raises(NotConvergedError) as error:
         list(march(Problem.of(parse_case(case), punched(deep)), progress=told.append))
     assert max(Counter(each.time for each in told).values()) < 40
