@@ -11,6 +11,7 @@ from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
 from tests.lacsolver.systems import System, complementarity, contact, enumerated, saddle, solve_active_set, system
+from tests.samples import samples
 
 LIMITS = ConvergenceTolerance(1e-10, 50, 1.0)
 STARTS = ("none", "all", "random")
@@ -41,9 +42,10 @@ def check(s, outcome, enforceable=None, equality=None):
     np.testing.assert_allclose(outcome.contact.G, s.G - s.B @ q, atol=1e-9 * max(np.abs(q).max(), 1e-3))
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("kind", STARTS)
 def test_random_problems_from_any_start(kind):
-    for seed in range(40):
+    for seed in range(samples(12, 40)):
         s = system(seed, n=12, m=6)
         outcome = found(s, start(s, kind, seed))
         check(s, outcome)
@@ -60,17 +62,18 @@ def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
         assert (outcome.iterate.p[~enforceable] == 0).all()
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("kind", STARTS)
 def test_a_body_that_contact_alone_holds(kind):
     """Pressed along its free motion, it is stopped; nothing else is asked of what stops it."""
-    count = 0
-    for seed in range(40):
+    count, seeds = 0, samples(14, 40)
+    for seed in range(seeds):
         s = system(seed, n=10, m=6, free=1)
         if not (s.B @ s.R[:, 0] * np.sign(s.R[:, 0] @ s.f) > 0).any() or enumerated(s, *masks(6)) is None:
             continue  # nothing is in the way
         count += 1
         check(s, found(s, start(s, kind, seed)))
-    assert count >= 20
+    assert count >= seeds / 2
 
 
 def masks(m):
@@ -128,11 +131,12 @@ def floating(seed, stiff):
     return System((K + K.T) / 2, B, B, np.zeros((n, n)), np.ones(m), R, K @ q + B.T @ p, G + B @ q), p
 
 
+@pytest.mark.fuzz
 @pytest.mark.parametrize("kind", STARTS)
 @pytest.mark.parametrize("stiff", [1.0, 1e5])
 def test_bodies_that_only_contact_holds(stiff, kind):
     """Stiff ones move far before anything stops them, much farther than they are strained."""
-    for seed in range(40):
+    for seed in range(samples(10, 40)):
         s, p = floating(seed, stiff)
         outcome = found(s, start(s, kind, seed), ConvergenceTolerance(1e-10, 100, 1.0))
         assert outcome.converged, seed
@@ -166,8 +170,9 @@ def cycling(count, m=6):
     return made
 
 
+@pytest.mark.fuzz
 def test_where_plain_exchange_goes_round_the_search_ends():
-    for M, r in cycling(10):
+    for M, r in cycling(samples(3, 10)):
         s = complementarity(M, r)
         for kind in STARTS:
             outcome = found(s, start(s, kind), ConvergenceTolerance(1e-10, 200, 1.0))
