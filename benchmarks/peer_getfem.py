@@ -1,6 +1,7 @@
 """The peers' problems for GetFEM, run by a Python that has it: python peer_getfem.py PAIR.npz ANSWER.npz.
 
 Ray tracing from the slave, an augmented Lagrangian whose multiplier lives on the slave's nodes, order 25 on the skin.
+With friction the top goes down in `PRESSES` steps, then aside in one; slip counts from the last step.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import sys
 
 import getfem as gf
 import numpy as np
-from peer_problems import FORCE, lame, load
+from peer_problems import FORCE, LIKE_FORCE, PRESSES, lame, load
 
 #: order of the integration in the bodies, on the skin
 BODY, SKIN = 3, 25
@@ -43,11 +44,12 @@ class Part:
         key = {tuple(np.round(x, 9)): k for k, x in enumerate(self.body.points)}
         return np.array([key[tuple(np.round(x, 9))] for x in places])
 
-    def held(self, pair):
-        """Degrees of freedom that are prescribed, and their values."""
+    def held(self, pair, down=1.0, aside=1.0):
+        """Degrees of freedom that are prescribed, and their values, with parts of the way down and aside."""
         dim, value = pair.dim, {}
         conditions = [(side, axis, 0.0) for side, axis in pair.held]
-        conditions += [("top", dim - 1, pair.push)] if pair.push else []
+        conditions += [("top", dim - 1, pair.push * down)] if pair.push else []
+        conditions += [("top", 0, pair.aside * aside)] if pair.friction else []
         for side, axis, amount in conditions:
             if side in self.body.sides:
                 rows = np.flatnonzero(np.isin(self.nodes, self.body.sides[side]))
@@ -68,7 +70,7 @@ def model_of(pair):
         B = gf.Spmat("empty", len(dofs), part.mf.nbdof())
         B.assign(np.arange(len(dofs)), dofs, np.eye(len(dofs)))
         md.add_variable(f"hold_{part.u}", len(dofs))
-        md.add_constraint_with_multipliers(part.u, f"hold_{part.u}", B, values)
+        part.hold = md.add_constraint_with_multipliers(part.u, f"hold_{part.u}", B, values)
     if pair.pressure:
         md.add_initialized_data("load", [0.0] * (pair.dim - 1) + [-pair.pressure])
         md.add_source_term_brick(parts[1].mim, "uu", "load", TOP)
@@ -77,10 +79,29 @@ def model_of(pair):
     mf.set_fem(gf.Fem(f"FEM_QK({pair.dim},1)"))
     md.add_filtered_fem_variable("force", mf, SLAVE)
     md.add_initialized_data("r", min(b.young for b in pair.bodies) / pair.h)
-    brick = md.add_integral_large_sliding_contact_brick_raytracing("r", 10 * pair.h)
-    md.add_slave_contact_boundary_to_large_sliding_contact_brick(brick, slave.skin, SLAVE, slave.u, "force")
-    md.add_master_contact_boundary_to_large_sliding_contact_brick(brick, master.skin, MASTER, master.u)
+    rubbing, before = (), {part: () for part in parts}
+    if pair.friction:
+        md.add_initialized_data("friction", pair.friction)
+        md.add_initialized_data("rate", 1.0)
+        rubbing, before = ("friction", "rate"), {part: (f"before_{part.u}",) for part in parts}
+        for part in parts:
+            md.add_initialized_fem_data(*before[part], part.mf, np.zeros(part.mf.nbdof()))
+    brick = md.add_integral_large_sliding_contact_brick_raytracing("r", 10 * pair.h, *rubbing)
+    add_slave = md.add_slave_contact_boundary_to_large_sliding_contact_brick
+    add_slave(brick, slave.skin, SLAVE, slave.u, "force", *before[slave])
+    add_master = md.add_master_contact_boundary_to_large_sliding_contact_brick
+    add_master(brick, master.skin, MASTER, master.u, *before[master])
     return md, parts, slave
+
+
+def balanced(md, pair):
+    """Solve the model for what is prescribed now; return the number of iterations."""
+    tolerance = TOLERANCE * (pair.pressure or (LIKE_FORCE if pair.friction else FORCE))
+    search = ("lsolver", "mumps", "lsearch", "simplest", "alpha min", 0.3)
+    count, converged = md.solve("max_res", tolerance, "max_iter", 100, *search)[:2]
+    if not converged:
+        raise RuntimeError(f"no equilibrium found in {count} iterations")
+    return count
 
 
 def solve(pair):
@@ -90,11 +111,16 @@ def solve(pair):
         start = md.variable("force").reshape(-1, pair.dim)
         start[:, -1] = -0.1 * pair.pressure
         md.set_variable("force", start.ravel())
-    tolerance = TOLERANCE * (pair.pressure or FORCE)
-    search = ("lsolver", "mumps", "lsearch", "simplest", "alpha min", 0.3)
-    count, converged = md.solve("max_res", tolerance, "max_iter", 100, *search)[:2]
-    if not converged:
-        raise RuntimeError(f"no equilibrium found in {count} iterations")
+    presses = PRESSES if pair.friction else 1
+    steps = [(k / presses, 0.0) for k in range(1, presses + 1)] + ([(1.0, 1.0)] if pair.friction else [])
+    count = 0
+    for down, aside in steps:
+        for part in parts:
+            md.set_private_rhs(part.hold, part.held(pair, down, aside)[1])
+        count += balanced(md, pair)
+        if pair.friction:
+            for part in parts:
+                md.set_variable(f"before_{part.u}", md.variable(part.u))
     out = {"iterations": count}
     if pair.dim == 3:
         worst = []
@@ -105,9 +131,11 @@ def solve(pair):
         return out | {"stress": max(worst)}
     mf = md.mesh_fem_of_variable("force")
     x = mf.basic_dof_nodes(mf.basic_dof_on_region(SLAVE))[0, ::2]
-    p = np.linalg.norm(md.variable("force").reshape(-1, 2), axis=1)
-    force = gf.asm_generic(slave.skin, 0, "force(2)", SLAVE, md)
-    return out | {"force": 2 * abs(force), "nodes": np.stack([x, p])}
+    traction = md.variable("force").reshape(-1, 2)
+    shear, force = (abs(gf.asm_generic(slave.skin, 0, f"force({k})", SLAVE, md)) for k in (1, 2))
+    if pair.friction:  # like bodies: where they are pressed together they are flat
+        return out | {"force": force, "shear": shear, "nodes": np.stack([x, np.abs(traction[:, 0])])}
+    return out | {"force": 2 * force, "nodes": np.stack([x, np.linalg.norm(traction, axis=1)])}
 
 
 if __name__ == "__main__":

@@ -63,18 +63,22 @@ def write(pair: Pair, folder: Path, **options: str) -> list[str]:
 
 
 def read(pair: Pair, folder: Path) -> dict[str, object]:
-    """`iterations`, `stress` (worst |sigma_zz + P|), `force` a length, pressures `p_m`, `recovered` as (x, p)."""
+    """`iterations`, `stress` (worst |sigma_zz + P|), `force` a length, `p_m` and `recovered` as (x, p).
+
+    With friction also `shear` a length, and tractions in the places of pressures.
+    """
     told = json.loads((folder / "pair" / "results.json").read_text())
     out: dict[str, object] = {"iterations": sum(step["iterations"] for step in told["steps"]), "told": told}
     if pair.dim == 3:
         ends = [end for body in ("lower", "upper") for end in told["stress"][body]["zz"]]
         return out | {"stress": max(abs(end + pair.pressure) for end in ends)}
     table = np.genfromtxt(folder / "pair" / "contact_slave.csv", delimiter=",", names=True)
+    skin = lacmesh.read(max((folder / "pair" / "fields").glob("contact_slave*.vtu")))
     shear, force = (abs(v) for v in told["contact"]["slave"]["resultant"])
     if pair.friction:
         last = table[table["time"] == table["time"].max()]
-        return out | {"force": force, "shear": shear, "p_m": (last["x"], np.abs(last["shear_1"]))}
-    (fields,) = (folder / "pair" / "fields").glob("contact_slave*.vtu")
-    skin = lacmesh.read(fields)
+        t = np.linalg.norm(skin.node_data["shear_recovered"], axis=1)
+        means, nodal = (last["x"], np.abs(last["shear_1"])), (skin.points[:, 0], t)
+        return out | {"force": force, "shear": shear, "p_m": means, "recovered": nodal}
     nodal = skin.node_data["pressure_recovered"]
     return out | {"force": 2 * force, "p_m": (table["x"], table["pressure"]), "recovered": (skin.points[:, 0], nodal)}

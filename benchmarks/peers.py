@@ -119,7 +119,7 @@ def codes(pythons: dict[str, str]) -> list[Code]:
             friction=True,
         ),
         in_python("peer_kratos", "Kratos, dual mortar, augmented Lagrangian", _KRATOS, python["kratos"], friction=True),
-        in_python("peer_getfem", "GetFEM, ray tracing, order 25", "getfem", python["getfem"]),
+        in_python("peer_getfem", "GetFEM, ray tracing, order 25", "getfem", python["getfem"], friction=True),
         in_python("peer_ngsolve", "NGSolve, penalty 10 E / h, order 30", "ngsolve", python["ngsolve"]),
         *stiff,
     ]
@@ -200,23 +200,27 @@ def hertz_rows(code: Code, sizes: tuple[int, ...], repeats: int) -> list[list[st
 
 
 def cattaneo_rows(code: Code, sizes: tuple[int, ...], repeats: int) -> list[list[str]]:
-    """A row for a code whose input has friction."""
+    """A row for each kind of traction of a code whose input has friction."""
     if not code.friction:
         return []
     runs = [measured(code, cattaneo(n), repeats) for n in sizes]
-    cells, widths = [], []
-    for run in runs:
-        if isinstance(run, str):
-            cells, widths = [*cells, run], [*widths, "-"]
-            continue
-        x, t = next(run.answer[kind] for kind in ("p_m", "nodes") if kind in run.answer)
-        found = shear_errors(x, t, float(run.answer["force"]), float(run.answer["shear"]))
-        unsolved = int(run.answer.get("unsolved", 0))
-        cells.append(f"{100 * found.rms:.2f}" + (f" ({unsolved} steps not in equilibrium)" if unsolved else ""))
-        widths.append(f"{100 * found.stick:+.2f}" if np.isfinite(found.stick) else "-")
+    good = [run for run in runs if isinstance(run, Run)]
     counts = ", ".join("-" if isinstance(run, str) else str(int(run.answer["iterations"])) for run in runs)
     seconds = ", ".join("-" if isinstance(run, str) else f"{run.wall:.1f} ({run.own:.1f})" for run in runs)
-    return [[code.name, *cells, ", ".join(widths), counts, seconds]]
+    rows = []
+    for kind in [kind for kind in KINDS if good and kind in good[0].answer] or [""]:
+        cells, widths = [], []
+        for run in runs:
+            if isinstance(run, str):
+                cells, widths = [*cells, run], [*widths, "-"]
+                continue
+            found = shear_errors(*run.answer[kind], float(run.answer["force"]), float(run.answer["shear"]))
+            unsolved = int(run.answer.get("unsolved", 0))
+            cells.append(f"{100 * found.rms:.2f}" + (f" ({unsolved} steps not in equilibrium)" if unsolved else ""))
+            widths.append(f"{100 * found.stick:+.2f}" if np.isfinite(found.stick) else "-")
+        name = code.name + KINDS.get(kind, "").replace("p_m", "t_m")
+        rows.append([name, *cells, ", ".join(widths), counts, seconds])
+    return rows
 
 
 def line(cells: list[str]) -> str:
