@@ -20,6 +20,7 @@ import pytest
 
 import lacmesh
 from lacsolver.cli import COMMANDS
+from tests.lacsolver.patch_meshes import stack
 from tests.packaging import PACKAGES, PIP, PROJECT, build, install, linked_environment, user_environment
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -72,8 +73,8 @@ def user(built, tmp_path_factory):
     install(linked_environment(folder / "env", PROJECT["dependencies"]), built[0])
     for name in ("two_blocks.msh", "two_blocks.toml"):
         shutil.copy(ROOT / "data" / name, folder / name)
-    mesh = lacmesh.read(ROOT / "data" / "two_blocks.msh")
-    supports = np.unique(np.concatenate([mesh.cells_of(name) for name in ("bottom", "symmetry_x", "symmetry_y")]))
+    mesh = stack("HEXA8", "HEXA8", 3, counts=(2, 1))
+    supports = np.unique(np.concatenate([mesh.cells_of(name) for name in ("bottom", "x0", "y0")]))
     groups = {name: mesh.cells_of(of) for name, of in (("pin", "slave"), ("hole", "master"), ("top", "top"))}
     solids = {name: mesh.cells_of(name) for name in ("upper", "lower")}
     cell_groups = groups | {"base": supports} | solids
@@ -96,11 +97,11 @@ def test_the_first_lines_run(user):
     line = "python -c \"import runpy, lacsolver; runpy.run_path('first.py'); print(lacsolver.__file__)\""
     *printed, place = typed(user, line, PYTHONPATH=sysconfig.get_path("purelib")).splitlines()
     assert place.startswith(str(user[0])) and printed == [
-        "(512, 3) (36,)",
-        "512 1.0 True",
+        "(43, 3) (4,)",
+        "43 1.0 True",
         "1.0",
-        "True 36 True",
-        "contact.pin.area [1.] (36,)",
+        "True 4 True",
+        "contact.pin.area [1.] (4,)",
     ]
 
 
