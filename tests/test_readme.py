@@ -27,6 +27,15 @@ def blocks(page, language):
     return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
+def run_commands(page):
+    """Run the commands of a page in their order, and return how many there are."""
+    commands = [line[2:] for block in blocks(page, "console") for line in block.splitlines() if line.startswith("$ ")]
+    for command in commands:
+        name, *args = shlex.split(command)
+        assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
+    return len(commands)
+
+
 #: runs commands (sys.argv[2:]) with the modules sys.argv[1] out of reach
 WITHOUT = """
 import json, shlex, sys
@@ -74,12 +83,7 @@ def test_the_readme_runs_with_what_its_install_line_brings(fresh):
 
 @pytest.mark.slow
 def test_commands_of_the_overview_run(fresh):
-    printed = "".join(blocks(OVERVIEW, "console"))
-    commands = [line[2:] for line in printed.splitlines() if line.startswith("$ ")]
-    for command in commands:
-        name, *args = shlex.split(command)
-        assert {"lacmesh": lacmesh, "lacsolver": lacsolver}[name](args) == 0, command
-    assert len(commands) >= 15
+    assert run_commands(OVERVIEW) >= 15
     assert {"two_blocks.med", "quadratic.msh"} <= {p.name for p in fresh.iterdir()}
 
 
