@@ -84,6 +84,7 @@ def test_the_energy_that_opening_makes_is_bounded():
         assert bound / 2 < max(made) < bound
 
 
+@pytest.mark.slow
 def test_with_a_plain_mass_the_same_impact_fails():
     """Mutation: with mass on the skins pressures alternate, and Newmark's method creates energy."""
     motions, off, _ = impact("QUAD4", 16, 'scheme = "newmark"\nmassless = "none"\n', cfl=0.25)
