@@ -1,13 +1,15 @@
 """Cases of every kind solved by several processes, compared with one: a program for `mpiexec`.
 
-Arguments: a backend, and names of the cases in tests/lacsolver/invariant_cases.py, `moving_cases`, `friction_cases` or
-`plastic_cases`.
-Rank 0 prints a line of JSON each.
+Its argument is JSON: rows [ranks, backend, names], whose ranks solve the cases of these names with that backend one
+after the other, beside the other rows. The names are of tests/lacsolver/invariant_cases.py, `moving_cases`,
+`friction_cases`, `plastic_cases`, `soft_cases` and `joined_cases`. The first of the ranks prints a line of JSON each.
 """
 
 from __future__ import annotations
 
 import json
+import time
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,13 +24,42 @@ from tests.lacsolver.distributed import friction_cases, joined_cases, moving_cas
 from tests.lacsolver.invariant_cases import CASES, text_of
 
 
-def main(comm, backend, *names):
-    """Compare the cases."""
+class Solved(NamedTuple):
+    """The solution of a case by one process: its states, their figures, and the doubts about it."""
+
+    states: list[Any]
+    figures: list[Any]
+    doubts: Any
+
+
+def main(world, rows):
+    """Solve each case in one process, the cases shared out; then compare what is found by the ranks of each row."""
     import_petsc()
-    for name in names:
-        told = compared(*problem_of(name), backend, comm)
-        if comm.rank == 0:
-            print(json.dumps({"name": name, **told}), flush=True)
+    rows = json.loads(rows)
+    every = list(dict.fromkeys(name for _, _, names in rows for name in names))
+    own = {name: in_one_process(name) for name in every[world.rank :: world.size]}
+    wait(world)
+    alone = {name: solved for part in world.allgather(own) for name, solved in part.items()}
+    groups = [ranks for ranks in dict.fromkeys(tuple(ranks) for ranks, _, _ in rows) if world.rank in ranks]
+    together = {ranks: world.Create_group(world.group.Incl(ranks)) for ranks in groups}
+    for ranks, backend, names in rows:
+        if world.rank not in ranks:
+            continue
+        comm = together[tuple(ranks)]
+        wait(comm)
+        for name in names:
+            differences = compared(name, backend, comm, alone[name])
+            if comm.rank == 0:
+                row = {"n": comm.size, "backend": backend, "name": name, **differences}
+                print(json.dumps(row), flush=True)
+    wait(world)
+
+
+def wait(comm):
+    """Wait for the other processes, and leave the processor to them."""
+    request = comm.Ibarrier()
+    while not request.Test():
+        time.sleep(0.02)
 
 
 def problem_of(name):
@@ -41,15 +72,23 @@ def problem_of(name):
     return text + "[solver]\nthreads = 1\n", mesh()
 
 
-def compared(text, mesh, backend, comm):
+def in_one_process(name):
+    """The solution of a case by this process alone."""
+    text, mesh = problem_of(name)
+    problem = Problem.of(parse_case(text), mesh)
+    states = list(march(problem))
+    figures = [step_figures(problem, state) for state in states]
+    return Solved(states, figures, None if problem.inertia is None else doubts(problem))
+
+
+def compared(name, backend, comm, alone):
     """Worst relative differences from one process, over all steps.
 
     Those of u and p are relative to the largest of their step, those of what may vanish in flight to that of all steps.
     """
-    alone = list(march(Problem.of(parse_case(text), mesh)))
+    text, mesh = problem_of(name)
     several = parse_case(text.replace("[solver]", f'[solver]\nbackend = "{backend}"', 1))
-    problem, whole_problem = Problem.of(several, mesh, Processes(comm)), Problem.of(parse_case(text), mesh)
-    problems = problem, whole_problem
+    problem = Problem.of(several, mesh, Processes(comm))
     worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0, "sliding": 0}, {}
 
     def add(key, value, expected, least=0.0):
@@ -60,11 +99,11 @@ def compared(text, mesh, backend, comm):
             before = sizes.get(key, (0.0, 0.0))
             sizes[key] = max(before[0], float(far)), max(before[1], float(size))
 
-    for one, other in zip(march(problem), alone, strict=True):
+    for one, other, of_other in zip(march(problem), alone.states, alone.figures, strict=True):
         add("u", whole(problem.space, one.u), other.u)
         pushed = max(np.abs(zone.force).max() for zone in other.zones)
         add("reaction", whole(problem.space, one.reaction), other.reaction, pushed)
-        figures = [step_figures(of, state) for of, state in zip(problems, (one, other), strict=True)]
+        figures = step_figures(problem, one), of_other
         add("energy", *(np.float64(found.energy) for found in figures))
         for zone, expected in zip(one.zones, other.zones, strict=True):
             add("p", zone.pressure, expected.pressure)
@@ -88,7 +127,7 @@ def compared(text, mesh, backend, comm):
             add("probes", *probes)
     worst |= {key: far / size if far else 0.0 for key, (far, size) in sizes.items()}
     if problem.inertia is not None:
-        worst["told"] = doubts(problem) == doubts(whole_problem)
+        worst["told"] = doubts(problem) == alone.doubts
     return worst
 
 

@@ -12,10 +12,11 @@ import traceback
 from importlib import import_module
 
 from lacsolver.distributed.launch import import_mpi
+from lacsolver.distributed.processes import LARGE
 from verification.mpiexec import ROOT, environment
 from verification.mpiexec import words as words_of
 
-__all__ = ["ROOT", "environment", "in_ranks", "own_lines", "printed", "words"]
+__all__ = ["ROOT", "commands", "environment", "in_ranks", "own_lines", "printed", "words"]
 
 
 def words(n, code, *arguments):
@@ -41,6 +42,12 @@ def printed(n, program, *arguments, timeout=300):
     done = in_ranks(n, code, *arguments, timeout=timeout)
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def commands(n, *rows, large=LARGE):
+    """The status of each command of lacsolver, and its lines, in n processes that are started once."""
+    told = printed(n, "commands", json.dumps([[str(word) for word in words] for words in rows]), large)
+    return [(one["status"], own_lines("\n".join(one["said"]))) for one in told]
 
 
 def main(program):

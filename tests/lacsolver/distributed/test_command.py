@@ -8,8 +8,9 @@ import sys
 
 import pytest
 
+from lacsolver.cli import main
 from tests.lacsolver.bad_cases import GOOD, blocks, put
-from tests.lacsolver.distributed.mpi import environment, in_ranks, own_lines
+from tests.lacsolver.distributed.mpi import commands, environment, in_ranks, own_lines
 
 pytestmark = pytest.mark.petsc
 
@@ -70,20 +71,16 @@ def test_a_run_shows_what_one_process_shows(folder):
     assert line.startswith("lacsolver: error: several holds results already; --force replaces them")
 
 
-def test_mistakes_of_a_case_are_reported_once(folder):
-    (folder / "case.toml").write_text(GOOD.replace("young", "yung").replace("[[displacement]]", "[[displacment]]", 1))
-    several, serial = in_ranks(2, COMMAND, "run", "case.toml"), alone("run", "case.toml")
-    assert several.returncode == serial.returncode == 1
-    assert own_lines(several.stderr) == own_lines(serial.stderr) != []
-
-
-def test_the_serial_engine_in_several_processes_is_refused(folder):
-    (folder / "case.toml").write_text(GOOD + '[solver]\nengine = "serial"\n')
-    done = in_ranks(2, COMMAND, "run", "case.toml")
-    assert done.returncode == 2
-    (line,) = own_lines(done.stderr)
-    assert "2 processes were started" in line and "each would solve the whole" in line
-    assert not (folder / "case").exists()
+def test_what_all_processes_refuse_is_said_once(folder, capsys):
+    """Mistakes of a case, as one process says them; and an engine that would solve the whole in each of two."""
+    wrong = GOOD.replace("young", "yung").replace("[[displacement]]", "[[displacment]]", 1)
+    (folder / "wrong.toml").write_text(wrong)
+    (folder / "serial.toml").write_text(GOOD + '[solver]\nengine = "serial"\n')
+    (status, mistakes), (refused, (line,)) = commands(2, ["run", "wrong.toml"], ["run", "serial.toml"])
+    assert status == main(["run", "wrong.toml"]) == 1
+    assert mistakes == own_lines(capsys.readouterr().err) != []
+    assert refused == 2 and "2 processes were started" in line and "each would solve the whole" in line
+    assert not (folder / "serial").exists()
 
 
 def test_one_process_takes_the_engine_that_the_case_names(folder):

@@ -17,7 +17,7 @@ from lacmesh.formats.ids import counts_up
 from lacmesh.partition import distribute_nodes
 from lacsolver.cli import main as solver_main
 from tests.lacsolver.distributed.allocations import box
-from tests.lacsolver.distributed.mpi import ROOT, in_ranks, own_lines, printed
+from tests.lacsolver.distributed.mpi import ROOT, commands, own_lines, printed
 from tests.meshes import random_mesh
 from verification.meshes.blocks import joined
 
@@ -242,35 +242,26 @@ def test_allocations_are_of_slices_and_parts(files, told, name):
     assert {place: size for place, size in three.items() if size > max(mesh.n_nodes, 0.9 * two.get(place, 0))} == {}
 
 
-COMMAND = """
-import sys
-from lacsolver.cli import main
-from lacsolver.distributed import processes
-processes.LARGE = 0
-sys.exit(main(["run", "-q", *sys.argv[1:]]))
-"""
-
-
 @pytest.fixture(scope="module")
-def case(files):
-    """The case `two_blocks` with the mesh as msh in binary, and as MED with a slave that is not there."""
+def commanded(files):
+    """The answers of two processes to the case `two_blocks` in msh, and in MED with a slave that is not there."""
     text = (ROOT / "data" / "two_blocks.toml").read_text()
     (files / "case.toml").write_text(text.replace("two_blocks.msh", "blocks.msh"))
     wrong = text.replace("two_blocks.msh", "blocks.med").replace('slave = "slave"', 'slave = "slvae"')
     (files / "wrong.toml").write_text(wrong)
-    return files / "case.toml"
+    rows = [["run", "-q", files / f"{name}.toml", "-o", files / f"{name}_of_two"] for name in ("case", "wrong")]
+    return commands(2, *rows, large=0)
 
 
-def test_a_case_is_solved_on_slices_as_by_one_process(files, case):
-    done = in_ranks(2, COMMAND, case, "-o", files / "two")
-    assert done.returncode == 0, done.stderr
-    assert not solver_main(["run", "-q", str(case), "-o", str(files / "one")])
-    one, two = (json.loads((files / name / "results.json").read_text()) for name in ("one", "two"))
+def test_a_case_is_solved_on_slices_as_by_one_process(files, commanded):
+    assert commanded[0] == (0, [])
+    assert not solver_main(["run", "-q", str(files / "case.toml"), "-o", str(files / "case_of_one")])
+    one, two = (json.loads((files / f"case_of_{name}" / "results.json").read_text()) for name in ("one", "two"))
     assert two["energy"] == pytest.approx(one["energy"], rel=1e-9)
     assert two["sizes"] == one["sizes"]
 
 
-def test_a_group_that_is_not_there_is_told_as_by_one_process(files, case, capsys):
-    done = in_ranks(2, COMMAND, files / "wrong.toml", "-o", files / "wrong")
-    assert done.returncode == solver_main(["run", "-q", str(files / "wrong.toml"), "-o", str(files / "wrong")]) > 0
-    assert own_lines(done.stderr) == own_lines(capsys.readouterr().err) != []
+def test_a_group_that_is_not_there_is_told_as_by_one_process(files, commanded, capsys):
+    status, said = commanded[1]
+    assert status == solver_main(["run", "-q", str(files / "wrong.toml"), "-o", str(files / "wrong")]) > 0
+    assert said == own_lines(capsys.readouterr().err) != []
