@@ -194,6 +194,7 @@ def test_a_deck_has_the_same_forces_in_both_programs(tutorials, tmp_path):
 # ---- a bolted plate
 
 
+@pytest.mark.slow
 @pytest.mark.gmsh
 @pytest.mark.vtk
 def test_a_bolt_that_is_locked_feels_little_and_the_joint_the_rest(tutorials, tmp_path):

@@ -105,6 +105,7 @@ def test_the_first_lines_run(user):
     ]
 
 
+@pytest.mark.slow
 def test_a_type_checker_knows_the_types(user):
     """A right script has no error, and one that takes a number for a mesh has one."""
     folder, env = user
@@ -137,6 +138,7 @@ def test_the_commands_run_with_the_base_only(user):
         assert "two_blocks" in typed(user, "lacsolver example")
 
 
+@pytest.mark.slow
 def test_the_verification_is_in_the_wheel(user):
     """A case with levels of its quick suite, whose result is met, and the list of all."""
     assert "cases, about" in typed(user, "python -m verification list --suite quick")
