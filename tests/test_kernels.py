@@ -74,7 +74,7 @@ def test_few_rows_have_one_thread(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
     parts = []
     in_threads(parts.append, 12)
-    assert parts == [slice(0, 12)] and [worthwhile(3, n) for n in (0, 511, 512, 1000)] == [1, 1, 2, 3]
+    assert parts == [slice(0, 12)] and [worthwhile(3, n) for n in (0, 1023, 1024, 2000)] == [1, 1, 2, 3]
 
 
 # ---- the two forms

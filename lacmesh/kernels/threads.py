@@ -13,7 +13,7 @@ from typing import TypeVar
 
 _THREADS = 8
 #: least number of rows or cells for a thread: fewer take less time than its start and what each thread does in Python
-_WORTH = 256
+_WORTH = 512
 
 T = TypeVar("T")
 
