@@ -7,7 +7,8 @@ import pytest
 from tests.lacsolver.distributed.mpi import printed
 from tests.samples import samples
 
-pytestmark = pytest.mark.petsc
+#: what is traced takes a minute, so that it is for `make verify`
+pytestmark = [pytest.mark.petsc, pytest.mark.slow]
 #: processes that are watched; the first one writes the states and prints
 FIXED = samples((0,), (0, 1))
 
