@@ -73,9 +73,12 @@ def check_conditions(joint, zone, moved):
         assert np.abs(g).max(initial=0.0) <= 1e-12 * moved and (zone.status[on] == CONTACT).all()
         return
     strong = max(p.max(initial=0.0), YOUNG * moved)
+    nothing = 1e-12 * moved
+    if joint.moving:  # gaps are then differences of places, which have a last bit
+        nothing += 4 * np.finfo(float).eps * np.abs(zone.centre).max()
     assert p.min(initial=0.0) >= -1e-14 * strong
-    assert g.min(initial=0.0) >= -1e-12 * moved
-    assert np.abs(p * g).max(initial=0.0) <= 1e-12 * strong * moved
+    assert g.min(initial=0.0) >= -nothing
+    assert np.abs(p * g).max(initial=0.0) <= strong * nothing
     assert np.abs(p[zone.status[on] == OPEN]).max(initial=0.0) <= 1e-14 * strong
     assert (p[zone.status[on] == CONTACT] > 0).all()
 
