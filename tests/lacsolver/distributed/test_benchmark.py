@@ -12,7 +12,8 @@ sys.path.append(str(REPOSITORY / "benchmarks"))
 
 import distributed
 
-pytestmark = pytest.mark.petsc
+#: for `make verify`: a benchmark is no part of the packages
+pytestmark = [pytest.mark.petsc, pytest.mark.slow]
 
 
 def test_the_figures_of_two_processes(tmp_path):
