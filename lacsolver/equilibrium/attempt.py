@@ -56,8 +56,8 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
     A body that moves away has none: what is left of its load may be less than the round-off of a body so far away.
     """
     outcome = _searched(step, halvings, progress)
-    away = step.model.problem.kinematics.linear and any(True for _ in _uncarried(step, outcome))
-    return outcome._replace(converged=outcome.converged and not away)
+    doubted = outcome.converged and step.model.problem.kinematics.linear
+    return outcome._replace(converged=False) if doubted and any(_uncarried(step, outcome)) else outcome
 
 
 def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None] | None) -> Outcome:
