@@ -1,13 +1,14 @@
 """Measure runs in several processes against one: V-cycles, processor time, memory, communication, stiffness ratios.
 
     python benchmarks/distributed.py [--quick] [--sizes 24000 118000] [--ranks 1 2 4 8]
-                                     [--backends multigrid gamg hypre] [--weak 25000]
+                                     [--backends multigrid gamg hypre] [--weak 25000] [--moving 24000 118000]
                                      [--python .venv-petsc/bin/python] [--repeat 3] [-o TABLE.md]
 
 The model is that of `contact.py`: a block with a clearance of r^2 / 2R over an elastic block whose faces do not match,
-HEXA8 cut `pyramid`, one step from no contact at all. It is divided once for each number of processes, and each reads
-its part alone. Every run is one of `mpiexec` with the Python that `--python` names; the serial solver is the backend
-`multigrid` on one thread of the Python that runs this program. More processes than cores share the cores.
+HEXA8 cut `pyramid`, one step from no contact at all; of contact that moves, that of `moving.py` on the same mesh. The
+mesh is divided once for each number of processes, and each reads its part alone. Every run is one of `mpiexec` with the
+Python that `--python` names; the serial solver is the backend `multigrid` on one thread of the Python that runs this
+program. More processes than cores share the cores.
 
 Seconds are those of the processor, of the process that has most of them, busy waiting for the others included; so
 efficiencies are lower bounds. Of several runs the fastest is told. They run from the matrices to the pressures: all
@@ -15,7 +16,8 @@ of the active set, without the assembly and the pairing, which are told beside t
 process over n times that of n. Memory is the largest resident memory of a process, and what it has grown by since all
 modules and kernels were loaded: up to the set-up of the preconditioner, when the mesh, contact and K are there
 ("model"), and at most ("grown"). Messages and bytes are those that the process with most of them sends for each
-V-cycle, with the reductions over all processes; what hypre sends within its own cycles is not counted.
+V-cycle, with the reductions over all processes; what hypre sends within its own cycles is not counted. Pairing and
+derivative of contact that moves are for each iteration, of the process that has most contact points.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
@@ -38,15 +41,19 @@ import numpy as np
 from contact import pressed, pressed_case
 from large import Clock, side
 from meshes import blocks
+from moving import case_of
 
 import lacsolver.bodies.small
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
+import lacsolver.saddle.contact_system
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
 from lacmesh import Mesh
 from lacmesh.partition import distribute_nodes, read_part, write_parts
+from lacsolver.case import Case
+from lacsolver.contact import Interface
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.saddle.saddle import SaddleSolution
@@ -56,20 +63,37 @@ SIZES, QUICK = (24_000, 118_000), (10_000,)
 RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("multigrid", "gamg", "hypre"), (0.01, 1.0, 100.0)
 #: the backend multigrid on one thread of one process
 SERIAL = "serial"
+#: contact that moves: kinematics and geometry, and normals
+MOVING = ("current facet", "current smoothed", "finite facet")
+#: what computes the derivative of contact
+DERIVATIVES = ("motion_of", "tangent", "gap_derivative")
 #: unknowns of a process in the weak scaling
 WEAK = 25_000
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
 HEADS += ("against serial", "assembly", "pairing", "memory", "model", "grown", "bytes an unknown of the process")
 WEAK_HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "matrices to pressures")
 WEAK_HEADS += ("messages, bytes, reductions for each V-cycle",)
+MOVING_HEADS = ("geometry, normals", "n", "iterations", "V-cycles", "points", "whole solve", "efficiency")
+MOVING_HEADS += ("pairing, an iteration", "its efficiency", "derivative, an iteration", "its efficiency")
 
 
 class Run(NamedTuple):
-    """One run: its mesh, or the folder of its parts, the backend, and the stiffness of the master over the slave's."""
+    """One run: its mesh, or the folder of its parts, the backend, and the stiffness of the master over the slave's.
+
+    `moving`: one of `MOVING`, or empty for contact that is paired once.
+    """
 
     path: str
     backend: str
     ratio: float = 1.0
+    moving: str = ""
+
+    def case(self) -> Case:
+        """The case that is solved."""
+        backend = "multigrid" if self.backend == SERIAL else self.backend
+        if self.moving:
+            return case_of(*self.moving.split(), backend, Path(self.path))
+        return pressed_case(backend, "small", self.ratio, Path(self.path), threads=1)
 
 
 class Sent:
@@ -100,7 +124,7 @@ def counted(MPI: Any, sent: Sent) -> Any:
     return Counted(MPI.COMM_WORLD)
 
 
-def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> ExitStack:
+def watched(clock: Clock, solved: list[SaddleSolution], models: list[int], interfaces: deque[Interface]) -> ExitStack:
     """The phases of a contact solve under the clock; `models` gets the memory in use at the start of each set-up."""
 
     def set_up(work: Callable[..., Any]) -> Callable[..., Any]:
@@ -112,11 +136,12 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
 
         return noted
 
-    places = [
+    places: list[tuple[Any, str, str, Any]] = [
         (lacsolver.bodies.small, "assemble_stiffness", "assembly", None),
-        (lacsolver.problem.pair, "integrate", "pairing", None),
+        (lacsolver.problem.pair, "integrate", "pairing", interfaces),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
+        *((lacsolver.saddle.contact_system, name, "derivative", None) for name in DERIVATIVES),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):
@@ -128,10 +153,11 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int]) -> Ex
 
 def measured(run: Run) -> list[dict[str, Any]]:
     """The figures of one run, of each of its processes; on all but the first an empty list."""
-    serial = run.backend == SERIAL
     _ = list(march(pressed(blocks(9, 6, 4), "multigrid")))  # modules and kernels are loaded
-    case = pressed_case("multigrid" if serial else run.backend, "small", run.ratio, Path(run.path), threads=1)
-    if serial:
+    case = run.case()
+    if run.moving:
+        _ = list(march(Problem.of(case, blocks(9, 6, 4))))
+    if run.backend == SERIAL:
         return [figures(lambda: Problem.of(case, read_part(run.path, 0).mesh))]
     from lacsolver.distributed.launch import import_mpi
     from lacsolver.distributed.processes import Processes
@@ -146,10 +172,11 @@ def figures(problem_of: Callable[[], Problem], sent: Sent | None = None) -> dict
     """The figures of a contact solve on this process."""
     gc.collect()
     before, clock, solved, models = resident(), Clock(), list[SaddleSolution](), list[int]()
+    last = deque[Interface](maxlen=1)
     with clock("problem"):
         problem = problem_of()
     earlier = None if sent is None else sent.counts.copy()
-    with watched(clock, solved, models), clock("contact"):
+    with watched(clock, solved, models, last), clock("contact"):
         *_, state = march(problem)
     cycles = sum(one.applications for one in solved)
     own = problem.constraints.own
@@ -159,8 +186,9 @@ def figures(problem_of: Callable[[], Problem], sent: Sent | None = None) -> dict
         "closed": int((state.zones[0].status == 1).sum()),
         "cycles": cycles,
         "sets": state.iterations,
+        "points": len(last[0].points),
         "cpu": clock.cpu,
-        "solve": clock.cpu["contact"] - clock.cpu["assembly"] - clock.cpu["pairing"],
+        "solve": clock.cpu["contact"] - clock.cpu.get("assembly", 0.0) - clock.cpu["pairing"],
         "memory": peak(),
         "model": models[0] - before,
         "grown": peak() - before,
@@ -185,18 +213,17 @@ class Launcher:
         self._python, self._folder, self._repeat = python, folder, repeat
         self._meshes: dict[int, Mesh] = {}
 
-    def of(self, unknowns: int, n: int, backend: str, ratio: float = 1.0) -> list[dict[str, Any]]:
+    def of(self, unknowns: int, n: int, backend: str, ratio: float = 1.0, moving: str = "") -> list[dict[str, Any]]:
         """The figures of all processes of the fastest of the runs; n is 0 for the serial solver."""
-        return min(
-            (self._run(unknowns, n, backend, ratio) for _ in range(self._repeat)), key=partial(busiest, phase="solve")
-        )
+        run = Run(self._divided(unknowns, max(n, 1)), backend, ratio, moving)
+        return min((self._run(run, unknowns, n) for _ in range(self._repeat)), key=partial(busiest, phase="solve"))
 
-    def _run(self, unknowns: int, n: int, backend: str, ratio: float) -> list[dict[str, Any]]:
-        arguments = [__file__, "--one", *map(str, Run(self._divided(unknowns, max(n, 1)), backend, ratio))]
+    def _run(self, run: Run, unknowns: int, n: int) -> list[dict[str, Any]]:
+        arguments = [__file__, "--one", *map(str, run)]
         command = words(n, *arguments, python=self._python) if n else [sys.executable, *arguments]
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment())
         if done.returncode:
-            raise SystemExit(f"{unknowns} unknowns, {backend}, {n} processes: {done.stderr.strip()[-2000:]}")
+            raise SystemExit(f"{unknowns} unknowns, {run.backend}, {n} processes: {done.stderr.strip()[-2000:]}")
         return list(json.loads(done.stdout.splitlines()[-1]))
 
     def _divided(self, unknowns: int, n: int) -> str:
@@ -241,6 +268,16 @@ def weak_line(backend: str, n: int, found: Any) -> str:
     cells.append(f"{busiest(found, 'solve'):.2f} s")
     messages, size, sums = np.max([one["traffic"] for one in found], axis=0)
     cells.append(f"{messages:.0f}, {size:,.0f}, {sums:.1f}")
+    return row(cells)
+
+
+def moving_line(kind: str, n: int, found: Any, single: Any) -> str:
+    """A row of the table of contact that moves; n is 0 for the serial solver, which is not compared."""
+    cells = [kind, str(n or "serial"), f"{found[0]['sets']}", f"{found[0]['cycles']}"]
+    cells.append(f"{max(one['points'] for one in found):,}")
+    for phase in ("contact", "pairing", "derivative"):
+        spent, alone = (busiest(one, phase) / (1 if phase == "contact" else one[0]["sets"]) for one in (found, single))
+        cells += [f"{spent:.3f} s", f"{alone / n / spent:.2f}" if n else ""]
     return row(cells)
 
 
@@ -303,6 +340,21 @@ def weak(launcher: Launcher, args: argparse.Namespace, told: Told) -> None:
             told(weak_line(backend, n, launcher.of(n * args.weak, n, backend)))
 
 
+def moving(launcher: Launcher, args: argparse.Namespace, told: Told) -> None:
+    """The tables of contact that is paired again in every iteration, by the backend multigrid."""
+    for size in args.moving:
+        for kind in MOVING:
+            serial = launcher.of(size, 0, SERIAL, moving=kind)
+            if kind == MOVING[0]:
+                title = f"### Contact that moves, {serial[0]['unknowns']:,} unknowns, {serial[0]['macros']:,} macro-elements"
+                told.table(title, MOVING_HEADS)
+            told(moving_line(kind, 0, serial, serial))
+            single = launcher.of(size, 1, "multigrid", moving=kind)
+            for n in args.ranks:
+                found = single if n == 1 else launcher.of(size, n, "multigrid", moving=kind)
+                told(moving_line(kind, n, found, single))
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -313,19 +365,23 @@ def main() -> None:
         "--backends", nargs="+", default=BACKENDS, help="of the engine petsc (default: multigrid gamg hypre)"
     )
     parser.add_argument("--weak", type=int, help=f"unknowns a process; 0 for none (default: {WEAK})")
+    parser.add_argument(
+        "--moving", nargs="*", type=int, help=f"unknowns with contact that moves (default: {' '.join(map(str, SIZES))})"
+    )
     parser.add_argument("--no-ratios", action="store_true", help="without the table of stiffness ratios")
     there = ROOT / ".venv-petsc" / "bin" / "python"
     parser.add_argument("--python", default=str(there) if there.exists() else sys.executable, help="Python with PETSc")
-    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--one", nargs=4, help=argparse.SUPPRESS)
     parser.add_argument("-o", metavar="TABLE.md", help="write the tables here too")
     parser.add_argument("--repeat", type=int, default=3, help="runs, of which the fastest is told (default: 3)")
     args = parser.parse_args()
     if args.one:
-        path, backend, ratio = args.one
-        if told := measured(Run(path, backend, float(ratio))):
+        path, backend, ratio, kind = args.one
+        if told := measured(Run(path, backend, float(ratio), kind)):
             print(json.dumps(told))
         return
     sizes = (QUICK if args.quick else SIZES) if args.sizes is None else args.sizes
+    args.moving = (QUICK if args.quick else SIZES) if args.moving is None else args.moving
     args.weak = (WEAK // 10 if args.quick else WEAK) if args.weak is None else args.weak
     lines = Told()
     with tempfile.TemporaryDirectory() as folder:
@@ -335,6 +391,8 @@ def main() -> None:
             ratios(launcher, sizes[0], args, lines)
         if args.weak:
             weak(launcher, args, lines)
+        if args.moving:
+            moving(launcher, args, lines)
     if args.o:
         Path(args.o).write_text("\n".join(lines.lines[1:]) + "\n")
 

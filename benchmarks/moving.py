@@ -55,15 +55,15 @@ class Spent:
         return timed
 
 
-def problem_of(mesh: Mesh, kind: str, normals: str = "facet") -> Problem:
-    """Return the problem of the blocks."""
+def case_of(kind: str, normals: str = "facet", backend: str = "auto", path: Path = Path("blocks.msh")) -> Case:
+    """Return the case of the blocks, on one thread; `path`: the mesh."""
     kinematics, geometry = KINDS[kind]
     law = "elastic" if kinematics == "small" else "neo_hookean"
     contact = {"slave": "slave", "master": "master", "clearance": _ROUND, "normals": normals}
     if kinematics == "small":
         contact["geometry"] = geometry
-    case = Case(
-        mesh=Path("blocks.msh"),
+    return Case(
+        mesh=path,
         model="3d",
         kinematics=kinematics,
         material=(Material(law=law, young=1000.0, poisson=0.3),),
@@ -72,9 +72,13 @@ def problem_of(mesh: Mesh, kind: str, normals: str = "facet") -> Problem:
             Displacement(group="bottom", ux=0.0, uy=0.0, uz=0.0),
             Displacement(group="top", ux=0.0, uy=0.0, uz=-0.05),
         ),
-        solver=Solver(threads=1),
+        solver=Solver(backend=backend, threads=1),
     )
-    return Problem.of(case, mesh)
+
+
+def problem_of(mesh: Mesh, kind: str, normals: str = "facet") -> Problem:
+    """Return the problem of the blocks."""
+    return Problem.of(case_of(kind, normals), mesh)
 
 
 def solved(problem: Problem) -> tuple[float, int, Spent]:

@@ -31,3 +31,16 @@ def test_the_figures_of_two_processes(tmp_path):
     line = distributed.strong_line("multigrid", 2, found, single, single)
     assert line.count("|") == len(distributed.HEADS) + 1
     assert distributed.weak_line("multigrid", 2, found).count("|") == len(distributed.WEAK_HEADS) + 1
+
+
+@pytest.mark.parametrize("kind", distributed.MOVING)
+def test_contact_that_moves_takes_the_same_iterations_and_each_process_has_its_points(tmp_path, kind):
+    launcher = distributed.Launcher(sys.executable, tmp_path)
+    serial, found = (
+        launcher.of(2000, n, backend, moving=kind) for n, backend in ((0, distributed.SERIAL), (2, "multigrid"))
+    )
+    assert {one["sets"] for one in found} == {serial[0]["sets"]}
+    assert sum(one["points"] for one in found) == pytest.approx(serial[0]["points"], rel=0.05)
+    assert max(one["points"] for one in found) < 0.7 * serial[0]["points"]
+    assert all(one["cpu"]["derivative"] > 0 for one in found)
+    assert distributed.moving_line(kind, 2, found, serial).count("|") == len(distributed.MOVING_HEADS) + 1
