@@ -346,8 +346,8 @@ def moving(launcher: Launcher, args: argparse.Namespace, told: Told) -> None:
         for kind in MOVING:
             serial = launcher.of(size, 0, SERIAL, moving=kind)
             if kind == MOVING[0]:
-                title = f"### Contact that moves, {serial[0]['unknowns']:,} unknowns, {serial[0]['macros']:,} macro-elements"
-                told.table(title, MOVING_HEADS)
+                sizes = f"{serial[0]['unknowns']:,} unknowns, {serial[0]['macros']:,} macro-elements"
+                told.table(f"### Contact that moves, {sizes}", MOVING_HEADS)
             told(moving_line(kind, 0, serial, serial))
             single = launcher.of(size, 1, "multigrid", moving=kind)
             for n in args.ranks:
