@@ -6,7 +6,9 @@ A law answers for a group of rows, in the state `RowState`; nothing else in the 
     linearise      that equation: gap + compliance * pressure = offset
     residual       how far a row is from the law, as a length
     status         what is reported: OPEN or CONTACT
+    in_step        the law in a step of some size, for laws that depend on rates
     stored         the energy that contact gives back as it opens
+    taken          the energy that the law takes in a step
     commit         the history at the end of a step, for laws with memory
 
 `Unilateral` is 0 <= p, 0 <= g, p g = 0 (27), (29); `Bilateral` is g = 0. With a `compliance` a (length per stress) both
@@ -80,6 +82,9 @@ class ContactLaw(Protocol):
     def n_history(self) -> int:
         """Number of values that a row keeps from step to step."""
 
+    def in_step(self, dt: float) -> ContactLaw:
+        """Return the law in a step of size dt in motion, 0 at rest."""
+
     def next_active(self, rows: RowState) -> Bools:
         """Return the active set (m,) after a solve with `rows.active`."""
 
@@ -100,7 +105,10 @@ class ContactLaw(Protocol):
         """Return the status (m,) of converged rows, OPEN or CONTACT."""
 
     def stored(self, rows: RowState) -> Floats:
-        """Return the energy per area (m,) that converged rows give back as they open."""
+        """Return the energy per area (m,) that converged rows give back as they open; asked of laws that yield."""
+
+    def taken(self, rows: RowState) -> Floats:
+        """Return the energy per area (m,) that the law takes in a step; asked of laws that yield."""
 
     def commit(self, rows: RowState) -> Floats:
         """Return the history (m, n_history) at the end of a step."""
@@ -127,6 +135,10 @@ class Bilateral:
     exact = False
     n_history = 0
 
+    def in_step(self, dt: float) -> ContactLaw:
+        """Return the law itself: it does not depend on rates."""
+        return self
+
     def next_active(self, rows: RowState) -> Bools:
         """Return every row."""
         return np.ones(len(rows.gap), bool)
@@ -146,6 +158,10 @@ class Bilateral:
     def stored(self, rows: RowState) -> Floats:
         """Return the energy of the spring."""
         return np.asarray(0.5 * self.compliance * np.square(rows.pressure))
+
+    def taken(self, rows: RowState) -> Floats:
+        """Return zeros: what it stores comes back."""
+        return np.zeros(len(rows.gap))
 
     def commit(self, rows: RowState) -> Floats:
         """Return the history unchanged."""

@@ -23,7 +23,6 @@ from lacsolver.case import Contact, Cyclic, Tie
 from lacsolver.case.value import Value
 from lacsolver.constraints.cyclic import turn_of
 from lacsolver.contact import Interface, Pairing, Zone, integrate
-from lacsolver.contact.damping import Damped
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import ContactLaw
@@ -81,7 +80,7 @@ class ContactPair(Described):
         stiffness = self.record.stiffness if isinstance(self.record, Contact) else None
         changes = stiffness is not None and stiffness.depends_on_time
         law = contact_law_of(self.record, t) if changes else self.law
-        return law.in_step(dt) if isinstance(law, Damped) else law
+        return law.in_step(dt)
 
     def bounds(self, space: Space, t: float) -> Bounds | None:
         """Return the bounds of friction at time t, means over each macro-element; None without friction."""

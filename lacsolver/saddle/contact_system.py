@@ -27,7 +27,6 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.constraints.equality_rows import EqualityRows, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
-from lacsolver.contact.damping import Damped
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
 from lacsolver.contact.sliver import allowed_overlap
@@ -432,25 +431,24 @@ class ContactSystem:
 
     def damped(self, u: Floats, p: Floats) -> float:
         """Return the energy that damping of contact takes in a step, at u (n_dof,) and pressures p (m,)."""
-        return self._energy(u, p, lambda law: isinstance(law, Damped), lambda law, rows: law.taken(rows))
+        return sum((float(w @ group.law.taken(rows)) for group, rows, w in self._soft(u, p)), 0.0)
 
     def stored(self, u: Floats, p: Floats) -> float:
         """Return the energy that soft contact stores at u (n_dof,) and pressures p (m,)."""
-        return self._energy(u, p, lambda law: law.yields, lambda law, rows: law.stored(rows))
+        return sum((float(w @ group.law.stored(rows)) for group, rows, w in self._soft(u, p)), 0.0)
 
-    def _energy(
-        self, u: Floats, p: Floats, counts: Callable[[Any], bool], of: Callable[[Any, RowState], Floats]
-    ) -> float:
-        """Return an energy of rows, given per area, summed over the pairs whose law counts."""
-        G, energy = self.G.copy(), 0.0
-        for group in self.groups:
-            if counts(group.law):
-                G[group.every] = group.gaps(u)
+    def _soft(self, u: Floats, p: Floats) -> Iterator[tuple[RowGroup, RowState, Floats]]:
+        """Yield the groups whose law yields, with their rows at u (n_dof,) and p (m,), and their areas.
+
+        Areas are 0 where a row is not enforceable.
+        """
+        soft, G = [group for group in self.groups if group.law.yields], self.G.copy()
+        for group in soft:
+            G[group.every] = group.gaps(u)
+        w = np.where(self.enforceable, self.rows.w, 0.0)
         for group, rows in self.with_gaps(G).states(p, np.zeros(len(G), bool)):
-            if counts(group.law):
-                own = np.where(self.enforceable[group.rows], of(group.law, rows), 0.0)
-                energy += float(self.rows.w[group.rows] @ own)
-        return energy
+            if group in soft:
+                yield group, rows, w[group.rows]
 
     @property
     def exact(self) -> bool:
