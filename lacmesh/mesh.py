@@ -285,6 +285,10 @@ class Mesh(Described):
             if len(chosen):
                 yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
 
+    def nodes_on(self, cells: Ints) -> Ints:
+        """Return the sorted nodes of some cells (indices)."""
+        return np.flatnonzero(mask_of(self.n_nodes, *(nodes for _, _, nodes in self.select(cells))))
+
     def group_dim(self, name: str) -> int:
         """Highest dimension of a cell group's cells or, if it is empty, of its tags; -1 if it has no tags either."""
         cells = self.cell_groups[name]
@@ -422,6 +426,23 @@ def codes(values: Ints) -> Ints:
     return np.flatnonzero(np.bincount(values))
 
 
+def concatenated(parts: Iterable[Ints]) -> Ints:
+    """Return arrays of integers one after the other; an empty one of no arrays."""
+    return np.concatenate([np.empty(0, np.int64), *parts])
+
+
+def mask_of(size: int, *indices: Any) -> NDArray[np.bool_]:
+    """Return a mask (size,), True at some indices: arrays, numbers or slices.
+
+    >>> mask_of(4, np.array([0, 3]), 2).tolist()
+    [True, False, True, True]
+    """
+    mask = np.zeros(size, bool)
+    for index in indices:
+        mask[index] = True
+    return mask
+
+
 def distinct(numbers: Ints) -> bool:
     """True if no number occurs twice. Ids as in files, a few millions in any order, are marked off in a table.
 
@@ -434,8 +455,7 @@ def distinct(numbers: Ints) -> bool:
     if high - low >= 4 * len(numbers):
         ascending = np.sort(numbers)  # np.unique hashes, at a tenth of the speed
         return bool((ascending[1:] > ascending[:-1]).all())
-    seen = np.zeros(high - low + 1, bool)
-    seen[numbers - low if low else numbers] = True
+    seen = mask_of(high - low + 1, numbers - low if low else numbers)
     return int(np.count_nonzero(seen)) == len(numbers)
 
 

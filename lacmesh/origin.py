@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Floats, Mesh
+from lacmesh.mesh import Floats, Mesh, mask_of
 
 #: coordinates beyond this are wild: their squares are not finite
 _WILD = 1e150
@@ -57,9 +57,7 @@ def bounds_of(x: Floats) -> NDArray[np.floating]:
 
 def bounds_of_mesh(mesh: Mesh) -> NDArray[np.floating]:
     """(2, 3): the corners of the box of the nodes of a mesh's cells, or of all its nodes if it has no cell."""
-    used = np.zeros(mesh.n_nodes, bool)
-    for block in mesh.blocks:
-        used[block.nodes] = True
+    used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
     return bounds_of(mesh.points if used.all() or not used.any() else mesh.points[used])
 
 

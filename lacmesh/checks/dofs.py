@@ -20,7 +20,7 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.recorded import Fault, internal_faults
 from lacmesh.checks.subject import Subject
 from lacmesh.cutting.records import Cut
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.edges import edge_uses
@@ -69,9 +69,8 @@ def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 
 def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
     """Count the internal nodes of the macro-elements that own them."""
-    boundary, fixed = np.zeros((2, subject.mesh.n_nodes), bool)
-    boundary[_boundary_nodes(subject)] = True
-    fixed[subject.fixed] = True
+    n_nodes = subject.mesh.n_nodes
+    boundary, fixed = mask_of(n_nodes, _boundary_nodes(subject)), mask_of(n_nodes, subject.fixed)
     kinds = internal, internal & ~boundary, internal & ~fixed, internal & ~boundary & ~fixed
     return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
 
@@ -100,8 +99,7 @@ def _records(subject: Subject) -> Iterator[Finding]:
 def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
     """Report macro-elements with no internal dof, with constrained ones only, or with free ones on the boundary."""
     side, macros = subject.slave, subject.macros
-    uncut = np.zeros(macros.count, bool)
-    uncut[macros.of_face[~macros.cut & ~macros.whole]] = True
+    uncut = mask_of(macros.count, macros.of_face[~macros.cut & ~macros.whole])
     none = (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
     taken = ~none & (dofs.free == 0)
     on_boundary = ~none & ~taken & (dofs.free_inside == 0)

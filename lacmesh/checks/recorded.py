@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import some
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, mask_of
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import Faces
@@ -46,8 +46,7 @@ def _mixed(zone: Ints, macro: Ints) -> NDArray[np.bool_]:
     """(f,): True for faces of macro-elements that lie in several zones."""
     first = np.empty(int(macro.max()) + 1, np.int64)
     first[macro] = zone
-    odd = np.zeros(len(first), bool)
-    odd[macro[zone != first[macro]]] = True
+    odd = mask_of(len(first), macro[zone != first[macro]])
     return odd[macro]
 
 
@@ -55,8 +54,7 @@ def _unranked(child: Ints, macro: Ints) -> NDArray[np.bool_]:
     """(f,): True for faces of macro-elements whose faces are not numbered 1, 2, ... k, each once."""
     order = np.lexsort((child, macro))
     start = np.searchsorted(macro[order], macro[order])
-    odd = np.zeros(int(macro.max()) + 1, bool)
-    odd[macro[order][child[order] != np.arange(len(order)) - start + 1]] = True
+    odd = mask_of(int(macro.max()) + 1, macro[order][child[order] != np.arange(len(order)) - start + 1])
     return odd[macro]
 
 
@@ -81,8 +79,7 @@ def internal_faults(cut: Cut, number: Ints, owner: Ints, internal: NDArray[np.bo
     mesh, recorded = cut.mesh, cut.macro_of_node
     off_boundary = internal.copy()
     off_boundary[boundary] = False
-    owning = np.zeros(len(number), bool)
-    owning[owner[off_boundary]] = True
+    owning = mask_of(len(number), owner[off_boundary])
     fitting = (owner >= 0) & (off_boundary | ~owning[owner])
     expected = np.where(fitting, number[owner], -1)
     known = np.isin(recorded, number[number >= 0]) | ~np.isin(recorded, cut.macro_of_face)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.orientation import analyse_orientation
@@ -140,9 +140,7 @@ def _on_carried(subject: Subject, side: CheckedSkin) -> NDArray[np.bool_]:
         cell = ALL_CELLS[kind]
         if is_carried(kind) and cell.dim == subject.dim + 1:
             blocks.append((cell.linear, nodes[:, : cell.n_corners], mesh.offsets[k] + np.arange(len(nodes))))
-    out = np.zeros(len(side), bool)
-    out[find_owners(side.faces, blocks, mesh.n_nodes).face] = True
-    return out
+    return mask_of(len(side), find_owners(side.faces, blocks, mesh.n_nodes).face)
 
 
 def _inward(subject: Subject, side: CheckedSkin) -> Iterator[Finding]:

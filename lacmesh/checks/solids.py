@@ -12,7 +12,7 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import some
-from lacmesh.mesh import Block, Ints, Mesh
+from lacmesh.mesh import Block, Ints, Mesh, mask_of
 from lacmesh.reference.quadrature import signed_area
 from lacmesh.topology.faces import lacking
 from lacmesh.topology.facets import CROWDED, FACETS, Solid, mixed_bits
@@ -35,9 +35,7 @@ def check_numbers(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             message += f"({some(numbers[odd])}); number the {what}s again"
             rows = (odd, None) if what == "cell" else (None, odd)
             findings.append(subject.found("repeated-number", message, *rows))
-    used = np.zeros(mesh.n_nodes, bool)
-    for block in mesh.blocks:
-        used[block.nodes] = True
+    used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
     infinite = np.flatnonzero(used & ~subject.finite)
     if len(infinite):
         message = counted(len(infinite), "node has", "nodes have")

@@ -19,7 +19,7 @@ from lacmesh.cutting.recognition import as_cut, find_macros
 from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.cutting.select import skin_faces, slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, some
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim
@@ -189,9 +189,9 @@ def make_subject(
     """Collect the subject of a check. Raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
     groups = {what: tuple(np.asarray(mesh.cells_of(s)) for s in specs) for what, specs in _both(slave, master)}
     fixed = [_nodes_of(mesh, spec) for spec in dirichlet]
-    dim = _skin_dim(mesh, np.concatenate([np.empty(0, np.int64), *groups["slave"]]))
+    dim = _skin_dim(mesh, concatenated(groups["slave"]))
     sides = {what: _side(mesh, what, specs, groups[what], dim) for what, specs in _both(slave, master)}
-    fixed_nodes = np.unique(np.concatenate([np.empty(0, np.int64), *fixed]))
+    fixed_nodes = np.unique(concatenated(fixed))
     return Subject(mesh, dim, sides["slave"], sides.get("master"), fixed_nodes, dirichlet, options, origin, recognise)
 
 
@@ -214,15 +214,12 @@ def _side(mesh: Mesh, what: str, names: tuple[str, ...], groups: tuple[Ints, ...
 def _nodes_of(mesh: Mesh, spec: str) -> Ints:
     """The nodes of a node group, or of the cells of a cell group."""
     if spec in mesh.node_groups:
-        mine = [mesh.node_groups[spec]]
-        if spec in mesh.cell_groups:
-            mine += [nodes.ravel() for _, _, nodes in mesh.select(mesh.cell_groups[spec])]
-        return np.unique(np.concatenate(mine))
+        return np.union1d(mesh.node_groups[spec], mesh.nodes_on(mesh.cell_groups.get(spec, np.empty(0, int))))
     try:
         cells = mesh.cells_of(spec)
     except GroupNotFoundError as error:
         raise GroupNotFoundError(spec, [*mesh.cell_groups, *mesh.node_groups], "cell or node group") from error
-    return np.unique(np.concatenate([np.empty(0, np.int64), *(n.ravel() for _, _, n in mesh.select(cells))]))
+    return mesh.nodes_on(cells)
 
 
 def is_carried(name: str) -> bool:

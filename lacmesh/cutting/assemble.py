@@ -17,7 +17,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
 from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Ints, Mesh
+from lacmesh.mesh import Block, Ints, Mesh, mask_of
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,7 @@ def _node_origin(mesh: Mesh, new_nodes: list[NewNodes]) -> Ints:
 
 
 def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
-    gone = np.zeros(mesh.n_cells, bool)
-    for block in children:
-        gone[block.parent] = True
+    gone = mask_of(mesh.n_cells, *(block.parent for block in children))
     old = {block.type: k for k, block in enumerate(mesh.blocks)}
     n_children = sum(len(block.parent) for block in children)
     origin = np.empty(mesh.n_cells - np.count_nonzero(gone) + n_children, np.int32)
@@ -258,8 +256,7 @@ def _node_groups(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[st
     size = mesh.n_nodes + n_added(new_nodes)
     groups: dict[str, Ints] = {}
     for name, members in mesh.node_groups.items():
-        inside = np.zeros(size, bool)
-        inside[members] = True
+        inside = mask_of(size, members)
         for nodes in new_nodes:
             inside[nodes.ids[inside[nodes.on].all(axis=1)]] = True
         groups[name] = np.flatnonzero(inside)

@@ -35,7 +35,7 @@ from lacmesh.cutting.patterns import (
 from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, with_records
 from lacmesh.cutting.regroup import regroup_segments
 from lacmesh.cutting.select import SlaveSkin
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
@@ -108,9 +108,7 @@ def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
     """Recognise the macro-elements in some slave faces."""
     cells, faces = slave.cells[slave.first], slave.faces
     families = _families(mesh, faces, _places_in_file(mesh, cells)) if len(cells) else ()
-    covered = np.zeros(len(faces), bool)
-    for family in families:
-        covered[family.parts] = True
+    covered = mask_of(len(faces), *(family.parts for family in families))
     doubt = _doubt(mesh, families, faces, cells)
     return RecognisedCut(slave.names, cells, slave.zone[slave.first], families, np.flatnonzero(~covered), doubt)
 
@@ -219,9 +217,7 @@ def _last_of_mesh(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces) -> boo
     Their number, and the number of cells with such nodes, must agree with the new nodes and children of the cut.
     """
     dim = CELLS[cut_groups[0].face].dim
-    used = np.zeros(mesh.n_nodes, bool)
-    for _, nodes, _ in (*cells_of_dim(mesh, dim), *cells_of_dim(mesh, dim + 1)):
-        used[nodes] = True
+    used = mask_of(mesh.n_nodes, *(nodes for _, nodes, _ in (*cells_of_dim(mesh, dim), *cells_of_dim(mesh, dim + 1))))
     least, most = _n_made(mesh, cut_groups, faces)
     number = mesh.node_number
     first_new = min(number[f.new].min() for f in cut_groups)
@@ -237,9 +233,7 @@ def _last_of_entities(mesh: Mesh, cut_groups: list[MacroGroup], cells: Ints) -> 
     entity = mesh.entity_of_cell
     if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in cut_groups):
         return False
-    new = np.zeros(mesh.n_nodes, bool)
-    for family in cut_groups:
-        new[family.new] = True
+    new = mask_of(mesh.n_nodes, *(family.new for family in cut_groups))
     skin = [(entity[cells, 1], nodes) for _, nodes, cells in cells_of_dim(mesh, CELLS[cut_groups[0].face].dim)]
     tag = np.concatenate([np.repeat(tags, nodes.shape[1]) for tags, nodes in skin])
     node = np.concatenate([nodes.ravel() for _, nodes in skin])
@@ -397,8 +391,7 @@ def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
 def _sides(mesh: Mesh, faces: Faces, rows: Ints, centre: Ints) -> tuple[Ints, Ints] | None:
     """(centres (m,), sides (m, 4)), rows of `faces`: inner quadrangles, and the neighbours across their four edges."""
     corners = faces.nodes[rows, :4]
-    near = np.zeros(mesh.n_nodes, bool)
-    near[corners[centre]] = True
+    near = mask_of(mesh.n_nodes, corners[centre])
     at, corner = np.nonzero(near[corners])
     node = corners[at, corner]
     order = np.argsort(node, kind="stable")

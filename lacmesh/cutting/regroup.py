@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cutting.patterns import CONE, RING
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import TYPE_CODE, Faces
 
@@ -172,13 +172,12 @@ class CellsAround:
 
 def cells_around(mesh: Mesh, seeds: Ints) -> CellsAround:
     """Return the cells that touch some nodes, and the cells that share two nodes with them."""
-    touched = np.zeros(mesh.n_nodes, bool)
-    touched[seeds] = True
+    touched = mask_of(mesh.n_nodes, seeds)
     plane = [(n, ids) for kind, n, ids in cells_of_dim(mesh, 2) if kind in ("TRIA3", "QUAD4")]
     nodes = np.concatenate(
         [np.empty((0, 4), np.int64), *(np.pad(n, ((0, 0), (0, 4 - n.shape[1])), constant_values=-1) for n, _ in plane)]
     )
-    ids = np.concatenate([np.empty(0, np.int64), *(ids for _, ids in plane)])
+    ids = concatenated(ids for _, ids in plane)
     for least in (1, 2):
         near = np.count_nonzero(touched[nodes] & (nodes >= 0), axis=1) >= least
         touched[nodes[near][nodes[near] >= 0]] = True

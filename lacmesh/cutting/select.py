@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, distinct
+from lacmesh.mesh import Ints, Mesh, concatenated, distinct
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, lacking
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
@@ -60,7 +60,7 @@ def skin_faces(mesh: Mesh, groups: Sequence[Ints], dim: int) -> tuple[Ints, Ints
     """
     known = np.array([b.type in TYPE_CODE and ALL_CELLS[b.type].dim == dim > 0 for b in mesh.blocks] or [False], bool)
     parts = [cells[known[np.searchsorted(mesh.offsets, cells, side="right") - 1]] for cells in groups]
-    cells = np.concatenate([np.empty(0, np.int64), *parts])
+    cells = concatenated(parts)
     group = np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     if len(parts) > 1:
         once = np.sort(np.unique(cells, return_index=True)[1])

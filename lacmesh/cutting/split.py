@@ -24,7 +24,7 @@ from lacmesh.cutting.records import Origin, is_cut
 from lacmesh.cutting.select import check_numbers
 from lacmesh.cutting.subdivide import ChildCells, NewNodes
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, spec_list
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, spec_list
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.division import Bools, CellNodes, FaceSides, divide, second_is_a
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
@@ -140,8 +140,7 @@ def _faces_of_group(mesh: Mesh, name: str) -> Ints:
 def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIncidence) -> None:
     """Check that each face lies between two cells. Raises DataError."""
     count = np.bincount(owners.face, minlength=len(faces))
-    differs = np.zeros(len(faces), bool)
-    differs[owners.face[~owners.same]] = True
+    differs = mask_of(len(faces), owners.face[~owners.same])
     for group in groups:
         own = count[group.face]
         for wrong, why in (
@@ -265,8 +264,7 @@ def _seen_by_cells(mesh: Mesh, nodes: CellNodes) -> Iterator[tuple[str, tuple[In
     start = np.full(mesh.n_nodes + 1, 0)
     np.cumsum(np.bincount(nodes.node, minlength=mesh.n_nodes), out=start[1:])
     around = nodes.cell[np.argsort(nodes.node, kind="stable")]
-    copied = np.zeros(mesh.n_nodes, bool)
-    copied[nodes.copied] = True
+    copied = mask_of(mesh.n_nodes, nodes.copied)
     for block, first in zip(mesh.blocks, mesh.offsets[:-1], strict=True):
         cell = ALL_CELLS[block.type]
         rows = np.flatnonzero(copied[block.nodes].any(axis=1)) if cell.dim < mesh.dim else np.empty(0, np.int64)

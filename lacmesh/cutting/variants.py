@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from lacmesh.cutting.select import Selection
 from lacmesh.cutting.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, Subdivision, node_values, subdivide
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.quality import corner_jacobian
 from lacmesh.topology.components import label_components
 from lacmesh.topology.skin import FACE_TYPES, Faces
@@ -37,8 +37,7 @@ def allowed_variants(mesh: Mesh, selection: Selection, hexa: str, skin_only: boo
     if hexa != "auto" and not (able & ~ring[parents.face]).any():
         return ring, alone
     component = _connected_by_parents(selection, able)
-    spoilt = np.zeros(len(faces), bool)
-    spoilt[component[~ring & ~_WHOLE_TYPES[faces.type]]] = True
+    spoilt = mask_of(len(faces), component[~ring & ~_WHOLE_TYPES[faces.type]])
     return ring & ~spoilt[component], component
 
 

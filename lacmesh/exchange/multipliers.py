@@ -13,7 +13,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, split
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, concatenated
 from lacmesh.topology.skin import Faces, find_owners
 
 #: (type of the faces, number of them in the macro-element): code of the patch; for each face, E1 first, the places of
@@ -103,7 +103,7 @@ def _code_segments(cut: Cut, faces: Ints, macro: Ints, code: Ints) -> None:
 def _cells_of_type(cut: Cut, name: str) -> Ints:
     mesh = cut.mesh
     starts = [mesh.offsets[k] + np.arange(len(b.nodes)) for k, b in enumerate(mesh.blocks) if b.type == name]
-    return np.concatenate([np.empty(0, np.int64), *starts])
+    return concatenated(starts)
 
 
 def _plane(name: str) -> bool:

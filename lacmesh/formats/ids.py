@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, mask_of
 
 #: Rows converted at a time: a piece stays in the processor's cache.
 CHUNK = 1 << 14
@@ -27,8 +27,7 @@ def repeated(numbers: Ints) -> int | None:
     if n < 2 or (numbers[1:] > numbers[:-1]).all():
         return None
     if numbers.min() >= 0 and _dense(numbers):
-        seen = np.zeros(int(numbers.max()) + 1, bool)
-        seen[numbers] = True
+        seen = mask_of(int(numbers.max()) + 1, numbers)
         if np.count_nonzero(seen) == n:
             return None
     ordered = np.sort(numbers)

@@ -20,7 +20,7 @@ from lacmesh.formats import notes
 from lacmesh.formats.arrays import GROUP, assembled, to_arrays
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.vtu.types import OF_TYPE
-from lacmesh.mesh import Ints, Mesh, Tag
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 
 _FAMILIES = {
     "POI": "vertex",
@@ -139,7 +139,7 @@ def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:
         nodes[:, places(cell_type)] = listed
         rows.setdefault(cell_type, []).append(nodes)
         place.setdefault(cell_type, []).append(np.arange(a, b))
-    order = np.concatenate([np.empty(0, np.int64), *(part for parts in place.values() for part in parts)])
+    order = concatenated(part for parts in place.values() for part in parts)
     return {cell_type: np.concatenate(parts) for cell_type, parts in rows.items()}, order
 
 

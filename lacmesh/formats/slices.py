@@ -18,7 +18,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.formats import ids
 from lacmesh.formats.ids import Index
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 #: 2^64 divided by the golden ratio, for Fibonacci hashing: Knuth, The Art of Computer Programming 3, section 6.4
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -139,7 +139,7 @@ def whole_index(own: Index, wanted: Iterable[Ints], comm: Communicator = SERIAL)
     met = Index(numbers, table=False)
     place = comm.exchange(place[order], counts, received)[0]
     distinct = [np.unique(np.asarray(number, np.int64)) for number in wanted]
-    number = np.unique(np.concatenate([np.empty(0, np.int64), *distinct]))
+    number = np.unique(concatenated(distinct))
     order, counts = _meetings(number, comm)
     asked, received = comm.exchange(number[order], counts)
     places = np.empty(len(number), np.int64)

@@ -28,7 +28,7 @@ from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.gmsh import attribute, session, views
-from lacmesh.mesh import Ints, Mesh, Tag
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 
 #: What gmsh counts in the current model: its option -> our family.
 _COUNTS = {
@@ -151,7 +151,7 @@ def _complete(gmsh: Any, content: Content) -> bool:
             counts[family] += len(piece.number)
     if any(int(gmsh.option.getNumber(f"Mesh.{option}")) != counts[family] for option, family in _COUNTS.items()):
         return False
-    number = np.sort(np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)]))
+    number = np.sort(concatenated(p.number for p in content.pieces))
     last = int(gmsh.model.mesh.getMaxElementTag())
     for a in range(1, last + 1, _ASKED) if last > len(number) else ():
         b = min(a + _ASKED, last + 1)

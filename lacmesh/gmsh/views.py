@@ -20,7 +20,7 @@ from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.fields import RESERVED, Head, Rows, keys, to_rows
 from lacmesh.formats.notes import FieldNote
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, concatenated
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}
 _MARK = "lacmesh"
@@ -46,7 +46,7 @@ class Held:
 
 def read_views(gmsh: Any, model: str, content: Content) -> list[Held]:
     """Read the views that belong to the current model, called `model`; warns of records of a cut that do not fit it."""
-    known = {"node": content.node_number, "cell": _joined(p.number for p in content.pieces)}
+    known = {"node": content.node_number, "cell": concatenated(p.number for p in content.pieces)}
     candidates = list(_candidates(gmsh, model))
     ours = [h for h in candidates if h.ours]
     stale = bool(ours) and not (all(_inside(h, known) for h in ours) and _fits(gmsh, content, ours))
@@ -159,7 +159,7 @@ def _steps(gmsh: Any, view: int) -> Iterator[Rows]:
 
 def _fits(gmsh: Any, content: Content, ours: list[Held]) -> bool:
     """True if lacmesh's views were made for the cells that the model has."""
-    faces = _joined(h.rows.number for h in ours if h.rows.head.name == _SHOWN)
+    faces = concatenated(h.rows.number for h in ours if h.rows.head.name == _SHOWN)
     here = ((p.number, p.nodes, np.isin(p.number, faces)) for p in content.pieces)
     digest = _digest((number[rows], nodes[rows]) for number, nodes, rows in here)
     return all(gmsh.view.option.getString(h.view, "Attributes").split(":")[1] == digest for h in ours)
@@ -175,7 +175,3 @@ def _digest(cells: Iterable[tuple[Ints, Ints]]) -> str:
         mixed = (mixed ^ (mixed >> np.uint64(31))) * np.uint64(0xBF58476D1CE4E5B9)
         total += (mixed ^ (mixed >> np.uint64(29))).sum(dtype=np.uint64)
     return f"{int(total[0]):016x}"
-
-
-def _joined(parts: Iterable[Ints]) -> Ints:
-    return np.concatenate([np.empty(0, np.int64), *parts])

@@ -15,7 +15,7 @@ import numpy as np
 
 from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, spec_list
+from lacmesh.mesh import Ints, Mesh, mask_of, spec_list
 from lacmesh.origin import bounds_of
 from lacmesh.partition.parts import Bools, Part, WholeMesh, needed, restrict, skin_name
 
@@ -38,8 +38,7 @@ def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -
     cut = cut_skin(part.mesh, specs, hexa=hexa, recognise=False)
     old, new, origin = part.mesh, cut.mesh, cut.origin
     assert origin is not None
-    gone = np.zeros(old.n_cells, bool)
-    gone[origin.cell[origin.children]] = True
+    gone = mask_of(old.n_cells, origin.cell[origin.children])
     nodes = np.concatenate([part.node, part.n_nodes + np.arange(new.n_nodes - old.n_nodes)])
     cells, types = _indices(part, new, gone)
     owner, body = part.owner[origin.node], part.body[origin.node]

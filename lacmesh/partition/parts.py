@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, Model
+from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim
@@ -204,11 +204,11 @@ def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
     members = [np.asarray(mesh.cells_of(name)) for name in groups]
     parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))
     born = np.flatnonzero(parent >= 0)
-    near = np.flatnonzero(touching(mesh, _nodes_on(mesh, np.concatenate([np.empty(0, np.int64), *members]))))
+    near = np.flatnonzero(touching(mesh, mask_of(mesh.n_nodes, mesh.nodes_on(concatenated(members)))))
     nodes = [(cells, nodes) for _, cells, nodes in mesh.select(near)]
     every = []
     for own in members:
-        on = _nodes_on(mesh, own)
+        on = mask_of(mesh.n_nodes, mesh.nodes_on(own))
         touched = np.concatenate([own, *(cells[on[nodes].any(axis=1)] for cells, nodes in nodes)])
         siblings = born[np.isin(parent[born], parent[touched][parent[touched] >= 0])]
         every.append(np.unique(np.concatenate([touched, siblings])))
@@ -220,14 +220,6 @@ def check_skins(mesh: Mesh, groups: Sequence[str]) -> None:
     for name in groups:
         if (mesh.cell_dim[mesh.cells_of(name)] == mesh.dim).any():
             raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
-
-
-def _nodes_on(mesh: Mesh, cells: Ints) -> Bools:
-    """Return a mask (n_nodes,) of the nodes of some cells, by their indices."""
-    on = np.zeros(mesh.n_nodes, bool)
-    for _, _, nodes in mesh.select(cells):
-        on[nodes] = True
-    return on
 
 
 def skin_name(mesh: Mesh, spec: str) -> str:

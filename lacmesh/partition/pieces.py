@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.partition.parts import cells_of_skins, nodes_of
 
 
@@ -41,8 +41,7 @@ def pieces_of(mesh: Mesh, owner: Ints) -> tuple[tuple[str, ...], PieceIndices, P
     around = cells_of_skins(mesh, skins)
     under: list[Ints] = []
     for cells in around:
-        mask = np.zeros(mesh.n_cells, bool)
-        mask[cells] = True
+        mask = mask_of(mesh.n_cells, cells)
         under.append(np.flatnonzero(nodes_of(mesh, mask)))
     return skins, _joined(node, under), _joined(cell, around)
 

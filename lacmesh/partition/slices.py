@@ -23,7 +23,7 @@ from lacmesh.communicator import Communicator
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.formats import detect_format, med, msh
 from lacmesh.formats.slices import MeshSlice
-from lacmesh.mesh import Floats, Ints, Mesh, entity_rows, entity_tag
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, entity_rows, entity_tag, mask_of
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
@@ -143,7 +143,7 @@ class _Dealer:
         """(k,): index in the whole mesh of each cell of the slice."""
         first = np.cumsum([0, *(c.rows.size for c in self.content.cells)])
         ours = [np.arange(c.rows.start, c.rows.stop) for c in self.content.cells]
-        return np.concatenate([_NONE, *(start + rows for start, rows in zip(first, ours, strict=False))])
+        return concatenated(start + rows for start, rows in zip(first, ours, strict=False))
 
     def part(self, everywhere: Sequence[str]) -> Part:
         """Return the part of this process."""
@@ -239,9 +239,7 @@ class _Dealer:
         `mesh`: the slice, of the nodes (k,) of the whole mesh.
         """
         self.comm.on_each(lambda: check_skins(mesh, names))
-        around = np.zeros(mesh.n_cells, bool)
-        for name in names:
-            around[mesh.cells_of(name)] = True
+        around = mask_of(mesh.n_cells, *(mesh.cells_of(name) for name in names))
         skin = np.unique(self.comm.gather(node[nodes_of(mesh, around)]))
         around |= touching(mesh, np.isin(node, skin))
         parent = self.content.cell_data.get("lac_parent")
@@ -276,7 +274,7 @@ class _Dealer:
 
 def _distinct(nodes: Sequence[Ints]) -> Ints:
     """Return the different nodes in some arrays of any shape, ascending."""
-    return np.unique(np.concatenate([_NONE, *map(np.unique, nodes)]))
+    return np.unique(concatenated(map(np.unique, nodes)))
 
 
 def _groups(members: Mapping[str, Ints], size: int, dealt: _Dealt) -> dict[str, Ints]:

@@ -31,7 +31,7 @@ from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, Reques
 from lacmesh.formats.med.hdf5 import Branch, created, opened
 from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, positions, skin_name, whole_of
 from lacmesh.partition.pieces import PieceIndices, pieces_of
 
@@ -142,8 +142,7 @@ def _write_rows(
         group[f"type{k}"] = nodes[index[mine] - first]
         starts.append(members.count(mine))
     for k, ids in enumerate(groups.values()):
-        inside = np.zeros(size, bool)
-        inside[ids] = True
+        inside = mask_of(size, ids)
         mine = inside[index]
         group[f"group{k}"] = index[mine]
         starts.append(members.count(mine))

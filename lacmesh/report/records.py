@@ -14,7 +14,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, is_cut
 from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.errors import CutError
-from lacmesh.mesh import ENTITY_CODE, Floats, Ints, Mesh
+from lacmesh.mesh import ENTITY_CODE, Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
@@ -193,9 +193,7 @@ def cell_sizes(mesh: Mesh, cells: Ints | None = None) -> NDArray[np.floating]:
 
 def group_sizes(mesh: Mesh) -> dict[str, float]:
     """Return the length, area or volume of each group of cells, of its cells of the highest dimension."""
-    used = np.zeros(mesh.n_cells, bool)
-    for cells in mesh.cell_groups.values():
-        used[cells] = True
+    used = mask_of(mesh.n_cells, *mesh.cell_groups.values())
     every = np.full(mesh.n_cells, np.nan)
     every[used] = cell_sizes(mesh, np.flatnonzero(used))
     return {

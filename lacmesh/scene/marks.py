@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 from lacmesh.scene.colours import INVALID, RAMP, SEVERITIES, SPAN, ends_of, on_ramp, rgb
 from lacmesh.scene.visible import SLAVE, VisibleSurface, as_faces, facets_of
 from lacmesh.topology.skin import Faces
@@ -126,7 +126,7 @@ def find_marks(mesh: Mesh, findings: Iterable[MarkedFinding], kept: NDArray[np.b
 
 def _found(number: Ints, lists: list[Sequence[int]]) -> tuple[Ints, Ints]:
     """Indices of the known cells or nodes in several lists of the file's numbers, and the list that each stands in."""
-    asked = np.concatenate([np.empty(0, np.int64), *(np.asarray(list(part), np.int64) for part in lists)])
+    asked = concatenated(np.asarray(list(part), np.int64) for part in lists)
     of = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
     if not len(number):
         return asked[:0], of[:0]

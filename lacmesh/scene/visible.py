@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim
@@ -147,7 +147,7 @@ def as_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
     chosen = list(mesh.select(cells))
     kinds = [drawn_as(kind) for kind, _, _ in chosen]
     parts = [(kind, nodes[:, : CELLS[kind].n_nodes]) for kind, (_, _, nodes) in zip(kinds, chosen, strict=True)]
-    return Faces.join(parts), np.concatenate([np.empty(0, np.int64), *(ids for _, ids, _ in chosen)])
+    return Faces.join(parts), concatenated(ids for _, ids, _ in chosen)
 
 
 def facets_of(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
@@ -208,8 +208,7 @@ def _loose(mesh: Mesh, kept: Bools, skin: Faces) -> tuple[Faces, Ints]:
     faces, cells = as_faces(mesh, np.flatnonzero(((dims == 2) | ((dims == 1) & (mesh.dim < 3))) & kept))
     label, count = label_faces(Faces.stack([skin, faces]))
     on_skin, mine = np.split(label, [len(skin)])
-    taken = np.zeros(count, bool)
-    taken[on_skin] = True
+    taken = mask_of(count, on_skin)
     taken[mine[find_owners(faces, _as_drawn(mesh, 3), mesh.n_nodes).face]] = True
     rows = np.flatnonzero(~taken[mine])
     return faces.take(rows), cells[rows]
@@ -231,7 +230,7 @@ def _skin(mesh: Mesh, cells: Ints, kept: Bools) -> tuple[Faces, Ints, Ints]:
 def _cells_of(mesh: Mesh, groups: Groups) -> Ints:
     """Sorted indices of the faces of some groups: the cells of the highest dimension among them, 1 or 2."""
     specs = [] if groups is None else [groups] if isinstance(groups, str) else list(groups)
-    return _faces_among(mesh, np.unique(np.concatenate([np.empty(0, np.int64), *map(mesh.cells_of, specs)])))
+    return _faces_among(mesh, np.unique(concatenated(map(mesh.cells_of, specs))))
 
 
 def _faces_among(mesh: Mesh, cells: Ints) -> Ints:
@@ -267,10 +266,7 @@ def _kept(mesh: Mesh, slave: Ints, near: float | None, cutaway: Vector | None) -
 
 def used_nodes(mesh: Mesh) -> Bools:
     """True for nodes of any cell, (n_nodes,)."""
-    used = np.zeros(mesh.n_nodes, bool)
-    for block in mesh.blocks:
-        used[block.nodes] = True
-    return used
+    return mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
 
 
 def unit(v: Any) -> Floats:

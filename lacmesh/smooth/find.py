@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
@@ -122,8 +122,7 @@ def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> t
 
     The rings are those of the nearest neighbours, and those used for the fits.
     """
-    nodes = np.zeros(len(patches.x), bool)
-    nodes[patches.node[asked][patches.node[asked] >= 0]] = True
+    nodes = mask_of(len(patches.x), patches.node[asked][patches.node[asked] >= 0])
     rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
     return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
 
@@ -254,10 +253,8 @@ def _grown_in(
     budget: list[int],
 ) -> Iterator[FoundShape]:  # fmt: skip
     """Find shapes inside one patch with the given faces; `seeds`: its nodes, the most promising first."""
-    left = np.zeros(len(patches.patch), bool)
-    left[faces] = True
-    open_ = np.zeros(len(patches.x), bool)
-    open_[seeds] = True
+    left = mask_of(len(patches.patch), faces)
+    open_ = mask_of(len(patches.x), seeds)
     failing = 0
     for seed in seeds:
         if failing >= _FAILING or budget[0] <= 0:
@@ -317,8 +314,7 @@ def _on(patches: SmoothPatches, faces: Ints, seed: int, shape: Shape, tolerance:
     f = shape.distance(patches.x[node.ravel()])[0].reshape(node.shape)
     on: Bools = np.all((np.abs(f) <= tolerance) | (node < 0), axis=1)
     on[on] = _along(patches, faces[on], shape, crease_angle)
-    kept = np.zeros(len(patches.patch), bool)
-    kept[faces[on]] = True
+    kept = mask_of(len(patches.patch), faces[on])
     i, j = patches.joints.i, patches.joints.j
     both = kept[i] & kept[j]
     rows = np.flatnonzero(kept)

@@ -10,7 +10,7 @@ import numpy as np
 
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
-from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, mask_of
 from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface
@@ -163,8 +163,7 @@ def in_words(shapes: Iterable[Mapping[str, Any]]) -> str:
 
 def cells_of(smooth: Smooth, surface: Surface, faces: Ints) -> Ints:
     """Return the mesh's cells that some linear parents (rows) are, or into which they were cut."""
-    mine = np.zeros(len(smooth.parents.faces), bool)
-    mine[smooth.rows[faces]] = True
+    mine = mask_of(len(smooth.parents.faces), smooth.rows[faces])
     return np.sort(surface.cell[mine[smooth.parents.of]])
 
 

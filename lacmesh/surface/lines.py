@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT
 from lacmesh.surface.patches import Bools, Patches
@@ -63,8 +63,8 @@ def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope
     """Keep the nearest interval wherever intervals [low, high] of one slave patch overlap; heights are h0 + slope t."""
     order = np.lexsort((low, s))
     s, m, low, high, h0, slope = s[order], m[order], low[order], high[order], h0[order], slope[order]
-    clash = np.zeros(int(s.max(initial=-1)) + 1, bool)
-    clash[s[1:][(s[1:] == s[:-1]) & (_highest(s, high)[:-1] > low[1:] + _OVERLAP)]] = True
+    clashing = (s[1:] == s[:-1]) & (_highest(s, high)[:-1] > low[1:] + _OVERLAP)
+    clash = mask_of(int(s.max(initial=-1)) + 1, s[1:][clashing])
     over = clash[s]
     if not over.any():
         return s, m, low, high

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CARRIED
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
@@ -135,8 +135,7 @@ def divide(mesh: Mesh, faces: Faces, sides: FaceSides) -> tuple[CellNodes, Bools
     sides, all of them on the front, is not opened, which moves the front. Raises DataError for cells of order 3 and
     higher at the faces.
     """
-    touched = np.zeros(mesh.n_nodes, bool)
-    touched[faces.nodes[faces.nodes >= 0]] = True
+    touched = mask_of(mesh.n_nodes, faces.nodes[faces.nodes >= 0])
     solid = _near(mesh, touched)
     around = _around(mesh, solid.cells, touched)
     links = _links(mesh, solid, around, touched)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, spec_text
+from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, mask_of, spec_text
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of
@@ -215,8 +215,7 @@ def consistent_windings(mesh: Mesh, faces: Faces) -> tuple[Bools, Ints, Ints]:
     piece = np.unique(sheet.min(axis=0), return_inverse=True)[1]
     n_pieces = int(piece.max()) + 1
     over = sheet[0] != sheet.min(axis=0)
-    one_sided = np.zeros(n_pieces, bool)
-    one_sided[piece[sheet[0] == sheet[1]]] = True
+    one_sided = mask_of(n_pieces, piece[sheet[0] == sheet[1]])
     closed = ~one_sided
     closed[piece[face[count[edge] != 2]]] = False
     enclosed = np.bincount(piece, _signed_volume(mesh, faces) * np.where(over, -1, 1), n_pieces)

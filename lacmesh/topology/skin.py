@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, concatenated
 
 #: width of a padded list of a face's nodes (QUAD9) and corners
 MAX_NODES, MAX_CORNERS = 9, 4
@@ -181,7 +181,7 @@ def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -
 def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncidence:
     """Pair faces with candidates (type, nodes, ids, facet number) that have the same corners."""
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
-    ids = np.concatenate([np.empty(0, np.int64), *(i for _, _, i, _ in parts)])
+    ids = concatenated(i for _, _, i, _ in parts)
     facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
     labels, count = label_faces(Faces.stack([faces, candidates]))
     face_of = np.full(count, -1, np.int64)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import replace_file
-from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh, mask_of
 from lacmesh.reference.shapes import shape
 from lacmesh.scene import colours, legend_of, title_of
 from lacmesh.scene.edges import body_edges, group_edges, group_ends, segments
@@ -188,9 +188,7 @@ def _content(
 
 def _numbering(mesh: Mesh, lists: Iterable[Ints]) -> tuple[NDArray[np.bool_], Ints]:
     """True for nodes (n_nodes,) that stand in lists, whose -1 are none; the index of each among these."""
-    used = np.zeros(mesh.n_nodes + 1, bool)
-    for nodes in lists:
-        used[nodes] = True
+    used = mask_of(mesh.n_nodes + 1, *lists)
     used[-1] = False
     return used[:-1], np.cumsum(used) - 1
 
@@ -285,16 +283,14 @@ def _group_sets(mesh: Mesh, visible: VisibleSurface, cell: Ints) -> tuple[Ints, 
     weight = np.random.default_rng(3).integers(1, 1 << 63, len(names), np.uint64)
     signature = np.zeros(len(cell), np.uint64)
     for k, name in enumerate(names):
-        inside = np.zeros(mesh.n_cells, bool)
-        inside[mesh.cell_groups[name]] = True
+        inside = mask_of(mesh.n_cells, mesh.cell_groups[name])
         signature[np.unique(rows[inside[cells]])] += weight[k]
     _, first, combination = np.unique(signature, return_index=True, return_inverse=True)
     order = np.argsort(rows, kind="stable")
     start, end = np.searchsorted(rows[order], first), np.searchsorted(rows[order], first, side="right")
     sets: list[list[int]] = [[] for _ in first]
     for k, name in enumerate(names):
-        inside = np.zeros(mesh.n_cells, bool)
-        inside[mesh.cell_groups[name]] = True
+        inside = mask_of(mesh.n_cells, mesh.cell_groups[name])
         for which, (a, b) in enumerate(zip(start, end, strict=True)):
             if inside[cells[order[a:b]]].any():
                 sets[which].append(k)

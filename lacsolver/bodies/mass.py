@@ -37,7 +37,7 @@ from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.bodies.assembly import sort_places
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import parts_of, piece, table
@@ -91,9 +91,8 @@ def assemble_mass(space: Space, materials: Materials, kind: str = "consistent") 
 
 def check_densities(space: Space, materials: Materials) -> None:
     """Raise DataError if cells have no density; the message names the groups that they make up."""
-    lacking = np.zeros(space.mesh.n_cells, bool)
-    for number, block in enumerate(space.blocks):
-        lacking[block.cell[materials.densities(block=number) == 0.0]] = True
+    light = (block.cell[materials.densities(block=number) == 0.0] for number, block in enumerate(space.blocks))
+    lacking = mask_of(space.mesh.n_cells, *light)
     cells, failed = np.flatnonzero(lacking), None
     if len(cells):
         groups = [name for name, held in space.mesh.cell_groups.items() if len(held) and lacking[held].all()]

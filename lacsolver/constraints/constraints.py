@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import RequestError, did_you_mean
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.coupling import rigid_records
@@ -66,7 +66,7 @@ class Constraints:
         parts = prescribed(space, case.displacement)
         rigid = rigid_bodies(space, rigid_records(case), case.kinematics == "finite", case.gravity)
         check_apart(space, rigid, parts)
-        moved = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in rigid)])
+        moved = concatenated(body.nodes for body in rigid)
         local = combine(space, (*parts, *on_axis(space, moved)))
         nodal = nodal_map(space, local, rigid)
         rigid = numbered(rigid, nodal.shape[1])

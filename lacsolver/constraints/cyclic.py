@@ -18,7 +18,7 @@ from lacsolver.case.joints import Cyclic
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rotation import turn
 from lacsolver.contact.interface import Turn
-from lacsolver.space.places import in_words, nodes_on, wrong
+from lacsolver.space.places import in_words, wrong
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import sparse
 
@@ -140,7 +140,7 @@ def _spacing(x: Floats) -> float:
 
 def _nodes(mesh: Mesh, record: Cyclic) -> tuple[Ints, Ints]:
     """Return the nodes of both sides."""
-    return nodes_on(mesh, mesh.cells_of(record.slave)), nodes_on(mesh, mesh.cells_of(record.master))
+    return mesh.nodes_on(mesh.cells_of(record.slave)), mesh.nodes_on(mesh.cells_of(record.master))
 
 
 def _nearest(points: Floats, places: Floats, count: int = 1) -> tuple[Floats, Ints]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.space.places import said
@@ -94,7 +94,7 @@ class LocalBases:
 def combine(space: Space, parts: Sequence[Prescribed]) -> LocalBases:
     """Combine conditions, node by node."""
     dim = space.dim
-    node = np.concatenate([np.empty(0, np.int64), *(part.nodes for part in parts)])
+    node = concatenated(part.nodes for part in parts)
     direction = np.concatenate([np.empty((0, dim)), *(part.directions for part in parts)])
     nodes, place = np.unique(node, return_inverse=True)
     basis, inverse, rank, row = _orthonormal(direction, place, len(nodes), dim)

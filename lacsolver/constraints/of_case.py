@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, mask_of
 from lacsolver.case.case import Case
 from lacsolver.case.entry import Entry
 from lacsolver.case.joints import Coupling
@@ -96,8 +96,7 @@ def node_sets(space: Space, case: Case, equations: tuple[Equations, ...]) -> Int
     node, n = C.col // space.dim, space.mesh.n_nodes
     graph = coo_array((np.ones(len(node)), (n + C.row, node)), shape=(n + C.shape[0],) * 2)
     label = connected_components(graph, directed=False)[1][:n]
-    used = np.zeros(n, bool)
-    used[node] = True
+    used = mask_of(n, node)
     for record in joining(case):
         if isinstance(record, Coupling | Force):
             used[nodes_of(space, record)] = True

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import some
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.records import Gravity, Rigid
@@ -278,7 +278,7 @@ def _owners(space: Space, bodies: Sequence[RigidBody]) -> Ints:
 
 def _in_one(space: Space, bodies: Sequence[RigidBody]) -> None:
     """Raise CaseError if a node is in two rigid bodies."""
-    node = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in bodies)])
+    node = concatenated(body.nodes for body in bodies)
     owner = np.repeat(np.arange(len(bodies)), [len(body.nodes) for body in bodies])
     order = np.argsort(node, kind="stable")
     again = np.flatnonzero(node[order[1:]] == node[order[:-1]])

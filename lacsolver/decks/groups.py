@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.faces import cells_of_dim
 from lacsolver.decks.names import SIDES
 
@@ -47,7 +47,7 @@ class DeckGroups:
         old = np.concatenate([cells for _, _, cells in cells_of_dim(mesh, mesh.dim)])
         place = np.full(mesh.n_cells, -1)
         place[old] = np.arange(len(old))
-        facets = np.unique(np.concatenate([np.empty(0, np.int64), *self.skins.values()]))
+        facets = np.unique(concatenated(self.skins.values()))
         skins, order = _skin_cells(mesh, facets)
         new = np.empty(len(facets), np.int64)
         new[order] = len(old) + np.arange(len(facets))
@@ -88,4 +88,4 @@ def _skin_cells(mesh: Mesh, facets: Ints) -> tuple[list[tuple[str, Ints]], Ints]
                 parts.setdefault(facet.type, []).append((nodes[cells[rows] - first][:, facet.nodes], rows))
     blocks = [(kind, np.concatenate([nodes for nodes, _ in some])) for kind, some in parts.items()]
     order = [rows for some in parts.values() for _, rows in some]
-    return blocks, np.concatenate([np.empty(0, np.int64), *order])
+    return blocks, concatenated(order)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated, mask_of
 from lacsolver.case.value import interpolate
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import Amplitude, Assigned, DeckContent, DeckStep
@@ -50,8 +50,7 @@ def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: 
     `adds`: lines of one step for the same item add, as loads do; else the last one counts. Raises Refused if those that
     add have several amplitudes.
     """
-    none = np.empty(0, np.int64)
-    items = np.unique(np.concatenate([none, *(line.items for line in lines)]))
+    items = np.unique(concatenated(line.items for line in lines))
     shape = (max(n_steps, 1), n_components, len(items))
     value, amplitude = np.full(shape, np.nan), np.full(shape, -1)
     names = tuple(dict.fromkeys(line.amplitude for line in lines if line.amplitude))
@@ -195,6 +194,5 @@ def history_of(deck: DeckContent, orders: Orders, item: int, component: int, sta
     at = int(np.searchsorted(orders.items, item))
     if at == len(orders.items) or orders.items[at] != item or np.isnan(orders.value[:, component, at]).all():
         return None
-    chosen = np.zeros(orders.value.shape[1], bool)
-    chosen[component] = True
+    chosen = mask_of(orders.value.shape[1], component)
     return _histories(deck, orders, at, chosen, orders.line_of(at), start)[component]

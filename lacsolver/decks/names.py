@@ -12,7 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.deck import Deck
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, find_owners
@@ -125,8 +125,7 @@ class Names:
 
     def _faces_on(self, name: str, row: DeckLine | None) -> Ints:
         """Return the facets of the boundary whose nodes all belong to a group of nodes. Raises Refused."""
-        chosen = np.zeros(self.mesh.n_nodes + 1, bool)
-        chosen[self.mesh.node_groups[name]] = True
+        chosen = mask_of(self.mesh.n_nodes + 1, self.mesh.node_groups[name])
         chosen[-1] = True  # faces of few nodes are padded with -1
         cell, facet = self._boundary
         faces = facets_of(self.mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool)))
@@ -139,10 +138,7 @@ class Names:
     @cached_property
     def in_cells(self) -> NDArray[np.bool_]:
         """Mask (n_nodes,), True for nodes of a solid cell."""
-        used = np.zeros(self.mesh.n_nodes, bool)
-        for _, nodes, _ in cells_of_dim(self.mesh, self.mesh.dim):
-            used[nodes] = True
-        return used
+        return mask_of(self.mesh.n_nodes, *(nodes for _, nodes, _ in cells_of_dim(self.mesh, self.mesh.dim)))
 
     @cached_property
     def _boundary(self) -> tuple[Ints, Ints]:

@@ -99,8 +99,7 @@ class Processes(Distribution):
             part = part_of(mesh, owner, self.comm.rank, everywhere=skins, nodes=joined >= 0)
             common = (joined >= 0)[part.node]
         for name in skins:
-            for _, _, nodes in part.mesh.select(part.mesh.cells_of(name)):
-                common[nodes] = True
+            common[part.mesh.nodes_on(part.mesh.cells_of(name))] = True
         return part.mesh, ProcessShare(self.comm.mpi, part, common)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.surface import Surface
 from lacsolver.space.space import Space
 
@@ -64,7 +64,7 @@ def skin(mesh: Mesh, surface: Surface) -> Part:
     """Return the faces of a surface, in the order of `Surface.by_type`; `cells` are rows of the surface."""
     rows = [_Rows(kind, nodes, surface.cell[at]) for kind, at, nodes in surface.by_type()]
     order = [at for _, at, _ in surface.by_type()]
-    return _part(mesh, rows)._replace(cells=np.concatenate([np.empty(0, np.int64), *order]))
+    return _part(mesh, rows)._replace(cells=concatenated(order))
 
 
 def whole(mesh: Mesh) -> Part:
@@ -81,7 +81,7 @@ def _part(mesh: Mesh, rows: Iterable[_Rows], all_nodes: bool = False, all_groups
         used[r.nodes] = True
     nodes = np.flatnonzero(used)
     place = np.cumsum(used) - 1
-    cells = np.concatenate([np.empty(0, np.int64), *(r.cells for r in rows)])
+    cells = concatenated(r.cells for r in rows)
     restricted = Mesh.create(
         mesh.points[nodes],
         [(r.type, place[r.nodes]) for r in rows],

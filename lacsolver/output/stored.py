@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
 from lacmesh.formats import read
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 from lacmesh.surface import Surface
 from lacsolver.output.names import MED, SOLID, contact_stems
 from lacsolver.output.tables import CONTACT_COLUMNS, FRICTION_COLUMNS, read_table, same_time
@@ -135,7 +135,7 @@ def _blocks(pieces: Sequence[Mesh], place: Ints, starts: Ints) -> tuple[list[tup
             own = place[start + block.nodes], before + low + np.arange(len(block.nodes))
             parts.setdefault(block.type, []).append(own)
     blocks = [(kind, np.concatenate([nodes for nodes, _ in own])) for kind, own in parts.items()]
-    return blocks, np.concatenate([np.empty(0, np.int64), *(rows for own in parts.values() for _, rows in own)])
+    return blocks, concatenated(rows for own in parts.values() for _, rows in own)
 
 
 def _vectors(mesh: Mesh, values: Mapping[str, NDArray]) -> dict[str, NDArray[np.floating]]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.errors import DataError, RequestError
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.bodies.line_springs import LineSprings, between_nodes
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.small.fields import TemperatureField
@@ -183,7 +183,7 @@ def line_springs(space: Space, case: Case) -> LineSprings | None:
 
 def _on_rigid_bodies(space: Space, case: Case) -> Ints:
     """Return the nodes (k,) of rigid bodies, which springs and forces find without a cell."""
-    return np.concatenate([np.empty(0, np.int64), *(nodes_of(space, body) for body in coupling.rigid_records(case))])
+    return concatenated(nodes_of(space, body) for body in coupling.rigid_records(case))
 
 
 def _stiffness(space: Space, spring: Spring) -> list[float]:

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import splu
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, some
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.quality.determinant import validity_among
 from lacmesh.reference.shapes import shape
@@ -172,8 +172,7 @@ def _follow_in_faces(mesh: Mesh, x: Floats) -> None:
     rows = np.flatnonzero(np.isin(skin.faces.nodes, np.flatnonzero((x != mesh.points).any(axis=1))).any(axis=1))
     if not len(rows):
         return
-    by_cut = np.zeros(mesh.n_nodes, bool)
-    by_cut[_made_by_cut(mesh, skin)] = True
+    by_cut = mask_of(mesh.n_nodes, _made_by_cut(mesh, skin))
     parents = parents_of(mesh, skin)
     kind, mother = skin.faces.type, parents.faces.faces.type[parents.of]
     for code in np.unique(mother):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array, diags_array, kron, vstack
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Dynamics
@@ -56,7 +56,7 @@ class Inertia:
     ) -> Inertia:  # fmt: skip
         """Build the inertia of a problem. Raises CaseError for a body that moves freely and has no mass."""
         plain = csr_array(assemble_mass(space, materials, how.mass))
-        rigid = np.concatenate([np.empty(0, np.int64), *(body.nodes for body in constraints.rigid)])
+        rigid = concatenated(body.nodes for body in constraints.rigid)
         massless = massless_nodes(space, zones, how.massless, rigid)
         points = tuple(_points(space, body) for body in constraints.rigid if body.record.mass)
         own = [_point_mass(body, space.dim) for body in points]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import some
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.case import Case, CaseError, Initial
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.problem import Problem
-from lacsolver.space.places import nodes_on, wrong
+from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
 
 #: relative error up to which prescribed displacements allow an initial motion
@@ -99,16 +99,13 @@ def jumps(problem: Problem) -> list[str]:
 
 
 def _rigid(problem: Problem) -> NDArray[np.bool_]:
-    mask = np.zeros(problem.space.mesh.n_nodes, bool)
-    for body in problem.constraints.rigid:
-        mask[body.nodes] = True
-    return mask
+    return mask_of(problem.space.mesh.n_nodes, *(body.nodes for body in problem.constraints.rigid))
 
 
 def _nodes(space: Space, record: Initial) -> Ints:
     if record.groups is None:
         return np.flatnonzero(space.attached)
-    nodes = nodes_on(space.mesh, np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
+    nodes = space.mesh.nodes_on(np.unique(np.concatenate([space.mesh.cells_of(name) for name in record.groups])))
     if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the groups {', '.join(map(repr, record.groups))} are empty; name some that have cells")
     return nodes

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, eye_array
 
 from lacmesh.cutting.records import NODE_RECORD
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, mask_of
 from lacsolver.contact import Zone
 from lacsolver.problem.rigid_modes import body_names
 from lacsolver.space.cut_nodes import inside_children
@@ -52,8 +52,7 @@ def massless_nodes(space: Space, zones: Sequence[Zone], choice: str, rigid: Ints
     """
     indptr, indices = space.pattern
     adjacent = csr_array((np.ones(len(indices)), indices, indptr), shape=(space.mesh.n_nodes,) * 2)
-    rigid_node = np.zeros(space.mesh.n_nodes, bool)
-    rigid_node[rigid] = True
+    rigid_node = mask_of(space.mesh.n_nodes, rigid)
     attached = space.agreed(space.attached)
     movable, levels = attached & ~space.agreed(rigid_node), _levels(space, zones)
     wanted, sentences, of_node = levels[choice] & movable, [], space.bodies

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, vstack
 from scipy.sparse.csgraph import connected_components
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 from lacmesh.topology.body_names import body_names as names_of
 from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
@@ -242,9 +242,9 @@ def _unit_twists(space: Space) -> Floats:
 def _rows(space: Space, constraints: Constraints, frame: _Frame, springs: csr_array | None) -> csr_array:
     """Return the constraint matrix on the amplitudes: prescribed directions, mismatch of bodies and groups, springs."""
     of_bodies = [space.own_nodes(body.nodes) for body in constraints.rigid]
-    rigid = np.concatenate([np.empty(0, np.int64), *of_bodies])
+    rigid = concatenated(of_bodies)
     sprung = np.empty(0, np.int64) if springs is None else np.flatnonzero(np.diff(springs.indptr)) // space.dim
-    equated = np.unique(np.concatenate([np.empty(0, np.int64), *(one.C.indices for one in constraints.equations)]))
+    equated = np.unique(concatenated(one.C.indices for one in constraints.equations))
     nodes = np.unique(np.concatenate([constraints.local.nodes, rigid, sprung, equated // space.dim]))
     nodes = nodes[space.attached[nodes]]
     own = _modes(space, frame, nodes, frame.of_node[nodes])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.coverage import face_measure
@@ -205,8 +205,7 @@ class _Side:
             inside[mesh.node_groups[record.group]] = True
             return np.asarray(inside[nodes].all(axis=1))
         cells = mesh.cells_of(record.group)
-        chosen = np.zeros(mesh.n_cells, bool)
-        chosen[cells] = True
+        chosen = mask_of(mesh.n_cells, cells)
         return np.asarray(chosen[self.skin.cell] | chosen[self._parents] | self._same(cells))
 
     def _same(self, cells: Ints) -> NDArray[np.bool_]:

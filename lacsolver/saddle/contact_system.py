@@ -13,17 +13,16 @@ system in `row_set`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from lacmesh.errors import DataError
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.constraints.equality_rows import EqualityRows, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, all_anchors, own_anchors, renewed, slip
@@ -210,7 +209,7 @@ class ContactSystem:
         """Return the system on the unknowns q of a stiffness K, with T = du/dq."""
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
-        moved, yields = moves(rows.B, self.rows.B), self._marked(g.rows for g in self.groups if g.law.yields)
+        moved, yields = moves(rows.B, self.rows.B), mask_of(len(self.G), *(g.rows for g in self.groups if g.law.yields))
         return replace(made, enforceable=self.above_threshold & (moved | yields))
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
@@ -303,19 +302,12 @@ class ContactSystem:
     @cached_property
     def along_tangents(self) -> Bools:
         """True for rows along tangents, (m,)."""
-        return self._marked(shear.tangential for shear in self.sheared)
+        return mask_of(len(self.G), *(shear.tangential for shear in self.sheared))
 
     @cached_property
     def of_equality(self) -> Bools:
         """True for rows of equality, (m,)."""
-        return self._marked(group.rows for group in self.equalities)
-
-    def _marked(self, parts: Iterable[slice]) -> Bools:
-        """Return a mask (m,), True for some parts of the rows."""
-        out = np.zeros(len(self.G), bool)
-        for part in parts:
-            out[part] = True
-        return out
+        return mask_of(len(self.G), *(group.rows for group in self.equalities))
 
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.contact.friction import Bounds, States
 from lacsolver.contact.laws import Bools
 from lacsolver.space.sparse import sparse
@@ -201,8 +201,7 @@ def combined(linear: LinearRows, slides: Iterable[Slides], make: Callable[..., A
         return linear
     m = len(linear.G)
     S, G, offset = linear.S.copy(), linear.G, np.zeros(m)
-    active = np.zeros(m, bool)
-    active[linear.active] = True
+    active = mask_of(m, linear.active)
     turned = np.zeros(m, bool)
     parts = []
     for one in some:

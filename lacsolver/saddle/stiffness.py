@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array, diags_array
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
 from lacsolver.linear.multigrid.cycle import RowsOnLevels
 from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
@@ -222,8 +222,7 @@ def embed(K: csr_array, free: Ints, n_dof: int, diagonal: float | None = None) -
     indptr = np.concatenate([[0], np.cumsum(length)])
     held = np.ones(n_dof, bool)
     held[free] = False
-    own = np.zeros(indptr[-1], bool)
-    own[indptr[:-1][held]] = True
+    own = mask_of(indptr[-1], indptr[:-1][held])
     indices, data = np.empty(len(own), K.indices.dtype), np.empty(len(own))
     mean = K.diagonal().mean() if K.shape[0] else 1.0
     indices[own], data[own] = np.flatnonzero(held), mean if diagonal is None else diagonal

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Equation
@@ -36,7 +36,7 @@ def nodes_of(space: Space, record: OfNodes) -> Ints:
         return space.own_nodes(_node_at(space, record, np.array(at)))
     assert record.group is not None  # the schema asks for a group where there is no `at`
     cells = cells_of(space, record)
-    nodes = space.mesh.node_groups[record.group] if cells is None else nodes_on(space.mesh, cells)
+    nodes = space.mesh.node_groups[record.group] if cells is None else space.mesh.nodes_on(cells)
     if not space.share.total(np.array(len(nodes))):
         raise wrong(record, f"the group {record.group!r} is empty; name one that has cells or nodes")
     return space.own_nodes(nodes)
@@ -60,14 +60,6 @@ def cells_of(space: Space, record: OfNodes) -> Ints | None:
     known = [*mesh.node_groups] if record.kind == "node" else [*mesh.cell_groups, *mesh.node_groups]
     what = "node group" if record.kind == "node" else "group"
     raise wrong(record, f"no {what} named {group!r}{did_you_mean(group, known)}")
-
-
-def nodes_on(mesh: Mesh, cells: Ints) -> Ints:
-    """Return the sorted nodes (k,) of some cells (indices)."""
-    chosen = np.zeros(mesh.n_nodes, bool)
-    for _, _, nodes in mesh.select(cells):
-        chosen[nodes] = True
-    return np.flatnonzero(chosen)
 
 
 def name_of(record: Entry) -> str:
@@ -111,8 +103,7 @@ def _written(at: Iterable[float]) -> str:
 def _node_at(space: Space, record: Entry, at: Floats) -> Ints:
     """Return the node (1,) at a place; none (0,) if another process has it."""
     points = space.mesh.points[:, : space.dim]
-    candidate = np.zeros(len(points), bool)
-    candidate[nodes_on(space.mesh, np.flatnonzero(space.mesh.cell_dim > 0))] = True
+    candidate = mask_of(len(points), space.mesh.nodes_on(np.flatnonzero(space.mesh.cell_dim > 0)))
     away = np.linalg.norm(points - at, axis=1)
     near = away <= _NEAR * space.extent
     place = _written(at)

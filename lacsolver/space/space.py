@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, RequestError, did_you_mean
-from lacmesh.mesh import Floats, Ints, Mesh, fixed
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, fixed, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
 from lacmesh.topology.bodies import label_bodies
@@ -212,10 +212,7 @@ class Space:
     @cached_property
     def attached(self) -> NDArray[np.bool_]:
         """Mask (n_nodes,), True for nodes that belong to a cell of the space."""
-        attached = np.zeros(self.mesh.n_nodes, bool)
-        for block in self.blocks:
-            attached[block.nodes] = True
-        return attached
+        return mask_of(self.mesh.n_nodes, *(block.nodes for block in self.blocks))
 
     @cached_property
     def bodies(self) -> Ints:
@@ -254,8 +251,7 @@ class Space:
         """Return the nodes (k,) of this process's mesh that are among some, of which each process gives its own."""
         if self.share.own is None:
             return own
-        mask = np.zeros(self.mesh.n_nodes, bool)
-        mask[own] = True
+        mask = mask_of(self.mesh.n_nodes, own)
         return np.flatnonzero(self.agreed(mask))
 
     def mask_own(self, nodes: Ints) -> NDArray[np.bool_]:
@@ -275,7 +271,7 @@ class Space:
         if self.share.own is None:
             return cells
         near = [chosen[self.share.own[nodes].any(axis=1)] for _, chosen, nodes in self.mesh.select(cells)]
-        return np.sort(np.concatenate([np.empty(0, np.int64), *near]))
+        return np.sort(concatenated(near))
 
     def own_cells(self, block: Cells) -> NDArray[np.bool_]:
         """Return a mask (k,) of the cells of a block that count for this process in sums over all cells."""

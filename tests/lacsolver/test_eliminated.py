@@ -190,7 +190,7 @@ class Mean:
     name, linear = "mean", True
 
     def __init__(self, space, case):
-        nodes = nodes_on(space.mesh, space.mesh.cells_of("right"))
+        nodes = space.mesh.nodes_on(space.mesh.cells_of("right"))
         w = 1 + np.arange(len(nodes)) / len(nodes)
         self.C = coo_array((w / w.sum(), (0 * nodes, 2 * nodes)), shape=(1, space.n_dof)).tocsr()
         self.record = case.material[0]

@@ -49,10 +49,7 @@ def constant(matrices: ContactMatrices, moving: NDArray[np.bool_]) -> float:
 
 def held(mesh: Mesh) -> NDArray[np.bool_]:
     """Mask (n_nodes,) of the nodes that belong to a cell of the body."""
-    out = np.zeros(mesh.n_nodes, bool)
-    for _, _, nodes in mesh.select(_body(mesh)):
-        out[nodes] = True
-    return out
+    return mask_of(mesh.n_nodes, mesh.nodes_on(_body(mesh)))
 
 
 def norm(mesh: Mesh) -> csc_array:

@@ -14,6 +14,7 @@ import numpy as np
 
 from lacmesh.deck import DataLine, Deck, DeckCard, key_of
 from lacmesh.errors import did_you_mean
+from lacmesh.mesh import concatenated
 
 _NUMBER = re.compile(r"[0-9]{1,9}")
 _PARAMETER = re.compile(r'\s*([^,="]+?)\s*=\s*("[^"]*"|[^,]*?)\s*(?:,|$)')
@@ -80,7 +81,7 @@ class _Names:
         self.given = {key: _names_of(deck, key) for key in set(_BY_PARAMETER.values())}
         self._nodes = np.sort(deck.mesh.node_number)
         numbers = [card.numbers for card in deck.named("ELEMENT") if card.numbers is not None]
-        self._elements = np.sort(np.concatenate([np.empty(0, np.int64), *numbers]))
+        self._elements = np.sort(concatenated(numbers))
         self.all_cells = all(card.numbers is not None for card in deck.named("ELEMENT"))
 
     def missing(self, kind: str, name: str) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.text import AS_INTEGERS, AS_REALS, bad_line, chunks, decoded, integers, parsed, values_in_lines
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 
 _LARGEST = 10**9
 _FACE = re.compile(rb"^[ \t]*(\d{1,18})[ \t]*,[ \t]*([A-Za-z]\w*)[ \t]*,?[ \t]*\r?$", re.MULTILINE)
@@ -131,8 +131,7 @@ def _check_rows(card: Card, text: bytes, at: int, counts: Ints, n_values: int, b
     ends = np.cumsum(counts) + before
     if len(ends) and ends[-1] - before != n_values:
         raise card.error("there are fields without a number among these elements", at)
-    begins = np.zeros(n_values + before + 1, bool)
-    begins[[0, *([before] if before else [])]] = True
+    begins = mask_of(n_values + before + 1, [0, *([before] if before else [])])
     begins[ends] = True
     wrong = np.flatnonzero(~begins[width::width])
     if len(wrong):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.deck import Deck
 from lacmesh.formats.inp.types import FACETS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 #: a face of an element: the element's number, and the face's number as S1, S2 ... count
 Side = tuple[int, int]
@@ -27,8 +27,8 @@ class Followed:
     def __init__(self, deck: Deck, mesh: Mesh) -> None:
         self.deck, self.mesh = deck, mesh
         cards = [(k, c.numbers) for k, c in enumerate(deck.cards) if c.key == "ELEMENT" and c.numbers is not None]
-        number = np.concatenate([np.empty(0, np.int64), *(n for _, n in cards)])
-        card = np.concatenate([np.empty(0, np.int64), *(np.full(len(n), k) for k, n in cards)])
+        number = concatenated(n for _, n in cards)
+        card = concatenated(np.full(len(n), k) for k, n in cards)
         order = np.argsort(number, kind="stable")
         self._number, self._card = number[order], card[order]
 

@@ -18,7 +18,7 @@ from lacmesh.formats.inp.roles import Roles
 from lacmesh.formats.inp.writer_types import card, hint
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.writing import is_plane
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, mask_of
 
 LARGEST = 999_999_999
 #: Characters of a name in both programs.
@@ -94,7 +94,7 @@ def _nodes_of_groups(mesh: Mesh, roles: Roles) -> dict[str, Ints]:
     for name, members in mesh.cell_groups.items():
         some = members[roles.skin[members] | ~roles.element[members]]
         if len(some):
-            nodes_of[name] = _nodes_of(mesh, some)
+            nodes_of[name] = mesh.nodes_on(some)
     return nodes_of
 
 
@@ -165,9 +165,7 @@ def losses_of_groups(mesh: Mesh, roles: Roles) -> list[str]:
     groups = [*mesh.cell_groups.items(), *mesh.node_groups.items()]
     if empty := dict.fromkeys(name for name, members in groups if not len(members)):
         said.append(f"empty groups are left out: {', '.join(empty)}")
-    grouped = np.zeros(mesh.n_cells, bool)
-    for members in mesh.cell_groups.values():
-        grouped[members] = True
+    grouped = mask_of(mesh.n_cells, *mesh.cell_groups.values())
     if n := int((~grouped & ~roles.element).sum()):
         said.append(f"{n} cells of lower dimension are in no group, and left out")
     skin = np.flatnonzero(roles.skin & ~roles.element & grouped)
@@ -175,11 +173,3 @@ def losses_of_groups(mesh: Mesh, roles: Roles) -> list[str]:
     if twice := len(face) - len(np.unique(face)):
         said.append(f"{twice} skin cells lie on others, and become one face with them")
     return said
-
-
-def _nodes_of(mesh: Mesh, cells: Ints) -> Ints:
-    """Sorted indices of the nodes of some cells."""
-    used = np.zeros(mesh.n_nodes, bool)
-    for _, _, nodes in mesh.select(cells):
-        used[nodes] = True
-    return np.flatnonzero(used)

@@ -16,7 +16,7 @@ from lacmesh.formats.inp.plain import plane_of
 from lacmesh.formats.inp.record import deck_of
 from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
 from lacmesh.formats.inp.skin import CellBlock, Skin
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 _NONE = np.empty(0, np.int64)
 
@@ -77,13 +77,13 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> tuple[list[CellBlo
     Raises ReadError.
     """
     used = [e for e in scope.elements if e.element is not None and len(e.number)]
-    number = np.concatenate([_NONE, *(e.number for e in used)])
+    number = concatenated(e.number for e in used)
     twice = repeated(number) if len(number) else None
     if twice is not None:
         owner = [e.card for e in used if (e.number == twice).any()][-1]
         raise owner.error(f"two elements have the number {twice}")
     first = np.cumsum([0, *(len(e.number) for e in used)])
-    blocks, order = [], [_NONE]
+    blocks, order = [], []
     types = [e.element.type for e in used if e.element is not None]
     for cell_type in dict.fromkeys(types):
         mine = [k for k, name in enumerate(types) if name == cell_type]
@@ -93,7 +93,7 @@ def _elements(scope: Scope, nodes: Index, said: list[str]) -> tuple[list[CellBlo
         order += [np.arange(first[k], first[k + 1]) for k in mine]
     if "SEG3" in types:
         blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
-    place = np.concatenate(order)
+    place = concatenated(order)
     _say_repeats(blocks, number[place], said)
     return blocks, place, number[place]
 
@@ -155,7 +155,7 @@ def _groups(
     for surface in scope.surfaces.values():
         entries = [_entry(resolver, surface, which) for _, which in surface.entries]
         if surface.of_nodes:
-            more = np.concatenate([_NONE, *(nodes.places(e) for e in entries)])
+            more = concatenated(nodes.places(e) for e in entries)
             of_nodes[surface.shown] = np.append(of_nodes.get(surface.shown, _NONE), more)
             continue
         skin.begin()
@@ -187,7 +187,7 @@ def _with_skin(listed: list[CellBlock], new: list[tuple[str, Ints]]) -> tuple[li
         index[cell_type] = np.append(index.get(cell_type, _NONE), n + np.arange(len(rows)))
         blocks[cell_type] = np.concatenate([blocks[cell_type], rows]) if cell_type in blocks else rows
         n += len(rows)
-    return list(blocks.items()), np.concatenate([_NONE, *index.values()])
+    return list(blocks.items()), concatenated(index.values())
 
 
 def _space_dim(scope: Scope, points: Floats) -> int:

@@ -16,7 +16,7 @@ from lacmesh.errors import did_you_mean
 from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.types import DeckElement
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 
 #: Sets inside sets: how deep.
 _DEEPEST = 500
@@ -207,9 +207,8 @@ class NodesOf:
     @cached_property
     def _rows(self) -> tuple[Ints, Ints, Ints, Ints]:
         """Elements sorted by number: the number, where its nodes begin, how many; the nodes of all."""
-        none = np.empty(0, np.int64)
-        number = np.concatenate([none, *(e.number for e in self._cells)])
-        width = np.concatenate([none, *(np.full(e.nodes.shape[0], e.nodes.shape[1]) for e in self._cells)])
-        nodes = np.concatenate([none, *(e.nodes.ravel() for e in self._cells)])
+        number = concatenated(e.number for e in self._cells)
+        width = concatenated(np.full(e.nodes.shape[0], e.nodes.shape[1]) for e in self._cells)
+        nodes = concatenated(e.nodes.ravel() for e in self._cells)
         order = np.argsort(number, kind="stable")
         return number[order], (np.cumsum(width) - width)[order], width[order], nodes

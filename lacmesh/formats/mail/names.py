@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.formats.text import decoded, is_long, parsed
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, mask_of
 
 #: Keys of one prefix are numbers below this; names of no such form have keys from _OTHER on.
 STEP = 10**10
@@ -48,8 +48,7 @@ def words(text: bytes) -> Words:
     change = np.flatnonzero(inside[1:] != inside[:-1])
     begin, end = change[::2], change[1::2]
     lines = np.flatnonzero(letters == 10) + 1
-    first = np.zeros(len(begin) + 1, bool)
-    first[np.searchsorted(begin, lines)] = True
+    first = mask_of(len(begin) + 1, np.searchsorted(begin, lines))
     first[0] = True
     return Words(letters, begin, end, first[:-1])
 

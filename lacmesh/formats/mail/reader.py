@@ -16,7 +16,7 @@ from lacmesh.formats.mail.sub_files import SubFile, body, sub_files
 from lacmesh.formats.mail.types import NODES, NOT_READ
 from lacmesh.formats.source import SourceFile
 from lacmesh.formats.text import bad_line, chunks, decoded, parsed
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
 _COORDINATES = {"COOR_1D": 1, "COOR_2D": 2, "COOR_3D": 3}
 _GROUPS = {"GROUP_NO": "nodes", "GROUP_MA": "cells"}
@@ -125,7 +125,7 @@ def _take_nodes(content: _Content, part: SubFile, dim: int) -> None:
         raise source.error(f"the last node here has fewer than {dim} coordinates", part.end)
     points = np.zeros((before // width, 3))
     points[:, :dim] = np.concatenate([np.empty(0), *values]).reshape(-1, dim)
-    content.node_name.append(np.concatenate([np.empty(0, np.int64), *keys]))
+    content.node_name.append(concatenated(keys))
     content.points.append(points)
 
 
@@ -158,7 +158,7 @@ def _cells(content: _Content, part: SubFile) -> _Section:
         before += len(key)
     if before % width:
         raise source.error(f"the last {part.keyword} here has fewer than {width - 1} nodes", part.end)
-    table = np.concatenate([np.empty(0, np.int64), *keys]).reshape(-1, width)
+    table = concatenated(keys).reshape(-1, width)
     return _Section(part.keyword, part, table[:, 0].copy(), table[:, 1:])
 
 
@@ -177,7 +177,7 @@ def _take_group(content: _Content, part: SubFile) -> None:
     if name in known:
         raise source.error(f"there are two {part.keyword} named {name!r}", part.at)
     keys = [content.names.keys(piece) for _, piece in chunks(text)]
-    known[name] = part, np.concatenate([np.empty(0, np.int64), *keys])
+    known[name] = part, concatenated(keys)
 
 
 def _mesh(path: Path, content: _Content) -> Mesh:
@@ -190,7 +190,7 @@ def _mesh(path: Path, content: _Content) -> Mesh:
         raise source.error(f"the coordinates of node {bad} are not finite numbers", content.nodes_at)
     nodes = Index(names)
     order, blocks = _blocks(content, nodes)
-    of_cells = np.concatenate([np.empty(0, np.int64), *(s.name for s in content.sections)])
+    of_cells = concatenated(s.name for s in content.sections)
     _check_distinct(content, of_cells, "cells", content.sections[0].part.at if content.sections else 0)
     of_cells = of_cells[order]
     return Mesh.create(

@@ -19,7 +19,7 @@ from lacmesh.formats.med.hdf5 import Branch, Name, opened, text
 from lacmesh.formats.med.types import MED_TYPES, NOT_READ, MedType
 from lacmesh.formats.notes import zone_names
 from lacmesh.formats.slices import CellRows, MeshSlice, RowRange, Slice, repeated
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, concatenated
 
 #: Parts of a file that no Mesh holds.
 _NOT_CARRIED = {
@@ -56,7 +56,7 @@ class MedSlice:
     @property
     def cell_family(self) -> Ints:
         """(k,): the family of each cell."""
-        return np.concatenate([np.empty(0, np.int64), *(c.family for c in self.cells)])
+        return concatenated(c.family for c in self.cells)
 
     def numbers(self, comm: Communicator, said: list[str]) -> tuple[Ints, Ints]:
         """Return the numbers of the nodes and of the cells: the file's if they are distinct, else they are counted.
@@ -70,8 +70,7 @@ class MedSlice:
             first[c.support] = 1 + sum(other.rows.size for other in self.cells if other.support in first)
         by_count = [first[c.support] + np.arange(c.rows.start, c.rows.stop) for c in self.cells]
         given = [by if c.number is None else c.number for c, by in zip(self.cells, by_count, strict=True)]
-        none = np.empty(0, np.int64)
-        all_cells = np.concatenate([none, *given]), np.concatenate([none, *by_count])
+        all_cells = concatenated(given), concatenated(by_count)
         return nodes, _distinct(*all_cells, "cells", comm, said)
 
 

@@ -23,7 +23,7 @@ from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.names import unnamed
 from lacmesh.formats.msh.notes import SECTION, Notes
 from lacmesh.formats.slices import MeshSlice, RowRange, Slice, whole_index
-from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag
+from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag, concatenated
 
 
 def to_mesh(content: Content) -> Mesh:
@@ -184,12 +184,8 @@ def cell_groups(
     lost = sum(map(len, notes.cell_groups.values())) - int(comm.total(np.array(n_placed)))
     if lost:
         said.append(f"{lost} members of groups are cells that the file does not hold: left out")
-    joined = {name: parts[0] if len(parts) == 1 else _joined(parts) for name, parts in groups.items()}
+    joined = {name: parts[0] if len(parts) == 1 else concatenated(parts) for name, parts in groups.items()}
     return joined, {name: tuple(tags) for name, tags in group_tags.items()}
-
-
-def _joined(parts: list[Ints]) -> Ints:
-    return np.concatenate([np.empty(0, np.int64), *parts])
 
 
 def _members(content: Content, first: list[int], index: Index) -> dict[Tag, list[Ints]]:

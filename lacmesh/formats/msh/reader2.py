@@ -17,7 +17,7 @@ from lacmesh.formats.msh import runs as msh_runs
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes, TextNumbers
 from lacmesh.formats.msh.types import TYPE_NAMES
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, concatenated
 
 _LARGEST = 2**31 - 1
 
@@ -45,7 +45,7 @@ class Reader2:
     def finish(self) -> Content:
         """Complete the content: merge elements that repeat a cell for a group, and warn of them. Raises ReadError."""
         content = self.content
-        number = np.concatenate([np.empty(0, np.int64), *(p.number for p in content.pieces)])
+        number = concatenated(p.number for p in content.pieces)
         twice = repeated(number) if len(number) and number.min() > 0 else None
         if twice is not None:
             raise content.source.error(f"two cells have the number {twice}", content.elements_at)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.points import Field, Piece, checked, coordinates, gathered, mapped, nodal
@@ -135,8 +135,7 @@ def temperatures(space: Space, given: TemperatureField | None) -> list[tuple[Sca
     for value, cells in given:
         mask = None
         if cells is not None:
-            mask = np.zeros(space.mesh.n_cells, bool)
-            mask[cells] = True
+            mask = mask_of(space.mesh.n_cells, cells)
         pairs.append((value, mask))
     return pairs
 
