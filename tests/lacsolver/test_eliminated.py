@@ -30,7 +30,6 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from lacsolver.space.places import nodes_on
 
 LAWS = {"small": "elastic", "finite": "neo_hookean"}
 FIXED = Displacement(group="left", ux=0, uy=0)

@@ -18,6 +18,7 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 
 from lacmesh import Mesh
+from lacmesh.mesh import mask_of
 from lacsolver import ContactMatrices
 from verification.measures.norms import points_of
 
