@@ -18,7 +18,6 @@ from scipy.sparse import coo_array, csc_array
 from scipy.sparse.linalg import splu
 
 from lacmesh import Mesh
-from lacmesh.mesh import mask_of
 from lacsolver import ContactMatrices
 from verification.measures.norms import points_of
 
@@ -50,7 +49,7 @@ def constant(matrices: ContactMatrices, moving: NDArray[np.bool_]) -> float:
 
 def held(mesh: Mesh) -> NDArray[np.bool_]:
     """Mask (n_nodes,) of the nodes that belong to a cell of the body."""
-    return mask_of(mesh.n_nodes, mesh.nodes_on(_body(mesh)))
+    return np.isin(np.arange(mesh.n_nodes), mesh.nodes_on(_body(mesh)))
 
 
 def norm(mesh: Mesh) -> csc_array:
