@@ -21,13 +21,14 @@ from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from lacmesh.checks import check
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
 from lacmesh.formats import read, write
+from lacmesh.formats.ids import Index
+from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.gmsh import cut_model, from_mesh, geometry, session, to_mesh
 from lacmesh.gmsh.cad import SUFFIXES, check_source
 from lacmesh.gmsh.views import RESULT_MARK
@@ -307,8 +308,9 @@ def remove_results(gmsh: Any) -> None:
 
 def _frames(path: Path, mesh: Mesh) -> list[tuple[float, Mesh]]:
     """The times and meshes of a .pvd file; each is part of the current model's mesh. Raises DataError where not."""
-    sets = ElementTree.parse(path).getroot().iter("DataSet")
-    frames = [(float(s.get("timestep", 0)), read(path.parent / s.get("file", ""))) for s in sets]
+    frames = [(time, read(path.parent / file)) for time, file in read_pvd(path).items()]
+    if not frames:
+        raise ReadError(path, "names no file that is there; run the case again")
     if not all(_part_of(mesh, frame) for _, frame in frames):
         raise DataError(f"{path} is of another mesh than gmsh's: the case names another, or cuts other faces")
     return frames
@@ -318,8 +320,7 @@ def _part_of(mesh: Mesh, frame: Mesh) -> bool:
     """True if each node of the frame has its number and place in the mesh, and each cell its number."""
     if not (np.isin(frame.node_number, mesh.node_number).all() and np.isin(frame.cell_number, mesh.cell_number).all()):
         return False
-    order = np.argsort(mesh.node_number)
-    place = mesh.points[order[np.searchsorted(mesh.node_number, frame.node_number, sorter=order)]]
+    place = mesh.points[Index(mesh.node_number).places(frame.node_number)]
     return bool((np.abs(place - frame.points) <= _SAME_PLACE * np.ptp(mesh.points, axis=0).max()).all())
 
 

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
 from lacmesh.formats import read
+from lacmesh.formats.ids import Index
+from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 from lacmesh.surface import Surface
 from lacsolver.output.names import MED, SOLID, contact_stems
 from lacsolver.output.tables import CONTACT_COLUMNS, FRICTION_COLUMNS, read_table, same_time
-from lacsolver.output.vtu import read_pvd
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.results.state import ZoneFriction
 
@@ -88,7 +89,7 @@ class StoredMed:
             pressure = mesh.cell_data[now[f"{zone}.pressure"]].reshape(-1)
             surface = Surface.of(mesh, np.flatnonzero(np.isfinite(pressure)))
             rows = _rows_at(self._table(self._folder / f"{stem}.csv"), time)
-            macro = _places(mesh.cell_data["lac_macro"][surface.cell], rows["macro"])
+            macro = Index(rows["macro"].astype(int)).places(mesh.cell_data["lac_macro"][surface.cell])
             recovered = names[f"{zone}.pressure_recovered.nodes"].reshape(-1)
             contact[zone] = _zone(surface, macro, rows, nodal[f"{zone}.contact_force"], recovered)
             contact[zone] = replace(contact[zone], shear_recovered=nodal.get(f"{zone}.shear_recovered.nodes"))
@@ -161,13 +162,13 @@ def _rows_at(table: Mapping[str, NDArray], time: float) -> dict[str, NDArray[np.
 def _of_skin(solid: Mesh, skin: Mesh, rows: Mapping[str, NDArray]) -> ZoneFields:
     """Return the fields of a zone from its skin's file, on the nodes of the bodies."""
     surface = Surface.of(skin, np.arange(skin.n_cells))
-    node = _places(skin.node_number, solid.node_number)
+    node = Index(solid.node_number).places(skin.node_number)
     on_solid = np.where(surface.faces.nodes >= 0, node[surface.faces.nodes], -1)
-    cells = _places(skin.cell_number[surface.cell], solid.cell_number)
+    cells = Index(solid.cell_number).places(skin.cell_number[surface.cell])
     force, nodal = np.zeros((solid.n_nodes, solid.dim)), np.full(solid.n_nodes, np.nan)
     force[node] = skin.node_data["contact_force"][:, : solid.dim]
     nodal[node] = skin.node_data["pressure_recovered"].reshape(-1)
-    macro = _places(skin.cell_data["macro"][surface.cell], rows["macro"])
+    macro = Index(rows["macro"].astype(int)).places(skin.cell_data["macro"][surface.cell])
     faces = replace(surface.faces, nodes=on_solid)
     zone = _zone(replace(surface, x=solid.points, faces=faces, cell=cells), macro, rows, force, nodal)
     if "shear_recovered" not in skin.node_data:
@@ -202,11 +203,3 @@ def _friction(rows: Mapping[str, NDArray], axes: str, w: Floats) -> ZoneFriction
     resultant = -np.einsum("n,nk,nkd->d", w, shear, tangents)
     path, use, dissipation = (rows[name] for name in FRICTION_COLUMNS)
     return ZoneFriction(tangents, shear, slip, path, use, dissipation, (np.nan, taken), resultant)
-
-
-def _places(wanted: NDArray, among: NDArray) -> Ints:
-    """Return the index of each wanted number among others, -1 for those that are not there."""
-    order = np.argsort(among, kind="stable")
-    at = np.clip(np.searchsorted(among, wanted, sorter=order), 0, max(len(among) - 1, 0))
-    nearest = order[at] if len(among) else np.zeros(len(wanted), int)
-    return np.where(among[nearest] == wanted, nearest, -1)

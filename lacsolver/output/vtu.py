@@ -9,15 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import ReadError
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtu.writer import quoted
+from lacmesh.formats.vtu.collection import read_pvd, write_pvd
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
 from lacsolver.output.files import make_folder
@@ -132,22 +130,3 @@ def wide(values: Floats, width: int) -> Floats:
     array([[1., 2., 0.]])
     """
     return np.pad(np.asarray(values, float), ((0, 0), (0, width - values.shape[1])))
-
-
-def read_pvd(path: Path) -> dict[float, str]:
-    """Return the files of a PVD that exist, by their times; none if there is no PVD. Raises ReadError."""
-    if not path.exists():
-        return {}
-    try:
-        sets = ElementTree.parse(path).getroot().iter("DataSet")
-        files = {float(s.attrib["timestep"]): s.attrib["file"] for s in sets}
-    except (OSError, ValueError, KeyError, ElementTree.ParseError) as error:
-        raise ReadError(path, f"cannot be gone on with ({error}); write into another folder") from error
-    return {time: file for time, file in files.items() if (path.parent / file).is_file()}
-
-
-def write_pvd(path: Path, files: Mapping[float, str]) -> None:
-    """Write a PVD that names the file of each time. Raises WriteError."""
-    sets = [f'<DataSet timestep="{t!r}" group="" part="0" file={quoted(file)}/>\n' for t, file in files.items()]
-    head = '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n'
-    replace_file(path, (head + "".join(sets) + "</Collection>\n</VTKFile>\n").encode())

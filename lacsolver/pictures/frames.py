@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
+from lacmesh.formats.ids import Index
+from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.scene.colours import ends_of
 from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
-from lacsolver.output.vtu import read_pvd
 from lacsolver.pictures.quantities import QUANTITIES
 from lacsolver.pictures.skins import ring
 from lacsolver.results.nodal import von_mises
@@ -199,12 +200,12 @@ def _field(mesh: Mesh, name: str, path: Path) -> NDArray[np.floating]:
 def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[float, str]]) -> NDArray[np.floating]:
     """Return the recovered pressure (n_nodes,) on the slave skins of all zones, the larger one where two meet."""
     value = np.full(mesh.n_nodes, np.nan)
-    order = np.argsort(mesh.node_number)
+    index = Index(mesh.node_number)
     for files in zones:
         if time in files:
             path = folder / files[time]
             skin = lacmesh.read(path)
-            nodes = order[np.searchsorted(mesh.node_number, skin.node_number, sorter=order)]
+            nodes = index.places(skin.node_number)
             value[nodes] = np.fmax(value[nodes], _field(skin, "pressure_recovered", path))
     return value
 

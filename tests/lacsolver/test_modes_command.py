@@ -10,11 +10,11 @@ import pytest
 
 import lacmesh
 from lacmesh.errors import ReadError
+from lacmesh.formats.vtu.collection import read_pvd
 from lacsolver.case import read_case
 from lacsolver.cli import main
 from lacsolver.output import read_state
 from lacsolver.output.modes import read_modes
-from lacsolver.output.vtu import read_pvd
 from lacsolver.pictures.filming import film
 from lacsolver.pictures.frames import read_mode
 from lacsolver.problem.problem import Problem

@@ -10,9 +10,10 @@ import pytest
 from lacmesh import Mesh, Surface, read
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
+from lacmesh.formats.vtu.collection import read_pvd
 from lacsolver.output.names import contact_stems
 from lacsolver.output.parts import body
-from lacsolver.output.vtu import VtuSeries, read_pvd
+from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields
 from lacsolver.space.space import Space

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.formats.vtu.collection import read_pvd
 from lacsolver.case import read_case
 from lacsolver.output import create_output, read_state
 from lacsolver.output import writer as writers
 from lacsolver.output.lock import FILE
-from lacsolver.output.vtu import read_pvd
 from lacsolver.results.results import Restart
 from tests.lacsolver.test_output_med import room
 from tests.lacsolver.written import fields, made_up, restart

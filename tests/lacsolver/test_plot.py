@@ -517,8 +517,8 @@ def test_fields_in_med_are_drawn_too(tmp_path):
 def test_pieces_of_several_processes_are_joined(tmp_path):
     """A VTU of a plane model, taken apart into two pieces with a common row of nodes, as two processes write it."""
     import lacmesh
+    from lacmesh.formats.vtu.collection import read_pvd, write_pvd
     from lacsolver.output.stored import stored_fields
-    from lacsolver.output.vtu import read_pvd, write_pvd
 
     folder = solved(tmp_path, GOOD, blocks())
     before = ls.read_results(folder).solution()
