@@ -221,10 +221,8 @@ def _parents(mesh: Mesh, back: Mesh, cell: Ints, parent: Ints) -> Ints:
     """
     numbers = parent.astype(np.int64)
     children = np.flatnonzero(numbers >= 0)
-    order = np.argsort(mesh.cell_number, kind="stable")
-    at = np.minimum(np.searchsorted(mesh.cell_number, numbers[children], sorter=order), mesh.n_cells - 1)
-    first = order[at]
-    known = (mesh.cell_number[first] == numbers[children]) & (cell[first] >= 0)
+    first = Index(mesh.cell_number, table=False).places(numbers[children])
+    known = (first >= 0) & (cell[first] >= 0)
     taken = ~known & np.isin(numbers[children], back.cell_number)
     numbers[children[taken]] = -1
     numbers[children[known]] = back.cell_number[cell[first[known]]]
@@ -296,9 +294,8 @@ def _counts(path: Path, mesh: Mesh, cells: dict[str, int]) -> str:
 
 def _places(numbers: Ints, known: Ints) -> Ints:
     """Indices of the cells or nodes with these numbers. Raises UnfitError for an unknown or repeated number."""
-    order = np.argsort(known, kind="stable")
-    at = order[np.minimum(np.searchsorted(known, numbers, sorter=order), max(len(known) - 1, 0))]
-    if not np.array_equal(known[at], numbers) or not distinct(numbers) or not distinct(known):
+    at = Index(known, table=False).places(numbers)
+    if (at < 0).any() or not distinct(numbers) or not distinct(known):
         raise UnfitError("they name cells or nodes that the file has not, or twice")
     return at
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.formats.ids import Index
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 from lacmesh.scene.colours import INVALID, RAMP, SEVERITIES, SPAN, ends_of, on_ramp, rgb
 from lacmesh.scene.visible import SLAVE, VisibleSurface, as_faces, facets_of
@@ -128,12 +129,8 @@ def _found(number: Ints, lists: list[Sequence[int]]) -> tuple[Ints, Ints]:
     """Indices of the known cells or nodes in several lists of the file's numbers, and the list that each stands in."""
     asked = concatenated(np.asarray(list(part), np.int64) for part in lists)
     of = np.repeat(np.arange(len(lists)), [len(part) for part in lists])
-    if not len(number):
-        return asked[:0], of[:0]
-    order = np.argsort(number, kind="stable")
-    place = np.minimum(np.searchsorted(number, asked, sorter=order), len(number) - 1)
-    there = number[order[place]] == asked
-    return order[place][there], of[there]
+    place = Index(number, table=False).places(asked)
+    return place[place >= 0], of[place >= 0]
 
 
 def _faces_of(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacmesh.smooth.find import FoundShape, shapes_at
 from lacmesh.smooth.patches import Bools, Joints, SmoothPatches, joints_of
+from lacmesh.surface.normals import unit
 from lacmesh.surface.record import Surface
 
 #: edges that turn by more (degrees) are sharp: between five faces to a circle (72) and four (90)
@@ -94,9 +95,7 @@ def _width(patches: SmoothPatches, face: Ints, edge: Ints) -> NDArray[np.floatin
     x = np.where((node >= 0)[..., None], patches.x[node], patches.x[node[:, :1]])
     rows = np.arange(len(face))
     start = x[rows, edge]
-    way = np.where((n > 2)[:, None], x[rows, (edge + 1) % n] - start, 0.0)
-    length = np.linalg.norm(way, axis=1, keepdims=True)
-    way = np.divide(way, length, out=np.zeros_like(way), where=length > 0)
+    way = unit(np.where((n > 2)[:, None], x[rows, (edge + 1) % n] - start, 0.0))
     d = x - start[:, None]
     across = d - np.einsum("kns,ks->kn", d, way)[..., None] * way[:, None]
     return np.asarray(np.linalg.norm(across, axis=2).max(axis=1))

@@ -17,6 +17,7 @@ from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simples
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
+from lacmesh.surface.normals import unit
 from lacmesh.topology.components import label_components
 
 _EPS = float(np.finfo(float).eps)
@@ -138,8 +139,7 @@ def _planes(patches: SmoothPatches, free: Bools) -> list[FoundShape]:
     np.add.at(centre, patches.owner, patches.x)
     np.add.at(normal, patches.patch, patches.normal * patches.area[:, None])
     centre /= count
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    normal = unit(normal)
     d = patches.x - centre[patches.owner]
     off, reach, far = np.zeros(n), np.zeros(n), np.zeros(n)
     np.maximum.at(off, patches.owner, np.abs((d * normal[patches.owner]).sum(axis=1)))

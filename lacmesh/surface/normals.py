@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
@@ -33,6 +34,12 @@ def normals_of(J: Floats) -> Floats:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
+def unit(v: Floats) -> NDArray[np.floating]:
+    """Return vectors (..., k) over their lengths; 0 for those without one."""
+    size = np.linalg.norm(v, axis=-1, keepdims=True)
+    return np.divide(v, size, out=np.zeros_like(v), where=size > 0)
+
+
 def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
     """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0.
 
@@ -47,8 +54,7 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
         area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
         there = weighted(name, x, np.array(CELLS[name].reference))
         own[rows, : nodes.shape[1]] = there
-    size = np.linalg.norm(own, axis=2, keepdims=True)
-    own = np.divide(own, size, out=np.zeros_like(own), where=size > 0)
+    own = unit(own)
     total = _gather(surface, own, np.linalg.norm(area, axis=1), crease_angle)
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.surface.normals import unit
 from lacsolver.case.case import Case
 from lacsolver.case.joints import Cyclic
 from lacsolver.constraints.equations import Equations
@@ -126,9 +127,7 @@ def _faces(mesh: Mesh, group: str) -> dict[str, Ints]:
 def _about_axis(record: Cyclic, dim: int, slave: Floats, master: Floats) -> float:
     """Return the mean distance, about the axis, of slave nodes (n, 3) from the nearest ones of the turned master."""
     arm = slave - turn_of(record, dim).centre
-    theta = np.cross(record.axis, arm)
-    size = np.linalg.norm(theta, axis=1, keepdims=True)
-    theta = np.divide(theta, size, out=np.zeros_like(theta), where=size > 0)
+    theta = unit(np.cross(record.axis, arm))
     away = master[_nearest(master, slave)[1]] - slave
     return float(np.abs((away * theta).sum(axis=1)).mean())
 

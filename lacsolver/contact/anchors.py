@@ -37,8 +37,8 @@ from scipy.sparse import csr_array, diags_array
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.normals import normals_of
-from lacsolver.contact.faces import by_type, dual_vectors, places, tangents, unit
+from lacmesh.surface.normals import normals_of, unit
+from lacsolver.contact.faces import by_type, dual_vectors, places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of

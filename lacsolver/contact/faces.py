@@ -54,9 +54,3 @@ def dual_vectors(J: Floats) -> NDArray[np.floating]:
     crossed = J if J.shape[2] == 1 else np.stack([np.cross(J[:, :, 1], N), np.cross(N, J[:, :, 0])], axis=2)
     area = (N * N).sum(axis=1)[:, None, None]
     return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)
-
-
-def unit(v: Floats) -> NDArray[np.floating]:
-    """Return vectors (n, k) over their lengths; 0 for those without one."""
-    size = np.linalg.norm(v, axis=1, keepdims=True)
-    return np.divide(v, size, out=np.zeros_like(v), where=size > 0)

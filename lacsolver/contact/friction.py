@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacsolver.contact.faces import unit
+from lacmesh.surface.normals import unit
 from lacsolver.contact.laws import Bools
 
 

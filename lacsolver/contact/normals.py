@@ -21,7 +21,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
-from lacmesh.surface.normals import crease_pairs, normals_of
+from lacmesh.surface.normals import crease_pairs, normals_of, unit
 from lacsolver.space.sparse import sparse
 
 
@@ -106,9 +106,7 @@ def _face_normals(name: str, x: Floats, nodes: Ints, d: int) -> _FaceNormals:
     """Return the normals of faces of one type with nodes at x (k, b, 3)."""
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
     J = np.einsum("abc,kbs->kasc", dN, x)
-    n = normals_of(J)
-    size = np.linalg.norm(n, axis=-1, keepdims=True)
-    n = np.divide(n, size, out=np.zeros_like(n), where=size > 0)[..., :d]
+    n = unit(normals_of(J))[..., :d]
     dual = np.einsum("kasc,kace->kase", J, np.linalg.inv(np.einsum("kasc,kase->kace", J, J)))[:, :, :d]
     dn = -np.einsum("kase,abe,kat->kasbt", dual, dN, n)
     A, dA = _areas(name, x, d)

@@ -22,6 +22,7 @@ from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.normals import unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.bodies.material import Materials
@@ -126,9 +127,7 @@ def own_free(pair: ContactPair, space: Space, constraints: Constraints) -> Bools
         part = np.einsum("nkk->nk", free).min(axis=1)
     else:
         n, _ = mean_normals(zone.slave)
-        mean = zone.sums(n * face_measure(zone.slave)[:, None])[:, :dim]
-        size = np.linalg.norm(mean, axis=1, keepdims=True)
-        mean = np.divide(mean, size, out=np.zeros_like(mean), where=size > 0)[owner[nodes]]
+        mean = unit(zone.sums(n * face_measure(zone.slave)[:, None])[:, :dim])[owner[nodes]]
         part = np.einsum("ni,nij,nj->n", mean, free, mean)
     all_, free_ = (np.bincount(owner[some], minlength=zone.n_macros) for some in (nodes, nodes[part > _FREE]))
     return (free_ > 0) | (all_ == 0)

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacmesh.surface.normals import normals_of
+from lacmesh.surface.normals import normals_of, unit
 from lacsolver.contact import Interface
-from lacsolver.contact.faces import tangents, unit
+from lacsolver.contact.faces import tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.shear import integrals
 from lacsolver.distributed.share import Share

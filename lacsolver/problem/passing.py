@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
+from lacmesh.surface.normals import unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.skin import MAX_CORNERS
@@ -241,9 +242,7 @@ def _simplices(faces: _Moving) -> Iterator[tuple[list[int], NDArray[np.bool_]]]:
 def _normal(x: Floats) -> NDArray[np.floating]:
     """Return unit normals (n, 3) of segments (n, 2, 3) in a plane or triangles (n, 3, 3), 0 of degenerate ones."""
     along = x[:, 1] - x[:, 0]
-    n = np.cross(along, x[:, 2] - x[:, 0] if x.shape[1] == 3 else np.array([0.0, 0.0, 1.0]))
-    size = np.linalg.norm(n, axis=1, keepdims=True)
-    return np.divide(n, size, out=np.zeros_like(n), where=size > 0)
+    return unit(np.cross(along, x[:, 2] - x[:, 0] if x.shape[1] == 3 else np.array([0.0, 0.0, 1.0])))
 
 
 def _inside(x: Floats, corners: Floats) -> NDArray[np.bool_]:

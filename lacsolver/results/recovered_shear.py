@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacsolver.contact.faces import unit
+from lacmesh.surface.normals import unit
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import CONTACT, OPEN, SLIDES
 from lacsolver.results.recovery import recover_pressure
