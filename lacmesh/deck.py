@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lacmesh.mesh import Ints, Mesh, fixed
+from lacmesh.mesh import Ints, Mesh, fixed, positions
 
 if TYPE_CHECKING:
     from lacmesh.cutting.subdivide import NewNodes
@@ -163,19 +163,21 @@ class Deck:
                  if (kind, key_of(name)) in self.surfaces]  # fmt: skip
         return groups[0] if groups else None
 
+    def roots_of(self, numbers: Ints) -> Ints:
+        """The numbers of the deck's elements that elements, by number, are or are parts of; their own where of none."""
+        order = np.argsort(self.child, kind="stable")
+        at = positions(self.child[order], numbers)
+        roots = numbers.copy()
+        roots[at >= 0] = self.root[order][at[at >= 0]]
+        return roots
+
     def followed(self, child: Ints, parent: Ints, added: tuple[NewNodes, ...]) -> Deck:
         """The deck of a mesh in which elements were replaced, both by number (c,), and nodes were added."""
-        root = parent.copy()
-        if len(self.child):
-            order = np.argsort(self.child, kind="stable")
-            at = np.minimum(np.searchsorted(self.child[order], parent), len(order) - 1)
-            known = self.child[order][at] == parent
-            root[known] = self.root[order][at[known]]
         keep = ~np.isin(self.child, parent)
         return replace(
             self,
             child=np.append(self.child[keep], child),
-            root=np.append(self.root[keep], root),
+            root=np.append(self.root[keep], self.roots_of(parent)),
             added=(*self.added, *added),
         )
 

@@ -6,7 +6,9 @@ Each class carries the exit status of the command (docs/conventions.md lists the
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
 from typing import Any
 
 
@@ -116,6 +118,30 @@ class WriteError(LacmeshError):
         self.path = str(path)
         self.what = message
         super().__init__(f"{self.path}: {message}")
+
+
+@contextmanager
+def reading(path: Any) -> Iterator[None]:
+    """Turn an error of the operating system in this context into a ReadError about a path."""
+    try:
+        yield
+    except OSError as error:
+        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
+
+
+@contextmanager
+def writing(path: Any, failed: str = "cannot be written") -> Iterator[None]:
+    """Turn an error of the operating system in this context into a WriteError about a path, in the words `failed`."""
+    try:
+        yield
+    except OSError as error:
+        raise WriteError(path, f"{failed} ({error.strerror or error})") from error
+
+
+def check_installed(package: str, extra: str, what: str = "this") -> None:
+    """Raise RequestError where a package of the extra `extra` is missing, which `what` needs."""
+    if find_spec(package) is None:
+        raise RequestError(f"{what} needs {package}; pip install 'lacmesh[{extra}]' brings it")
 
 
 def did_you_mean(name: str, known: Iterable[str], limit: int = 8) -> str:

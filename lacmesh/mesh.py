@@ -443,6 +443,18 @@ def mask_of(size: int, *indices: Any) -> NDArray[np.bool_]:
     return mask
 
 
+def positions(index: Ints, members: Ints) -> Ints:
+    """Return the position in `index` (k,), ascending, of each member, in the shape of `members`; -1 if it is not there.
+
+    >>> positions(np.array([2, 5, 7]), np.array([[7, 2], [3, 9]])).tolist()
+    [[2, 0], [-1, -1]]
+    """
+    if not len(index):
+        return np.full(members.shape, -1)
+    place = np.minimum(np.searchsorted(index, members), len(index) - 1)
+    return np.where(index[place] == members, place, -1)
+
+
 def distinct(numbers: Ints) -> bool:
     """True if no number occurs twice. Ids as in files, a few millions in any order, are marked off in a table.
 

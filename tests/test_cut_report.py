@@ -424,8 +424,7 @@ def test_plots_are_drawn(msh, tmp_path, capsys):
 
 
 def test_a_plot_without_matplotlib_names_the_line_that_installs_it(msh, tmp_path, monkeypatch, capsys):
-    from lacmesh.report import drawing
 
-    monkeypatch.setattr(drawing, "find_spec", lambda name: None)
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
     assert main(["quality", str(msh), "--plot", str(tmp_path / "q.png")]) == 2
     assert "pip install 'lacmesh[view]'" in capsys.readouterr().err

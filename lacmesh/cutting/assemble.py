@@ -17,7 +17,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
 from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Ints, Mesh, mask_of
+from lacmesh.mesh import Block, Ints, Mesh, mask_of, positions
 
 
 @dataclass(frozen=True)
@@ -203,9 +203,7 @@ def _group(members: Ints, layout: _Layout) -> Ints:
         return members
     consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
     new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
-    parent = layout.parent.astype(members.dtype)
-    at = np.minimum(np.searchsorted(members, parent), len(members) - 1)
-    inside = members[at] == parent
+    inside = positions(members, layout.parent.astype(members.dtype)) >= 0
     if inside.any():
         new = np.concatenate([new[new >= 0], layout.child[inside]])
         new.sort(kind="stable")

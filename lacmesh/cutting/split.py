@@ -24,7 +24,7 @@ from lacmesh.cutting.records import Origin, is_cut
 from lacmesh.cutting.select import check_numbers
 from lacmesh.cutting.subdivide import ChildCells, NewNodes
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, spec_list
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, positions, spec_list
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.division import Bools, CellNodes, FaceSides, divide, second_is_a
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
@@ -296,9 +296,8 @@ def _has_nodes(mesh: Mesh, cells: Ints, wanted: Ints) -> Bools:
 def _places(n_cells: int, pairs: Ints, index: Ints, origin: Origin) -> _Places:
     """Return the places of doubled cells: of the pairs (2, p) of a cell and one beside it, the child `index` (p,)."""
     cell, beside = pairs
-    parent = origin.cell[origin.children]
-    first = np.minimum(np.searchsorted(parent, cell), len(parent) - 1)
-    doubled = parent[first] == cell
+    first = positions(origin.cell[origin.children], cell)
+    doubled = first >= 0
     key = (cell.astype(np.int64) * n_cells + beside)[doubled]
     order = np.argsort(key)
     return _Places(key[order], origin.children[(first + index)[doubled]][order], n_cells)

@@ -5,7 +5,6 @@ Each of them is an extra (`lacmesh[io]`, `lacmesh[view]`), and imported when it 
 
 from __future__ import annotations
 
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import DataError, ReadError, RequestError
+from lacmesh.errors import DataError, ReadError, RequestError, check_installed
 from lacmesh.formats import vtu
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
@@ -39,11 +38,6 @@ TRIANGLES = {
 }
 
 
-def _needed(name: str, extra: str) -> None:
-    if find_spec(name) is None:
-        raise RequestError(f"this needs {name}; pip install 'lacmesh[{extra}]' brings it")
-
-
 def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
     """The mesh as a `pyvista.UnstructuredGrid`, its cells in the order of the file.
 
@@ -51,7 +45,7 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
     data; `groups`, `data`: whether those are wanted. Raises RequestError where pyvista is missing, DataError for cells
     that VTK lacks (PYRAM14; TRIA9, TRIA12, QUAD12 and pyramids and prisms of higher order).
     """
-    _needed("pyvista", "view")
+    check_installed("pyvista", "view")
     import pyvista
 
     for cell_type, n in mesh.cells_by_type.items():
@@ -78,7 +72,7 @@ def from_pyvista(grid: Any) -> Mesh:
     Arrays named as `to_pyvista` names them become groups and numbers again, others are data. Raises RequestError for
     what is no data of pyvista, DataError for cells that lacmesh does not have.
     """
-    _needed("pyvista", "view")
+    check_installed("pyvista", "view")
     if not hasattr(grid, "cast_to_unstructured_grid"):
         raise RequestError(f"from_pyvista takes the data sets of pyvista, not {type(grid).__name__}")
     with TemporaryDirectory() as folder:
@@ -97,7 +91,7 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
     index (`cell`) and by the file's number (`cell_number`); for each vertex its node, likewise (`node`, `node_number`).
     Raises RequestError where trimesh is missing, GroupNotFoundError, DataError where the group has no such faces.
     """
-    _needed("trimesh", "io")
+    check_installed("trimesh", "io")
     import trimesh
 
     cells = mesh.cells_of(group)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, some
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, reading, some
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.formats.sniff import HEAD, DetectedFormat, sniff
 from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, WriteOptions, format_of, takers
@@ -26,14 +26,12 @@ __all__ = ["SUFFIXES", "DetectedFormat", "detect_format", "read", "title_of", "w
 def detect_format(path: str | os.PathLike[str]) -> DetectedFormat:
     """Detect the format of an existing file by its content, else by its suffix. Raises ReadError."""
     path = Path(path)
-    try:
+    with reading(path):
         if not path.is_dir() and path.exists() and not path.is_file():  # a pipe gives its content once, or waits
             raise ReadError(path, "is no regular file; save it as one first")
         with path.open("rb") as file:
             head = file.read(HEAD)
         detected = sniff(path, head)
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
     if detected.format == "msh":
         from lacmesh.formats.msh import header
 

@@ -7,7 +7,6 @@ meshio's readers give nodes in VTK's order, for cells of order above 2 in gmsh's
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib.util import find_spec
 from itertools import pairwise
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CARRIED
-from lacmesh.errors import DataError, RequestError
+from lacmesh.errors import DataError, check_installed
 from lacmesh.formats import notes
 from lacmesh.formats.arrays import GROUP, assembled, to_arrays
 from lacmesh.formats.msh.names import unnamed
@@ -44,8 +43,7 @@ _PHYSICAL = "gmsh:physical"
 
 def needed() -> Any:
     """Import the package meshio. Raises RequestError if it is missing."""
-    if find_spec("meshio") is None:
-        raise RequestError("this needs meshio; pip install 'lacmesh[io]' brings it")
+    check_installed("meshio", "io")
     import meshio
 
     return meshio

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from itertools import compress
 from pathlib import Path
 
-from lacmesh.errors import RequestError, WriteError
+from lacmesh.errors import RequestError, WriteError, writing
 from lacmesh.formats.table import suffix_of
 
 #: which permissions new files do without. It can only be asked for by setting it: once, before there are threads
@@ -33,7 +33,7 @@ def check_place(path: Path, *, force: bool) -> None:
 
     Raises RequestError where the file exists (and no `force`), WriteError where no file can be made there.
     """
-    try:
+    with writing(path):
         if path.exists() and not path.is_file():  # renaming would put a file in place of a device
             raise WriteError(path, "is no file; choose another name")
         if path.exists() and not force:
@@ -44,8 +44,6 @@ def check_place(path: Path, *, force: bool) -> None:
         if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
             raise WriteError(path, f"no file may be made in the folder {path.parent}; choose another one")
         clear_abandoned(path)
-    except OSError as error:
-        raise WriteError(path, f"cannot be written ({error.strerror or error})") from error
 
 
 @contextmanager

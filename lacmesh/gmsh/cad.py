@@ -18,7 +18,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean
+from lacmesh.errors import (
+    DataError,
+    LacmeshError,
+    LacmeshWarning,
+    ReadError,
+    RequestError,
+    WriteError,
+    did_you_mean,
+    reading,
+)
 from lacmesh.formats import read
 from lacmesh.formats.output import temporary_folder
 from lacmesh.gmsh import session
@@ -160,12 +169,9 @@ def check_source(path: str | os.PathLike[str]) -> Path:
         if suffix in (".msh", ".med"):
             raise RequestError(f"{path} is a mesh already; lacmesh cut cuts it, lacmesh convert writes it otherwise")
         raise RequestError(f"{path}: no CAD file has the suffix {suffix!r}{did_you_mean(suffix, SUFFIXES)}")
-    try:
-        with path.open("rb") as file:
-            if not file.read(1):
-                raise ReadError(path, "is empty")
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
+    with reading(path), path.open("rb") as file:
+        if not file.read(1):
+            raise ReadError(path, "is empty")
     return path
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of
+from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of, positions
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim
@@ -253,18 +253,6 @@ def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
         model=None if mesh.model is None else periodic_left(mesh.model, nodes),
         deck=None,
     )
-
-
-def positions(index: Ints, members: Ints) -> Ints:
-    """Return the position in `index` (k,), ascending, of each member, in the shape of `members`; -1 if it is not there.
-
-    >>> positions(np.array([2, 5, 7]), np.array([[7, 2], [3, 9]])).tolist()
-    [[2, 0], [-1, -1]]
-    """
-    if not len(index):
-        return np.full(members.shape, -1)
-    place = np.minimum(np.searchsorted(index, members), len(index) - 1)
-    return np.where(index[place] == members, place, -1)
 
 
 def _left(index: Ints, members: Ints) -> Ints:

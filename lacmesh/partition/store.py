@@ -27,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError, writing
 from lacmesh.formats.med.hdf5 import Branch, created, opened
 from lacmesh.formats.notes import from_json, to_json
 from lacmesh.formats.output import check_place, replacing
-from lacmesh.mesh import Ints, Mesh, mask_of
-from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, positions, skin_name, whole_of
+from lacmesh.mesh import Ints, Mesh, mask_of, positions
+from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, skin_name, whole_of
 from lacmesh.partition.pieces import PieceIndices, pieces_of
 
 if TYPE_CHECKING:
@@ -70,11 +70,9 @@ def check_folder(folder: Path, *, force: bool) -> None:
 @contextmanager
 def _made(folder: Path) -> Iterator[None]:
     """Make a folder if it is not there, and remove it again if nothing comes of it."""
-    try:
+    with writing(folder, "cannot be made"):
         there = folder.is_dir()
         folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise WriteError(folder, f"cannot be made ({error.strerror or error})") from error
     try:
         yield
     except BaseException:

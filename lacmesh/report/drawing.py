@@ -5,14 +5,13 @@ from __future__ import annotations
 import io
 import os
 from importlib import import_module
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import RequestError
+from lacmesh.errors import RequestError, check_installed
 from lacmesh.formats.output import check_place, replace_file
 from lacmesh.quality.measures import SCALES, primary_metric
 from lacmesh.quality.statistics import Histogram, Statistics
@@ -61,8 +60,7 @@ def check_plot(path: Path, *, force: bool = True) -> None:
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a plot is written as .png")
     check_place(path, force=force)
-    if find_spec("matplotlib") is None:
-        raise RequestError("a plot needs matplotlib; pip install 'lacmesh[view]' brings it")
+    check_installed("matplotlib", "view", "a plot")
 
 
 def _drawn(kind: TypeQuality) -> list[str | None]:

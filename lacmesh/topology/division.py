@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CARRIED
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh, mask_of
+from lacmesh.mesh import Ints, Mesh, mask_of, positions
 from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
@@ -103,11 +103,7 @@ class CellNodes:
 
     def rows(self, cell: Ints, node: Ints) -> Ints:
         """Row of each node of a cell, -1 where there is none; both of one shape."""
-        if not len(self.key):
-            return np.full(np.shape(node), -1)
-        key = cell.astype(np.int64) * self.n_nodes + node
-        at = np.minimum(np.searchsorted(self.key, key), len(self.key) - 1)
-        return np.where((self.key[at] == key) & (node >= 0), at, -1)
+        return np.where(node >= 0, positions(self.key, cell.astype(np.int64) * self.n_nodes + node), -1)
 
     def in_divided_mesh(self, cell: Ints, node: Ints) -> Ints:
         """Index in the divided mesh of nodes of cells; both of one shape."""

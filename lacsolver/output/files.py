@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from lacmesh.errors import ReadError, WriteError
-
-
-@contextmanager
-def writing(path: Path, failed: str = "cannot be written") -> Iterator[None]:
-    """Turn an error of the operating system in this context into a WriteError about a path, in the words `failed`."""
-    try:
-        yield
-    except OSError as error:
-        raise WriteError(path, f"{failed} ({error.strerror or error})") from error
+from lacmesh.errors import ReadError, writing
 
 
 def make_folder(folder: Path) -> None:

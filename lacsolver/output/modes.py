@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from lacmesh import __version__
-from lacmesh.errors import RequestError
+from lacmesh.errors import RequestError, writing
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.collection import write_pvd
-from lacsolver.output.files import read_json, writing
+from lacsolver.output.files import read_json
 from lacsolver.output.folder import check_folder
 from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in
 from lacsolver.output.parts import body

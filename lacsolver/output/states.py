@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import DataError, ReadError, RequestError
+from lacmesh.errors import DataError, ReadError, RequestError, reading
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, changed, fingerprint, fingerprint_as
 from lacsolver.contact.anchors import Anchors
@@ -116,10 +116,8 @@ def read_state(
     1.0
     """
     folder = Path(folder)
-    try:
+    with reading(folder):
         paths = states_in(folder)
-    except OSError as error:
-        raise ReadError(folder, f"cannot be read ({error.strerror or error})") from error
     if not paths:
         raise RequestError(f"{folder} holds no state to go on from (state_*.npz); name the folder of an earlier run")
     path = paths[-1] if from_time is None else _at(folder, paths, from_time)

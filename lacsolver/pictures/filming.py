@@ -15,14 +15,13 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.errors import RequestError, check_installed, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
 from lacmesh.scene import unit_of
@@ -73,8 +72,7 @@ def check_film(path: Path, folder: Path) -> None:
         raise RequestError(f"{path}: a film is written as .gif, a sheet of its pictures as .png")
     if not folder.is_dir():
         raise RequestError(f"{folder} is no folder; name the one that lacsolver run wrote")
-    if find_spec("matplotlib") is None:
-        raise RequestError("a film needs matplotlib; pip install 'lacmesh[view]' brings it")
+    check_installed("matplotlib", "view", "a film")
 
 
 def film(
@@ -137,8 +135,8 @@ def film(
             raise RequestError("a natural mode has no history to draw curves of; leave --curve out")
         drawn, shown = [], read_mode(folder, mode, frames or (_PERIOD if moving else SHEET))
         colour, title = "shape", title or _mode_title(folder, mode)
-    if shown.surface.dim == 3 and find_spec("pyvista") is None:
-        raise RequestError("a film in space needs pyvista; pip install 'lacmesh[view]' brings it")
+    if shown.surface.dim == 3:
+        check_installed("pyvista", "view", "a film in space")
     sheet = _Sheet(shown, _colour_scale(shown, colour, scale, log), drawn, readable(title or folder.name), camera, path)
     replace_file(path, _moving(sheet, rate, _STAYS if mode is None else 0.0) if moving else _still(sheet))
 

@@ -7,12 +7,11 @@ import os
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from lacmesh.errors import RequestError, did_you_mean
+from lacmesh.errors import RequestError, check_installed, did_you_mean
 from lacmesh.formats.output import replace_file
 from lacmesh.mesh import Floats
 from lacsolver.output.names import HISTORY
@@ -27,8 +26,7 @@ def check_plot_history(path: Path) -> None:
     """Raise RequestError if no plot can be drawn: another file than .png, or a package that is missing."""
     if path.suffix.lower() != ".png":
         raise RequestError(f"{path}: a plot is written as .png")
-    if find_spec("matplotlib") is None:
-        raise RequestError("a plot needs matplotlib; pip install 'lacmesh[view]' brings it")
+    check_installed("matplotlib", "view", "a plot")
 
 
 def plot_history(

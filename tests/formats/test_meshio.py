@@ -266,7 +266,7 @@ def test_files_that_are_not_what_their_suffix_says(tmp_path):
 
 def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
     (tmp_path / "a.stl").write_text("solid\nendsolid\n")
-    monkeypatch.setattr("lacmesh.formats.meshio_mesh.find_spec", lambda name: None)
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
     for call in (lambda: read(tmp_path / "a.stl"), lambda: write(tmp_path / "b.stl", bare())):
         with pytest.raises(RequestError, match=r"this needs meshio; pip install 'lacmesh\[io\]' brings it"):
             call()

@@ -199,7 +199,7 @@ def test_a_damaged_history(plane, tmp_path, text):
 
 
 def test_a_missing_package_is_said(plane, tmp_path, monkeypatch):
-    monkeypatch.setattr("lacsolver.pictures.filming.find_spec", lambda name: None)
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
     with pytest.raises(RequestError, match="a film needs matplotlib; pip install"):
         film(plane, tmp_path / "f.gif")
 

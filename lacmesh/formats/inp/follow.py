@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.deck import Deck
 from lacmesh.formats.inp.types import FACETS
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, positions
 
 #: a face of an element: the element's number, and the face's number as S1, S2 ... count
 Side = tuple[int, int]
@@ -35,22 +35,12 @@ class Followed:
     @cached_property
     def root(self) -> Ints:
         """(n_cells,): number of the deck's element that each cell is, or is a part of; its own number where of none."""
-        root = self.mesh.cell_number.astype(np.int64)
-        if len(self.deck.child):
-            order = np.argsort(self.deck.child, kind="stable")
-            child = self.deck.child[order]
-            at = np.minimum(np.searchsorted(child, root), len(child) - 1)
-            known = child[at] == root
-            root[known] = self.deck.root[order][at[known]]
-        return root
+        return self.deck.roots_of(self.mesh.cell_number.astype(np.int64))
 
     @cached_property
     def home(self) -> Ints:
         """(n_cells,): index of the *ELEMENT card of each cell, -1 for a cell that is of no element of the deck."""
-        if not len(self._number):
-            return np.full(self.mesh.n_cells, -1)
-        at = np.minimum(np.searchsorted(self._number, self.root), len(self._number) - 1)
-        return np.where(self._number[at] == self.root, self._card[at], -1)
+        return np.append(self._card, -1)[positions(self._number, self.root)]
 
     @cached_property
     def changed(self) -> Ints:

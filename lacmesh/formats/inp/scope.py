@@ -16,7 +16,7 @@ from lacmesh.errors import did_you_mean
 from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.types import DeckElement
-from lacmesh.mesh import Floats, Ints, concatenated
+from lacmesh.mesh import Floats, Ints, concatenated, positions
 
 #: Sets inside sets: how deep.
 _DEEPEST = 500
@@ -171,8 +171,7 @@ class Resolver:
             return numbers[:0]
         if numbers is present or np.array_equal(numbers, present):
             return numbers
-        place = np.minimum(np.searchsorted(present, numbers), len(present) - 1)
-        known = present[place] == numbers
+        known = positions(present, numbers) >= 0
         self.strays += int((~known).sum())
         return numbers[known]
 

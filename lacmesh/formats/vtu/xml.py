@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import ReadError
+from lacmesh.errors import ReadError, reading
 from lacmesh.formats.vtu.codec import DAMAGE, Coding, Order, from_text, numbers
 
 XmlElement = ElementTree.Element
@@ -94,10 +94,8 @@ def _place(element: XmlElement) -> str:
 
 def opened(path: Path) -> Document:
     """Open a VTU file. Raises ReadError."""
-    try:
+    with reading(path):
         data = path.read_bytes()
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
     head, appended, base64 = data, memoryview(b""), False
     appended_section = _APPENDED.search(data)
     if appended_section:

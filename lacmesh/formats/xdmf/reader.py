@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import LacmeshWarning, ReadError, RequestError, did_you_mean, some
+from lacmesh.errors import LacmeshWarning, ReadError, RequestError, did_you_mean, reading, some
 from lacmesh.formats import notes
 from lacmesh.formats.arrays import GROUP, assembled, merged
 from lacmesh.formats.vtu.reader import VtkCells, blocks_of, joined, stray_node
@@ -48,10 +48,8 @@ _Part = tuple[VtkCells, dict[str, NDArray]]
 def read(path: Path, mesh: str | None = None) -> Mesh:
     """Read the mesh of an XDMF file, or its grid `mesh`. Raises ReadError, RequestError; warns of what is left out."""
     said: list[str] = []
-    try:
+    with reading(path):
         text = path.read_bytes()
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error
     root = parsed(path, text)
     domain = root.find("Domain")
     if root.tag != "Xdmf" or domain is None:
