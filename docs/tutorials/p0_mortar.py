@@ -16,7 +16,8 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.search import search
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 
 

@@ -27,8 +27,9 @@ from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Trial
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.row_set import OUT, LinearRows, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.saddle.contact_system import RowGroup
+from lacsolver.saddle.row_group import RowGroup
 from lacsolver.space.space import Space
 
 #: changes of a status that alternates, at least, and the least change of a coverage that counts

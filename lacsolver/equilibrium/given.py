@@ -28,8 +28,9 @@ from lacsolver.equilibrium.search import search
 from lacsolver.linear import SingularError
 from lacsolver.linear.vectors import WHOLE
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
+from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.row_set import ShearRows
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance

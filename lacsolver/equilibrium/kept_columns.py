@@ -29,8 +29,9 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.contact.laws import Bools
 from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, Rows
+from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.saddle import REGULAR
 from lacsolver.saddle.schur import in_balance

@@ -30,9 +30,9 @@ from lacsolver.problem.rigid_modes import (
     rigid_modes,
     still_free,
 )
-from lacsolver.saddle.contact_system import Rows
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.shared_stiffness import SharedFactors
 from lacsolver.saddle.stiffness import FactorCache, NodalEmbedding, Stiffness, embed
 

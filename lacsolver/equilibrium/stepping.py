@@ -36,7 +36,8 @@ from lacsolver.results.state import (
     ZoneFriction,
     ZoneState,
 )
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup
+from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.row_group import RowGroup
 from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space

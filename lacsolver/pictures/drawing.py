@@ -26,8 +26,6 @@ from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.scene import Label, make_scene
 from lacmesh.scene.colours import INK
 from lacmesh.scene.marks import Values
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacmesh.view import image_of
 from lacsolver.case import Case
 from lacsolver.output.ring import fields_of_ring, sector_of
@@ -35,6 +33,15 @@ from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
 from lacsolver.output.tables import same_time
 from lacsolver.pictures.frames import DrawnSurface
+from lacsolver.pictures.framing import (
+    largest_closed,
+    magnification,
+    pressed_span,
+    pressed_window,
+    values_on_faces,
+    window_of,
+    with_skins,
+)
 from lacsolver.pictures.plane import draw_bodies, draw_faces, faces_as_lines, lines, shade, without_frame
 from lacsolver.pictures.profiles import along
 from lacsolver.pictures.quantities import QUANTITIES, STATUS_WORDS, ColourScale, Quantity, quantity_of, zones_of
@@ -43,12 +50,6 @@ from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.results.state import CONTACT, SLIDES
 from lacsolver.results.units import Units
 
-#: largest length of a magnified displacement, relative to the extent of the mesh
-_MOVED = 0.04
-#: largest overlap of magnified bodies, relative to the extent of the mesh
-_OVERLAP = 0.004
-#: margin of a zoomed picture on each side of the faces under pressure, relative to their extent
-_MARGIN = 0.5
 #: room above and below a curve, relative to the span of its scale
 _ROOM = 0.05
 #: dots per inch; in inches the width of the model, of a panel in space and in a plane, and their heights
@@ -214,7 +215,9 @@ class ContactPicture:
         """Factor of the displacement: from near by, magnified bodies in contact would overlap."""
         if self.magnified is not None:
             return self.magnified
-        return 1.0 if self.zoom else magnification(self.mesh, self.u, _closed(self.mesh, self.u, self.zones.values()))
+        if self.zoom:
+            return 1.0
+        return magnification(self.mesh, self.u, largest_closed(self.mesh, self.u, self.zones.values()))
 
     @cached_property
     def u(self) -> NDArray[np.floating]:
@@ -328,7 +331,7 @@ class ContactPicture:
 
     def on_faces(self, zone: ZoneFields) -> NDArray[np.floating]:
         """Return the value of each face of a zone (f,), NaN where there is none."""
-        return _on_faces(zone, self.quantity.of(zone))
+        return values_on_faces(zone, self.quantity.of(zone))
 
     def _draw_skin(self, axes: Any, name: str, zone: ZoneFields, view: SkinView) -> None:
         """Draw a skin laid flat, in colours, with the outlines of macro-elements and arrows of shear."""
@@ -366,9 +369,9 @@ class ContactPicture:
         shade(axes, points, fan[real], value, self.scale)
 
     def _zoom_skin(self, axes: Any, view: SkinView, zone: ZoneFields) -> None:
-        pressed = np.nan_to_num(_on_faces(zone, zone.pressure))[view.rows] != 0
+        pressed = np.nan_to_num(values_on_faces(zone, zone.pressure))[view.rows] != 0
         if self.zoom and pressed.any():
-            window = _window(view.paper[pressed].reshape(-1, 2))
+            window = window_of(view.paper[pressed].reshape(-1, 2))
             axes.set(xlim=np.clip(window[:, 0], *axes.get_xlim()), ylim=np.clip(window[:, 1], *axes.get_ylim()))
 
     def _add_skin_arrows(self, axes: Any, zone: ZoneFields, view: SkinView) -> str:
@@ -402,7 +405,7 @@ class ContactPicture:
         ends, X = zone.surface.faces.nodes[:, :2], zone.surface.x
         status = self.scale.states
         quantity = QUANTITIES["pressure"] if status else self.quantity
-        s, values = along(ends, _on_faces(zone, quantity.of(zone)), X)
+        s, values = along(ends, values_on_faces(zone, quantity.of(zone)), X)
         axes.plot(s, values, color=_INK, linewidth=1.4, label="macro-elements", zorder=4)
         if quantity.unit == "stress" and not quantity.friction:
             self._add_curves(axes, zone, ends, X)
@@ -430,12 +433,12 @@ class ContactPicture:
         new = np.isfinite(s) & (np.cumsum(np.isfinite(s)) % 2 == 1)
         axes.plot(s, np.where(new, first, last), color="#2f7fb5", linewidth=1.1, label="recovered", zorder=3)
         if zone.friction is not None:
-            _, shear = along(ends, _on_faces(zone, np.asarray(zone.shear)[:, 0]), X)
+            _, shear = along(ends, values_on_faces(zone, np.asarray(zone.shear)[:, 0]), X)
             axes.plot(s, shear, color="#c2410c", linewidth=1.2, linestyle="--", label="shear", zorder=4)
 
     def _add_states(self, axes: Any, zone: ZoneFields, ends: Ints, X: Floats) -> None:
         """Add a band below the curves, in the colours of the states of macro-elements."""
-        s, status = along(ends, _on_faces(zone, zone.status.astype(float)), X)
+        s, status = along(ends, values_on_faces(zone, zone.status.astype(float)), X)
         pairs = np.flatnonzero(np.isfinite(s[:-1]) & np.isfinite(s[1:]) & np.isfinite(status[:-1]))
         pairs = pairs[s[pairs + 1] > s[pairs]]
         states = ColourScale("", *QUANTITIES["status"].range_of(()), states=True)
@@ -446,99 +449,6 @@ class ContactPicture:
             axes.annotate("blue sticks, orange slides", (0.01, 0.07), xycoords="axes fraction", fontsize=7)
 
 
-def with_skins(mesh: Mesh, x: Floats, zones: Mapping[str, ZoneFields], on_faces: Any) -> tuple[Mesh, Floats, list[str]]:
-    """Return a mesh at points x (n_nodes, 3) with the faces of zones as cells of their own, a group for each zone.
-
-    Also return the value of each cell (n_cells,), `on_faces(zone)` on these faces and NaN elsewhere; and the groups.
-    """
-    parts: dict[str, list[tuple[Ints, Floats, Ints, Ints]]] = {}  # of each type: nodes, value, macro-element, zone
-    for kind, nodes in mesh.blocks:
-        none = np.full(len(nodes), -1)
-        parts[kind] = [(nodes, np.full(len(nodes), np.nan), none, none)]
-    first = 0
-    for k, zone in enumerate(zones.values()):
-        faces, own = zone.surface.faces, on_faces(zone)
-        macro = np.where(zone.macro >= 0, first + zone.macro, -1)
-        first += len(zone.status)
-        for code in np.unique(faces.type):
-            rows = np.flatnonzero(faces.type == code)
-            part = faces.nodes[rows, : N_NODES[code]], own[rows], macro[rows], np.full(len(rows), k)
-            parts.setdefault(FACE_TYPES[code], []).append(part)
-    every = [part for of_type in parts.values() for part in of_type]
-    value, macros, number = (np.concatenate([part[k] for part in every]) for k in (1, 2, 3))
-    groups = {f"zone {name}": np.flatnonzero(number == k) for k, name in enumerate(zones)}
-    blocks = [(kind, np.concatenate([part[0] for part in of_type])) for kind, of_type in parts.items()]
-    data = {"lac_macro": macros}
-    whole = Mesh.create(x, blocks, space_dim=mesh.space_dim, cell_groups=groups, cell_data=data)
-    return whole, value, list(groups)
-
-
-def _on_faces(zone: ZoneFields, values: Floats) -> NDArray[np.floating]:
-    """Return values of macro-elements on the faces of a zone, NaN on those of none."""
-    return np.append(np.asarray(values, float), np.nan)[np.where(zone.macro >= 0, zone.macro, -1)]
-
-
 def _plain(text: str) -> str:
     """Return text in which a dollar is only a dollar for matplotlib."""
     return readable(text).replace("$", r"\$")
-
-
-def pressed_window(zones: Any, x: Floats) -> NDArray[np.floating] | None:
-    """Return the corners (2, 3) of a box around the faces under pressure, with a margin; None if there are none."""
-    faces = [zone.surface.faces.nodes[_on_faces(zone, zone.pressure) > 0] for zone in zones]
-    pressed = np.concatenate([nodes.ravel() for nodes in faces])
-    points = x[pressed[pressed >= 0]]
-    return _window(points) if len(points) else None
-
-
-def _window(points: Floats) -> NDArray[np.floating]:
-    """Return the corners (2, d) of a box around points (n, d), with a margin."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    margin = _MARGIN * (high - low).max()
-    return np.stack([low - margin, high + margin])
-
-
-def pressed_span(zone: ZoneFields) -> tuple[float, float] | None:
-    """Return the interval of length along a skin that is under pressure, with a margin; None if there is none."""
-    s, p = along(zone.surface.faces.nodes[:, :2], _on_faces(zone, zone.pressure), zone.surface.x)
-    pressed = s[np.isfinite(p) & (p != 0)]
-    if not len(pressed):
-        return None
-    low, high = float(pressed.min()), float(pressed.max())
-    margin = _MARGIN * (high - low)
-    return max(low - margin, 0.0), high + margin
-
-
-def _closed(mesh: Mesh, u: Floats, zones: Any) -> float:
-    """Return by how much faces under pressure have moved towards the nearest node of another body, along the normal."""
-    body = label_bodies((block.nodes for block in mesh.blocks), mesh.n_nodes)
-    tree = import_module("scipy.spatial").cKDTree
-    x, largest = mesh.points + u, 0.0
-    for zone in zones:
-        rows = np.flatnonzero(np.nan_to_num(_on_faces(zone, zone.pressure)) != 0)
-        others = np.flatnonzero((body >= 0) & ~np.isin(body, body[zone.surface.faces.distinct_nodes]))
-        if len(rows) and len(others):
-            corners = zone.surface.faces.nodes[rows, :2]
-            near = others[tree(x[others]).query(x[corners].mean(axis=1))[1]]
-            normal = np.nan_to_num(zone.normal[zone.macro[rows]])
-            towards = np.einsum("nd,nd->n", (u[corners].mean(axis=1) - u[near])[:, : normal.shape[1]], normal)
-            largest = max(largest, float(np.abs(towards).max()))
-    return largest
-
-
-def magnification(mesh: Mesh, u: Floats, closed: float = 0.0) -> float:
-    """Return the factor by which displacements (n_nodes, 3) are magnified: 1, 2 or 5 times a power of ten, at least 1.
-
-    `closed`: largest initial gap that has closed; magnified bodies overlap by about the factor times this gap, which is
-    limited so that it cannot be visible.
-
-    >>> bar = Mesh.create([[0, 0], [2, 0]], [("SEG2", [[0, 1]])])
-    >>> magnification(bar, np.array([[0, 0, 0], [0.003, 0, 0]])), magnification(bar, np.ones((2, 3)))
-    (20.0, 1.0)
-    """
-    largest, extent = float(np.abs(u).max(initial=0.0)), float(np.ptp(mesh.points, axis=0).max())
-    ratio = min(_MOVED * extent / max(largest, 1e-300), 1 + _OVERLAP * extent / max(closed, 1e-300))
-    if largest <= 0 or ratio < 1:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(ratio))
-    return float(power * max(n for n in (1, 2, 5) if n * power <= ratio * (1 + 1e-9)))

@@ -10,7 +10,8 @@ import numpy as np
 from lacmesh.mesh import Mesh
 from lacmesh.scene.marks import Values
 from lacmesh.view import Moment, page_text
-from lacsolver.pictures.drawing import ContactPicture, with_skins
+from lacsolver.pictures.drawing import ContactPicture
+from lacsolver.pictures.framing import with_skins
 from lacsolver.results.results import Fields
 
 #: height of the model's frame in the page, in pixels

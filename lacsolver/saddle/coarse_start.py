@@ -22,8 +22,9 @@ from lacsolver.linear import LinearError
 from lacsolver.linear.multigrid.cycle import Level
 from lacsolver.linear.multigrid.factor import MultigridFactor
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import NodalEmbedding, Stiffness

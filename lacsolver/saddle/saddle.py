@@ -13,8 +13,8 @@ from scipy.sparse import csc_array, csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.direct.superlu import factor_of
-from lacsolver.saddle.contact_system import Rows
 from lacsolver.saddle.operator import Operator
+from lacsolver.saddle.row_group import Rows
 
 #: added to the diagonal of B D^-1 B^T, relative to it, as rows may repeat one another
 REGULAR = 1e-13

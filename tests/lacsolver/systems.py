@@ -14,7 +14,8 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.newton import newton_iterates
 from lacsolver.equilibrium.search import search
 from lacsolver.linear import analyse
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows
+from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import FactorCache, Stiffness

@@ -16,7 +16,8 @@ from lacmesh import Mesh, Surface
 from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.scene.colours import RESULT, STATES, rgb
 from lacsolver.cli import main
-from lacsolver.pictures.drawing import ContactPicture, magnification, pressed_span, pressed_window, with_skins
+from lacsolver.pictures.drawing import ContactPicture
+from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window, with_skins
 from lacsolver.pictures.profiles import along, chains
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale
 from lacsolver.pictures.skins import macro_places, outlines, rings_of, views_of
@@ -596,6 +597,6 @@ def test_a_gap_that_has_closed_limits_the_magnification(disc):
     """The disc's arc leaves the block by x^2 / 2 r: what has closed at the end of the contact."""
     drawn = picture(disc)
     zone = drawn.zones["joint"]
-    closed = module()._closed(drawn.mesh, drawn.u, [zone])
+    closed = largest_closed(drawn.mesh, drawn.u, [zone])
     half = np.abs(zone.centre[zone.pressure > 0, 0]).max()
     assert 0.3 * half**2 / 2 < closed < 3 * half**2 / 2

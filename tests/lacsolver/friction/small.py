@@ -10,7 +10,8 @@ from lacsolver.contact.laws import Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.search import search
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem, RowGroup, Rows, skin_stiffness
+from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
+from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.row_set import ShearRows
 from lacsolver.saddle.stiffness import FactorCache
 from lacsolver.saddle.tolerances import ConvergenceTolerance

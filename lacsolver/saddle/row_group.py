@@ -1,0 +1,166 @@
+"""Rows of contact: their matrices, and the rows of one pair in one configuration, with the law that they obey.
+
+The rows of a pair are followed by those along its tangents where it has friction; rows of equality have no pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from lacmesh.mesh import Floats, Ints
+from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.contact import Interface
+from lacsolver.contact.anchors import Anchors, Slip, slip
+from lacsolver.contact.friction import Kept
+from lacsolver.contact.laws import ContactLaw
+from lacsolver.contact.sliver import allowed_overlap
+from lacsolver.contact.tangent import Motion, gap_derivative, motion_of
+from lacsolver.distributed.share import ALONE, Share
+from lacsolver.problem.pair import ContactPair
+from lacsolver.saddle.row_set import ShearRows
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Matrices of contact rows: B (m, n), and w (m,), the measure that G is integrated over.
+
+    `derivative()`: returns D (m, n), -dG/dq, once it is needed; None if D is B.
+    """
+
+    B: csr_array
+    w: NDArray[np.floating]
+    derivative: Callable[[], csr_array] | None = None
+
+    @cached_property
+    def D(self) -> csr_array:
+        """The derivative -dG/dq (m, n)."""
+        return self.B if self.derivative is None else self.derivative()
+
+    @cached_property
+    def B_T(self) -> csr_array:
+        """The transpose of B, (n, m)."""
+        return self.B.T.tocsr()
+
+    @cached_property
+    def touched(self) -> Ints:
+        """Indices of the unknowns with an entry in B."""
+        return np.unique(self.B.indices)
+
+    def reduced(self, T: csr_array) -> Rows:
+        """Return the rows on the unknowns q, with T = du/dq."""
+        derivative = None if self.derivative is None else lambda: csr_array(self.D @ T)
+        return Rows(csr_array(self.B @ T), self.w, derivative)
+
+    def combined(self, combine: csr_array, turn: csr_array) -> Rows:
+        """Return the rows with C^T B and R D in the places of B and D, for C `combine` and R `turn`, (m, m)."""
+        rows = Rows(csr_array(combine.T @ self.B), self.w, lambda: csr_array(turn @ self.D))
+        rows.__dict__["touched"] = self.touched
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class RowGroup:
+    """Rows of one contact pair: its `law`, the `rows` that obey it, and their `history` (rows, n_history).
+
+    `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
+    `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
+    of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`; `since`: what the slip is
+    counted from where the pair moves, its anchors and coordinates (n_nodes, 3) in the last state. `equality`: rows of
+    equality, without a pair, at u and t of `here`.
+    """
+
+    law: ContactLaw
+    rows: slice
+    history: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    pair: ContactPair | None = None
+    face: Interface | None = None
+    symmetric: bool = True
+    share: Share = ALONE
+    shear: ShearRows | None = None
+    since: tuple[Anchors, Floats] | None = None
+    equality: EqualityRows | None = None
+    here: tuple[Floats, float] = (np.empty(0), 0.0)
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
+        if self.symmetric or self.pair is None or self.face is None:
+            return None
+        return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
+
+    @property
+    def every(self) -> slice:
+        """All rows of the pair."""
+        return self.rows if self.shear is None else slice(self.rows.start, self.shear.tangential.stop)
+
+    def on_rows(self, values: NDArray) -> NDArray:
+        """Return values (m,) of macro-elements on all rows."""
+        if self.shear is None:
+            return np.repeat(values, (self.rows.stop - self.rows.start) // max(len(values), 1))
+        return np.concatenate([values, np.repeat(values, self.shear.n_tangents)])
+
+    def gaps(self, u: Floats) -> NDArray[np.floating]:
+        """Return the gap integrals at u (n_dof,), and in rows along tangents -S, the slip from `kept` on."""
+        if self.shear is None:
+            return self._gaps(u)
+        assert self.face is not None and self.face.B_T is not None
+        slip = self.face.B_T @ u - self.kept.anchor.ravel() if self.slip is None else self.slip.S.ravel()
+        return np.concatenate([self._gaps(u), -slip])
+
+    @cached_property
+    def slip(self) -> Slip | None:
+        """Slip of a pair with friction that moves, None for others, where it is linear in u."""
+        if self.since is None or self.pair is None or self.face is None:
+            return None
+        anchors, before = self.since
+        return slip(anchors, self.face, self.pair.pairing, before, self.share, lambda: self.motion)
+
+    @property
+    def measure(self) -> Floats:
+        """Measure that each row is integrated over, 0 where nothing is covered."""
+        assert self.face is not None
+        w = self.on_rows(self.face.w)
+        if self.slip is not None and self.shear is not None:
+            w[self.shear.n_rows :] = np.repeat(self.slip.w, self.shear.n_tangents)
+        return w
+
+    @property
+    def kept(self) -> Kept:
+        """History of friction at the end of the last step."""
+        assert self.shear is not None
+        return Kept.of(self.history[:, self.law.n_history :], self.shear.n_tangents)
+
+    def _gaps(self, u: Floats) -> NDArray[np.floating]:
+        """Return the gap integrals (rows,) at u (n_dof,), with the overlap that slivers of one-sided contact may have.
+
+        The gaps of pairs that are paired only once are linear in u.
+        """
+        assert self.pair is not None and self.face is not None
+        if not self.pair.moving:
+            return np.asarray(self.face.G - self.face.B @ u)
+        if not self.pair.one_sided:
+            return self.face.G
+        return self.face.G + allowed_overlap(self.face, self.pair.pairing)[0]
+
+    def derivative(self) -> csr_array:
+        """Return -d`gaps`/du (rows, n_dof), summed over all processes."""
+        assert self.pair is not None and self.face is not None
+        if self.motion is None and self.slip is None:
+            return self.face.all_rows
+        if self.slip is not None:
+            return csr_array(vstack([self._derivative(), self.slip.D_T]))
+        return self._derivative()
+
+    def _derivative(self) -> csr_array:
+        """Return the derivative of rows along normals."""
+        assert self.pair is not None and self.face is not None
+        if self.motion is None:
+            return self.face.B
+        fading = allowed_overlap(self.face, self.pair.pairing)[1] if self.pair.one_sided else None
+        return self.share.add_matrices(gap_derivative(self.motion, fading), (False, True))
