@@ -17,7 +17,7 @@ from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Cyclic, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
-from lacsolver.case.kinds import MESH_FILE, POSITIVE, TIMES, UNITS, Choice, number, text, whole
+from lacsolver.case.kinds import MESH_FILE, POSITIVE, UNITS, Choice, number, text, whole
 from lacsolver.case.pretension import Pretension
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
@@ -39,6 +39,7 @@ from lacsolver.case.records import (
 from lacsolver.case.rules import BACKENDS_OF, check
 from lacsolver.case.toml import section_text
 from lacsolver.case.value import Value, with_values
+from lacsolver.case.value_kinds import TIMES
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh, MeshLike

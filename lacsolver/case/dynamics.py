@@ -9,8 +9,9 @@ from typing import Any, ClassVar
 
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Section, Values, key
-from lacsolver.case.kinds import GROUPS, NOT_NEGATIVE, POINT, VALUE, VECTOR_OF_TIME, Choice, number, numbers
+from lacsolver.case.kinds import GROUPS, NOT_NEGATIVE, POINT, Choice, number, numbers
 from lacsolver.case.records import PLANAR, SPACE
+from lacsolver.case.value_kinds import VALUE, VECTOR_OF_TIME
 
 _HHT, _NEWMARK = Needs("scheme", ("hht",)), Needs("scheme", ("newmark",))
 

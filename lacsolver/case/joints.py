@@ -7,26 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
+from lacsolver.case.direction_kinds import COMPONENTS, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Section, Values, key
-from lacsolver.case.kinds import (
-    COMPONENTS,
-    FLAG,
-    GROUP,
-    LOCAL_AXES,
-    POINT,
-    TERMS,
-    VALUE_OF_TIME,
-    VECTOR_OF_TIME,
-    WEIGHTS,
-    Choice,
-    Kind,
-    numbers,
-    text,
-    whole,
-)
+from lacsolver.case.kinds import FLAG, GROUP, POINT, Choice, Kind, numbers, text, whole
 from lacsolver.case.records import GROUP_KIND, KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
 from lacsolver.case.value import Value
+from lacsolver.case.value_kinds import VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

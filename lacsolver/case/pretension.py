@@ -8,7 +8,8 @@ from typing import ClassVar
 
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import Load, Numbers, Section, key
-from lacsolver.case.kinds import GROUP, NOT_NEGATIVE, POINT, VALUE_OF_TIME, text
+from lacsolver.case.kinds import GROUP, NOT_NEGATIVE, POINT, text
+from lacsolver.case.value_kinds import VALUE_OF_TIME
 
 #: a group that the mesh has itself, or whose two sides it has (`problem.sections`)
 _SECTION_GROUP = replace(GROUP, is_group=False)

@@ -14,35 +14,28 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
+from lacsolver.case.direction_kinds import AXES, LOCAL_AXES
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Section, Values, key
 from lacsolver.case.kinds import (
-    AXES,
     FLAG,
     GROUP,
     GROUPS,
-    HARDENING,
-    LOCAL_AXES,
     NOT_NEGATIVE,
     NUMBER,
     NUMBER_TABLE,
     POINT,
     POSITIVE,
-    PRESSURES,
     TWO_GROUPS,
-    VALUE,
-    VALUE_OF_TIME,
-    VECTOR_OF_TIME,
     Choice,
     Kind,
-    not_negative,
     number,
     numbers,
     one_or_three,
     text,
-    varying,
 )
 from lacsolver.case.value import Value, ValueLike
+from lacsolver.case.value_kinds import HARDENING, PRESSURES, VALUE, VALUE_OF_TIME, VECTOR_OF_TIME, not_negative, varying
 
 SPACE = ("3d",)
 PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and not a radius

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.deck import key_of
-from lacsolver.case.kinds import HARDENING
+from lacsolver.case.value_kinds import HARDENING
 from lacsolver.decks.cards import Card, DeckLine, Refused, check_rows
 from lacsolver.decks.content import DeckContent, DeckSection, MaterialData
 

@@ -11,7 +11,7 @@ import numpy as np
 from lacmesh.deck import key_of
 from lacmesh.errors import some
 from lacmesh.mesh import Ints
-from lacsolver.case.kinds import PRESSURES
+from lacsolver.case.value_kinds import PRESSURES
 from lacsolver.decks.cards import Card, DeckLine, Refused, check_rows, look_up
 from lacsolver.decks.content import (
     Amplitude,
