@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.saddle.row_group import RowGroup
+from lacsolver.saddle.row_group import PairRows
 from lacsolver.space.space import Space
 
 #: changes of a status that alternates, at least, and the least change of a coverage that counts
@@ -22,16 +22,15 @@ def alternating(outcome: Outcome, space: Space) -> tuple[str, str]:
     if len(outcome.recent) <= _CHANGES:
         return "", ""
     covered, active = (np.array(own) for own in zip(*outcome.recent, strict=True))
-    groups = [group for group in outcome.contact.groups if group.pair is not None]
-    moving = [group for group in groups if group.pair and group.pair.moving]
-    clauses = [_of_coverage(group, covered[:, group.rows], space) for group in moving]
+    pairs = outcome.contact.pairs
+    clauses = [_of_coverage(group, covered[:, group.rows], space) for group in pairs if group.pair.moving]
     if not any(count for count, *_ in clauses):
-        clauses = [_of_states(group, active, space) for group in groups]
+        clauses = [_of_states(group, active, space) for group in pairs]
     _, what, advice = max(clauses, key=lambda clause: clause[0], default=(0, "", ""))
     return what, advice
 
 
-def _of_states(group: RowGroup, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
+def _of_states(group: PairRows, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
     """Return how many macro-elements of a pair close and open, or stick and slide, and a clause about them.
 
     `active` (iterations, rows): the active set, of all rows.
@@ -53,22 +52,20 @@ def _changes(states: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.asarray((states[1:] != states[:-1]).sum(axis=0))
 
 
-def _clause(group: RowGroup, count: int, what: str, row: int, space: Space) -> str:
+def _clause(group: PairRows, count: int, what: str, row: int, space: Space) -> str:
     """Return a clause about what some macro-elements of a pair do, with the place of that of one row."""
     pair, face = group.pair, group.face
-    assert pair is not None and face is not None
     centre = face.centre[row * len(face.centre) // (group.rows.stop - group.rows.start)]
     place = ", ".join(space.told(centre + space.origin[: space.dim]))
     return f"{count} of the macro-elements of contact {pair.name!r} {what}, as the one at ({place})"
 
 
-def _of_coverage(group: RowGroup, covered: Floats, space: Space) -> tuple[int, str, str]:
+def _of_coverage(group: PairRows, covered: Floats, space: Space) -> tuple[int, str, str]:
     """Return how many macro-elements of a pair have a coverage that alternates, a clause about them, and advice.
 
     `covered` (iterations, rows): measure that is covered.
     """
     pair, face = group.pair, group.face
-    assert pair is not None and face is not None
     area = np.where(face.area > 0, face.area, 1.0)
     coverage = covered / area
     swing = np.ptp(coverage, axis=0)

@@ -199,8 +199,8 @@ def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> s
     contact, active, model = outcome.contact, outcome.iterate.active, step.model
     motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
     met = max(outcome.residuals[-1]) <= model.problem.case.solver.tolerance
-    for group in contact.groups:
-        if group.shear is None or group.pair is None:
+    for group in contact.pairs:
+        if group.shear is None:
             continue
         shear, w = group.shear, contact.rows.w[group.rows]
         closed = active[group.rows] & shear.vectors(contact.rows.B @ along).any(axis=1)

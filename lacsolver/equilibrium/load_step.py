@@ -143,7 +143,7 @@ class LoadStep:
     def dissipated(self, q: Floats, p: Floats) -> float:
         """Return the energy that friction takes in the step: t . S of all macro-elements, with t at its end."""
         u, out = self.u(q), 0.0
-        for group in self._nodal_contact(q)[1].groups:
+        for group in self._nodal_contact(q)[1].pairs:
             if group.shear is not None:
                 out -= float(p[group.shear.tangential] @ group.gaps(u)[group.shear.n_rows :])
         return out
@@ -161,7 +161,6 @@ class LoadStep:
         space, system = self.model.problem.space, self._nodal_contact(q)[1]
         out = np.zeros((len(system.pairs), space.dim))
         for k, group in enumerate(system.pairs):
-            assert group.pair is not None and group.face is not None
             force = -(group.face.all_rows.T @ p[group.every]).reshape(-1, space.dim)
             out[k] = force[group.pair.zone.slave.faces.distinct_nodes].sum(axis=0)
         return out

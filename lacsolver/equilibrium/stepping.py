@@ -37,7 +37,7 @@ from lacsolver.results.state import (
     ZoneState,
 )
 from lacsolver.saddle.contact_system import ContactSystem
-from lacsolver.saddle.row_group import RowGroup
+from lacsolver.saddle.row_group import PairRows
 from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -225,11 +225,11 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             message += f", most near ({place}), and all nodes of both skins are prescribed there"
             raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
     least = _SAME * space.largest(step.u(q))
-    for group in contact.equalities:
-        own = np.abs(gap[group.rows])
-        if own.max(initial=0.0) > least and group.equality is not None:
+    for one in contact.equalities:
+        own = np.abs(gap[one.rows])
+        if own.max(initial=0.0) > least:
             message = f"it is off by {own.max():.6g} at time {step.t:.6g}, and all that it acts on is prescribed"
-            raise wrong(group.equality.record, f"{message}; leave some of its nodes free, or prescribe what fits")
+            raise wrong(one.equality.record, f"{message}; leave some of its nodes free, or prescribe what fits")
 
 
 def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
@@ -237,8 +237,8 @@ def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
     contact, p = outcome.contact, outcome.iterate.p
     slip = np.where(contact.above_threshold & ~contact.enforceable, contact.G / contact.rows.w, 0.0)
     least = TOUCHING * step.model.problem.space.largest(step.u(outcome.iterate.q))
-    for group in contact.groups:
-        if group.shear is None or group.pair is None:
+    for group in contact.pairs:
+        if group.shear is None:
             continue
         slips = (np.abs(group.shear.vectors(slip)) > least).any(axis=1) & (p[group.rows] > 0)
         if slips.any():
@@ -264,10 +264,10 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
         if group.shear is None
         else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space)
         for group, rows in contact.states(p, active)
-        if group.equality is None
+        if isinstance(group, PairRows)
     ]
     reaction, constraints = step.reaction(q, p), problem.constraints
-    rows = {g.equality.name: -p[g.rows] for g in contact.equalities if g.equality is not None}
+    rows = {group.equality.name: -p[group.rows] for group in contact.equalities}
     return State(
         step.t, step.u(q), reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
@@ -277,10 +277,9 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     )  # fmt: skip
 
 
-def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
+def _zone(group: PairRows, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
     """Return the state of a pair's zone, for one row along the normal or for all components."""
     pair, face = group.pair, group.face
-    assert pair is not None and face is not None
     force = -(face.B.T @ rows.pressure).reshape(-1, space.dim)
     centre = face.centre + space.origin[: space.dim]
     status = group.law.status(rows)
@@ -300,11 +299,11 @@ def _zone(group: RowGroup, rows: RowState, covered: NDArray[np.bool_], space: Sp
 
 
 def _zone_with_friction(
-    group: RowGroup, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
+    group: PairRows, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
 ) -> ZoneState:
     """Return the state of a zone with friction."""
     face, slid = group.face, contact.slid(group, iterate.p, iterate.active)
-    assert group.shear is not None and face is not None and face.B_T is not None and face.frame is not None
+    assert face.B_T is not None and face.frame is not None
     zone, w = _zone(group, rows, contact.above_threshold[group.rows], space), contact.rows.w[group.rows]
     force = -(face.B_T.T @ slid.t.ravel()).reshape(-1, space.dim)
     friction = ZoneFriction(

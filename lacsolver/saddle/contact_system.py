@@ -32,7 +32,7 @@ from lacsolver.contact.tangent import tangent
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Histories
 from lacsolver.saddle.operator import Operator
-from lacsolver.saddle.row_group import RowGroup, Rows
+from lacsolver.saddle.row_group import EqualityGroup, PairRows, RowGroup, Rows
 from lacsolver.saddle.row_set import IN, OUT, LinearRows, RowSet, ShearRows, Slides, combined
 
 
@@ -143,14 +143,14 @@ class ContactSystem:
         return rows._replace(state=state)
 
     @cached_property
-    def pairs(self) -> tuple[RowGroup, ...]:
-        """The groups of contact pairs, in the order of these, without those of equality."""
-        return tuple(group for group in self.groups if group.equality is None)
+    def pairs(self) -> tuple[PairRows, ...]:
+        """The groups of contact pairs, in the order of these."""
+        return tuple(group for group in self.groups if isinstance(group, PairRows))
 
     @cached_property
-    def equalities(self) -> tuple[RowGroup, ...]:
+    def equalities(self) -> tuple[EqualityGroup, ...]:
         """The groups of rows of equality."""
-        return tuple(group for group in self.groups if group.equality is not None)
+        return tuple(group for group in self.groups if isinstance(group, EqualityGroup))
 
     @cached_property
     def sheared(self) -> tuple[ShearRows, ...]:
@@ -218,7 +218,7 @@ class ContactSystem:
     def lawful(self, p: Floats) -> NDArray[np.floating]:
         """Return pressures and tractions p (m,) without tension where it can open, and with t within its bound."""
         out = p.copy()
-        for group in self.pairs:
+        for group in self.groups:
             if group.law.compressive:
                 out[group.rows] = np.maximum(p[group.rows], 0.0)
         for shear in self.sheared:
@@ -268,10 +268,10 @@ class ContactSystem:
     def anchors(self, active: Bools) -> tuple[Anchors, ...]:
         """Return the anchors of each pair at the end of a step: kept where it sticks, renewed elsewhere."""
         out: list[Anchors] = []
-        if all(group.since is None for group in self.groups):
+        if all(group.since is None for group in self.pairs):
             return ()
         for group in self.groups:
-            if group.since is None or group.shear is None or group.face is None or group.slip is None:
+            if not isinstance(group, PairRows) or group.since is None or group.shear is None or group.slip is None:
                 out.append(Anchors.none())
                 continue
             sticks = active[group.shear.normal] & group.shear.sticks(active)
@@ -292,9 +292,9 @@ class ContactSystem:
 
         Areas are 0 where a row is not enforceable.
         """
-        soft, G = [group for group in self.groups if group.law.yields], self.G.copy()
-        for group in soft:
-            G[group.every] = group.gaps(u)
+        soft, G = [pair for pair in self.pairs if pair.law.yields], self.G.copy()
+        for pair in soft:
+            G[pair.every] = pair.gaps(u)
         w = np.where(self.enforceable, self.rows.w, 0.0)
         for group, rows in self.with_gaps(G).states(p, np.zeros(len(G), bool)):
             if group in soft:
@@ -314,11 +314,10 @@ class ContactSystem:
         """Return d(B^T p)/du (n_dof, n_dof) at pressures and tractions p (m,), on the unknowns of all nodes."""
         n = (self.nodal or self.rows).B.shape[1]
         total = csr_array((n, n))
-        for group in self.equalities:
-            assert group.equality is not None
-            bent = group.equality.curvature(*group.here, p[group.rows])
+        for one in self.equalities:
+            bent = one.equality.curvature(*one.here, p[one.rows])
             total = total if bent is None else csr_array(total + bent)
-        for group in self.groups:
+        for group in self.pairs:
             if group.motion is not None:
                 t = None if group.shear is None else group.shear.vectors(p)
                 own = tangent(group.motion, p[group.rows], t)
@@ -340,7 +339,8 @@ def contact_system(
     histories = Histories() if histories is None else histories
     history = histories.contact
     n, symmetric = problem.space.n_dof, problem.case.solver.tangent == "symmetric"
-    groups, first = [], 0
+    groups: list[RowGroup] = []
+    first = 0
     G: list[Floats] = [np.empty(0)]
     w: list[Floats] = [np.empty(0)]
     covered = [np.empty(0, bool)]
@@ -355,7 +355,9 @@ def contact_system(
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before)
         fixed = symmetric or not pair.moving
-        group = RowGroup(pair.law_at(t, dt), own, memory, pair, face, fixed, problem.space.share, shear, since)
+        group = PairRows(
+            pair.law_at(t, dt), own, memory, shear, fixed, pair=pair, face=face, share=problem.space.share, since=since
+        )
         groups.append(group)
         first = group.every.stop
         G.append(group.gaps(u))
@@ -366,7 +368,7 @@ def contact_system(
         there, law = rows.at(u, t), rows.law(t)
         own = slice(first, first + len(there.gap))
         memory = history[k] if history else np.zeros((len(there.gap), law.n_history))
-        groups.append(RowGroup(law, own, memory, symmetric=rows.linear, equality=rows, here=(u, t)))
+        groups.append(EqualityGroup(law, own, memory, symmetric=rows.linear, equality=rows, here=(u, t)))
         first = own.stop
         matrices.append(there.C)
         G.append(there.gap)
@@ -375,14 +377,14 @@ def contact_system(
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *matrices]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
-    moves = any(not (g.symmetric and g.since is None) for g in groups if g.equality is None)
+    moves = any(not (g.symmetric and g.since is None) for g in groups if isinstance(g, PairRows))
     made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None)
     return ContactSystem(made, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
 
 
 def _derivatives(groups: Sequence[RowGroup], matrices: Sequence[csr_array], n: int) -> csr_array:
     """Return D (m, n_dof) of all pairs, and of rows of equality, whose B it is; `matrices`: B of each group."""
-    own = (group.derivative() if group.equality is None else B for group, B in zip(groups, matrices, strict=True))
+    own = (g.derivative() if isinstance(g, PairRows) else B for g, B in zip(groups, matrices, strict=True))
     return csr_array(vstack([csr_array((0, n)), *own]))
 
 

@@ -66,37 +66,21 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class RowGroup:
-    """Rows of one contact pair: its `law`, the `rows` that obey it, and their `history` (rows, n_history).
+    """Rows that one law is for: the `rows` that obey it, and their `history` (rows, n_history).
 
-    `pair`, `face`: the contact pair and its interface in this configuration; None for rows without a geometry.
-    `symmetric`: True if the derivatives of the interface are left out of the tangent. `share`: what this process holds
-    of the model. `shear`: the rows along the tangents of a pair with friction, after `rows`; `since`: what the slip is
-    counted from where the pair moves, its anchors and coordinates (n_nodes, 3) in the last state. `equality`: rows of
-    equality, without a pair, at u and t of `here`.
+    `shear`: the rows along the tangents of a pair with friction, after `rows`. `symmetric`: True if D is B in the
+    tangent: derivatives of the interface are left out.
     """
 
     law: ContactLaw
     rows: slice
     history: Floats = field(default_factory=lambda: np.empty((0, 0)))
-    pair: ContactPair | None = None
-    face: Interface | None = None
-    symmetric: bool = True
-    share: Share = ALONE
     shear: ShearRows | None = None
-    since: tuple[Anchors, Floats] | None = None
-    equality: EqualityRows | None = None
-    here: tuple[Floats, float] = (np.empty(0), 0.0)
-
-    @cached_property
-    def motion(self) -> Motion | None:
-        """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
-        if self.symmetric or self.pair is None or self.face is None:
-            return None
-        return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
+    symmetric: bool = True
 
     @property
     def every(self) -> slice:
-        """All rows of the pair."""
+        """All rows of the group."""
         return self.rows if self.shear is None else slice(self.rows.start, self.shear.tangential.stop)
 
     def on_rows(self, values: NDArray) -> NDArray:
@@ -105,18 +89,53 @@ class RowGroup:
             return np.repeat(values, (self.rows.stop - self.rows.start) // max(len(values), 1))
         return np.concatenate([values, np.repeat(values, self.shear.n_tangents)])
 
+    @property
+    def kept(self) -> Kept:
+        """History of friction at the end of the last step."""
+        assert self.shear is not None
+        return Kept.of(self.history[:, self.law.n_history :], self.shear.n_tangents)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EqualityGroup(RowGroup):
+    """Rows of `equality`, at u and t of `here`."""
+
+    equality: EqualityRows
+    here: tuple[Floats, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PairRows(RowGroup):
+    """Rows of a contact pair, with its interface in this configuration.
+
+    `share`: what this process holds of the model. `since`: what the slip of friction is counted from where the pair
+    moves, its anchors and coordinates (n_nodes, 3) in the last state.
+    """
+
+    pair: ContactPair
+    face: Interface
+    share: Share = ALONE
+    since: tuple[Anchors, Floats] | None = None
+
+    @cached_property
+    def motion(self) -> Motion | None:
+        """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
+        if self.symmetric:
+            return None
+        return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
+
     def gaps(self, u: Floats) -> NDArray[np.floating]:
         """Return the gap integrals at u (n_dof,), and in rows along tangents -S, the slip from `kept` on."""
         if self.shear is None:
             return self._gaps(u)
-        assert self.face is not None and self.face.B_T is not None
+        assert self.face.B_T is not None
         slip = self.face.B_T @ u - self.kept.anchor.ravel() if self.slip is None else self.slip.S.ravel()
         return np.concatenate([self._gaps(u), -slip])
 
     @cached_property
     def slip(self) -> Slip | None:
         """Slip of a pair with friction that moves, None for others, where it is linear in u."""
-        if self.since is None or self.pair is None or self.face is None:
+        if self.since is None:
             return None
         anchors, before = self.since
         return slip(anchors, self.face, self.pair.pairing, before, self.share, lambda: self.motion)
@@ -124,24 +143,16 @@ class RowGroup:
     @property
     def measure(self) -> Floats:
         """Measure that each row is integrated over, 0 where nothing is covered."""
-        assert self.face is not None
         w = self.on_rows(self.face.w)
         if self.slip is not None and self.shear is not None:
             w[self.shear.n_rows :] = np.repeat(self.slip.w, self.shear.n_tangents)
         return w
-
-    @property
-    def kept(self) -> Kept:
-        """History of friction at the end of the last step."""
-        assert self.shear is not None
-        return Kept.of(self.history[:, self.law.n_history :], self.shear.n_tangents)
 
     def _gaps(self, u: Floats) -> NDArray[np.floating]:
         """Return the gap integrals (rows,) at u (n_dof,), with the overlap that slivers of one-sided contact may have.
 
         The gaps of pairs that are paired only once are linear in u.
         """
-        assert self.pair is not None and self.face is not None
         if not self.pair.moving:
             return np.asarray(self.face.G - self.face.B @ u)
         if not self.pair.one_sided:
@@ -150,7 +161,6 @@ class RowGroup:
 
     def derivative(self) -> csr_array:
         """Return -d`gaps`/du (rows, n_dof), summed over all processes."""
-        assert self.pair is not None and self.face is not None
         if self.motion is None and self.slip is None:
             return self.face.all_rows
         if self.slip is not None:
@@ -159,7 +169,6 @@ class RowGroup:
 
     def _derivative(self) -> csr_array:
         """Return the derivative of rows along normals."""
-        assert self.pair is not None and self.face is not None
         if self.motion is None:
             return self.face.B
         fading = allowed_overlap(self.face, self.pair.pairing)[1] if self.pair.one_sided else None

@@ -61,7 +61,7 @@ class LinearisedProblem:
         rigid, R = base.rigid(model, K, csr_array(base.contact.rows.B[base.closed[moved]]))
         return cls(
             model, K, _scaled(csr_array(B[moved & ~yields]), K), T, rigid, R,
-            {g.pair.name: int(moved[_between(base.closed, g.rows)].sum()) for g in base.contact.groups if g.pair},
+            {g.pair.name: int(moved[_between(base.closed, g.rows)].sum()) for g in base.contact.pairs},
             base.q, base.t, at is not None,
         )  # fmt: skip
 
