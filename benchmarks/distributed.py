@@ -48,6 +48,7 @@ import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
 import lacsolver.saddle.contact_system
+import lacsolver.saddle.row_group
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
 from lacmesh import Mesh
@@ -66,7 +67,7 @@ SERIAL = "serial"
 #: contact that moves: kinematics and geometry, and normals
 MOVING = ("current facet", "current smoothed", "finite facet")
 #: what computes the derivative of contact
-DERIVATIVES = ("motion_of", "tangent", "gap_derivative")
+DERIVATIVES = ("motion_of", "gap_derivative")
 #: unknowns of a process in the weak scaling
 WEAK = 25_000
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
@@ -141,7 +142,8 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int], inter
         (lacsolver.problem.pair, "integrate", "pairing", interfaces),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
-        *((lacsolver.saddle.contact_system, name, "derivative", None) for name in DERIVATIVES),
+        (lacsolver.saddle.contact_system, "tangent", "derivative", None),
+        *((lacsolver.saddle.row_group, name, "derivative", None) for name in DERIVATIVES),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):
