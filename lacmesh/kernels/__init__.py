@@ -48,21 +48,22 @@ class Kernel:
     """A function of arrays and numbers, plain and compiled. Division by zero gives inf or NaN in both, as in numpy.
 
     `least`: numbers in the arrays of a call below which it runs as it stands in any case. `costly`: how many times as
-    much work as for most kernels a call must have to be worth compiling it.
+    much work as for most kernels a call must have to be worth compiling it. `borrows`: as a part of another kernel it
+    counts no references to arrays.
     """
 
     #: every kernel of the modules that are imported, by the order of their making
     known: ClassVar[list[Kernel]] = []
     _one_at_a_time: ClassVar[Any] = threading.Lock()
 
-    def __init__(self, function: Callable[..., Any], least: int = 0, costly: int = 1) -> None:
+    def __init__(self, function: Callable[..., Any], least: int = 0, costly: int = 1, borrows: bool = False) -> None:
         functools.update_wrapper(self, function)
         self.__qualname__: str = function.__qualname__
         self.function: Any = function
         #: what runs as it stands; another function of arrays that gives the same, and much faster, may take its place
         self.plain: Any = function
         self.compiled: Any = None
-        self.least, self.costly = least, costly
+        self.least, self.costly, self.borrows = least, costly, borrows
         self._done = 0
         Kernel.known.append(self)
 
@@ -99,7 +100,7 @@ class Kernel:
         """The compiled form for kernels that call this one."""
         from lacmesh.kernels.compiled import inner
 
-        return inner(self.function)
+        return inner(self.function, self.borrows)
 
     @functools.cached_property
     def key(self) -> str:
@@ -112,6 +113,7 @@ class Kernel:
 
     def parts(self) -> Iterator[bytes]:
         """Yield everything on which the compiled form depends, as bytes."""
+        yield b"borrows" if self.borrows else b""
         words = self.function.__doc__  # which changes nothing
         for code in _codes(self.function.__code__):
             yield code.co_code
@@ -154,17 +156,23 @@ def kernel(function: Callable[..., Any]) -> Any: ...
 
 
 @overload
-def kernel(*, least: int = 0, costly: int = 1) -> Callable[[Callable[..., Any]], Any]: ...
+def kernel(*, least: int = 0, costly: int = 1, borrows: bool = False) -> Callable[[Callable[..., Any]], Any]: ...
 
 
-def kernel(function: Callable[..., Any] | None = None, *, least: int = 0, costly: int = 1) -> Any:
+def kernel(
+    function: Callable[..., Any] | None = None, *, least: int = 0, costly: int = 1, borrows: bool = False
+) -> Any:
     """Make a kernel of a function of arrays, numbers, and tuples of them, in the Python that numba compiles.
 
     `least`: numbers in the arrays of a call below which it runs as it stands in any case; for kernels of commands that
     otherwise do without numba. `costly`: how many times as much work as for most kernels a call must have to be worth
-    compiling it, for kernels of many parts, whose compiling takes many seconds.
+    compiling it, for kernels of many parts, whose compiling takes many seconds. `borrows`: for parts of other kernels
+    that make no arrays and return none: the references to arrays that they are given, in tuples too, are not counted,
+    which takes longer than the work on one point.
     """
-    return functools.partial(Kernel, least=least, costly=costly) if function is None else Kernel(function)
+    return (
+        functools.partial(Kernel, least=least, costly=costly, borrows=borrows) if function is None else Kernel(function)
+    )
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -3,7 +3,7 @@
 Kernels are compiled by numba's public interface. What is compiled is stored and loaded here (`_Kept`), which numba
 leaves to itself: its own cache does not know when a kernel of another file has changed, reads no folder that it cannot
 write to, and loads the compiler, which takes longer than all else that a small command does beyond its imports. This
-leans on `Dispatcher._cache`, `CompileResult` and `_nrt_python` of numba.
+leans on `Dispatcher._cache`, `CompileResult` and `_nrt_python` of numba, and on its option `_nrt`.
 
 The compiled code of a kernel is cached by `kept`, under a name made of its `key`, the types of its arguments, the
 processor, and the version of numba.
@@ -34,6 +34,8 @@ _NJIT: Any = numba.njit
 _RESULT: Any = CompileResult
 _DISPATCHER: Any = numba.types.Dispatcher
 _UNLITERAL: Any = numba.types.unliteral
+_TUPLE: Any = numba.types.BaseTuple
+_ARRAY: Any = numba.types.Array
 _OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
@@ -44,16 +46,28 @@ def outer(function: Callable[..., Any], key: str) -> Any:
     return dispatcher
 
 
-def inner(function: Callable[..., Any]) -> Any:
-    """Return the form for calls from other kernels; no wrapper for Python is made, which takes a third of the time."""
-    return _NJIT(function, no_cpython_wrapper=True, **_OPTIONS)
+def inner(function: Callable[..., Any], borrows: bool) -> Any:
+    """Return the form for calls from other kernels; no wrapper for Python is made, which takes a third of the time.
+
+    `borrows`: without counted references to arrays; then numba refuses to make one.
+    """
+    return _NJIT(function, no_cpython_wrapper=True, _nrt=not borrows, **_OPTIONS)
 
 
 class _Inner(_DISPATCHER):  # type: ignore[misc]
     """numba's type of a kernel that another calls: one form for all integers, not another for each that is written."""
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        return super().get_call_type(context, [_UNLITERAL(a) for a in args], kws)
+        signature = super().get_call_type(context, [_UNLITERAL(a) for a in args], kws)
+        if not self.dispatcher.targetoptions["_nrt"] and _has_arrays(signature.return_type):
+            raise TypeError(f"{self.dispatcher} borrows arrays, and returns one")
+        return signature
+
+
+def _has_arrays(kind: Any) -> bool:
+    """Return True for the type of an array, or of a tuple with one."""
+    parts = kind if isinstance(kind, _TUPLE) else ()
+    return isinstance(kind, _ARRAY) or any(_has_arrays(part) for part in parts)
 
 
 register_model(_Inner)(models.OpaqueModel)

@@ -114,7 +114,7 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
     return 3
 
 
-@kernel
+@kernel(borrows=True)
 def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     """Unit normal of a face at (u, v), the true one, or the smoothed one if there are maps H; and the Jacobian."""
     n0 = du[1] * dv[2] - du[2] * dv[1]
@@ -128,13 +128,13 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     return (n0 / size, n1 / size, n2 / size), jacobian
 
 
-@kernel
+@kernel(borrows=True)
 def _is_straight(patch: Any) -> Any:
     """True if a side's patch coincides with its face, seen along the normal: straight sides, not half a quadrangle."""
     return patch.kind == AFFINE or (patch.kind < CURVED and patch.n == 4)
 
 
-@kernel
+@kernel(borrows=True)
 def _in_plane(
     u: float, v: float, um: float, vm: float, area: float, slave: Any, master: Any, e: Any, fitted: bool
 ) -> Any:
@@ -157,7 +157,7 @@ def _across(du: Any, dv: Any, e: Any) -> Any:
     return abs(au * bv - av * bu)
 
 
-@kernel
+@kernel(borrows=True)
 def _raised(
     u: float, v: float, um: float, vm: float, weight: float, slave: Any, master: Any, e: Any, H: Any, f: int
 ) -> Any:

@@ -88,7 +88,7 @@ def in_face(patch: Any, p: float, q: float) -> Any:
     return u, v, wedge(along_s, along_t) / jacobian
 
 
-@kernel
+@kernel(borrows=True)
 def ray(G: Any, kind: int, x: Any, n: Any, u: float, v: float) -> Any:
     """Intersect the line through x along n with a face of map G: (met, u, v, distance along n), from a first guess.
 

@@ -120,7 +120,7 @@ def new_room(n: Any) -> Any:
     return Room(N[0], N[1], N[2], dN[0], dN[1], dN[2], rows, force)
 
 
-@kernel
+@kernel(borrows=True)
 def shapes(bases: Any, code: int, k: int, u: float, v: float, N: Any, dN: Any) -> None:
     """Write the shape functions (9,) of a face of type `code` with k nodes at (u, v), and their derivatives (9, 2)."""
     for a in range(k):
@@ -131,7 +131,7 @@ def shapes(bases: Any, code: int, k: int, u: float, v: float, N: Any, dN: Any) -
         dN[a, 1] = b1 + 2 * v * b2
 
 
-@kernel
+@kernel(borrows=True)
 def tangents_of(x: Any, nodes: Any, face: int, k: int, dN: Any) -> Any:
     """Return the tangents of a face with k nodes along its reference coordinates, two triples."""
     t0 = t1 = t2 = s0 = s1 = s2 = 0.0
@@ -189,7 +189,7 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
     )
 
 
-@kernel
+@kernel(borrows=True)
 def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d: int, room: Any) -> None:
     """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives.
 
@@ -225,7 +225,7 @@ def _is_there(x: Any) -> Any:
 _is_there.plain = np.any
 
 
-@kernel
+@kernel(borrows=True)
 def _move(bases: Any, edges: Any, p: Any, types: Any, sizes: Any, d: int, room: Any) -> None:
     """Write V as the row of dw / w: all that an edge changes is how much of the slave is integrated over."""
     (k_s, k_m), rows, N = sizes, room.rows, room.N
@@ -248,7 +248,7 @@ def _move(bases: Any, edges: Any, p: Any, types: Any, sizes: Any, d: int, room: 
                     rows[STRETCH, d * (k_s + b) + j] += N[b] * share * edges.nu[p, j]
 
 
-@kernel
+@kernel(borrows=True)
 def _stretch(skins: Any, radial: int, s: Any, k_s: int, d: int, dual: Any, room: Any) -> None:
     """Write the row of dw / w."""
     N, dN, rows = room.N_s, room.dN_s, room.rows
@@ -262,7 +262,7 @@ def _stretch(skins: Any, radial: int, s: Any, k_s: int, d: int, dual: Any, room:
             rows[STRETCH, d * a] += N[a] / r
 
 
-@kernel
+@kernel(borrows=True)
 def _turn(k_s: int, d: int, dual: Any, n: Any, room: Any) -> None:
     """Write the rows of dn, the change of the face's own normal."""
     for a in range(k_s):
@@ -272,7 +272,7 @@ def _turn(k_s: int, d: int, dual: Any, n: Any, room: Any) -> None:
                 room.rows[NORMAL + i, d * a + j] = c * n[j]
 
 
-@kernel
+@kernel(borrows=True)
 def _turn_smoothly(skins: Any, s: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dn, the change of the interpolated nodal normals."""
     N, first = room.N_s, d * (sizes[0] + sizes[1])
@@ -290,7 +290,7 @@ def _turn_smoothly(skins: Any, s: Any, sizes: Any, d: int, n: Any, room: Any) ->
                 room.rows[NORMAL + i, first + d * a + j] = P * N[a]
 
 
-@kernel
+@kernel(borrows=True)
 def _slide(skins: Any, points: Any, p: Any, m: Any, sizes: Any, d: int, n: Any, room: Any) -> None:
     """Write the rows of dxi_bar and dg, from those of dn."""
     k_s, k_m = sizes
@@ -300,10 +300,11 @@ def _slide(skins: Any, points: Any, p: Any, m: Any, sizes: Any, d: int, n: Any, 
     inverse = _inverse(tangents_of(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
     for k in range(d):
         of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)
+        r = points.ray[p]
+        for j in range(low, high):
+            turned = of[0] * rows[NORMAL, j] + of[1] * rows[NORMAL + 1, j] + of[2] * rows[NORMAL + 2, j]
+            rows[at, j] += r * turned
         for i in range(d):
-            c = points.ray[p] * of[i]
-            for j in range(low, high):
-                rows[at, j] += c * rows[NORMAL + i, j]
             for a in range(k_s):
                 rows[at, d * a + i] += room.N_s[a] * of[i]
             for b in range(k_m):

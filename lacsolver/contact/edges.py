@@ -260,7 +260,7 @@ def _place_on_edges(s: Any, m: Any, H: Any, corner: Any, low_high: Any, abscissa
             _place_point(s, m, H, i, p, size, out)
 
 
-@kernel
+@kernel(borrows=True)
 def _outward(y: Any, n: int, c: int, after: int) -> Any:
     """Return the unit normal of an edge of a polygon y (n, .), in its plane, outward, and the edge's length."""
     along = (y[after, 0] - y[c, 0], y[after, 1] - y[c, 1])
@@ -273,7 +273,7 @@ def _outward(y: Any, n: int, c: int, after: int) -> Any:
     return (nu[0], nu[1], length) if outward else (-nu[0], -nu[1], length)
 
 
-@kernel
+@kernel(borrows=True)
 def _corner_shares(y: Any, n: int, p: Any, out: Any) -> Any:
     """Write the shape functions of the corners of a patch y (n, 3) at the point p of its plane; return its height."""
     out[:] = 0.0
@@ -293,7 +293,7 @@ def _corner_shares(y: Any, n: int, p: Any, out: Any) -> Any:
     return height
 
 
-@kernel
+@kernel(borrows=True)
 def _turn_patch(x: Any, n: int, e: Any, nu: Any, height: float, own: Any, turned: Any) -> None:
     """Write what the corners of a slave's patch x (n, 3) add to V: -h nu.de, and -nu.dx.
 
@@ -323,7 +323,7 @@ def _turn_patch(x: Any, n: int, e: Any, nu: Any, height: float, own: Any, turned
         turned[j, k] -= (d1 if n == 3 else -d1) * e[2, k]
 
 
-@kernel
+@kernel(borrows=True)
 def _place_point(s: Any, m: Any, H: Any, i: int, p: Any, size: float, out: Any) -> None:
     """Fill row i of `out` with the point of the slave's face over p, in the plane of its patch, and where its ray ends.
 

@@ -159,7 +159,7 @@ def on_unknowns(entries: csr_array, value: Floats, nodes: Ints, n_nodes: int) ->
     return bsr_array((value, nodes[entries.indices], entries.indptr), shape=shape, blocksize=value.shape[1:]).tocsr()
 
 
-@kernel
+@kernel(borrows=True)
 def position(indices: Any, low: int, high: int, node: int) -> int:
     """Return the place of a node among ascending indices[low:high], of which it is one."""
     while high - low > 1:
@@ -205,7 +205,7 @@ def _sum_slopes(
             _add_shapes(skins, skins.type_s[s], skins.nodes_s[s], sums, 1.0, row, indices, value)
 
 
-@kernel
+@kernel(borrows=True)
 def _add_slopes(u: float, v: float, arms: Any, p: int, sums: Any) -> None:
     """Add the derivatives of the nine monomials at (u, v), times the arms of point p, to `sums`."""
     for s in range(arms.shape[2]):
@@ -222,7 +222,7 @@ def _add_slopes(u: float, v: float, arms: Any, p: int, sums: Any) -> None:
             sums[8, s] += 2 * u * v * v * f + 2 * u * u * v * g
 
 
-@kernel
+@kernel(borrows=True)
 def _add_moments(u: float, v: float, q: Any, p: int, sums: Any) -> None:
     """Add q times the nine monomials at (u, v) to `sums`."""
     for s in range(q.shape[1]):
@@ -239,7 +239,7 @@ def _add_moments(u: float, v: float, q: Any, p: int, sums: Any) -> None:
         sums[8, s] += v * v * h
 
 
-@kernel
+@kernel(borrows=True)
 def _add_shapes(skins: Any, code: int, nodes: Any, sums: Any, sign: float, row: Any, indices: Any, value: Any) -> None:
     """Add `sign` times the integrals of a face's shape functions, from those of the monomials, to a row."""
     for a in range(skins.n_nodes[code]):

@@ -286,7 +286,7 @@ def gap_derivative(motion: Motion, fading: Floats | None = None) -> csr_array:
     return out
 
 
-@kernel
+@kernel(borrows=True)
 def _local(skins: Any, s: int, m: int, out: Any) -> Any:
     """Write the nodes and normals that points of slave face s and master face m know, and return how many."""
     k_s, k_m = skins.n_nodes[skins.type_s[s]], skins.n_nodes[skins.type_m[m]]
@@ -404,7 +404,7 @@ def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, 
 _add.plain = _add_arrays
 
 
-@kernel
+@kernel(borrows=True)
 def _add_to_macro(p: Any, shear: Any, q: Any, w: Any, g: Any, n: int, d: int, rows: Any, K: Any) -> None:
     """Add what point q, of weight w and gap g, gives to the sums K (., n) of its macro-element, by its `rows`."""
     if len(p) > 0:
@@ -413,7 +413,7 @@ def _add_to_macro(p: Any, shear: Any, q: Any, w: Any, g: Any, n: int, d: int, ro
         add_slip(shear, q, w, n, d, rows, K)
 
 
-@kernel
+@kernel(borrows=True)
 def _add_to_nodes(
     points: Any, skins: Any, p: Any, shear: Any, q: Any, macro: Any, s: Any, w: Any, sizes: Any, d: int, room: Any,
     K: Any,
@@ -426,7 +426,7 @@ def _add_to_nodes(
         _add_force(points, q, w * p[macro], sizes, d, room, K)
 
 
-@kernel
+@kernel(borrows=True)
 def _add_gap(w: Any, g: Any, n: int, rows: Any, K: Any) -> None:
     """Add what a point of weight w and gap g gives to the derivatives of the gaps and of the measure, K (2, n)."""
     for j in range(n):
@@ -434,7 +434,7 @@ def _add_gap(w: Any, g: Any, n: int, rows: Any, K: Any) -> None:
         K[1, j] += w * rows[STRETCH, j]
 
 
-@kernel
+@kernel(borrows=True)
 def _add_force(points: Any, q: Any, load: Any, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add what a point with p w = `load` gives to the derivative of the forces on its nodes, K."""
     k_s, k_m, k = sizes
@@ -449,15 +449,13 @@ def _add_force(points: Any, q: Any, load: Any, sizes: Any, d: int, room: Any, K:
             for j in range(low, high):
                 K[d * a + i, j] += room.N_s[a] * rows[NORMAL + i, j]
         for b in range(k_m):
-            for j in range(low, high):
-                K[d * (k_s + b) + i, j] -= room.N_m[b] * rows[NORMAL + i, j]
-            for c in range(d - 1):
-                slope = load * n_i * dM[b, c]
-                for j in range(d * k):
-                    K[d * (k_s + b) + i, j] -= slope * rows[SLIDE + c, j]
+            M, u, v = room.N_m[b], load * n_i * dM[b, 0], load * n_i * dM[b, 1]  # in a plane the second slope is 0
+            for j in range(d * k):
+                slid = u * rows[SLIDE, j] + v * rows[SLIDE + 1, j]
+                K[d * (k_s + b) + i, j] -= M * rows[NORMAL + i, j] + slid
 
 
-@kernel
+@kernel(borrows=True)
 def _add_row(K: Any, first: int, k: int, local: Any, n: int, sums: Any, row: int) -> None:
     """Add k rows of K, from `first` on, in the columns of n nodes and normals, to a row of a matrix."""
     indices, value, d = sums.indices, sums.value, sums.value.shape[2]

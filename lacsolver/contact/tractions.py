@@ -94,7 +94,7 @@ def _combined(f: float, a: Any, g: float, b: Any) -> Any:
     return f * a[0] + g * b[0], f * a[1] + g * b[1], f * a[2] + g * b[2]
 
 
-@kernel
+@kernel(borrows=True)
 def asks(shear: Any, p: Any, macro: int, of_macros: bool, of_nodes: bool) -> Any:
     """Return what is asked of a macro-element: its own derivatives, and those of the forces on nodes.
 
@@ -106,7 +106,7 @@ def asks(shear: Any, p: Any, macro: int, of_macros: bool, of_nodes: bool) -> Any
     return of_macros and (len(p) > 0 or pressed), of_nodes and pressed
 
 
-@kernel
+@kernel(borrows=True)
 def add_slip(shear: Any, q: Any, w: Any, n: int, d: int, rows: Any, K: Any) -> None:
     """Add what a point of weight w gives to the derivative of the slip since another state, K (d - 1, n)."""
     for k in range(d - 1):
@@ -119,7 +119,7 @@ def add_slip(shear: Any, q: Any, w: Any, n: int, d: int, rows: Any, K: Any) -> N
                 K[k, j] += w * slope * rows[SLIDE + c, j]
 
 
-@kernel
+@kernel(borrows=True)
 def _traction(skins: Any, points: Any, shear: Any, q: Any, s: Any, k_s: int, load: Any, d: int, dN: Any) -> Any:
     """Return the traction at point q of slave face s under a `load`: pressure and t_alpha, times the weight."""
     n = (points.normal[q, 0], points.normal[q, 1], points.normal[q, 2])
@@ -155,7 +155,7 @@ def _change_of_arm(at: Any, a: Any, dn: Any, dt: Any, dN: Any, dtau: Any) -> Any
     return _combined(1.0, _combined(1.0, out, -change, at.N), -share * along, dN)
 
 
-@kernel
+@kernel(borrows=True)
 def _add_change(at: Any, rows: Any, j: int, dt: Any, r: Any, d: int, out: Any) -> None:
     """Add to column j of the rows `out` what dn, of column j of `rows`, and dt_a add to dq and to r dm_a."""
     dn = (rows[NORMAL, j], rows[NORMAL + 1, j], rows[NORMAL + 2, j])
@@ -170,7 +170,7 @@ def _add_change(at: Any, rows: Any, j: int, dt: Any, r: Any, d: int, out: Any) -
         out[_ARMS + 3 + i, j] += r * second[i]
 
 
-@kernel
+@kernel(borrows=True)
 def add_traction(
     skins: Any, points: Any, shear: Any, q: Any, s: Any, load: Any, sizes: Any, d: int, room: Any, K: Any
 ) -> None:
@@ -198,7 +198,7 @@ def add_traction(
     _add_to_nodes(out, force, sizes, d, room, K)
 
 
-@kernel
+@kernel(borrows=True)
 def _add_to_nodes(out: Any, force: Any, sizes: Any, d: int, room: Any, K: Any) -> None:
     """Add the derivatives `out` of a traction and of its arms to the forces on the nodes of both faces, K."""
     k_s, k_m, k = sizes
