@@ -12,17 +12,15 @@ types are curved themselves and have no height.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.reference.shapes import gradient, shape
-from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
+from lacmesh.surface.maps import N_MONOMIALS, basis, slopes, values
+from lacmesh.topology.skin import TYPE_CODE
 
 #: the quadratic type whose functions carry the height of a linear one
 QUADRATIC = {"SEG2": "SEG3", "TRIA3": "TRIA6", "QUAD4": "QUAD9"}
@@ -58,23 +56,17 @@ class Height:
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
-        out = np.zeros(len(face))
-        for rows, name, dim in self._by_type(face):
-            N = shape(QUADRATIC[name], xi[rows, :dim])
-            out[rows] = (N * self.value[face[rows], : N.shape[1]]).sum(axis=1)
-        return out
+        return values(self._map, face, xi)[:, 0]
 
     def slope(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n, 2): derivatives of the heights by the faces' reference coordinates; the second is 0 on segments."""
-        out = np.zeros((len(face), 2))
-        for rows, name, dim in self._by_type(face):
-            dN = gradient(QUADRATIC[name], xi[rows, :dim])
-            out[rows, :dim] = np.einsum("pn,pnd->pd", self.value[face[rows], : dN.shape[1]], dN)
-        return out
+        return slopes(self._map, face, xi, 2)[:, 0]
 
-    def _by_type(self, face: Ints) -> Iterator[tuple[Any, str, int]]:
-        """Iterate over the types of faces with a height, for points on `face`: (rows, type, its dimension)."""
-        kind = self.type[face]
-        for code in np.unique(kind):
-            if (name := FACE_TYPES[code]) in QUADRATIC:
-                yield np.flatnonzero(kind == code), name, CELLS[name].dim
+    @cached_property
+    def _map(self) -> NDArray[np.floating]:
+        """(f, 9, 1): coefficients of the heights, 0 for faces of types without."""
+        G = np.zeros((len(self.type), N_MONOMIALS, 1))
+        for linear, quadratic in QUADRATIC.items():
+            rows, C = self.type == TYPE_CODE[linear], basis(TYPE_CODE[quadratic])
+            G[rows, :, 0] = self.value[rows, : C.shape[1]] @ C.T
+        return G

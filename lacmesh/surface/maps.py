@@ -8,7 +8,7 @@ is AFFINE (triangles with straight sides, parallelograms), BILINEAR (quadrangles
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
-from lacmesh.surface.record import Surface
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
+
+if TYPE_CHECKING:
+    from lacmesh.surface.record import Surface
 
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates
@@ -90,7 +92,7 @@ def kinds(G: Floats, corners: Ints) -> tuple[Ints, Floats, Floats]:
         return kind, warp, np.where(curved, bent.sum(axis=1) / size, 0.0)
 
 
-@kernel
+@kernel(borrows=True)
 def at(G: Any, kind: int, u: float, v: float) -> Any:
     """x(u, v) of one face with map G (9, 3), and its derivatives along u and v: three triples."""
     if kind == AFFINE:
@@ -117,7 +119,7 @@ def at(G: Any, kind: int, u: float, v: float) -> Any:
     return (x0, x1, x2), (a0, a1, a2), (b0, b1, b2)
 
 
-@kernel
+@kernel(borrows=True)
 def _curved(G: Any, s: int, u: float, v: float) -> Any:
     """Coordinate s of x and its derivatives, from all nine monomials."""
     c0 = G[0, s] + v * (G[2, s] + v * G[5, s])
@@ -127,3 +129,75 @@ def _curved(G: Any, s: int, u: float, v: float) -> Any:
     d1 = G[4, s] + 2 * v * G[7, s]
     d2 = G[6, s] + 2 * v * G[8, s]
     return c0 + u * (c1 + u * c2), c1 + 2 * u * c2, d0 + u * (d1 + u * d2)
+
+
+def values(G: Floats, face: Ints, xi: Floats) -> NDArray[np.floating]:
+    """(n, k): values of maps G (f, 9, k) at reference points xi (n, 2) of faces (n,)."""
+    out = np.empty((len(face), G.shape[2]))
+    _evaluate(G, face, xi, out, np.empty((0, 0, 0)))
+    return out
+
+
+def slopes(G: Floats, face: Ints, xi: Floats, dim: int) -> NDArray[np.floating]:
+    """(n, k, dim): derivatives of maps G (f, 9, k) by `dim` reference coordinates at points xi (n, 2) of faces (n,)."""
+    out = np.empty((len(face), G.shape[2], dim))
+    _evaluate(G, face, xi, np.empty((0, 0)), out)
+    return out
+
+
+def measures(G: Floats, face: Ints, xi: Floats, dim: int, axisymmetric: bool) -> NDArray[np.floating]:
+    """(n,): area (length if `dim` is 1) of faces with maps G (f, 9, 3) over that in reference coordinates, at points.
+
+    In axisymmetry it is times the radius.
+    """
+    out = np.empty(len(face))
+    _measure(G, face, xi, dim, axisymmetric, out)
+    return out
+
+
+@kernel
+def _evaluate(G: Any, face: Any, xi: Any, value: Any, slope: Any) -> None:
+    """Write values and derivatives at points, those that are asked for: the other array has no entries."""
+    for p in range(len(face)):
+        _evaluate_at(G[face[p]], xi[p, 0], xi[p, 1], p, value, slope)
+
+
+@kernel
+def _measure(G: Any, face: Any, xi: Any, dim: int, axisymmetric: bool, out: Any) -> None:
+    """Write the area at points over that in reference coordinates."""
+    for p in range(len(face)):
+        _measure_at(G[face[p]], xi[p, 0], xi[p, 1], p, dim, axisymmetric, out)
+
+
+def _of_points(G: Floats, face: Ints, xi: Floats) -> tuple[Any, ...]:
+    """Return all points at once, for the kernels of one point: their maps (9, k, n), coordinates and rows."""
+    return np.moveaxis(G[face], 0, -1), xi[:, 0], xi[:, 1], slice(None)
+
+
+@kernel(borrows=True)
+def _evaluate_at(G: Any, u: Any, v: Any, p: Any, value: Any, slope: Any) -> None:
+    """Do what `_evaluate` does for point p, or for all points."""
+    for s in range(G.shape[1]):
+        x, along_u, along_v = _curved(G, s, u, v)
+        if len(value) > 0:
+            value[p, s] = x
+        if len(slope) > 0:
+            slope[p, s, 0] = along_u
+            if slope.shape[2] == 2:
+                slope[p, s, 1] = along_v
+
+
+@kernel(borrows=True)
+def _measure_at(G: Any, u: Any, v: Any, p: Any, dim: int, axisymmetric: bool, out: Any) -> None:
+    """Do what `_measure` does for point p, or for all points."""
+    x, a, b = at(G, CURVED, u, v)
+    n = (a[1], -a[0], 0.0 * a[0])
+    if dim == 2:
+        n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    out[p] = np.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
+    if axisymmetric:
+        out[p] = out[p] * x[0]
+
+
+_evaluate.plain = lambda G, face, xi, *out: _evaluate_at(*_of_points(G, face, xi), *out)
+_measure.plain = lambda G, face, xi, *rest: _measure_at(*_of_points(G, face, xi), *rest)

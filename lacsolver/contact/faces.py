@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface import Surface
+from lacmesh.surface.maps import coefficients, slopes, values
 from lacmesh.surface.normals import normals_of
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 
@@ -26,26 +26,12 @@ def by_type(surface: Surface, face: Ints) -> Iterator[tuple[Any, str, Ints]]:
 
 def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the coordinates (points, 3) of reference points xi (points, 2) of faces."""
-    out = np.empty((len(face), 3))
-    for rows, name, nodes in by_type(surface, face):
-        out[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : surface.dim]), surface.x[nodes])
-    return out
+    return values(coefficients(surface), face, xi)
 
 
 def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
-    return tangents_of((surface,), face, xi)[0]
-
-
-def tangents_of(surfaces: Sequence[Surface], face: Ints, xi: Floats) -> list[NDArray[np.floating]]:
-    """Return the tangents, as `tangents` does, of the same faces of a surface in several configurations."""
-    first = surfaces[0]
-    out: list[NDArray[np.floating]] = [np.empty((len(face), 3, first.dim)) for _ in surfaces]
-    for rows, name, nodes in by_type(first, face):
-        dN = gradient(name, xi[rows, : first.dim])
-        for J, surface in zip(out, surfaces, strict=True):
-            J[rows] = surface.x[nodes].transpose(0, 2, 1) @ dN
-    return out
+    return slopes(coefficients(surface), face, xi, surface.dim)
 
 
 def dual_vectors(J: Floats) -> NDArray[np.floating]:

@@ -22,9 +22,9 @@ from scipy.sparse import csr_array, eye_array, kron, vstack
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
 from lacmesh.surface.coverage import face_measure
-from lacmesh.surface.normals import normals_of
+from lacmesh.surface.maps import coefficients, measures
 from lacmesh.surface.record import mean_normals
-from lacsolver.contact.faces import places, tangents, tangents_of
+from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.shear import Tangents, frames, integrals, jump_rows
 from lacsolver.contact.zone import Zone
@@ -218,9 +218,7 @@ def positions(slave: Surface, points: ContactPoints) -> NDArray[np.floating]:
 
 def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bool) -> NDArray[np.floating]:
     """Return the ratio of undeformed to deformed area (length in a plane) of the slave at points xi (n, 2) of faces."""
-    before, after = (np.linalg.norm(normals_of(J), axis=1) for J in tangents_of((zone.slave, slave), face, xi))
-    if axisymmetric:
-        before, after = (size * places(s, face, xi)[:, 0] for size, s in ((before, zone.slave), (after, slave)))
+    before, after = (measures(coefficients(s), face, xi, s.dim, axisymmetric) for s in (zone.slave, slave))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
 
 
