@@ -22,6 +22,7 @@ from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import crease_pairs, normals_of, unit
+from lacsolver.contact.faces import dual_vectors
 from lacsolver.space.sparse import sparse
 
 
@@ -96,7 +97,8 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
     entries = []
     for row, nodes, _, change in parts:
         i, j = d * row[:, None] + np.arange(d), d * nodes[:, :, None] + np.arange(d)
-        entries.append((i[:, :, None, None], j[:, None], np.einsum("est,etbj->esbj", P[row], change)))
+        along = (P[row] @ change.reshape(len(row), d, -1)).reshape(change.shape)
+        entries.append((i[:, :, None, None], j[:, None], along))
     n = np.zeros((k, 3))
     n[:, :d] = h
     return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
@@ -107,8 +109,8 @@ def _face_normals(name: str, x: Floats, nodes: Ints, d: int) -> _FaceNormals:
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
     J = np.einsum("abc,kbs->kasc", dN, x)
     n = unit(normals_of(J))[..., :d]
-    dual = np.einsum("kasc,kace->kase", J, np.linalg.inv(np.einsum("kasc,kase->kace", J, J)))[:, :, :d]
-    dn = -np.einsum("kase,abe,kat->kasbt", dual, dN, n)
+    dual = dual_vectors(J.reshape(-1, 3, J.shape[3])).reshape(J.shape)[:, :, :d]
+    dn = -(dual @ dN.transpose(0, 2, 1))[..., None] * n[:, :, None, None, :]
     A, dA = _areas(name, x, d)
     return _FaceNormals(nodes, n, A, dn, dA)
 
@@ -123,7 +125,6 @@ def _areas(name: str, x: Floats, d: int) -> tuple[NDArray[np.floating], NDArray[
     unit = vector / size[:, None]
     if CELLS[name].dim == 1:
         along = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-        return size, np.einsum("q,qb,ks->kbs", w, dN[..., 0], along)[..., :d]
-    change = np.einsum("q,qb,kqs->kbs", w, dN[..., 0], np.cross(J[..., 1], unit[:, None]))
-    change += np.einsum("q,qb,kqs->kbs", w, dN[..., 1], np.cross(unit[:, None], J[..., 0]))
-    return size, change
+        return size, ((w @ dN[..., 0])[:, None] * along[:, None])[..., :d]
+    change = (w * dN[..., 0].T) @ np.cross(J[..., 1], unit[:, None])
+    return size, change + (w * dN[..., 1].T) @ np.cross(unit[:, None], J[..., 0])
