@@ -93,8 +93,13 @@ class ForceTerms(NamedTuple):
 
 def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
     """Return |K| |q| (n,), by slices of rows: a copy of all of K would take as much memory as K."""
-    q, rows = np.abs(q), range(0, K.shape[0], _ROWS)
-    return np.concatenate([np.empty(0), *(abs(K[k : k + _ROWS]) @ q for k in rows)])
+    q, out = np.abs(q), np.empty(K.shape[0])
+    for first in range(0, len(out), _ROWS):
+        start = K.indptr[first : first + _ROWS + 1]
+        own = slice(start[0], start[-1])
+        rows = csr_array((np.abs(K.data[own]), K.indices[own], start - start[0]), shape=(len(start) - 1, len(q)))
+        out[first : first + _ROWS] = rows @ q
+    return out
 
 
 def equilibrium_residual(
