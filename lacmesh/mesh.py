@@ -285,6 +285,10 @@ class Mesh(Described):
             if len(chosen):
                 yield b.type, chosen, b.nodes[chosen - self.offsets[k]]
 
+    def places_in_file(self, cells: Ints) -> Ints:
+        """Return the places of some cells (indices) among all cells of the file."""
+        return cells if self.file_order is None else places_of(self.file_order, self.n_cells)[cells]
+
     def nodes_on(self, cells: Ints) -> Ints:
         """Return the sorted nodes of some cells (indices)."""
         return np.flatnonzero(mask_of(self.n_nodes, *(nodes for _, _, nodes in self.select(cells))))
@@ -441,6 +445,17 @@ def mask_of(size: int, *indices: Any) -> NDArray[np.bool_]:
     for index in indices:
         mask[index] = True
     return mask
+
+
+def places_of(members: Ints, size: int, dtype: type[np.integer] = np.int64) -> Ints:
+    """Return the place (size,) of each index in an array of indices, -1 of those that are not in it.
+
+    >>> places_of(np.array([3, 0]), 4).tolist()
+    [1, -1, -1, 0]
+    """
+    places = np.full(size, -1, dtype)
+    places[members] = np.arange(len(members), dtype=dtype)
+    return places
 
 
 def positions(index: Ints, members: Ints) -> Ints:

@@ -12,7 +12,7 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import some
-from lacmesh.mesh import Block, Ints, Mesh, mask_of
+from lacmesh.mesh import Block, Ints, Mesh, mask_of, places_of
 from lacmesh.reference.quadrature import signed_area
 from lacmesh.topology.faces import lacking
 from lacmesh.topology.facets import CROWDED, FACETS, Solid, mixed_bits
@@ -232,8 +232,7 @@ def _other_mid_nodes(subject: Subject, solid: Solid, opposite: Ints) -> list[Fin
         return []
     sign = np.zeros(len(opposite), np.uint64)
     known = opposite >= 0
-    place = np.full(mesh.n_cells, -1, np.int64)
-    place[solid.cells] = np.arange(len(solid.cells))
+    place = places_of(solid.cells, mesh.n_cells)
     for k, block in enumerate(mesh.blocks):
         cell = ALL_CELLS[block.type]
         if cell.dim != mesh.dim:

@@ -17,7 +17,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
 from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Ints, Mesh, mask_of, positions
+from lacmesh.mesh import Block, Ints, Mesh, mask_of, places_of, positions
 
 
 @dataclass(frozen=True)
@@ -151,13 +151,7 @@ def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
     first = _next_number(mesh.cell_number, len(layout.child), "cells")
     if first + len(layout.child) > np.iinfo(numbers.dtype).max:
         numbers = numbers.astype(np.int64)
-    if mesh.file_order is None:
-        place = layout.parent
-    else:
-        rank = np.empty(mesh.n_cells, np.int32)
-        rank[mesh.file_order] = np.arange(mesh.n_cells, dtype=np.int32)
-        place = rank[layout.parent]
-    order = np.lexsort((layout.child_index, place))  # new numbers grow along the file
+    order = np.lexsort((layout.child_index, mesh.places_in_file(layout.parent)))  # new numbers grow along the file
     later = layout.child[order][layout.child_index[order] > 0]
     numbers[later] = first + np.arange(len(later))
     return numbers
@@ -192,9 +186,7 @@ def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     place[layout.child] += layout.child_index.astype(np.int32)
     if (place[1:] > place[:-1]).all():
         return None
-    order = np.empty(len(place), np.int32)
-    order[place] = np.arange(len(place), dtype=np.int32)
-    return order
+    return places_of(place, len(place), np.int32)
 
 
 def _group(members: Ints, layout: _Layout) -> Ints:

@@ -27,7 +27,7 @@ from lacmesh.cutting.select import Selection, select, slave_skin
 from lacmesh.cutting.subdivide import WHOLE_CODE, CutFaces, Subdivision, subdivide
 from lacmesh.cutting.variants import HEXA, allowed_variants, compare_variants, with_ring
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, spec_list
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, places_of, spec_list
 
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
@@ -121,9 +121,7 @@ def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
 
 def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, internal: Ints) -> Cut:
     """Return the cut: the new mesh of `origin` in the old one, with its records; `internal`: `internal_nodes`."""
-    macro_of_old = np.full(mesh.n_cells, -1, np.int32)
-    macro_of_old[selection.slave] = np.arange(len(selection.slave), dtype=np.int32)
-    macro = macro_of_old[origin.cell]
+    macro = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
     faces = np.flatnonzero(macro >= 0)
     zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(2))
     zone[faces] = selection.zone[macro[faces]]

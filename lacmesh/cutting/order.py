@@ -16,7 +16,7 @@ from lacmesh.cutting.assemble import node_entities, nodes_of
 from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
 from lacmesh.topology.skin import label_rows
 
 #: family -> the type of its serendipity cell, and of its full quadratic one
@@ -149,8 +149,7 @@ def _merge_blocks(mesh: Mesh) -> Mesh:
         blocks.append(Block(name, np.concatenate([mesh.blocks[k].nodes for k in same])))
         order += [np.arange(mesh.offsets[k], mesh.offsets[k + 1]) for k in same]
     old = np.concatenate(order)
-    new = np.empty_like(old)
-    new[old] = np.arange(len(old))
+    new = places_of(old, len(old))
     file_order = np.arange(mesh.n_cells) if mesh.file_order is None else mesh.file_order
     return replace(
         mesh,

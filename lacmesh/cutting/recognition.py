@@ -35,7 +35,7 @@ from lacmesh.cutting.patterns import (
 from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, with_records
 from lacmesh.cutting.regroup import regroup_segments
 from lacmesh.cutting.select import SlaveSkin
-from lacmesh.mesh import Ints, Mesh, mask_of
+from lacmesh.mesh import Ints, Mesh, mask_of, places_of
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
@@ -107,7 +107,7 @@ class RecognisedCut:
 def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
     """Recognise the macro-elements in some slave faces."""
     cells, faces = slave.cells[slave.first], slave.faces
-    families = _families(mesh, faces, _places_in_file(mesh, cells)) if len(cells) else ()
+    families = _families(mesh, faces, mesh.places_in_file(cells)) if len(cells) else ()
     covered = mask_of(len(faces), *(family.parts for family in families))
     doubt = _doubt(mesh, families, faces, cells)
     return RecognisedCut(slave.names, cells, slave.zone[slave.first], families, np.flatnonzero(~covered), doubt)
@@ -131,8 +131,7 @@ def as_cut(mesh: Mesh, recognised: RecognisedCut) -> Cut:
     zone_of = [recognised.zone[family.parts[:, 0]] for family in recognised.families]
     first = [recognised.cells[family.parts[:, 0]] for family in recognised.families]
     order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
-    number = np.empty(len(order), np.int32)
-    number[order] = np.arange(len(order))
+    number = places_of(order, len(order), np.int32)
     macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
     internal = np.full(mesh.n_nodes, -1, np.int32)
     done = 0
@@ -154,14 +153,6 @@ def _carriers(family: MacroGroup) -> list[int]:
         return [WHOLE_FACES[family.face]]
     n = CELLS[family.face].n_nodes
     return [n + int(p) for p in internal_points(family.face, family.kind, family.ring)]
-
-
-def _places_in_file(mesh: Mesh, cells: Ints) -> Ints:
-    if mesh.file_order is None:
-        return cells
-    rank = np.empty(mesh.n_cells, np.int64)
-    rank[mesh.file_order] = np.arange(mesh.n_cells)
-    return rank[cells]
 
 
 def _whole(faces: Faces) -> list[MacroGroup]:
@@ -202,7 +193,7 @@ def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[MacroGroup], Faces, Ints]:
     dim = CELLS[FACE_TYPES[faces.type[0]]].dim
     cells = np.sort(np.concatenate([cells for kind, _, cells in cells_of_dim(mesh, dim) if kind in TYPE_CODE]))
     skin, first = distinct_faces(mesh, cells)
-    families = _families(mesh, skin, _places_in_file(mesh, cells[first]))
+    families = _families(mesh, skin, mesh.places_in_file(cells[first]))
     return [family for family in families if family.kind != WHOLE], skin, cells[first]
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cutting.patterns import CONE, RING
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import TYPE_CODE, Faces
 
@@ -82,8 +82,7 @@ def _candidates(mesh: Mesh, faces: Faces, tolerance: float) -> tuple[_Chains, _C
     rows = np.flatnonzero(faces.type == TYPE_CODE["SEG2"])
     start, stop = faces.nodes[rows, 0], faces.nodes[rows, 1]
     starts, stops = (np.bincount(nodes, minlength=mesh.n_nodes) for nodes in (start, stop))
-    after = np.full(mesh.n_nodes, -1, np.int64)
-    after[start] = np.arange(len(rows))
+    after = places_of(start, mesh.n_nodes)
     passed = (starts == 1) & (stops == 1)
     following = np.where(passed[stop], after[stop], -1)
     one = np.flatnonzero(following >= 0)
@@ -181,11 +180,7 @@ def cells_around(mesh: Mesh, seeds: Ints) -> CellsAround:
     for least in (1, 2):
         near = np.count_nonzero(touched[nodes] & (nodes >= 0), axis=1) >= least
         touched[nodes[near][nodes[near] >= 0]] = True
-    place = ids[near]
-    if mesh.file_order is not None:
-        rank = np.empty(mesh.n_cells, np.int64)
-        rank[mesh.file_order] = np.arange(mesh.n_cells)
-        place = rank[place]
+    place = mesh.places_in_file(ids[near])
     return CellsAround(nodes[near].astype(np.int64), place, place, mesh.n_nodes)
 
 

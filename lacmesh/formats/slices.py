@@ -18,7 +18,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.formats import ids
 from lacmesh.formats.ids import Index
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, places_of
 
 #: 2^64 divided by the golden ratio, for Fibonacci hashing: Knuth, The Art of Computer Programming 3, section 6.4
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
@@ -93,20 +93,13 @@ class MeshSlice:
             space_dim=self.space_dim,
             node_number=self.node_number,
             cell_number=self.cell_number,
-            file_order=None if self.cell_place is None else _inverse(self.cell_place),
+            file_order=None if self.cell_place is None else places_of(self.cell_place, len(self.cell_place)),
             cell_groups=self.cell_groups,
             node_groups=self.node_groups,
             cell_data=self.cell_data,
             node_data=self.node_data,
             **self.noted,
         )
-
-
-def _inverse(place: Ints) -> Ints:
-    """Return the indices (n,) of what stands at each place, from the place (n,) of each."""
-    order = np.empty(len(place), np.int64)
-    order[place] = np.arange(len(place))
-    return order
 
 
 def repeated(number: Ints, comm: Communicator = SERIAL) -> int | None:

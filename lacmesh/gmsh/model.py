@@ -179,9 +179,7 @@ def _pieces_through_file(gmsh: Any) -> Iterator[Piece]:
         path = Path(folder) / "model.msh"
         gmsh.write(str(path))
         mesh = read(path)
-    place = np.arange(mesh.n_cells)
-    if mesh.file_order is not None:
-        place[mesh.file_order] = np.arange(mesh.n_cells)
+    place = mesh.places_in_file(np.arange(mesh.n_cells))
     entity = mesh.cell_data["entity"]
     for block, (a, b) in zip(mesh.blocks, pairwise(mesh.offsets.tolist()), strict=True):
         for own in np.unique(entity[a:b], axis=0).tolist():

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim
@@ -173,8 +173,7 @@ def _outer(mesh: Mesh, kept: Bools, skin: Faces) -> tuple[Faces, Ints, Bools]:
         opposite = pair_facets(whole.take(rows))[0].reshape(-1, FACETS)
     free = opposite == ALONE
     on_skin = find_owners(skin, _as_drawn(mesh, 3), mesh.n_nodes)
-    place = np.full(mesh.n_cells, -1)
-    place[whole.cells[rows]] = np.arange(len(rows))
+    place = places_of(whole.cells[rows], mesh.n_cells)
     known = place[on_skin.cell] >= 0
     free[place[on_skin.cell[known]], on_skin.facet[known]] = False
     row, facet = np.nonzero(free)

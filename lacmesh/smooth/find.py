@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.mesh import Floats, Ints, mask_of, places_of
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
@@ -318,8 +318,7 @@ def _on(patches: SmoothPatches, faces: Ints, seed: int, shape: Shape, tolerance:
     i, j = patches.joints.i, patches.joints.j
     both = kept[i] & kept[j]
     rows = np.flatnonzero(kept)
-    place = np.full(len(kept), -1)
-    place[rows] = np.arange(len(rows))
+    place = places_of(rows, len(kept))
     label = label_components(place[i[both]], place[j[both]], len(rows)) if len(rows) else rows
     at_seed = np.unique(label[(patches.node[rows] == seed).any(axis=1)])
     return rows[np.isin(label, at_seed)]

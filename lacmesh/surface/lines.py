@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.mesh import Floats, Ints, mask_of, places_of
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT
 from lacmesh.surface.patches import Bools, Patches
@@ -77,8 +77,7 @@ def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope
 def _highest(s: Ints, high: Floats) -> Floats:
     """(k,): running maximum of `high` within each patch; s ascends. Computed by ranks, so that no digits are lost."""
     order = np.argsort(high)
-    rank = np.empty(len(s), np.int64)
-    rank[order] = np.arange(len(s))
+    rank = places_of(order, len(s))
     return high[order[np.maximum.accumulate(s * len(s) + rank) - s * len(s)]]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.mesh import Ints, Mesh, codes
+from lacmesh.mesh import Ints, Mesh, codes, places_of
 from lacmesh.topology.skin import FaceIncidence, Faces, first_of_each, label_faces
 
 
@@ -39,10 +39,7 @@ def faces_of(mesh: Mesh, cells: Ints) -> Faces:
         order.append(chosen)
         parts.append((kind, nodes))
     by_type = Faces.join(parts)
-    place = np.empty(mesh.n_cells, np.int32)
-    listed = np.concatenate(order)
-    place[listed] = np.arange(len(listed))
-    return by_type.take(place[cells])
+    return by_type.take(places_of(np.concatenate(order), mesh.n_cells, np.int32)[cells])
 
 
 def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
@@ -64,6 +61,5 @@ def facets_of(mesh: Mesh, owners: FaceIncidence) -> Faces:
             parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
             rows.append(order[done + at])
         done += len(cells)
-    place = np.empty(len(order), np.int64)
-    place[np.concatenate(rows)] = np.arange(len(order))
+    place = places_of(np.concatenate(rows), len(order))
     return Faces.join(parts).take(place)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, mask_of, spec_text
+from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, mask_of, places_of, spec_text
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of
@@ -118,8 +118,7 @@ def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: FaceIncidence) -> Int
     single = np.bincount(parents.face, minlength=len(faces)) == 1
     mine = single[own.face]
     own = FaceIncidence(own.face[mine], own.cell[mine], own.facet[mine], own.same[mine])
-    owner = np.full(len(faces), -1)
-    owner[parents.face] = np.arange(len(parents.face))
+    owner = places_of(parents.face, len(faces))
     outward = facets_of(mesh, parents).take(owner[own.face])
     back = relative_listing(outward, faces_of(mesh, own.cell)) % 2 == 1
     back ^= is_inverted(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]

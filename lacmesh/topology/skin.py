@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints, concatenated
+from lacmesh.mesh import Ints, concatenated, places_of
 
 #: width of a padded list of a face's nodes (QUAD9) and corners
 MAX_NODES, MAX_CORNERS = 9, 4
@@ -115,8 +115,7 @@ def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
     first = np.full(count, len(labels))
     np.minimum.at(first, labels, np.arange(len(labels)))
     order = np.argsort(first)
-    rank = np.empty(count, np.int64)
-    rank[order] = np.arange(count)
+    rank = places_of(order, count)
     return first[order], rank[labels]
 
 
@@ -184,8 +183,7 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     ids = concatenated(i for _, _, i, _ in parts)
     facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
     labels, count = label_faces(Faces.stack([faces, candidates]))
-    face_of = np.full(count, -1, np.int64)
-    face_of[labels[: len(faces)]] = np.arange(len(faces))
+    face_of = places_of(labels[: len(faces)], count)
     face = face_of[labels[len(faces) :]]
     hits = np.flatnonzero(face >= 0)
     hits = hits[np.lexsort((ids[hits], face[hits]))]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, places_of
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
@@ -61,8 +61,7 @@ def skins_of(slave: Surface, master: Surface) -> tuple[Skins, Ints]:
     """Return both skins with their nodes numbered from 0, and the nodes' numbers in the mesh."""
     of_s, of_m = slave.faces.nodes, master.faces.nodes
     nodes = np.unique(np.concatenate([of_s[of_s >= 0], of_m[of_m >= 0]]))
-    place = np.full(int(nodes[-1]) + 2, -1, np.int64)
-    place[nodes] = np.arange(len(nodes))
+    place = places_of(nodes, int(nodes[-1]) + 2)
     none = np.empty((0, 9), np.int64), np.empty((0, 3))
     skins = Skins(
         slave.x[nodes], slave.faces.type, master.faces.type, place[of_s], place[of_m], *none, _bases(), N_NODES

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints, Mesh, concatenated
+from lacmesh.mesh import Ints, Mesh, concatenated, places_of
 from lacmesh.topology.faces import cells_of_dim
 from lacsolver.decks.names import SIDES
 
@@ -45,8 +45,7 @@ class DeckGroups:
         mesh = self.mesh
         blocks = [(kind, nodes) for kind, nodes, _ in cells_of_dim(mesh, mesh.dim)]
         old = np.concatenate([cells for _, _, cells in cells_of_dim(mesh, mesh.dim)])
-        place = np.full(mesh.n_cells, -1)
-        place[old] = np.arange(len(old))
+        place = places_of(old, mesh.n_cells)
         facets = np.unique(concatenated(self.skins.values()))
         skins, order = _skin_cells(mesh, facets)
         new = np.empty(len(facets), np.int64)

@@ -25,7 +25,7 @@ from lacmesh.formats import write
 from lacmesh.formats.med.fields import NO_PROFILE, title
 from lacmesh.formats.med.hdf5 import add_array, add_group, changing, set_attributes, set_mask
 from lacmesh.formats.med.types import MED_TYPES
-from lacmesh.mesh import Ints
+from lacmesh.mesh import Ints, places_of
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
 from lacsolver.output.tables import until
@@ -141,8 +141,7 @@ def _zone_fields(
 
 def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:
     """Yield the zone's faces, type by type, in the order of the file."""
-    place = np.full(part.mesh.n_cells, -1)
-    place[part.cells] = np.arange(len(part.cells))
+    place = places_of(part.cells, part.mesh.n_cells)
     where = place[zone.surface.cell]
     rows = np.argsort(where, kind="stable")
     for block, lo in zip(part.mesh.blocks, part.mesh.offsets[:-1], strict=True):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning
-from lacmesh.mesh import Ints, Mesh, concatenated
+from lacmesh.mesh import Ints, Mesh, concatenated, places_of
 from lacmesh.surface import Surface
 from lacsolver.space.space import Space
 
@@ -115,8 +115,7 @@ def _storable(rows: list[_Rows]) -> list[_Rows]:
 
 def _groups(groups: Mapping[str, Ints], members: Ints, size: int, empty: bool = False) -> dict[str, Ints]:
     """Return the groups restricted to some members of the whole, as indices into these; `empty` ones too, or not."""
-    place = np.full(size, -1)
-    place[members] = np.arange(len(members))
+    place = places_of(members, size)
     members_of = {name: place[ids][place[ids] >= 0] for name, ids in groups.items()}
     return {name: np.sort(ids) for name, ids in members_of.items() if len(ids) or empty}
 

@@ -137,9 +137,7 @@ def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cel
 
 def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> list[CellsNote]:
     """The cells of types that msh lacks."""
-    place = np.arange(mesh.n_cells)
-    if mesh.file_order is not None:
-        place[mesh.file_order] = np.arange(mesh.n_cells)
+    place = mesh.places_in_file(np.arange(mesh.n_cells))
     tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
     extra = []
     for k, (cell_type, rows) in enumerate(mesh.blocks):

@@ -39,7 +39,7 @@ from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.vtu.writer import legal
 from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.formats.xdmf.types import OF_TYPE, XDMF_TYPES
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.mesh import Ints, Mesh, places_of
 
 NOTES, ID, TAGS, PLACE = "lacmesh", "lacmesh_id", "tags", "file_place"
 #: Where the two files' common mark goes, once all arrays are written.
@@ -221,8 +221,7 @@ def _topology(mesh: Mesh, title: str, cells: Ints, sink: _Text | _Heavy) -> str:
         rows = chosen[0][2].astype(np.int64) if chosen else np.empty((0, 1), np.int64)
         head = f'TopologyType="{kind.name}" NumberOfElements="{len(rows)}" NodesPerElement="{rows.shape[1]}"'
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', rows, packed=False)}</Topology>\n"
-    at = np.empty(mesh.n_cells, np.int64)
-    at[cells] = np.arange(len(cells))
+    at = places_of(cells, mesh.n_cells)
     width = np.empty(len(cells), np.int64)
     rows_of = []
     for kind, some, nodes in chosen:
