@@ -1,10 +1,10 @@
 """Contact laws whose pressure is a curve p(g) of the gap: an exponential, and a table.
 
 Both press from a gap `reach` on, and the more, the smaller the gap; what they store is the area under the curve. The
-equation of a row is the curve's tangent: where the curve is softer than the macro-element's own skin, at the gap of the
-last solve; where it is stiffer, at the pressure of the last solve, but not at less than the first one from which on the
-curve is stiffer. So Newton's method takes few iterations, however stiff the curve: a small error of a gap is a large
-one of the pressure, or the other way round.
+equation of a row is the curve's tangent where the curve meets the line through the gap and the pressure of the last
+solve whose slope is the stiffness k of the macro-element's own skin, p(g) - k g = p' - k g': a semismooth Newton method
+on the curve's resolvent, as the active set p' - k g' > 0 is on that of unilateral contact. It takes few iterations,
+however stiff or soft the curve is: a small error of a gap is a large one of the pressure, or the other way round.
 """
 
 from __future__ import annotations
@@ -21,15 +21,12 @@ from lacsolver.contact.laws import Bools, RowState, Unilateral
 
 #: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
 _LEAST = 1e-6
-#: iterations for the inverse of the exponential, and for its knee; each at least squares the error
+#: iterations for a point of the exponential; each at least squares the error
 _STEPS = 60
 
 
 class Curved(Unilateral):
-    """A law p(g): `pressure`, `slope` (-dp/dg), `energy` and `gap_of` give the curve.
-
-    `stiff_from` gives its first stiff pressure.
-    """
+    """A law p(g): `pressure`, `slope` (-dp/dg), `energy`, and where a line meets the curve, `meeting`."""
 
     @property
     def yields(self) -> bool:
@@ -53,25 +50,22 @@ class Curved(Unilateral):
         """Return the energy per area (m,) stored at gaps (m,): the integral of p from there to the reach."""
         raise NotImplementedError
 
+    def meeting(self, z: Floats, stiffness: Floats) -> NDArray[np.floating]:
+        """Return the gaps (m,) at which p(g) = z + stiffness * g; the reach or more where z is too low."""
+        raise NotImplementedError
+
     def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
         """Return the gaps (m,) of pressures (m,) above 0."""
-        raise NotImplementedError
-
-    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
-        """Return the least pressure (m,), not below one, from which on the slope exceeds a stiffness; inf if none."""
-        raise NotImplementedError
+        return self.meeting(pressure, np.zeros(len(pressure)))
 
     def next_active(self, rows: RowState) -> Bools:
-        """Return the rows within the reach."""
-        return rows.gap < self.reach
+        """Return the rows whose line, through gap and pressure, meets the curve within its reach."""
+        return np.asarray(rows.pressure > rows.skin_stiffness * (rows.gap - self.reach))
 
     def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
-        """Return the tangent at the gap, or at the pressure where the curve is stiffer than the skin."""
-        pressure = np.maximum(rows.pressure, 0.0)
-        by_gap = np.minimum(rows.gap, self.reach)
-        first = self.stiff_from(pressure, rows.skin_stiffness)
-        stiff = np.isfinite(first) & ((self.slope(by_gap) > rows.skin_stiffness) | (first <= pressure))
-        gap = np.where(stiff, self.gap_of(np.where(stiff, np.maximum(first, 1e-300), 1.0)), by_gap)
+        """Return the tangent where the line through gap and pressure, as stiff as the skin, meets the curve."""
+        k = rows.skin_stiffness
+        gap = np.minimum(self.meeting(rows.pressure - k * rows.gap, k), self.reach)
         slope = np.maximum(self.slope(gap), _LEAST * rows.skin_stiffness)
         return gap + self.pressure(gap) / slope, 1 / slope
 
@@ -153,21 +147,14 @@ class Exponential(Curved):
         s = self._s(gap)
         return np.asarray(self._scale * self.clearance * ((s - 1) * np.expm1(s) + s - 0.5 * s**2))
 
-    def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
-        """Return the gaps (m,), by Newton's method from above on a convex function."""
-        wanted = np.asarray(pressure) / self._scale
+    def meeting(self, z: Floats, stiffness: Floats) -> NDArray[np.floating]:
+        """Return the gaps (m,), by Newton's method from above on a convex function of s."""
+        k = stiffness * self.clearance / self._scale
+        wanted = np.maximum(np.asarray(z) / self._scale + k, 0.0)
         s = np.minimum(np.sqrt(wanted), np.maximum(1.0, np.log1p(wanted)))
         for _ in range(_STEPS):
-            s = s - (s * np.expm1(s) - wanted) / np.maximum(np.expm1(s) + s * np.exp(s), 1e-300)
+            s = s - (s * np.expm1(s) + k * s - wanted) / np.maximum(np.expm1(s) + s * np.exp(s) + k, 1e-300)
         return np.asarray(self.clearance * (1 - s))
-
-    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
-        """Return the pressure of the slope, or the given one if that is larger."""
-        wanted = stiffness * self.clearance / self._scale
-        s = np.minimum(wanted / 2, np.log1p(wanted))
-        for _ in range(_STEPS):
-            s = s - (np.expm1(s) + s * np.exp(s) - wanted) / ((2 + s) * np.exp(s))
-        return np.maximum(self._scale * s * np.expm1(s), pressure)
 
 
 @dataclass(frozen=True)
@@ -215,16 +202,9 @@ class Table(Curved):
         part = np.maximum(gaps[k] - gap, 0.0)
         return np.asarray(whole[k] + 0.5 * (pressures[k] + self.pressure(gap)) * part)
 
-    def gap_of(self, pressure: Floats) -> NDArray[np.floating]:
+    def meeting(self, z: Floats, stiffness: Floats) -> NDArray[np.floating]:
         """Return the gaps (m,)."""
         pressures, gaps, slopes = self._columns
-        k = np.clip(np.searchsorted(pressures, pressure, side="left") - 1, 0, len(slopes) - 1)
-        return np.asarray(gaps[k] - (pressure - pressures[k]) / slopes[k])
-
-    def stiff_from(self, pressure: Floats, stiffness: Floats) -> NDArray[np.floating]:
-        """Return the given pressure if its segment is stiff, else the first above it where a stiff one begins."""
-        pressures, _, slopes = self._columns
-        ends = np.append(pressures[1:-1], np.inf)
-        fits = (slopes > stiffness[:, None]) & (ends > pressure[:, None])
-        first = fits.argmax(axis=1)
-        return np.where(fits.any(axis=1), np.maximum(pressures[first], pressure), np.inf)
+        begins = pressures[1:-1] - np.multiply.outer(stiffness, gaps[1:-1])
+        k = (begins < np.asarray(z)[:, None]).sum(axis=1)
+        return np.asarray((pressures[k] + slopes[k] * gaps[k] - z) / (slopes[k] + stiffness))
