@@ -46,6 +46,19 @@ class DeckLine(NamedTuple):
             raise Refused(f"{what} should be a finite number, not {text[:40]!r}", self)
         return value
 
+    def positive(self, k: int, what: str) -> float:
+        """Return field k as a number above 0. Raises Refused."""
+        value = self.number(k, what)
+        if not value > 0:
+            raise Refused(f"{what} should be positive, not {value:g}", self)
+        return value
+
+    def two_skins(self) -> tuple[str, ...]:
+        """Return the names of a slave and a master. Raises Refused for a line of more or fewer."""
+        if len(self.fields) != 2:
+            raise Refused("a line should be a slave surface and a master surface", self)
+        return self.fields
+
     def whole(self, k: int, what: str, default: int | None = None) -> int:
         """Return field k as a whole number; `default` where it is blank. Raises Refused."""
         text = self.text(k)

@@ -207,8 +207,8 @@ class DeckStep:
 
     `procedure`: the card that says what is computed. `increment`: the first one; `largest`: the largest one allowed.
     `alpha`: numerical damping of a step with inertia, None for a static one. `modes`: how many natural modes it asks
-    for; such a step takes no time, and goes at its end. `changing`: the last *CHANGE FRICTION in it;
-    `changing_behavior`: the last *CHANGE SURFACE BEHAVIOR.
+    for; such a step takes no time, and goes at its end. `changes`: the last card in it of each that begins a change of
+    a surface interaction.
     """
 
     card: Card
@@ -222,8 +222,7 @@ class DeckStep:
     sudden: bool = False
     alpha: float | None = None
     modes: int = 0
-    changing: Card | None = None
-    changing_behavior: Card | None = None
+    changes: dict[str, Card] = field(default_factory=dict)
 
     @property
     def origin(self) -> Card:

@@ -157,12 +157,12 @@ def coupling(deck: DeckContent, card: Card) -> None:
     else:
         group, facets = deck.names.skin(name, None)
         nodes = None
-    _, reference = deck.names.nodes(card.needed("REFNODE"), None)
+    reference = deck.names.node(card.needed("REFNODE"))
     axes = None
     if "ORIENTATION" in card.options:
         x, y = deck.orientations[look_up(deck.orientations, card.options["ORIENTATION"], "*ORIENTATION above it")]
         axes = {"x": list(x), "xy": list(y)}
-    deck.couplings.append(DeckCoupling(group, facets, nodes, int(reference[0]), card, axes=axes))
+    deck.couplings.append(DeckCoupling(group, facets, nodes, reference, card, axes=axes))
 
 
 def pretension_section(deck: DeckContent, card: Card) -> None:
@@ -240,9 +240,7 @@ def _coupled_node(deck: DeckContent, card: Card) -> int:
 def cyclic_tie(deck: DeckContent, card: Card) -> None:
     """Take the sides of a sector; *CYCLIC SYMMETRY MODEL tells of its angle."""
     row = card.first("the two sides of the sector")
-    if len(row.fields) != 2:
-        raise Refused("a line should be a slave surface and a master surface", row)
-    slave, master = (deck.names.skin(text, row) for text in row.fields)
+    slave, master = (deck.names.skin(text, row) for text in row.two_skins())
     deck.sectors[key_of(card.needed("NAME"))] = DeckSector(slave, master, card)
 
 

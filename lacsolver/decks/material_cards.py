@@ -21,11 +21,16 @@ def material(deck: DeckContent, card: Card) -> None:
     deck.materials[key] = MaterialData(name, card)
 
 
+def _without_law(deck: DeckContent) -> dict[str, Any]:
+    """Return the keys of the material begun last. Raises Refused if it has an elastic law."""
+    if "law" in deck.material.keys:
+        raise Refused("this material has an elastic law already; keep one")
+    return deck.material.keys
+
+
 def elastic(deck: DeckContent, card: Card) -> None:
     """Take Young's modulus and Poisson's ratio, or the constants of three axes of symmetry."""
-    keys = deck.material.keys
-    if "law" in keys:
-        raise Refused("this material has an elastic law already; keep one")
+    keys = _without_law(deck)
     kind = card.word("TYPE") or "ISOTROPIC"
     if kind in ("ISO", "ISOTROPIC"):
         row = card.single("Young's modulus and Poisson's ratio")
@@ -39,9 +44,7 @@ def hyperelastic(deck: DeckContent, card: Card) -> None:
     if not card.options.keys() & {"NEOHOOKE"}:
         form = next((k for k in card.options if k not in ("N", "MODULI")), "MOONEY-RIVLIN")
         raise Refused(f"lacsolver has NEO HOOKE of the hyperelastic laws, and not {form}; fit that one")
-    keys = deck.material.keys
-    if "law" in keys:
-        raise Refused("this material has an elastic law already; keep one")
+    keys = _without_law(deck)
     keys |= {"law": "neo_hookean", **rubber(card.single("C10 and D1"))}
     deck.warn(
         card,

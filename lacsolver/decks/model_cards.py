@@ -121,25 +121,26 @@ def behavior(deck: DeckContent, card: Card) -> None:
 
 
 def _pressure_per_overlap(card: Card) -> float:
-    row = card.first("the pressure per overlap")
-    stiffness = row.number(0, "the pressure per overlap")
-    if not stiffness > 0:
-        raise Refused(f"the pressure per overlap should be positive, not {stiffness:g}", row)
-    return stiffness
+    return card.first("the pressure per overlap").positive(0, "the pressure per overlap")
 
 
-def change_behavior(deck: DeckContent, card: Card) -> None:
-    """Begin the change of the behaviour of a surface interaction from a step on; *SURFACE BEHAVIOR follows."""
+def change(deck: DeckContent, card: Card) -> None:
+    """Begin a change of a surface interaction from a step on; *SURFACE BEHAVIOR or *FRICTION follows."""
     look_up(deck.interactions, card.needed("INTERACTION"), "*SURFACE INTERACTION")
-    deck.step.changing_behavior = card
+    deck.step.changes[card.key] = card
+
+
+def _changed(deck: DeckContent, name: str) -> Interaction:
+    """Return the surface interaction that the last card `name` of a step begins to change. Raises Refused."""
+    card = deck.step.changes.get(name.replace(" ", ""))
+    if card is None:
+        raise Refused(f"in a step it belongs after *{name}, INTERACTION=name; write that")
+    return deck.interactions[key_of(card.needed("INTERACTION"))]
 
 
 def _changed_behavior(deck: DeckContent, card: Card, kind: str) -> None:
     """Take the pressure per overlap from a step on. Raises Refused for another kind than LINEAR, before and now."""
-    change = deck.step.changing_behavior
-    if change is None:
-        raise Refused("in a step it belongs after *CHANGE SURFACE BEHAVIOR, INTERACTION=name; write that")
-    which = deck.interactions[key_of(change.needed("INTERACTION"))]
+    which = _changed(deck, "CHANGE SURFACE BEHAVIOR")
     if kind != "LINEAR" or not which.stiffness or which.tied:
         raise Refused(
             "a step changes the pressure per overlap of LINEAR contact, and hard, tied and curved contact keep their "
@@ -208,19 +209,11 @@ def friction(deck: DeckContent, card: Card) -> None:
         deck.note(card, f"its stick slope of {slope:g} is not needed: what sticks does not slip at all here", row)
 
 
-def change_friction(deck: DeckContent, card: Card) -> None:
-    """Begin the change of the friction of a surface interaction from a step on; *FRICTION follows."""
-    look_up(deck.interactions, card.needed("INTERACTION"), "*SURFACE INTERACTION")
-    deck.step.changing = card
-
-
 def _with_friction(deck: DeckContent) -> tuple[Interaction, int]:
     """Return the surface interaction that *FRICTION belongs to, and the step, -1 before the first. Raises Refused."""
     if not deck.in_step:
         return deck.interaction, -1
-    if deck.step.changing is None:
-        raise Refused("in a step it belongs after *CHANGE FRICTION, INTERACTION=name; write that")
-    return deck.interactions[key_of(deck.step.changing.needed("INTERACTION"))], len(deck.steps) - 1
+    return _changed(deck, "CHANGE FRICTION"), len(deck.steps) - 1
 
 
 def contact_pair(deck: DeckContent, card: Card) -> None:
@@ -260,9 +253,7 @@ def tie(deck: DeckContent, card: Card) -> None:
 
 def _skins(deck: DeckContent, card: Card, row: DeckLine) -> tuple[str, ...]:
     """Return the keys of slave and master on a data line. Raises Refused."""
-    if len(row.fields) != 2:
-        raise Refused("a line should be a slave surface and a master surface", row)
-    for text in row.fields:
+    for text in row.two_skins():
         name, facets = deck.names.skin(text, row)
         if deck.names.of_nodes(text):
             deck.note(card, f"the surface of nodes {name!r} is taken as the {len(facets)} faces on its nodes", row)
@@ -285,8 +276,8 @@ def rigid_body(deck: DeckContent, card: Card) -> None:
         nodes = np.unique(np.concatenate([part.ravel() for _, _, part in names.mesh.select(cells)]))
     if not group:
         raise Refused("a rigid body should be a set of nodes or of elements, not a number")
-    reference = int(names.nodes(card.needed("REFNODE"), None)[1][0])
-    turning = int(names.nodes(card.needed("ROTNODE"), None)[1][0]) if "ROTNODE" in card.options else None
+    reference = names.node(card.needed("REFNODE"))
+    turning = names.node(card.needed("ROTNODE")) if "ROTNODE" in card.options else None
     deck.rigid.append(DeckRigid(group, kind, nodes, reference, turning, card))
 
 
@@ -320,9 +311,7 @@ def _between_nodes(deck: DeckContent, card: Card, ends: Ints) -> None:
             "a SPRING2 is a line with its two directions and one with its stiffness, a SPRINGA a blank line and one "
             "with its stiffness, at one temperature"
         )
-    stiffness = rows[-1].number(0, "the stiffness")
-    if not stiffness > 0:
-        raise Refused(f"the stiffness should be positive, not {stiffness:g}", rows[-1])
+    stiffness = rows[-1].positive(0, "the stiffness")
     numbers = deck.names.mesh.node_number
     loose = np.unique(ends[~deck.names.in_cells[ends]])
     if len(loose):

@@ -45,6 +45,10 @@ class Names:
             raise Refused(f"the set of nodes {name!r} is empty", row)
         return name, np.asarray(self.mesh.node_groups[name])
 
+    def node(self, text: str) -> int:
+        """Return the node of a number, or the first one of a set. Raises Refused."""
+        return int(self.nodes(text, None)[1][0])
+
     def cells(self, text: str, row: DeckLine | None) -> tuple[str, Ints]:
         """Return the name of a set and its solid cells (k,), or "" and the cell of a number. Raises Refused."""
         name, cells = self._cells(text, row)

@@ -200,11 +200,10 @@ def model_change(deck: DeckContent, card: Card) -> None:
     if ("ADD" in card.options) == ("REMOVE" in card.options):
         raise Refused("it should say either ADD or REMOVE")
     for row in card.rows:
-        if len(row.fields) != 2:
-            raise Refused("a line should be a slave surface and a master surface", row)
-        pair = key_of(row.text(0)), key_of(row.text(1))
+        slave, master = row.two_skins()
+        pair = key_of(slave), key_of(master)
         if pair not in {(one.slave, one.master) for one in deck.pairs if not one.tie}:
-            raise Refused(f"there is no *CONTACT PAIR of {row.text(0)} and {row.text(1)}; name one of them", row)
+            raise Refused(f"there is no *CONTACT PAIR of {slave} and {master}; name one of them", row)
         deck.changes[pair].append((now, "ADD" in card.options, card))
 
 
