@@ -70,7 +70,8 @@ def read(path: Path, name: str) -> Mesh:
         heard = [*map(_of_vtk, heard), *_colours(path)]
     said = "; ".join(heard)
     if said and not any(len(block.data) for block in given.cells):
-        raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{_hint(name)}")
+        hint = " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
+        raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{hint}")
     check_counts(path, name, len(given.points), sum(len(block.data) for block in given.cells))
     _as_ours(given, name)
     try:
@@ -172,10 +173,6 @@ def _colours(path: Path) -> list[str]:
     """Messages on the COLOR_SCALARS that meshio skips silently; VTK saves an active array of bytes in that form."""
     colours = re.findall(rb"^COLOR_SCALARS (\S+) \d+\r?$", path.read_bytes(), re.MULTILINE)
     return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
-
-
-def _hint(name: str) -> str:
-    return " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
 
 
 def _turn_wedges(given: Any, name: str) -> None:

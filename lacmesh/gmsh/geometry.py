@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -246,7 +246,7 @@ def _from_mesh(gmsh: Any, dim: int, bounds: dict[int, list[int]]) -> dict[Tag, C
     plane = dim == 2 and bool(np.ptp(mesh.points[:, 2]) <= 1e-12 * diagonal(gmsh))
     if plane:
         mesh = reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == 1)).to_flip)
-    integrals = {tag: _integrate(mesh, tag, plane) for tag in _entities(mesh) if tag[0] in (1, 2)}
+    integrals = {tag: _integrate(mesh, tag, plane) for tag in mesh.entities if tag[0] in (1, 2)}
     if dim == 2:
         measured = {tag: _measured(i, 1.0) for tag, i in integrals.items()}
         return {t: s if plane or t[0] == 2 else replace(s, normal=None, radius=None) for t, s in measured.items()}
@@ -290,10 +290,6 @@ def _fine_mesh(gmsh: Any) -> Mesh:
         except Exception as error:  # gmsh's own class of errors
             raise DataError(f"gmsh cannot mesh the surfaces to measure them ({error}); repair the geometry") from error
     return read_model().raw
-
-
-def _entities(mesh: Mesh) -> Iterator[Tag]:
-    yield from map(tuple, np.unique(mesh.cell_data["entity"], axis=0).tolist())
 
 
 def _integrate(mesh: Mesh, tag: Tag, plane: bool) -> _Integrals:

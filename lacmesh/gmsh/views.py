@@ -74,7 +74,8 @@ def write_views(
     `left_out`: keys of fields that get no view.
     """
     others = {(h.rows.head.on, h.key): h for h in earlier if not h.ours}
-    _remove(gmsh, {h.view for h in earlier if h.ours})
+    for old in {h.view for h in earlier if h.ours}:
+        gmsh.view.remove(old)
     faces = np.flatnonzero(mesh.cell_data.get(_SHOWN, np.empty(0)) >= 0)
     mark = f"{_MARK}:{_digest((mesh.cell_number[c], mesh.node_number[n]) for _, c, n in mesh.select(faces))}:{model}"
     notes: dict[tuple[str, str, int], FieldNote] = {}
@@ -109,11 +110,6 @@ def _add_view(gmsh: Any, head: Head, mark: str) -> int:
     if head.name == _SHOWN:
         gmsh.view.option.setNumber(view, "ShowElement", 1)
     return view
-
-
-def _remove(gmsh: Any, views: Iterable[int]) -> None:
-    for view in views:
-        gmsh.view.remove(view)
 
 
 def _candidates(gmsh: Any, model: str) -> Iterator[Held]:

@@ -6,7 +6,6 @@ import re
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.text import AS_INTEGERS, AS_REALS, bad_line, chunks, decoded, integers, parsed, values_in_lines
@@ -182,7 +181,7 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
     if len(rows) == int(np.count_nonzero(values_in_lines(text))):
         number = np.array([row[0] for row in rows], dtype="S").astype(np.int64)
         face = np.array([row[1].upper() for row in rows], dtype="S")
-        return [(decoded(bytes(face_label)), number[face == face_label]) for face_label in _distinct(face)]
+        return [(decoded(bytes(face_label)), number[face == face_label]) for face_label in sorted(set(face.tolist()))]
     entries: list[tuple[str, Ints | str]] = []
     at = 0
     for line in text.splitlines(keepends=True):
@@ -195,10 +194,6 @@ def faces(card: Card) -> list[tuple[str, Ints | str]]:
             entries.append((which, fields[0] if number_of is None else np.array([number_of])))
         at += len(line)
     return entries
-
-
-def _distinct(labels: NDArray) -> list[bytes]:
-    return sorted(set(labels.tolist()))
 
 
 def key(name: str) -> str:

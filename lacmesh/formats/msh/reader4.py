@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import ReadError
 from lacmesh.formats.msh.content import Content, Piece
 from lacmesh.formats.msh.scan import MshBytes, Numbers
 from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
@@ -185,9 +184,5 @@ def _upto(n: int) -> range:
 
 def _tag(numbers: Numbers, dim: int, tag: int) -> Tag:
     if not 0 <= dim <= 3 or not -_LARGEST <= tag <= _LARGEST:
-        raise _impossible(numbers, dim, tag)
+        raise numbers.error(f"there cannot be an entity {tag} of dimension {dim}")
     return int(dim), int(tag)
-
-
-def _impossible(numbers: Numbers, dim: int, tag: int) -> ReadError:
-    return numbers.error(f"there cannot be an entity {tag} of dimension {dim}")
