@@ -84,7 +84,7 @@ quick: $(INSTALLED) ## a choice of tests of every package, in less than a minute
 portable: $(INSTALLED) ## the tests of the numbers as other processors compute them, a line for each (half an hour)
 	$(BIN)/python tools/portable.py
 
-fuzz: $(INSTALLED) ## all cases of bad input and of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
+fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
 	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz
 	$(BIN)/python -m tests.fuzz
 

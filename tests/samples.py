@@ -1,4 +1,8 @@
-"""Share of the cases of a test in `make test`; `make fuzz`, which sets LACMESH_FUZZ, or `make verify` takes all."""
+"""Share of the cases of a test in `make test`: a few random tries of many, and a few of a product's options.
+
+`samples` is a number of random tries; `make fuzz`, which sets LACMESH_FUZZ, makes them all. `each_option` thins a list
+of cases; `make verify`, which runs what is marked slow, tries the others.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +14,9 @@ import pytest
 FUZZ = os.environ.get("LACMESH_FUZZ") == "1"
 
 
-def samples(few, all_of_them):
-    """Choose between two numbers of cases; a test that calls this is marked `fuzz`, by which `make fuzz` finds it."""
-    return all_of_them if FUZZ else few
-
-
-def one_in(n, cases):
-    """List every n-th case, or all cases; a test that calls this is marked `fuzz`."""
-    every = list(cases)
-    return every if FUZZ else every[::n]
-
-
-def one_of_each(cases, key):
-    """List the first case of every key, or all cases; a test that calls this is marked `fuzz`."""
-    every, firsts = list(cases), {}
-    for case in every:
-        firsts.setdefault(key(case), case)
-    return every if FUZZ else list(firsts.values())
+def samples(few, many):
+    """Choose between two numbers of tries; a test that calls this is marked `fuzz`, by which `make fuzz` finds it."""
+    return many if FUZZ else few
 
 
 def each_option(cases, of=enumerate):
@@ -36,13 +26,15 @@ def each_option(cases, of=enumerate):
     always that with most options that none has yet; of several, that whose options are rarest so far.
     """
     every = list(cases)
-    options = [[str(option) for option in of(case)] for case in every]
+    options = [tuple(str(option) for option in of(case)) for case in every]
+    left = [options.index(own) for own in dict.fromkeys(options)]  # of cases with the same options the first
     uses, quick = Counter(), set()
 
     def worth(k):
         return sum(not uses[option] for option in options[k]), -sum(uses[option] for option in options[k])
 
-    while (best := max(range(len(every)), key=worth)) not in quick and worth(best)[0]:
-        quick.add(best)
+    while left:
+        quick.add(best := max(left, key=worth))
         uses.update(options[best])
+        left = [k for k in left if worth(k)[0]]
     return [pytest.param(*case, marks=[pytest.mark.slow] * (k not in quick)) for k, case in enumerate(every)]

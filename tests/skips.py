@@ -13,7 +13,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -34,10 +33,15 @@ def all_needed():
     return os.environ.get("LACMESH_ALL") == "1"
 
 
-@cache
+#: need -> why what it asks for is absent, or None, as far as it is known
+_known = {}
+
+
 def absence(need):
     """Reason why `need` is not available on this machine, or None."""
-    return NEEDS[need]()
+    if need not in _known:
+        _known[need] = NEEDS[need]()
+    return _known[need]
 
 
 def shared_folder():
@@ -141,10 +145,8 @@ FORGIVEN = (
 
 def missing(item):
     """List the requirements of a test that this machine lacks: (need, why) pairs."""
-    needs = [n for n in NEEDS if item.get_closest_marker(n)]
-    if "shared" in getattr(item, "fixturenames", ()) and "shared" not in needs:
-        needs.append("shared")
-    return [(need, absence(need)) for need in needs if absence(need)]
+    words = {marker.name for marker in item.iter_markers()} | ({"shared"} & {*getattr(item, "fixturenames", ())})
+    return [(need, absence(need)) for need in NEEDS if need in words and absence(need)]
 
 
 def forgiven(need):
@@ -157,12 +159,18 @@ class Tally:
 
     def __init__(self, config):
         self.config = config
+        _known.update(getattr(config, "workerinput", {}).get("absence", {}))
         self.skipped = self.expected = self.files = 0
 
     @property
     def worker(self):
         """Dictionary in which a worker of pytest-xdist leaves data for its controller; None in other processes."""
         return getattr(self.config, "workeroutput", None)
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_configure_node(self, node):
+        """Tell a worker what is absent, lest each draws a picture to know it."""
+        node.workerinput["absence"] = {need: absence(need) for need in NEEDS}
 
     def pytest_itemcollected(self, item):
         """Mark the examples that draw: they stand in docstrings, where no mark can be set."""
@@ -180,9 +188,10 @@ class Tally:
 
     def pytest_collection_finish(self, session):
         """Count what is to be skipped, once deselected tests are gone."""
-        self.expected = sum(
-            all(forgiven(need) for need, _ in lacks) for item in session.items if (lacks := missing(item))
-        )
+        if not self.config.option.collectonly:
+            self.expected = sum(
+                all(forgiven(need) for need, _ in lacks) for item in session.items if (lacks := missing(item))
+            )
 
     def pytest_collectreport(self, report):
         """Count files skipped whole: none is expected."""

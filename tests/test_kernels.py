@@ -20,7 +20,7 @@ from lacmesh.kernels import Kernel, kept
 from lacmesh.kernels.signatures import FILE, compile_signature, declared, described
 from lacmesh.kernels.threads import in_threads, worthwhile
 from tests.kernels_to_try import DATA
-from tests.samples import one_in, samples
+from tests.samples import each_option, samples
 from tests.small_kernels import double, fractions
 from tools.record_kernels import recorded
 
@@ -203,9 +203,8 @@ COMMANDS = {
 }
 
 
-@pytest.mark.fuzz
 @pytest.mark.parametrize(
-    ("name", "debug"), one_in(2, [("check", "1"), *((name, "0") for name in COMMANDS), ("run", "1")])
+    ("name", "debug"), each_option([*((name, "0") for name in COMMANDS), ("check", "1"), ("run", "1")])
 )
 def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path):
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "NUMBA_DISABLE_JIT": debug, "PYTHONPATH": str(ROOT)}

@@ -13,7 +13,7 @@ HERE = Path(__file__).resolve().parent
 TESTS = """
 import pytest
 from tests import skips
-skips.NEEDS["medcoupling"] = lambda: {absent!r}
+skips._known["medcoupling"] = {absent!r}
 
 @pytest.mark.shared
 def test_marked(): raise AssertionError

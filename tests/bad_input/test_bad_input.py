@@ -20,7 +20,7 @@ from tests.bad_input import case, page, stop_cases, tool_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD
 from tests.bad_input.corpus import all_cases
-from tests.samples import one_of_each, samples
+from tests.samples import each_option
 
 
 @cache
@@ -36,9 +36,12 @@ def holds(one, outcome):
     assert the_page().get(key) == said, "run: python -m tests.bad_input.page"
 
 
-def parameters(cases):
-    """Cases for pytest, marked by the package that they need."""
-    return [pytest.param(c, id=c.key, marks=[getattr(pytest.mark, c.needs)] if c.needs else []) for c in cases]
+def parameters(rows):
+    """Parameters of pytest with a case each, named by it, and marked by the package that it needs."""
+    return [
+        pytest.param(one, id=one.key, marks=[*marks, *([getattr(pytest.mark, one.needs)] if one.needs else [])])
+        for (one,), marks, _ in rows
+    ]
 
 
 @pytest.fixture
@@ -48,13 +51,13 @@ def folder():
         yield Path(name)
 
 
-def reader_and_error(one):
-    """Key of a case that tries a reader; a case of any format tries the command, and has a key of its own."""
-    return one.format, one.kind, one.command[0], one.status, one.what if one.format == "any" else ""
+def reader_and_error(row):
+    """Option of a case: what it tries of a reader. One of any format tries the command, and has its own."""
+    (one,) = row
+    return [(one.format, one.kind, one.command[0], one.status, one.what if one.format == "any" else "")]
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("one", parameters(one_of_each(all_cases(), reader_and_error)))
+@pytest.mark.parametrize("one", parameters(each_option(((one,) for one in all_cases()), of=reader_and_error)))
 def test_one_sentence_and_nothing_left(one, folder):
     outcome = case.run(one, folder)
     holds(one, outcome)
@@ -68,7 +71,9 @@ def damaged_files():
     return [c for c in all_cases() if c.status == 3 and c.format not in ("any", "STEP", "IGES", "BREP", "STL", "geo")]
 
 
-@pytest.mark.parametrize("one", parameters(c for c in damaged_files() if c.command in (case.CUT, case.INFO)))
+@pytest.mark.parametrize(
+    "one", parameters(pytest.param(c) for c in damaged_files() if c.command in (case.CUT, case.INFO))
+)
 def test_the_reader_says_what_the_command_says(one, folder):
     with contextlib.chdir(folder), case.alarm(case.SECONDS), case.room(case.BYTES), warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)
@@ -79,34 +84,32 @@ def test_the_reader_says_what_the_command_says(one, folder):
 
 
 def every_command():
-    """Each defect with each command, or with a third of them by turns."""
-    step = samples(3, 1)
-    for k, (name, defect) in enumerate(one_of_each(tool_cases.readable(), lambda pair: pair[1].what)):
-        commands = list(tool_cases.EVERY.items())[k % step :: step]
-        yield pytest.param(name, defect, commands, id=f"{name}: {defect.what}")
+    """Each defect, in a file of each format, with a third of the commands by turns."""
+    rows = [(name, defect, turn) for name, defect in tool_cases.readable() for turn in range(3)]
+    for row in each_option(rows, of=lambda row: [row[1].what, row[2]]):
+        name, defect, turn = row.values
+        yield pytest.param(*row.values, marks=row.marks, id=f"{name}: {defect.what}, {turn}")
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "defect", "commands"), [*every_command()])
-def test_every_command_takes_what_can_be_read(name, defect, commands, tmp_path):
+@pytest.mark.parametrize(("name", "defect", "turn"), [*every_command()])
+def test_every_command_takes_what_can_be_read(name, defect, turn, tmp_path):
     """No exception, one sentence where there is an error, nothing left: whatever is wrong with the mesh."""
     content = tool_cases.spoilt(name, defect)
-    for what, words in commands:
+    for what, words in [*tool_cases.EVERY.items()][turn::3]:
         folder = tmp_path / what
         folder.mkdir()
         outcome = case.run(Case("", name, defect.what, content, "", command=words), folder)
         assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
-def stops():
-    """Both signals at every stage, or one of them by turns."""
-    turns = sorted(stop_cases.cases(), key=lambda stop: (stop_cases.STAGES.index(stop.stage) + stop.number) % 2)
-    return one_of_each(turns, lambda stop: stop.stage.what)
+STOPS = {stop.key: stop for stop in stop_cases.cases()}
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("stop", stops(), ids=lambda c: c.key)
-def test_stopped(stop, tmp_path):
+@pytest.mark.parametrize(
+    "key", each_option([(key,) for key in STOPS], of=lambda row: (STOPS[row[0]].stage.what, STOPS[row[0]].number))
+)
+def test_stopped(key, tmp_path):
+    stop = STOPS[key]
     outcome = stop_cases.run(stop, tmp_path)
     assert len(outcome.lines) == 1
     holds(stop, outcome)
@@ -134,7 +137,7 @@ def selected() -> list[Case]:
     return list(dict.fromkeys(found.values()))
 
 
-@pytest.mark.parametrize("one", parameters(selected()))
+@pytest.mark.parametrize("one", parameters(map(pytest.param, selected())))
 def test_in_a_process_of_its_own(one, tmp_path):
     """The installed command behaves alike, up to the end of its process."""
     args = case.made(one, tmp_path)

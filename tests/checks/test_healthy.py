@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from lacmesh.checks import check
 from lacmesh.cutting.patterns import WHOLE_FACES
 from tests.checks import healthy
 from tests.checks.blocks import SOLIDS, cut_blocks, two_blocks
-from tests.samples import one_of_each, samples
+from tests.samples import each_option
 
 PLANE = [name for name in SOLIDS if CELLS[name].dim == 2]
 SOLID = [name for name in SOLIDS if CELLS[name].dim == 3]
@@ -49,22 +50,18 @@ def all_well_before_and_after(mesh, slave="slave", master="master", held=(), but
             assert after.summary["covered"] > 0.99
 
 
-#: a type of each family, or all
-SOME = one_of_each(SOLIDS, lambda name: CELLS[name].family)
-#: the largest shape, for one type of each family and order
-LARGE = samples(("HEXA8",), ("TETRA10", "HEXA8", "HEXA20", "PENTA6", "PYRAM13"))
+#: every type, one of each family in short
+EVERY = pytest.mark.parametrize(
+    "name", each_option([(name,) for name in SOLIDS], of=lambda row: [CELLS[row[0]].family])
+)
 
 
-def shapes():
-    """Every type in every shape, or in one by turns; the largest shape for some types."""
-    others = [shape for shape in SHAPES if shape != "torus"]
-    for k, name in enumerate(SOLID):
-        yield from ((name, shape) for shape in samples((others[k % 4],), others))
-        yield from [(name, "torus")] if name in LARGE else []
+#: every type in every shape, the largest of which is tried with one type of each family and order
+IN_SHAPES = [(name, shape) for name in SOLID for shape in SHAPES if shape != "torus"]
+IN_SHAPES += [(name, "torus") for name in ("HEXA8", "TETRA10", "HEXA20", "PENTA6", "PYRAM13")]
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "shape"), [*shapes()])
+@pytest.mark.parametrize(("name", "shape"), each_option(IN_SHAPES))
 def test_bodies_of_other_shapes(name, shape):
     n, m, gap, reach, held = SHAPES[shape]
     mesh = healthy.bent(healthy.layers(name, n, m, gap, reach), getattr(healthy, shape))
@@ -72,8 +69,7 @@ def test_bodies_of_other_shapes(name, shape):
     all_well_before_and_after(mesh, held=held, but=("poor-cell",) if shape == "torus" else ())
 
 
-@pytest.mark.parametrize("axisymmetric", [False, True])
-@pytest.mark.parametrize("name", PLANE)
+@pytest.mark.parametrize(("name", "axisymmetric"), each_option(itertools.product(PLANE, (False, True))))
 def test_plane_bodies(name, axisymmetric):
     ring = healthy.bent(healthy.layers(name, (12, 2), (16, 2), 0.2), healthy.ring)
     shifted = replace(ring, points=ring.points + np.array([10, 0, 0]))
@@ -83,20 +79,17 @@ def test_plane_bodies(name, axisymmetric):
     all_well_before_and_after(healthy.plane_elsewhere(two_blocks(name, reach=0.2)), held=("fixed",))
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", SOME)
+@EVERY
 def test_a_skin_that_goes_all_round(name):
     all_well_before_and_after(healthy.all_round(name), master=None)
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", SOME)
+@EVERY
 def test_one_body_that_meets_itself(name):
     all_well_before_and_after(healthy.slot(name))
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", SOME)
+@EVERY
 def test_skins_that_touch(name):
     """Slave and master at one place, node on node, where nothing is known of the master and where it is."""
     mesh = two_blocks(name, gap=0.0, matching=True)
@@ -104,8 +97,7 @@ def test_skins_that_touch(name):
         all_well_before_and_after(mesh, master=master, held=("fixed",))
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", SOME)
+@EVERY
 def test_orientation_is_healed(name):
     mesh = two_blocks(name, reach=0.2)
     all_well(orient(orient(cut_blocks(name, reach=0.2), "slave"), "master"), "slave", "master")

@@ -13,7 +13,7 @@ from lacsolver.contact.anchors import Anchors, renewed, slip
 from lacsolver.contact.tangent import motion_of
 from tests.lacsolver.test_interface import PAIRS, wavy
 from tests.lacsolver.test_tangent import ANY, MEASURES, NORMALS, STRAIGHT
-from tests.samples import each_option, one_in
+from tests.samples import each_option
 
 #: of a difference
 STEP, EXACT = 1e-5, 1e-9
@@ -61,8 +61,7 @@ def error(case, slip_at, x):
     return np.abs(slip_at(x).D_T @ v[:, : case.dim].ravel() - want).max() / np.abs(want).max()
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("pair, measure, normals", one_in(5, OPTIONS), ids=str)
+@pytest.mark.parametrize("pair, measure, normals", each_option(OPTIONS), ids=str)
 def test_the_derivative(pair, measure, normals):
     """Anchors in a state that is far from theirs; there S is 0."""
     case = Anchored(pair, measure, normals)
@@ -133,8 +132,7 @@ def test_without_anchors_slip_is_that_since_the_last_state(pair, normals):
     np.testing.assert_allclose(mixed.S[0], none.S[0], atol=1e-16)
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("pair, measure, normals", one_in(3, itertools.product(ANY, MEASURES, NORMALS)), ids=str)
+@pytest.mark.parametrize("pair, measure, normals", each_option(itertools.product(ANY, MEASURES, NORMALS)), ids=str)
 def test_the_derivative_without_anchors(pair, measure, normals):
     """In front of one face of the master the integrals are exact; the last state is far away."""
     case = Anchored(pair, measure, normals, counts=(2, 1))

@@ -17,6 +17,7 @@ from lacmesh.cells import CELLS
 from lacsolver.cli import main
 from lacsolver.problem.problem import Problem
 from tests.coarse_rings import rings
+from tests.samples import each_option
 from verification.exact.lame import Fit, Shell
 from verification.solving import solve
 
@@ -77,20 +78,25 @@ def mean(zone):
     return float(np.average(zone.pressure, weights=zone.area))
 
 
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
+#: cells, faces of the inner and the outer ring, the error that the mean pressure may have
+FITS = [
+    ("QUAD4", 6, 6, 0.26),
+    ("QUAD4", 6, 12, 0.18),
+    ("QUAD4", 8, 8, 0.15),
+    ("QUAD4", 8, 12, 0.14),
+    ("QUAD4", 12, 8, 0.12),
+    ("TRIA3", 8, 12, 0.2),
+    ("HEXA8", 8, 12, 0.16),
+    ("PENTA6", 8, 12, 0.23),
+    ("TETRA4", 8, 12, 0.23),
+]
+
+
 @pytest.mark.parametrize(
-    ("kind", "inner", "outer", "allowed"),
-    [
-        ("QUAD4", 6, 6, 0.26),
-        ("QUAD4", 6, 12, 0.18),
-        ("QUAD4", 8, 8, 0.15),
-        ("QUAD4", 8, 12, 0.14),
-        ("QUAD4", 12, 8, 0.12),
-        ("TRIA3", 8, 12, 0.2),
-        ("HEXA8", 8, 12, 0.16),
-        ("PENTA6", 8, 12, 0.23),
-        ("TETRA4", 8, 12, 0.23),
-    ],
+    ("kind", "inner", "outer", "allowed", "normals"),
+    each_option(
+        ((*fit, normals) for fit in FITS for normals in ("facet", "smoothed")), of=lambda row: [row[:3], row[4]]
+    ),
 )
 def test_press_fits_of_few_faces(kind, inner, outer, allowed, normals):
     mesh = pressed(kind, inner, outer)

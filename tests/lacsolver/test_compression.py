@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import warnings
 
 import numpy as np
@@ -21,6 +22,7 @@ from tests.lacsolver.deck_texts import imported, section, step
 from tests.lacsolver.distributed.mpi import in_ranks, own_lines
 from tests.lacsolver.mode_cases import block, hold
 from tests.lacsolver.test_import import COLUMN
+from tests.samples import each_option
 
 BODY = 'mesh = "body.msh"\nmodel = "{model}"\nkinematics = "finite"\n'
 BODY += '[[material]]\nlaw = "{law}"\nyoung = 100.0\npoisson = 0.3\n'
@@ -52,8 +54,7 @@ def told(tmp_path, case, mesh):
     return said
 
 
-@pytest.mark.parametrize("model", SIDES)
-@pytest.mark.parametrize("stretch", [0.75, 0.69, 0.5])
+@pytest.mark.parametrize(("model", "stretch"), each_option(itertools.product(SIDES, (0.75, 0.69, 0.5))))
 def test_a_body_that_is_pressed(model, stretch, tmp_path):
     said = told(tmp_path, pressed(model, f'"{stretch - 1} * t"', more="[steps]\ncount = 4\n"), body_of(model))
     if stretch > 0.7:

@@ -22,6 +22,7 @@ from tests.lacsolver.contact_cases import (
     stresses,
 )
 from tests.lacsolver.patch_meshes import block, joined, placed, stack, three_blocks
+from tests.samples import each_option
 
 #: (slave, master, model): one of each model, and cells that differ
 PAIRS = [
@@ -75,8 +76,10 @@ def test_bilateral_contact_pulls(slave, master, model):
     assert (zone.status == CONTACT).all()
 
 
-@pytest.mark.parametrize("slave, master, model", PAIRS)
-@pytest.mark.parametrize("initial", ["gap", "all", "none"])
+@pytest.mark.parametrize(
+    "slave, master, model, initial",
+    each_option((*pair, initial) for pair in PAIRS for initial in ("gap", "all", "none")),
+)
 def test_unilateral_contact_lets_go(slave, master, model, initial):
     """The upper block is lifted as it is, the lower one does not follow."""
     mesh, fixed, up = blocks(slave, master, model)
@@ -95,8 +98,10 @@ def test_interference_presses_blocks_together(slave, master, model):
     check_uniform(problem, state, modulus(model) * 0.01 / 2)
 
 
-@pytest.mark.parametrize("slave, master, model", PAIRS)
-@pytest.mark.parametrize("gap, clearance", [(0.1, -0.04), (0.0, 0.06), (0.06, 0.0)])
+@pytest.mark.parametrize(
+    "slave, master, model, gap, clearance",
+    each_option((*pair, *opening) for pair in PAIRS for opening in ((0.1, -0.04), (0.0, 0.06), (0.06, 0.0))),
+)
 def test_a_clearance_is_closed_before_anything_presses(slave, master, model, gap, clearance):
     """0.06 in all, real or by `clearance`, closed by 0.05 and by 0.08."""
     mesh, fixed, up = blocks(slave, master, model, gap=gap)

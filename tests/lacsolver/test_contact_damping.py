@@ -46,7 +46,7 @@ def even(count, end=4.0):
     return end * np.arange(1, count + 1) / count
 
 
-@pytest.mark.parametrize("dynamics", ["", 'scheme = "newmark"\n'])
+@pytest.mark.parametrize("dynamics", ["", pytest.param('scheme = "newmark"\n', marks=pytest.mark.slow)])
 def test_the_damped_oscillator(dynamics):
     """Overlaps are those of the exact damped oscillation, with errors that fall with the square of the step."""
     errors = []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from lacsolver.results.state import CONTACT, OPEN
 from tests.lacsolver.bodies import raised, square
 from tests.lacsolver.contact_cases import JOINT, POISSON, SLIDING, YOUNG, held, only, resultant, stresses
 from tests.lacsolver.patch_meshes import block, joined, stack
+from tests.samples import each_option
 
 GROUND = held("bottom", uz=0.0)
 FACES = ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
@@ -46,8 +49,7 @@ def rigid(**values):
     return f'[[rigid]]\ngroup = "master"\n{lines}'
 
 
-@pytest.mark.parametrize("kind", ["HEXA8", "TETRA10", "HEXA27"])
-@pytest.mark.parametrize("face", FACES)
+@pytest.mark.parametrize(("kind", "face"), each_option(itertools.product(("HEXA8", "TETRA10", "HEXA27"), FACES)))
 def test_a_plate_that_is_moved_presses_evenly(kind, face):
     problem, state = only(under_a_plate(kind, face), JOINT + SLIDING + GROUND + rigid(uz=-0.01))
     (zone,) = state.zones

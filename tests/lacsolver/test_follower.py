@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lacmesh.cells import CELLS
 from lacsolver.problem import loads
 from tests.lacsolver.bodies import PAIRS, PLANE_MODELS
 from tests.lacsolver.test_finite import by_differences
 from tests.lacsolver.test_loads import curved
+from tests.samples import each_option
 
 
 def deformed(space, u):
@@ -22,12 +24,15 @@ def varying(x, t):
     return t + x[:, 0] * x[:, 1]
 
 
+def options_of(row):
+    """The kinds of faces that are pressed, each in its model, and the pressure."""
+    name, model, value = row
+    return [*((facet.type, model) for facet in CELLS[name].facets), value]
+
+
 @pytest.mark.parametrize(
     ("name", "model", "value"),
-    [
-        *((name, model, varying) for name, model in PAIRS),
-        *((*pair, 3.0) for pair in {m: (n, m) for n, m in PAIRS}.values()),
-    ],
+    each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=options_of),
 )
 def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
     space, skin = curved(name, model)

@@ -71,6 +71,7 @@ def test_cylinders_stick_where_cattaneo_and_mindlin_say():
     assert zone.shear_vector[:, 0] @ zone.area == pytest.approx(0.93616, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_page_is_what_its_commands_do(tutorials, tmp_path):
     done = list(tutorials.run_page(TUTORIALS / "friction.md", tmp_path))
     assert shows_what_the_page_shows(done)

@@ -6,6 +6,7 @@ block that stands on the top of a hump, on one macro-element.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from lacsolver.results.state import CONTACT
 from tests.lacsolver import finite_cases
 from tests.lacsolver.contact_cases import HEAD, JOINT, check, held, pressed
 from tests.lacsolver.patch_meshes import placed, stack
+from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
 HARD = Path(__file__).parent / "hard"
@@ -53,8 +55,7 @@ def test_a_chain_of_blocks_on_soft_springs(stiffness):
         assert force.sum() == pytest.approx(1.7072, rel=1e-9)
 
 
-@pytest.mark.parametrize("tolerance", ["1e-6", "1e-10", "1e-14"])
-@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize(("number", "tolerance"), each_option(itertools.product((1, 2, 3), ("1e-6", "1e-10", "1e-14"))))
 def test_blocks_on_soft_springs(number, tolerance):
     """Gaps close to rounding, whatever the tolerance: the noise of forces in balance does not move soft bodies."""
     _, states = states_of(f"soft_springs_{number}", lambda text: f"{text}\n[solver]\ntolerance = {tolerance}\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
-from tests.samples import each_option, samples
+from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
 #: of figures, relative; of coordinates that are rounded, against the shift over the size of a cell
@@ -40,9 +41,7 @@ def check(name, world, allowed=EXACT, one=None, iterations=True):
     assert same or not iterations
 
 
-@pytest.mark.fuzz
-@MODELS
-@pytest.mark.parametrize(("length", "stress"), samples(UNITS[:1], UNITS))
+@pytest.mark.parametrize(("name", "length", "stress"), each_option((name, *units) for name in CASES for units in UNITS))
 def test_in_other_units(name, length, stress):
     check(name, replace(CASES[name].world, length=length, stress=stress))
 
@@ -54,9 +53,7 @@ def options_of(row):
     return case.model, case.finite, (case.model, "smoothed" in text), "* (x - " in text
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", each_option([(name,) for name in CASES], of=options_of))
-@pytest.mark.parametrize("far", samples(FAR[:1], FAR))
+@pytest.mark.parametrize(("name", "far"), each_option(itertools.product(CASES, FAR), of=options_of))
 def test_somewhere_else(name, far):
     """Compared with the model whose coordinates are rounded as they are there, where it stands."""
     case = CASES[name]

@@ -134,7 +134,7 @@ value = 50.0
 @pytest.mark.parametrize("model", MODELS)
 def test_the_loads_of_a_case_follow_where_they_are_told_to(model):
     case = parse_case(FOLLOWED.format(model=model), "press.toml")
-    mesh = with_sides(cube("HEXA20", 1) if model == "3d" else square("QUAD8", 1))
+    mesh = with_sides(cube("HEXA8", 1) if model == "3d" else square("QUAD8", 1))
     space = Space.of(mesh, model)
     materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
     u = 0.3 * shaken(space, 0.02)

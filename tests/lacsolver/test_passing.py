@@ -169,7 +169,7 @@ def test_a_rigid_body_that_is_moved_through_is_an_error():
         list(march(Problem.of(case(2, rigid + moved), block_over_plate(2))))
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 5])
 def test_a_block_that_is_thrown_at_a_thin_plate_comes_back(count):
     """Any number of steps: the plate stops it, and gives it nearly the same impulse, that of 200 steps: 4.72."""
     motion = f'[[initial]]\ngroups = ["block"]\nvy = -10.0\n[dynamics]\n[steps]\nend = 0.2\ncount = {count}\n'

@@ -9,6 +9,7 @@ import pytest
 
 import lacsolver as ls
 from lacmesh import write
+from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacsolver.bodies.finite import thermal_stretches
 from lacsolver.bodies.locking import locking
@@ -30,7 +31,7 @@ from tests.lacsolver.bodies import PAIRS, body, one_cell
 from tests.lacsolver.held import with_sides
 from tests.lacsolver.test_finite import by_differences, shaken
 from tests.quality_cells import rotation
-from tests.samples import one_in
+from tests.samples import each_option
 
 YOUNG, NU, Y0, SLOPE, H = 1000.0, 0.3, 2.0, 100.0, 50.0
 TABLE = ((Y0, 0.0), (3.0, 0.01), (3.0, 0.02), (4.0, 0.1))
@@ -162,9 +163,9 @@ CELLS_AND_MODELS = [("HEXA8", "3d"), ("PENTA6", "3d"), ("PYRAM5", "3d"), ("TETRA
 CELLS_AND_MODELS += [("QUAD4", "plane_strain"), ("QUAD4", "axisymmetric"), ("QUAD4", "plane_stress")]
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("make", LAWS)
-@pytest.mark.parametrize(("name", "model"), one_in(2, CELLS_AND_MODELS))
+@pytest.mark.parametrize(
+    ("name", "model", "make"), each_option((*row, make) for row in CELLS_AND_MODELS for make in LAWS)
+)
 def test_the_tangent_of_a_cell_is_the_derivative_of_its_forces(name, model, make):
     """Distorted and warm, after a history, with mean dilatation where it is linear."""
     space = Space.of(one_cell(name, 0.1), model)
@@ -227,9 +228,13 @@ MOVES = ((0.0, 0.0), (1.0, 0.01), (2.0, 0.0085), (3.0, -0.01), (4.0, 0.015))
 
 
 @pytest.mark.filterwarnings("ignore:law = .plastic. makes:lacmesh.errors.LacmeshWarning")
-@pytest.mark.fuzz
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-@pytest.mark.parametrize(("name", "model"), one_in(5, [pair for pair in PAIRS if pair[1] != "plane_strain"]))
+@pytest.mark.parametrize(
+    ("name", "model", "kinematics"),
+    each_option(
+        ((*pair, kinematics) for pair in PAIRS if pair[1] != "plane_strain" for kinematics in ("small", "finite")),
+        of=lambda row: [(CELLS[row[0]].family, row[1]), row[1:]],
+    ),
+)
 def test_a_bar_is_pulled_unloaded_pushed_and_pulled(name, model, kinematics):
     """The exact solution; if finite in logarithmic strain, and Cauchy's stress is Kirchhoff's over the volume."""
     text, mesh = bar(name, model, kinematics, MOVES)

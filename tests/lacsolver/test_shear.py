@@ -13,7 +13,7 @@ from lacsolver.contact.shear import first_directions
 from tests.lacsolver.patch_meshes import placed, stack
 from tests.lacsolver.test_interface import PAIRS, rigid_motions, wavy, zone_of
 from tests.lacsolver.test_tangent import MEASURES, NORMALS, raised
-from tests.samples import one_in
+from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
 #: every family of faces that a slave or a master can have
@@ -35,8 +35,7 @@ def moved(slave, master, dim, measure="reference", normals="facet", *, smooth=Fa
     return zone, x, integrate(zone, dim, pairing, x=x)
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("pair, measure, normals, smooth", one_in(3, OPTIONS), ids=str)
+@pytest.mark.parametrize("pair, measure, normals, smooth", each_option(OPTIONS), ids=str)
 def test_forces_and_moments_balance(pair, measure, normals, smooth):
     """A rigid motion of both skins is no slip, across gaps, of curved and smooth skins and with any normals."""
     zone, x, face = moved(*pair, measure, normals, smooth=smooth)

@@ -20,7 +20,7 @@ from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
-from tests.samples import one_in
+from tests.samples import each_option
 
 #: of a central difference
 STEP, EXACT = 1e-6, 1e-8
@@ -31,6 +31,12 @@ STRAIGHT = [("QUAD4", "TRIA3", 2), ("TRIA3", "QUAD4", 2), ("TETRA4", "TETRA4", 3
 ANY = [("QUAD4", "QUAD4", 2), ("QUAD8", "TRIA6", 2), ("TETRA4", "HEXA8", 3), ("TETRA10", "HEXA20", 3)]
 
 
+def options_of(row):
+    """The pair of a row, and each of its options with the dimension."""
+    pair, options = row
+    return [pair, *((pair[2], *option) for option in options.items())]
+
+
 def every(pairs, normals=NORMALS):
     """Mark a test to try each pair with each measure and normal, in a plane about an axis too."""
     options = [
@@ -38,7 +44,7 @@ def every(pairs, normals=NORMALS):
         for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
         if not (a and pair[2] == 3)
     ]
-    return lambda test: pytest.mark.fuzz(pytest.mark.parametrize("pair, options", one_in(3, options), ids=str)(test))
+    return pytest.mark.parametrize("pair, options", each_option(options, of=options_of), ids=str)
 
 
 def raised(surface):

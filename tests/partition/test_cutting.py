@@ -16,7 +16,7 @@ from lacmesh.partition.bisection import bisect
 from tests.lacsolver.bodies import body, mixture, plane_mixture
 from tests.meshes import facets_of, random_mesh
 from tests.partition.compare import differences
-from tests.samples import samples
+from tests.samples import each_option
 
 BLOCKS = "data/two_blocks.msh"
 
@@ -78,9 +78,7 @@ def of_one_body(owners):
 FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-@pytest.mark.fuzz
-@pytest.mark.parametrize("n", samples([3], [1, 2, 3, 8]))
+@pytest.mark.parametrize(("name", "n"), each_option(product(FAMILIES, (3, 2, 1, 8))))
 def test_parts_of_every_family(name, n):
     mesh = with_slave(body(name, 2), of_one_body)
     for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):
@@ -94,14 +92,7 @@ def test_interfaces_inside_a_body_are_cut_on_both_sides(name):
         check(mesh, 4, hexa=hexa)
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize(
-    ("order", "hexa"),
-    samples(
-        [("1", "auto"), ("2", "hexa"), ("2-full", "pyramid")],
-        [*product(("1", "2", "2-full"), ("pyramid", "hexa", "auto"))],
-    ),
-)
+@pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
 def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
     """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
     check(with_slave(mixture(order), of_one_body), 5, hexa=hexa)

@@ -17,7 +17,7 @@ from lacmesh.smooth.heights import smooth_of
 from lacmesh.smooth.parents import inverse, parents_of
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
-from tests.samples import samples
+from tests.samples import each_option
 from tests.smooth.skins import (
     LEVEL,
     along,
@@ -103,11 +103,7 @@ def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
     assert errors[-1][0] < 0.02 * errors[-1][1]
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize(
-    ("surface", "kind"),
-    samples([*zip((ellipsoid, saddle, waves), KINDS, strict=True)], [*product((ellipsoid, saddle, waves), KINDS)]),
-)
+@pytest.mark.parametrize(("surface", "kind"), each_option(product((ellipsoid, saddle, waves), KINDS)))
 def test_heights_of_a_free_form(surface, kind):
     """O(h^3) inside, on meshes whose nodes stand anywhere; not much less at the rim, where fits are one-sided."""
     found, errors = rate(surface, kind, (8, 32), lambda n, kind: inner(n, kind))

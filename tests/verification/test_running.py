@@ -21,7 +21,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lacmesh.errors import RequestError, WriteError
-from tests.samples import samples
 from tests.verification.fakes import Given, command, outcome_of, planned, ran
 from verification import families
 from verification.records import Case, Family, Outcome, Picture, informative
@@ -92,8 +91,7 @@ ENDS = {
 }
 
 
-@pytest.mark.fuzz
-@pytest.mark.parametrize("jobs", samples([2], [1, 2]))
+@pytest.mark.parametrize("jobs", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_no_case_stops_the_others(prepared, folder, monkeypatch, jobs):
     monkeypatch.setattr(pool, "PATIENCE", 8)  # a worker is there within a tenth of a second, idle
     made, _ = run(planned(prepared, ["good", *ENDS, "missed", "last"]), folder, jobs)

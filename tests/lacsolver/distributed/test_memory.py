@@ -5,12 +5,11 @@ from __future__ import annotations
 import pytest
 
 from tests.lacsolver.distributed.mpi import printed
-from tests.samples import samples
 
 #: what is traced takes a minute, so that it is for `make verify`
 pytestmark = [pytest.mark.petsc, pytest.mark.slow]
 #: processes that are watched; the first one writes the states and prints
-FIXED = samples((0,), (0, 1))
+FIXED = (0, 1)
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +19,6 @@ def told(tmp_path_factory):
     return {line["fixed"]: line for line in lines}
 
 
-@pytest.mark.fuzz
 @pytest.mark.parametrize("fixed", FIXED)
 def test_no_allocation_grows_with_the_part_of_another_process(told, fixed):
     """The first process writes the states, and gathers nothing else either.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from lacsolver.contact.friction import Bounds, defect
 from lacsolver.matrices import read_matrices, write_matrices
 from tests.lacsolver.friction.small import coulomb, half_space, solve
 from tests.lacsolver.friction.test_output import rubbed
+from tests.samples import each_option, samples
 from verification.exact.coulomb import condensed, lemke
 
 POINTS = 12
@@ -28,7 +30,8 @@ def problem(seed, tangents):
     return K, B, f, rng.uniform(0, 0.5, POINTS), slip, rng.choice([0.1, 0.3, 0.6, 1.0])
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.fuzz
+@pytest.mark.parametrize("seed", range(samples(20, 200)))
 def test_plane_is_as_lemke_finds_it(seed):
     K, B, f, G, slip, mu = problem(seed, 1)
     outcome = solve(K, B, f, G, coulomb(mu, POINTS), 1, slip=slip)
@@ -37,10 +40,10 @@ def test_plane_is_as_lemke_finds_it(seed):
     np.testing.assert_allclose(outcome.iterate.p, np.concatenate([p, t.ravel()]), atol=1e-10)
 
 
-@pytest.mark.parametrize("limit", [np.inf, 0.2])
-@pytest.mark.parametrize("cohesion", [0.0, 0.1])
-@pytest.mark.parametrize("tangents", [1, 2])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    ("seed", "tangents", "cohesion", "limit"),
+    each_option(itertools.product(range(6), (1, 2), (0.0, 0.1), (np.inf, 0.2)), of=lambda row: [row[0], row[1:]]),
+)
 def test_the_law_is_fulfilled(seed, tangents, cohesion, limit):
     K, B, f, G, slip, mu = problem(100 + seed, tangents)
     bounds = Bounds(np.full(POINTS, mu), np.full(POINTS, cohesion), np.full(POINTS, limit))

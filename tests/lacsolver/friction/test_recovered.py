@@ -17,7 +17,10 @@ from verification.measures.norms import nodal_pressure_error
 
 
 @pytest.mark.parametrize(
-    ("cell", "turns"), each_option([("QUAD4", (0.6,)), ("QUAD8", (0.6,)), ("QUAD4", (0.6, -0.6)), ("TRIA3", (0.6,))])
+    ("cell", "turns"),
+    each_option(
+        [("TRIA3", (0.6,)), ("QUAD4", (0.6, -0.6)), ("QUAD4", (0.6,)), ("QUAD8", (0.6,))], of=lambda row: [row[1]]
+    ),
 )
 def test_cylinders_that_are_sheared(cell, turns):
     """The recovered traction has less than half of the error of the means, and less than that of the best constants."""
