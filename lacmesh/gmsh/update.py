@@ -25,9 +25,9 @@ from lacmesh.cutting.assemble import node_entities
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
-from lacmesh.formats.ids import Index, repeated
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh.notes import Notes
-from lacmesh.formats.msh.writer import add_numbers, names_of
+from lacmesh.formats.msh.writer import add_numbers, names_of, positive_numbers
 from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
 from lacmesh.gmsh.model import Read
@@ -106,9 +106,10 @@ def _in_parts(before: Read, mesh: Mesh) -> Mesh:
 
 
 def _apply(gmsh: Any, before: Read, mesh: Mesh, left_out: tuple[str, ...]) -> None:
-    mesh = replace(
-        mesh, node_number=_numbers(mesh.node_number, "nodes"), cell_number=_numbers(mesh.cell_number, "cells")
-    )
+    where = "in gmsh's model"
+    nodes = positive_numbers(mesh.node_number, "nodes", where)
+    cells = positive_numbers(mesh.cell_number, "cells", where)
+    mesh = replace(mesh, node_number=nodes, cell_number=cells)
     table = assign(mesh)
     tags = np.array([(e.dim, e.tag) for e in table.entities], np.int32).reshape(-1, 2)
     notes = Notes(mesh.n_nodes, mesh.n_cells)
@@ -132,14 +133,6 @@ def _apply(gmsh: Any, before: Read, mesh: Mesh, left_out: tuple[str, ...]) -> No
             gmsh.model.mesh.reclassifyNodes()
         notes.fields = views.write_views(gmsh, before.name, mesh, before.held, left_out)
         write_notes(gmsh, notes)
-
-
-def _numbers(numbers: Ints, what: str) -> Ints:
-    """A mesh's numbers; 1, 2 ... where they are not positive and distinct, as gmsh wants them."""
-    if len(numbers) and (numbers.min() < 1 or repeated(numbers) is not None):
-        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... in gmsh's model")
-        return np.arange(1, len(numbers) + 1)
-    return numbers
 
 
 def _change(old: Mesh, new: Mesh, entity: Ints) -> _Change:

@@ -33,7 +33,7 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     """
     version, binary = options.msh or "4.1", options.in_binary
     entities = assign(mesh)
-    nodes, cells = _numbers(mesh.node_number, "nodes"), _numbers(mesh.cell_number, "cells")
+    nodes, cells = positive_numbers(mesh.node_number, "nodes"), positive_numbers(mesh.cell_number, "cells")
     notes = Notes(mesh.n_nodes, mesh.n_cells)
     partition = _partition(mesh) if version == "2.2" else None
     cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
@@ -62,11 +62,11 @@ def _warn(message: str) -> None:
     warnings.warn(LacmeshWarning(message), stacklevel=4)
 
 
-def _numbers(numbers: Ints, what: str) -> Ints:
-    """The mesh's numbers; 1, 2 ... where they are not positive and distinct, as msh wants them."""
+def positive_numbers(numbers: Ints, what: str, where: str = "in the file") -> Ints:
+    """The mesh's numbers; 1, 2 ... where they are not positive and distinct, as msh and gmsh want them."""
     numbers = np.asarray(numbers, np.int64)
     if len(numbers) and (numbers.min() < 1 or repeated(numbers) is not None):
-        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... in the file")
+        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... {where}")
         return np.arange(1, len(numbers) + 1)
     return numbers
 
