@@ -18,13 +18,14 @@ from lacmesh.cli.options import (
     sides,
     skins,
 )
-from lacmesh.cli.terminal import Stages, as_json, console, table
+from lacmesh.cli.tables import Table
+from lacmesh.cli.terminal import Stages, as_json
 from lacmesh.errors import DataError, LacmeshWarning
 
 if TYPE_CHECKING:
     from lacmesh.checks import Finding, Findings
 
-_STYLE = {"error": "bold red", "warning": "yellow", "info": "dim"}
+_COLOUR = {"error": "31", "warning": "33", "info": ""}
 
 
 def add(commands: Any) -> None:
@@ -81,20 +82,15 @@ def _count(findings: Findings, severity: str) -> str:
 
 
 def _print_findings(findings: Findings, size: float) -> None:
-    from rich.text import Text
-
-    out = console()
     if findings.findings:
-        rows = table("finding", "rule", "what, where, what to do")
-        for column in rows.columns[:2]:
-            column.no_wrap = True
+        rows = Table("finding", "rule", "what, where, what to do")
         for f in findings:
-            rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f, size))
-        out.print(rows)
-    rows = table("summary", "")
+            rows.add_row(f.severity, f.rule, _sentence(f, size), colour=_COLOUR[f.severity])
+        rows.print()
+    rows = Table("summary", "")
     for name, value in _figures(findings.summary):
         rows.add_row(name, value)
-    out.print(rows)
+    rows.print()
     verdict = _count(findings, "error") if findings.errors else "no errors"
     print(f"{verdict}, {_count(findings, 'warning')}")
 

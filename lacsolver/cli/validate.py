@@ -7,7 +7,8 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.terminal import Stages, console, table
+from lacmesh.cli.tables import Table
+from lacmesh.cli.terminal import Stages
 from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> None:
 def _print(case: Case, validation: Validation) -> None:
     from lacsolver.cli.summary import add_resultants
 
-    rows = table("case", "")
+    rows = Table("case", "")
     for name, value in _figures(case, validation):
         rows.add_row(name, value)
     for zone in validation.zones:
@@ -78,7 +79,7 @@ def _print(case: Case, validation: Validation) -> None:
         for record in records if isinstance(records, tuple) else [records] if records else []:
             rows.add_row(name, said(record))
     add_resultants(rows, validation.loads, case.steps.last)
-    console().print(rows)
+    rows.print()
 
 
 def _figures(case: Case, validation: Validation) -> Iterator[tuple[str, str]]:
