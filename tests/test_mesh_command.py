@@ -22,6 +22,7 @@ from lacmesh.gmsh import cad
 from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
 from lacmesh.reference.quadrature import measure
 from lacmesh.topology.orientation import analyse_orientation
+from tests.samples import each_option
 
 pytestmark = pytest.mark.gmsh
 LUG = Path(__file__).resolve().parents[1] / "data" / "pin_in_lug.step"
@@ -235,17 +236,20 @@ def test_the_list_is_printed(files, capsys):
 
 @pytest.mark.parametrize(
     ("name", "volume_", "kinds"),
-    [
-        ("solids.step", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
-        ("solids.stp", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
-        ("solids.brep", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
-        ("box.iges", 24, {"TRIA3", "TETRA4"}),
-        ("box.igs", 24, {"TRIA3", "TETRA4"}),
-        ("column.geo", 2, {"TRIA6", "TETRA10"}),
-        ("column.geo_unrolled", 2, {"TRIA3", "TETRA4"}),
-        ("nested.stl", 1009 - 4 / 3 * np.pi * 64, {"TRIA3", "TETRA4"}),
-        ("plate.geo", 8 - np.pi / 4, {"SEG2", "TRIA3"}),
-    ],
+    each_option(
+        [
+            ("solids.step", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
+            ("solids.stp", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
+            ("solids.brep", 24 - np.pi + 4 / 3 * np.pi, {"TRIA3", "TETRA4"}),
+            ("box.iges", 24, {"TRIA3", "TETRA4"}),
+            ("box.igs", 24, {"TRIA3", "TETRA4"}),
+            ("column.geo", 2, {"TRIA6", "TETRA10"}),
+            ("column.geo_unrolled", 2, {"TRIA3", "TETRA4"}),
+            ("nested.stl", 1009 - 4 / 3 * np.pi * 64, {"TRIA3", "TETRA4"}),
+            ("plate.geo", 8 - np.pi / 4, {"SEG2", "TRIA3"}),
+        ],
+        of=lambda row: [row[1:]],
+    ),
 )
 def test_every_kind_of_file_is_meshed(files, name, volume_, kinds):
     mesh = mesh_cad(files / name)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from lacmesh.quality import measure_cells
 from lacmesh.quality.measures import RELATIVE, TYPES
 from lacmesh.quality.verdict import ACCEPTED
 from tests.quality_cells import IDEAL, LINEAR, degenerate, distorted, near_ideal
+from tests.samples import each_option
 
 pytestmark = pytest.mark.vtk
 
@@ -80,9 +83,12 @@ def test_the_measures_are_those_that_verdict_defines(name):
     assert set(verdict(name, distorted(name, k=2))) == set(ACCEPTED[name])
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("cells", [distorted, degenerate, near_ideal])
-@pytest.mark.parametrize("name", LINEAR)
+@pytest.mark.parametrize(
+    ("name", "cells", "seed"),
+    each_option(
+        itertools.product(LINEAR, (distorted, degenerate, near_ideal), range(4)), of=lambda row: [row[:2], row[2]]
+    ),
+)
 def test_every_measure_equals_verdicts(name, cells, seed):
     x = cells(name, seed=seed)
     mine, theirs = ours(name, x), verdict(name, x)

@@ -15,6 +15,7 @@ from lacmesh.formats.table import OF_NAME
 from lacmesh.formats.truncation import AT_RISK
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats.feature_cases import OF_MESHIO
+from tests.samples import samples
 
 meshio = pytest.importorskip("meshio")
 pytestmark = pytest.mark.meshio
@@ -52,12 +53,17 @@ def same(one, other):
     return np.array_equal(one.points, other.points) and one.n_cells == other.n_cells and alike
 
 
+#: beginnings of each file that are tried
+N = samples(30, 300)
+
+
+@pytest.mark.fuzz
 @pytest.mark.parametrize("suffix", OF_MESHIO)
 @pytest.mark.filterwarnings("ignore")
 def test_no_beginning_of_a_file_is_taken_for_another_mesh(suffix, tmp_path):
     name, tried = OF_MESHIO[suffix], 0
     for content, whole in written(tmp_path, suffix, name):
-        for n in random.Random(suffix).sample(range(1, len(content)), min(len(content) - 1, 60)):
+        for n in random.Random(suffix).sample(range(1, len(content)), min(len(content) - 1, N)):
             path = tmp_path / f"cut{suffix}"
             path.write_bytes(content[:n])
             tried += 1
@@ -68,7 +74,7 @@ def test_no_beginning_of_a_file_is_taken_for_another_mesh(suffix, tmp_path):
                 continue
             ends = content[:n].endswith(b"\n")
             assert same(found, whole) or (name in AT_RISK and ends), (n, len(content), content[max(n - 40, 0) : n])
-    assert tried >= 60 or suffix == ".hmf"
+    assert tried >= N or suffix == ".hmf"
 
 
 def test_a_whole_last_line_may_be_without_its_end_where_words_end_the_format(tmp_path):

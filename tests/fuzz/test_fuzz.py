@@ -18,7 +18,7 @@ from tests.fuzz import pool, trial
 from tests.fuzz.seeds import FORMATS, seeds
 from tests.fuzz.trial import FAILED, READ, REFUSED, Outcome, tried
 
-FILES = 24
+FILES = 16
 
 
 @pytest.mark.parametrize("name", FORMATS)

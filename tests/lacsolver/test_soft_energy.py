@@ -1,5 +1,7 @@
 """Energy that soft contact stores: it comes back, and counts neither as taken nor as made."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from lacsolver.contact.curves import Exponential, Linear, Table
 from lacsolver.contact.laws import Bilateral, RowState
 from lacsolver.results.motion import CONTACT, ENERGIES, STORED, doubtful_energy
 from tests.lacsolver.moving import PLANE, held_sideways, moved, steps, thrown, unbalanced
+from tests.samples import each_option
 from verification.meshes.bars import bar_on_wall
 
 LAWS = {
@@ -43,8 +46,7 @@ def test_springs_store_what_their_pressures_say():
     assert not Bilateral().stored(rows).any()
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "kinematics"), each_option(itertools.product(LAWS, ("small", "finite"))))
 def test_a_bar_bounces(law, kinematics):
     """Contact takes nothing of what it stores; no step is halved for it, and nothing is warned of."""
     more = held_sideways() + thrown("bar", vy=-0.1) + "[dynamics]\n" + steps(3.0, 40)

@@ -127,8 +127,7 @@ def test_nothing_depends_on_units_place_turn_or_numbers(surface, change):
     np.testing.assert_allclose(b, a, atol=scale * max(np.abs(a).max(), 1e-3))
 
 
-@pytest.mark.parametrize("surface", [ellipsoid, saddle, waves])
-@pytest.mark.parametrize("n", [5, 12, 40])
+@pytest.mark.parametrize(("surface", "n"), each_option(itertools.product((ellipsoid, saddle, waves), (5, 12, 40))))
 def test_what_is_no_shape_is_of_free_form(surface, n):
     one = only(fit_surface(rolled(surface, n), "skin"))
     assert one.shape == "free form" and one.no_height == 0

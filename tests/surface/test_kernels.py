@@ -1,5 +1,7 @@
 """Compiled polygons, inverse maps, moments and rules, each against its plain twin."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from lacmesh.surface.place import plane_rule
 from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
-from tests.samples import samples
+from tests.samples import each_option, samples
 from tests.surface import plain
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -73,7 +75,7 @@ def test_tidying_takes_out_what_adds_no_area_and_the_longer_edge_names_both():
 @pytest.mark.fuzz
 def test_layers_keep_the_nearest_and_the_union():
     rng = np.random.default_rng(3)
-    for _ in range(samples(6, 50)):
+    for _ in range(samples(3, 50)):
         of = make_room(1000)
         n = int(rng.integers(2, 9))
         polygons = [convex(rng) for _ in range(n)]
@@ -124,8 +126,7 @@ def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("skew", [0.0, 0.05, 0.3, 0.6])
-@pytest.mark.parametrize("k", [3, 5, 7, 8])
+@pytest.mark.parametrize(("skew", "k"), each_option(itertools.product((0.0, 0.05, 0.3, 0.6), (3, 5, 7, 8))))
 def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
     rng = np.random.default_rng(k)
     for turn in (1, -1):

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.samples import each_option
 from verification.families.hertz import (
     FAMILY,
     Given,
@@ -61,7 +62,8 @@ def test_surfaces_meet_inside_the_contact_and_part_beyond(model, cell):
 
 
 @pytest.mark.parametrize(
-    ("model", "cell", "rigid"), [(*m, r) for m in MODELS for r in (False, True) if m[0] != "3d" or r]
+    ("model", "cell", "rigid"),
+    each_option([(*m, r) for m in MODELS for r in (False, True) if m[0] != "3d" or r]),
 )
 def test_errors_fall_and_forces_balance(model, cell, rigid):
     own = {"model": model, "cell": cell, "rigid": rigid, "hexa": "pyramid"}

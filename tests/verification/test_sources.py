@@ -13,6 +13,7 @@ from verification.families.manufactured import LAW, PLANE, ROWS, SOLID, case_of
 PROBLEMS = {"plane": PLANE, "solid": SOLID}
 #: of a pair of opposite differences of a polynomial of degree 10 with an exact gradient inside
 STEP, ROUNDING = 1e-4, 1e-7
+LAWS = pytest.mark.parametrize("law", [LAW, pytest.param(Law(7.0, 0.3), marks=pytest.mark.slow)])
 
 
 @pytest.fixture(params=PROBLEMS)
@@ -52,7 +53,7 @@ def told(texts, points):
     return np.stack([Value.of(text)(points, 1.0) for text in texts], axis=-1)
 
 
-@pytest.mark.parametrize("law", [LAW, pytest.param(Law(7.0, 0.3), marks=pytest.mark.slow)])
+@LAWS
 def test_stress_is_that_of_the_law(given, law):
     points = places(given)
     made = np.stack([told(row, points) for row in derive(given.displacement, law).stress], axis=1)
@@ -60,7 +61,7 @@ def test_stress_is_that_of_the_law(given, law):
     np.testing.assert_allclose(made, right, rtol=0, atol=1e-13 * np.abs(right).max())
 
 
-@pytest.mark.parametrize("law", [LAW, Law(7.0, 0.3)])
+@LAWS
 def test_body_force_is_minus_the_divergence_of_stress(given, law):
     points = places(given)
     right = np.zeros_like(points)
@@ -83,7 +84,7 @@ def normal_of_slave(given, points):
     return m / np.linalg.norm(m, axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("law", [LAW, Law(7.0, 0.3)])
+@LAWS
 def test_the_slave_carries_its_load_and_the_pressure(given, law):
     points, sources = on_slave(given), derive(given.displacement, law)
     n = normal_of_slave(given, points)
