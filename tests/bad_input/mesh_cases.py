@@ -25,7 +25,6 @@ WRITERS: dict[str, Callable[[Raw], bytes]] = {
     "vtu": raw.vtu,
     "xdmf": raw.xdmf,
 }
-MSH = tuple(name for name in WRITERS if name.startswith("msh"))
 MED = tuple(name for name in WRITERS if name.startswith("MED"))
 
 

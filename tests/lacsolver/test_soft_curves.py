@@ -25,7 +25,6 @@ TABLES = {
 }
 LAWS = {name: Table(rows=rows) for name, rows in TABLES.items()}
 LAWS |= {f"exponential {c:g}": Exponential(at_contact=1.0, clearance=c) for c in (1e-2, 1e-4, 1e-6)}
-EXPONENTIALS = {name: law for name, law in LAWS.items() if isinstance(law, Exponential)}
 
 
 @pytest.mark.parametrize("name", LAWS)
