@@ -169,8 +169,8 @@ class Tally:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_configure_node(self, node):
-        """Tell a worker what is absent, lest each draws a picture to know it."""
-        node.workerinput["absence"] = {need: absence(need) for need in NEEDS}
+        """Tell the workers of `make test` what is absent, lest each draws a picture to know it."""
+        node.workerinput["absence"] = {need: absence(need) for need in NEEDS} if all_needed() else {}
 
     def pytest_itemcollected(self, item):
         """Mark the examples that draw: they stand in docstrings, where no mark can be set."""

@@ -46,7 +46,7 @@ def own_solver():
     return loaded("own_solver", TUTORIALS / "own_solver.py")
 
 
-@pytest.fixture(scope="module", params=PAGES)
+@pytest.fixture(scope="module", params=[pytest.param("p0_mortar", marks=pytest.mark.slow), "own_solver"])
 def page(request, tutorials, tmp_path_factory):
     """A page's name, the folder in which its commands have run, and what each printed."""
     folder = tmp_path_factory.mktemp(request.param)
