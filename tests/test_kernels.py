@@ -295,3 +295,27 @@ def test_a_folder_that_cannot_be_written_is_told(tmp_path):
     done = subprocess.run([sys.executable, "-m", "lacmesh", "compile"], env=env, capture_output=True, text=True)
     assert done.returncode == 3
     assert "cannot be written; name another folder by NUMBA_CACHE_DIR" in done.stderr
+
+
+# ---- parts that borrow arrays
+
+
+def _calling(part):
+    """A kernel that calls a part of its own, which borrows arrays, and returns what it returns."""
+    code = "@kernel(borrows=True)\ndef part(x):\n    return {}\n@kernel\ndef whole(x):\n    return part(x)\n"
+    names = {"kernel": kernels.kernel, "np": np, "__name__": "some"}
+    exec(code.format(part), names)
+    del Kernel.known[-2:]
+    return names["whole"]
+
+
+@pytest.mark.parametrize("part", ["x", "x[1:]", "(x, 1.0)", "np.zeros(2)[0]"])
+def test_a_part_that_borrows_arrays_makes_none_and_returns_none(part, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    with pytest.raises(Exception, match=r"borrows arrays|NRT required|returning of array"):
+        _calling(part).compile()(np.ones(3))
+
+
+def test_a_part_that_borrows_arrays_returns_numbers(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert _calling("x[1] + x[2]").compile()(np.ones(3)) == 2.0
