@@ -14,7 +14,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES
 from tests import properties
 from tests.meshes import cell_with_faces
-from tests.samples import samples
+from tests.samples import each_option, samples
 
 CUTS = Path(__file__).parent / "reference" / "code_aster_cuts"
 CASES = [
@@ -65,7 +65,13 @@ def test_one_cell(name, j, variant):
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize(("name", "variant"), sorted({(n, v) for n, _, v in CASES}))
+@pytest.mark.parametrize(
+    ("name", "variant"),
+    each_option(
+        sorted({(n, v) for n, _, v in CASES}, key=lambda row: (CELLS[row[0]].n_nodes, row)),
+        of=lambda row: [(CELLS[row[0]].linear, CELLS[row[0]].order), (CELLS[row[0]].linear, row[1])],
+    ),
+)
 def test_every_set_of_slave_faces(name, variant):
     """Several slave faces of one cell, in any order, in one pass: one macro-element each.
 
