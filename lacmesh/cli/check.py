@@ -18,14 +18,13 @@ from lacmesh.cli.options import (
     sides,
     skins,
 )
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages, as_json
+from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import DataError, LacmeshWarning
 
 if TYPE_CHECKING:
     from lacmesh.checks import Finding, Findings
 
-_COLOUR = {"error": "31", "warning": "33", "info": ""}
+_STYLE = {"error": "bold red", "warning": "yellow", "info": "dim"}
 
 
 def add(commands: Any) -> None:
@@ -82,15 +81,20 @@ def _count(findings: Findings, severity: str) -> str:
 
 
 def _print_findings(findings: Findings, size: float) -> None:
+    from rich.text import Text
+
+    out = console()
     if findings.findings:
-        rows = Table("finding", "rule", "what, where, what to do")
+        rows = table("finding", "rule", "what, where, what to do")
+        for column in rows.columns[:2]:
+            column.no_wrap = True
         for f in findings:
-            rows.add_row(f.severity, f.rule, _sentence(f, size), colour=_COLOUR[f.severity])
-        rows.print()
-    rows = Table("summary", "")
+            rows.add_row(Text(f.severity, _STYLE[f.severity]), f.rule, _sentence(f, size))
+        out.print(rows)
+    rows = table("summary", "")
     for name, value in _figures(findings.summary):
         rows.add_row(name, value)
-    rows.print()
+    out.print(rows)
     verdict = _count(findings, "error") if findings.errors else "no errors"
     print(f"{verdict}, {_count(findings, 'warning')}")
 

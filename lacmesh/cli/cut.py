@@ -24,8 +24,7 @@ from lacmesh.cli.options import (
     skins,
     write_mesh,
 )
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 if TYPE_CHECKING:
@@ -222,13 +221,17 @@ def _number(text: str) -> float:
 
 
 def _summarise(mesh: Mesh, cut: Cut, report: CutReport | None) -> CutSummary:
+    import rich.console
+    import rich.table  # noqa: F401  (what the printing will need)
+
     from lacmesh.report import summarise
 
     return summarise(mesh, cut) if report is None else report.summary
 
 
 def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stages) -> None:
-    rows = Table(f"{source.name} -> {target.name}", "before", "after", "added")
+    out = console()
+    rows = table(f"{source.name} -> {target.name}", "before", "after", "added")
     for name, (before, after) in (("nodes", summary.nodes), ("cells", summary.cells)):
         rows.add_row(name, f"{before:,}", f"{after:,}", f"+{after - before:,}")
     for zone, macros in summary.zones.items():
@@ -241,7 +244,7 @@ def _print_summary(summary: CutSummary, source: Path, target: Path, stage: Stage
         rows.add_row("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), "")
     else:
         rows.add_row("every slave face owns an internal dof already: no cell is cut", "", "", "")
-    rows.print()
+    out.print(rows)
     if summary.worst[0] <= 0:
         message = "cells behind the slave faces were inverted or degenerate before the cut: their children are too"
         warnings.warn(message, LacmeshWarning, stacklevel=1)

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import as_json
+from lacmesh.cli.terminal import as_json, console, table
 
 #: entities that the table lists at most
 LISTED = 60
@@ -56,30 +55,31 @@ def _print_info(
 ) -> None:
     from lacmesh.origin import told
 
+    out = console()
     print(f"{path}: {title}, {described['nodes']:,} nodes, {described['cells']:,} cells")
     if described["bounding_box"]:
         low, high = described["bounding_box"]
         size = max(b - a for a, b in zip(low, high, strict=True))
         ends = (told(corner, size, 6) for corner in (low, high))
         print("box: " + ", ".join(f"{a} in [{lo}, {hi}]" for a, lo, hi in zip("xyz", *ends, strict=True)))
-    rows = Table("type", "cells")
+    rows = table("type", "cells")
     for name, count in described["cells_by_type"].items():
         rows.add_row(name, f"{count:,}")
-    rows.print()
+    out.print(rows)
     if described["groups"]:
-        rows = Table("group", "dimension", "cells", "length, area or volume", "tag")
+        rows = table("group", "dimension", "cells", "length, area or volume", "tag")
         for name, group in described["groups"].items():
             dim = str(group["dim"]) if group["dim"] >= 0 else ""
             size = "" if group["size"] is None else f"{group['size']:.6g}"
             rows.add_row(name, dim, f"{group['cells']:,}", size, ", ".join(f"{d}:{t}" for d, t in tags.get(name, ())))
-        rows.print()
+        out.print(rows)
     else:
-        _print_entities(described["entities"])
+        _print_entities(out, described["entities"])
     if described["node_groups"]:
-        rows = Table("node group", "nodes")
+        rows = table("node group", "nodes")
         for name, count in described["node_groups"].items():
             rows.add_row(name, f"{count:,}")
-        rows.print()
+        out.print(rows)
     if described.get("shapes"):
         from lacmesh.smooth.fitted import in_words
 
@@ -104,20 +104,20 @@ def _describe_parts(args: argparse.Namespace) -> None:
             f"{described['nodes']:,} nodes, {described['cells']:,} cells; {described['copies']:.2f} copies of a node"
         )
         print(f"{args.input}: {len(parts['nodes']):,} parts of a mesh of {sizes}")
-        rows = Table("part", *(name.replace("_", " ") for name in parts))
+        rows = table("part", *(name.replace("_", " ") for name in parts))
         for name, pick in (("smallest", min), ("mean", mean), ("largest", max)):
             rows.add_row(name, *(f"{round(pick(counts)):,}" for counts in parts.values()))
-        rows.print()
+        console().print(rows)
 
 
-def _print_entities(entities: list[dict[str, Any]]) -> None:
+def _print_entities(out: Any, entities: list[dict[str, Any]]) -> None:
     """Print the elementary entities, which can be named if the file has no groups."""
     if not entities:
         return
-    rows = Table("entity", "cells", "box")
+    rows = table("entity", "cells", "box")
     for entity in entities[:LISTED]:
         low, high = ("(" + ", ".join(f"{v:.4g}" for v in corner) + ")" for corner in entity["box"])
         rows.add_row(f"entity:{entity['dim']}:{entity['tag']}", f"{entity['cells']:,}", f"{low} .. {high}")
-    rows.print()
+    out.print(rows)
     if len(entities) > LISTED:
         print(f"and {len(entities) - LISTED} entities more, which --json lists")

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_msh_options, pending_mesh
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages, as_json
+from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
 if TYPE_CHECKING:
@@ -83,9 +82,10 @@ def _list(args: argparse.Namespace) -> None:
     dim = max(shape.dim for shape in shapes)
     bodies, skin = ([s for s in shapes if s.dim == d] for d in (dim, dim - 1))
     of_bodies = len(bodies) > 1 or not all(shape.bodies for shape in skin)
+    out = console()
     print(f"{args.cad}: {_count(bodies, dim)}, {_count(skin, dim - 1)}")
-    _table(bodies, dim, of_bodies).print()
-    _table(skin, dim - 1, of_bodies).print()
+    out.print(_table(bodies, dim, of_bodies))
+    out.print(_table(skin, dim - 1, of_bodies))
 
 
 def _count(shapes: Sequence[CadShape], dim: int) -> str:
@@ -106,7 +106,7 @@ def _table(shapes: Sequence[CadShape], dim: int, of_bodies: bool) -> Any:
         "group": [", ".join(s.groups) for s in shapes],
     }
     shown = {name: cells for name, cells in columns.items() if any(cells)}
-    rows = Table(*shown)
+    rows = table(*shown)
     for cells in zip(*shown.values(), strict=True):
         rows.add_row(*cells)
     return rows

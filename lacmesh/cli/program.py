@@ -176,12 +176,12 @@ def on_one_line(message: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in message)
 
 
-def coloured(word: str, colour: str, out: TextIO | None = None) -> str:
-    """Return a word in bold and in a colour where `out`, by default standard error, is a terminal that shows it.
+def coloured(word: str, colour: str) -> str:
+    """Return a word in bold and in a colour where standard error is a terminal that shows it, or else as it is.
 
     The environment variable NO_COLOR (no-color.org) and TERM=dumb leave it plain.
     """
-    shown = (out or sys.stderr).isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     return f"\x1b[1;{colour}m{word}\x1b[0m" if shown else word
 
 

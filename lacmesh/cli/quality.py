@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_mesh_option
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages, as_json
+from lacmesh.cli.terminal import Stages, as_json, console, table
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
@@ -111,13 +110,14 @@ def _print_type(of_type: TypeQuality) -> None:
     rank = primary_metric(of_type.type) or ""
     accepted = ACCEPTED.get(of_type.type, {})
     print(f"\n{_title(of_type, rank)}")
-    rows = Table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
+    rows = table("measure", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")), "accepted", "+outside")
     for name, s in of_type.measures.items():
         limits = accepted.get(name)
         range_text = "" if limits is None else f"{number(limits[0])} to {number(limits[1])}"
         outside = "" if s.outside is None else f"{s.outside:,}"
         rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)), range_text, outside)
-    rows.print()
+    out = console()
+    out.print(rows)
     if rank in of_type.measures and rank != "validity":
         print(rank)
         for line in _bars(of_type.measures[rank].histogram):
@@ -168,20 +168,20 @@ def _print_worst(of_type: TypeQuality, rank: str) -> None:
     from lacmesh.report.outline import number
 
     ranks = dict.fromkeys((rank, "validity"))
-    rows = Table("worst", *ranks, "centroid", "groups", *(("invalid at",) if of_type.invalid else ()))
+    rows = table("worst", *ranks, "centroid", "groups", *(("invalid at",) if of_type.invalid else ()))
     for bad in of_type.worst:
         values = {rank: bad.value, "validity": bad.validity}
         place = ", ".join(f"{v:.4g}" for v in bad.centroid)
         where = (", ".join(bad.invalid_at),) if of_type.invalid else ()
         rows.add_row(str(bad.number), *(number(values[r]) for r in ranks), place, ", ".join(bad.groups), *where)
-    rows.print()
+    console().print(rows)
 
 
 def _print_groups(quality: Quality) -> None:
     from lacmesh.quality.measures import primary_metric
     from lacmesh.report.outline import number
 
-    rows = Table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
+    rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
     for name, types in quality.groups.items():
         for t in types:
             rank = primary_metric(t.type) or ""
@@ -189,7 +189,7 @@ def _print_groups(quality: Quality) -> None:
             poor = "" if t.poor is None else f"{t.poor:,}"
             values = (number(s.least), number(s.percentiles[1]), number(s.median))
             rows.add_row(name, t.type, f"{t.count:,}", f"{t.invalid:,}", poor, rank, *values, str(t.worst[0].number))
-    rows.print()
+    console().print(rows)
 
 
 def _print_children(c: ChildrenQuality) -> None:
@@ -198,7 +198,7 @@ def _print_children(c: ChildrenQuality) -> None:
     known = f"{_count(c.parents, 'parent')} put together again"
     known += f", {c.unknown:,} not (cut by several of their faces)" if c.unknown else ""
     print(f"cut: {c.children:,} children, {c.invalid:,} invalid; {known}")
-    rows = Table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))
+    rows = table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))
     for name, s in (("of the children", c.child), ("of their parents", c.parent), ("child / parent", c.ratio)):
         rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
-    rows.print()
+    console().print(rows)

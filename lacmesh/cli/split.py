@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import add_command, add_output_options, output_of, pending_mesh, write_mesh
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages
+from lacmesh.cli.terminal import Stages, console, table
 
 if TYPE_CHECKING:
     from lacmesh.cutting.split import Split
@@ -54,7 +53,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _print_summary(mesh: Mesh, parts: Split, source: Path, target: Path) -> None:
-    rows = Table(f"{source.name} -> {target.name}", "before", "after")
+    rows = table(f"{source.name} -> {target.name}", "before", "after")
     rows.add_row("nodes", f"{mesh.n_nodes:,}", f"{parts.mesh.n_nodes:,}")
     rows.add_row("cells", f"{mesh.n_cells:,}", f"{parts.mesh.n_cells:,}")
     rows.add_row("bodies", *(f"{n:,}" for n in parts.bodies))
@@ -68,4 +67,4 @@ def _print_summary(mesh: Mesh, parts: Split, source: Path, target: Path) -> None
     if junction:
         sides = int(parts.n_sides[parts.n_sides > 2].sum())
         rows.add_row("nodes where three or more sides meet, one for each", f"{junction:,}", f"{sides:,}")
-    rows.print()
+    console().print(rows)

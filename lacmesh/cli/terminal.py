@@ -1,7 +1,7 @@
-"""Output of the commands on a terminal: progress, JSON, time and memory.
+"""Output of the commands on a terminal: progress, tables, JSON, time and memory.
 
-Names come from files and are escaped: in printed lines by the program (`program.py`), in cells of tables there
-(`tables.py`), because tables have colours, and in JSON in its own way.
+Names come from files and are escaped: in printed lines by the program (`program.py`), in cells of tables here, because
+tables have colours, and in JSON in its own way.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
+
+from lacmesh.cli.program import on_one_line
 
 
 class Stages:
@@ -68,6 +70,30 @@ def tell(say: Callable[[str], None]) -> None:
     logger = logging.getLogger("lacmesh")
     logger.addHandler(Telling())
     logger.setLevel(logging.INFO)
+
+
+def console() -> Any:
+    """Console that tables are printed on: as wide as the terminal, or 160 columns in a file."""
+    from rich.console import Console
+
+    file = getattr(sys.stdout, "out", sys.stdout)  # past what escapes lines: tables are escaped cell by cell
+    return Console(file=file, width=None if file.isatty() else 160, highlight=False, markup=False, emoji=False)
+
+
+def table(*columns: str) -> Any:
+    """Empty table; columns of numbers are aligned to the right: those with a + before their name, and some others."""
+    from rich import box
+    from rich.table import Table
+
+    class Shown(Table):
+        def add_row(self, *cells: Any, **style: Any) -> None:
+            super().add_row(*(on_one_line(c) if isinstance(c, str) else c for c in cells), **style)
+
+    table = Shown(box=box.SIMPLE_HEAD, pad_edge=False)
+    for name in columns:
+        number = name.startswith("+") or name in ("before", "after", "added", "cells", "number", "nodes", "own nodes")
+        table.add_column(on_one_line(name.removeprefix("+")), justify="right" if number else "left", no_wrap=number)
+    return table
 
 
 def as_json(data: Any) -> str:

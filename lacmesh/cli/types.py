@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from lacmesh.cli.options import add_command
-from lacmesh.cli.tables import Table
+from lacmesh.cli.terminal import console, table
 
 
 def add(commands: Any) -> None:
@@ -22,13 +22,13 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.cells import CELLS
     from lacmesh.report import pattern_table
 
-    rows = Table("cell", "slave face", "variant", "faces", "children", "++nodes", "++cells")
+    rows = table("cell", "slave face", "variant", "faces", "children", "++nodes", "++cells")
     previous = None
     for row in pattern_table():
         name = "" if row.cell == previous else row.cell
         previous = row.cell
         rows.add_row(name, row.face, row.variant, row.faces, row.children, str(row.added_nodes), str(row.added_cells))
-    rows.print()
+    console().print(rows)
     skin = ", ".join(c.name for c in CELLS.values() if c.dim < 2)
     print(f"Also read and written: {skin}, and cells of higher order, which are left whole.")
     print("A skin without cells behind it (--skin-only) is cut as its faces are here; QUAD4 and QUAD8 follow --hexa.")

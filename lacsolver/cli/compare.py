@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Print the figures that differ, the largest difference of all, and how many are the same."""
-    from lacmesh.cli.tables import Table
+    from lacmesh.cli.terminal import console, table
     from lacsolver.reporting.comparing import compare_runs
 
     check_alone()
@@ -27,11 +27,11 @@ def run(args: argparse.Namespace) -> None:
     differing = [row for row in compared if not row.same]
     shown = compared if args.all else differing
     if shown:
-        rows = Table("figure", *(f"+{folder}" for folder in args.folders), "++difference")
+        rows = table("figure", *(f"+{folder}" for folder in args.folders), "++difference")
         for name, first, second, difference in shown:
             share = "" if math.isnan(difference) else f"{100 * difference:.3g} %"
             rows.add_row(name, _words(first), _words(second), share)
-        rows.print()
+        console().print(rows)
     print(f"{len(compared) - len(differing)} of {len(compared)} figures are the same, but for round-off")
 
 

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.options import pending_output
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_command
 from lacsolver.cli.ranks import check_alone
@@ -66,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _print(target: Path, imported: Imported) -> None:
     case, mesh = imported.case, imported.mesh
-    rows = Table("case", str(target))
+    rows = table("case", str(target))
     rows.add_row("model", f"{case.model}, {case.kinematics} strains")
     cells = ", ".join(f"{count:,} {kind}" for kind, count in mesh.cells_by_type.items())
     rows.add_row("mesh", f"{case.mesh}: {mesh.n_nodes:,} nodes, {cells}")
@@ -78,5 +77,5 @@ def _print(target: Path, imported: Imported) -> None:
         if counts[name]:
             rows.add_row(name, f"{counts[name]}")
     rows.add_row("supports and loads", ", ".join(f"{counts[name]} {name}" for name in ACTING if counts[name]))
-    rows.print()
+    console().print(rows)
     print(f"next: lacsolver validate {target}, lacsolver run {target}")

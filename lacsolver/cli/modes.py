@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages
+from lacmesh.cli.terminal import Stages, console, table
 from lacmesh.errors import RequestError
 from lacsolver.cli.options import add_case, add_command, beside
 from lacsolver.cli.ranks import check_alone
@@ -89,15 +88,15 @@ def run(args: argparse.Namespace) -> None:
 
 def _print(modes: NaturalModes, problem: Problem, state: Restart | None) -> None:
     """Print a table of the modes, with effective masses as parts of the whole mass, and what else was found."""
-    rows = Table("+mode", "+frequency", "+period", *(f"+mass {axis}" for axis in modes.axes))
+    rows = table()
+    for name in ("mode", "frequency", "period", *(f"mass {axis}" for axis in modes.axes)):
+        rows.add_column(name, justify="right")
     for number in range(1, len(modes.rigid) + 1):
-        rows.add_row(str(number), "0", "", *("" for _ in modes.axes))
-    if modes.rigid:
-        rows.add_section()
+        rows.add_row(str(number), "0", "", *("" for _ in modes.axes), end_section=number == len(modes.rigid))
     for k, frequency in enumerate(modes.frequencies):
         parts = (f"{part:.2%}" for part in modes.effective_masses[k] / modes.mass)
         rows.add_row(str(len(modes.rigid) + k + 1), f"{frequency:.6g}", f"{1 / frequency:.4g}", *parts)
-    rows.print()
+    console().print(rows)
     for name, value in _figures(modes, problem, state):
         print(f"{name}: {value}")
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lacmesh.cli.tables import Table
+from lacmesh.cli.terminal import console, table
 from lacsolver.results.motion import ENERGIES, STORED
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _MODES = 3
 
 def print_summary(results: Results, folder: Path, fields: str) -> None:
     """Print the summary of a finished run; `fields`: the format of its fields."""
-    rows = Table("run", "")
+    rows = table("run", "")
     for name, value in _figures(results):
         rows.add_row(name, value)
     last = results.steps[-1] if results.steps else None
@@ -43,7 +43,7 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
         for name, value in _joints(last):
             rows.add_row(name, value)
         add_resultants(rows, results.loads, last.time)
-    rows.print()
+    console().print(rows)
     opened = "results.med for Salome" if fields == "med" else "paraview_state.py for ParaView"
     print(f"results: {folder} (results.json, history.csv, {opened})")
 

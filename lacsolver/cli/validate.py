@@ -7,8 +7,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.tables import Table
-from lacmesh.cli.terminal import Stages
+from lacmesh.cli.terminal import Stages, console, table
 from lacsolver.cli.options import add_case, add_command
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
 def _print(case: Case, validation: Validation) -> None:
     from lacsolver.cli.summary import add_resultants
 
-    rows = Table("case", "")
+    rows = table("case", "")
     for name, value in _figures(case, validation):
         rows.add_row(name, value)
     for zone in validation.zones:
@@ -79,7 +78,7 @@ def _print(case: Case, validation: Validation) -> None:
         for record in records if isinstance(records, tuple) else [records] if records else []:
             rows.add_row(name, said(record))
     add_resultants(rows, validation.loads, case.steps.last)
-    rows.print()
+    console().print(rows)
 
 
 def _figures(case: Case, validation: Validation) -> Iterator[tuple[str, str]]:

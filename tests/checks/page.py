@@ -28,16 +28,17 @@ def rules() -> str:
 
 def example() -> str:
     """Output of the command for data/disc_on_block.msh, without seconds and memory."""
+    from rich.console import Console
+
     from lacmesh.cli import main
 
     said, here = io.StringIO(), Path.cwd()
     os.chdir(ROOT / "data")
     try:
-        with (
-            patch("lacmesh.cli.tables._IN_A_FILE", WIDTH),
-            contextlib.redirect_stdout(said),
-            contextlib.redirect_stderr(said),
-        ):
+        terminal = patch(
+            "lacmesh.cli.check.console", lambda: Console(file=said, width=WIDTH, highlight=False, markup=False)
+        )
+        with terminal, contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             status = main(ASKED.split())
     finally:
         os.chdir(here)

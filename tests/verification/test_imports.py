@@ -12,7 +12,7 @@ MODULES = sorted((Path(__file__).resolve().parents[2] / "verification").rglob("*
 #: whole modules: for users, and of commands, how they read arguments, print, fail and write files
 WHOLE = {
     *("lacmesh.reference.quadrature", "lacmesh.reference.shapes"),
-    *("lacmesh.cli.program", "lacmesh.cli.options", "lacmesh.cli.tables", "lacmesh.errors", "lacmesh.formats.output"),
+    *("lacmesh.cli.program", "lacmesh.cli.options", "lacmesh.cli.terminal", "lacmesh.errors", "lacmesh.formats.output"),
     # parts of a mesh, and the processes that share a model (docs/partition.md, docs/install_petsc.md)
     *("lacmesh.partition", "lacsolver.distributed.launch", "lacsolver.distributed.processes"),
     # what its reports are made of, as lacmesh's own are

@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.tables import Table
+from lacmesh.cli.terminal import console, table
 from verification.cli.options import add_choice, add_command
 
 if TYPE_CHECKING:
@@ -29,10 +29,10 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         print(json.dumps([_record(p) for p in planned], indent=1))
         return
-    rows = Table("case", "levels", "what")
+    rows = table("case", "levels", "what")
     for p in planned:
         rows.add_row(p.case.id, str(p.levels), p.case.description)
-    rows.print()
+    console().print(rows)
     print(f"{len(planned)} cases, about {_minutes(planned)} minutes of one core")
 
 
