@@ -135,7 +135,8 @@ def _planes(patches: SmoothPatches, free: Bools) -> list[FoundShape]:
     """Find the flat patches of free faces (f,), all at once, because a faceted skin has as many patches as faces."""
     n = _count(patches)
     count = np.maximum(np.bincount(patches.owner, minlength=n), 1)[:, None]
-    centre, normal = np.zeros((n, 3)), np.zeros((n, 3))
+    centre = np.zeros((n, 3))
+    normal: Floats = np.zeros((n, 3))
     np.add.at(centre, patches.owner, patches.x)
     np.add.at(normal, patches.patch, patches.normal * patches.area[:, None])
     centre /= count

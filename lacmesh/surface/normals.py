@@ -47,7 +47,7 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
     angle.
     """
     area = np.zeros((len(surface), 3))
-    own = np.zeros((len(surface), 9, 3))
+    own: Floats = np.zeros((len(surface), 9, 3))
     for name, rows, nodes in surface.by_type():
         x = surface.x[nodes]
         X, w = rule(CELLS[name].family, 4)

@@ -88,8 +88,9 @@ class Sums(NamedTuple):
 
     @classmethod
     def of(cls, entries: csr_array, k: int, d: int) -> Sums:
-        """Return zeros."""
-        return cls(entries.indptr, entries.indices, np.zeros((entries.nnz, k, d)))
+        """Return zeros. Indices have 8 bytes, whatever scipy took, so that kernels are compiled once."""
+        indptr, indices = (a.astype(np.int64, copy=False) for a in (entries.indptr, entries.indices))
+        return cls(indptr, indices, np.zeros((entries.nnz, k, d)))
 
     @classmethod
     def none(cls) -> Sums:
