@@ -69,7 +69,7 @@ def problem_of(name):
         return text_of(case, case.world), case.mesh()
     others = (moving_cases, friction_cases, plastic_cases, soft_cases, joined_cases)
     text, mesh = {**moving_cases.RIGID, **{k: v for one in others for k, v in one.CASES.items()}}[name]
-    return text + "[solver]\nthreads = 1\n", mesh()
+    return text + "[solver]\nthreads = 1\n" + joined_cases.SOLVER.get(name, ""), mesh()
 
 
 def in_one_process(name):
