@@ -41,14 +41,12 @@ import numpy as np
 from contact import pressed, pressed_case
 from large import Clock, side
 from meshes import blocks
-from moving import case_of
+from moving import DERIVATIVES, case_of
 
 import lacsolver.bodies.small
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
-import lacsolver.saddle.contact_system
-import lacsolver.saddle.row_group
 import lacsolver.saddle.shared_stiffness
 import lacsolver.saddle.stiffness
 from lacmesh import Mesh
@@ -66,8 +64,6 @@ RANKS, BACKENDS, RATIOS = (1, 2, 4, 8), ("multigrid", "gamg", "hypre"), (0.01, 1
 SERIAL = "serial"
 #: contact that moves: kinematics and geometry, and normals
 MOVING = ("current facet", "current smoothed", "finite facet")
-#: what computes the derivative of contact
-DERIVATIVES = ("motion_of", "gap_derivative")
 #: unknowns of a process in the weak scaling
 WEAK = 25_000
 HEADS = ("unknowns, backend", "n", "V-cycles", "sets", "set-up", "matrices to pressures", "efficiency")
@@ -142,8 +138,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int], inter
         (lacsolver.problem.pair, "integrate", "pairing", interfaces),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
-        (lacsolver.saddle.contact_system, "tangent", "derivative", None),
-        *((lacsolver.saddle.row_group, name, "derivative", None) for name in DERIVATIVES),
+        *((module, name, "derivative", None) for module, name in DERIVATIVES),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):

@@ -34,6 +34,8 @@ from lacsolver.saddle.stiffness import Stiffness
 
 _ROUND = "0.1*((x-0.5)**2+(y-0.5)**2)"
 KINDS = {"reference": ("small", "reference"), "current": ("small", "current"), "finite": ("finite", "current")}
+#: what computes the derivative of contact, and the module that calls it
+DERIVATIVES = ((row_group, "motion_of"), (contact_system, "tangent"), (row_group, "gap_derivative"))
 
 
 class Spent:
@@ -86,11 +88,7 @@ def solved(problem: Problem) -> tuple[float, int, Spent]:
     """Return the seconds of a solve, its iterations, and its stages."""
     spent = Spent()
     with ExitStack() as stack:
-        for module, name in (
-            (row_group, "motion_of"),
-            (contact_system, "tangent"),
-            (row_group, "gap_derivative"),
-        ):
+        for module, name in DERIVATIVES:
             stack.enter_context(patch.object(module, name, spent.around("derivative", getattr(module, name))))
         stack.enter_context(patch.object(ContactPair, "integrate", spent.around("pairing", ContactPair.integrate)))
         stack.enter_context(patch.object(Stiffness, "solve", spent.around("solutions", Stiffness.solve)))

@@ -58,6 +58,7 @@ class _Inner(_DISPATCHER):  # type: ignore[misc]
     """numba's type of a kernel that another calls: one form for all integers, not another for each that is written."""
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
+        """Return the types of a call. Raises TypeError for a kernel that borrows arrays, and returns one."""
         signature = super().get_call_type(context, [_UNLITERAL(a) for a in args], kws)
         if not self.dispatcher.targetoptions["_nrt"] and _has_arrays(signature.return_type):
             raise TypeError(f"{self.dispatcher} borrows arrays, and returns one")

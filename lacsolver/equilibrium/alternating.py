@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.saddle.row_group import PairRows
+from lacsolver.saddle.row_group import PairGroup
 from lacsolver.space.space import Space
 
 #: changes of a status that alternates, at least, and the least change of a coverage that counts
@@ -30,7 +30,7 @@ def alternating(outcome: Outcome, space: Space) -> tuple[str, str]:
     return what, advice
 
 
-def _of_states(group: PairRows, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
+def _of_states(group: PairGroup, active: NDArray[np.bool_], space: Space) -> tuple[int, str, str]:
     """Return how many macro-elements of a pair close and open, or stick and slide, and a clause about them.
 
     `active` (iterations, rows): the active set, of all rows.
@@ -52,7 +52,7 @@ def _changes(states: NDArray[np.bool_]) -> NDArray[np.intp]:
     return np.asarray((states[1:] != states[:-1]).sum(axis=0))
 
 
-def _clause(group: PairRows, count: int, what: str, row: int, space: Space) -> str:
+def _clause(group: PairGroup, count: int, what: str, row: int, space: Space) -> str:
     """Return a clause about what some macro-elements of a pair do, with the place of that of one row."""
     pair, face = group.pair, group.face
     centre = face.centre[row * len(face.centre) // (group.rows.stop - group.rows.start)]
@@ -60,7 +60,7 @@ def _clause(group: PairRows, count: int, what: str, row: int, space: Space) -> s
     return f"{count} of the macro-elements of contact {pair.name!r} {what}, as the one at ({place})"
 
 
-def _of_coverage(group: PairRows, covered: Floats, space: Space) -> tuple[int, str, str]:
+def _of_coverage(group: PairGroup, covered: Floats, space: Space) -> tuple[int, str, str]:
     """Return how many macro-elements of a pair have a coverage that alternates, a clause about them, and advice.
 
     `covered` (iterations, rows): measure that is covered.

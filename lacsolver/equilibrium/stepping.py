@@ -37,7 +37,7 @@ from lacsolver.results.state import (
     ZoneState,
 )
 from lacsolver.saddle.contact_system import ContactSystem
-from lacsolver.saddle.row_group import PairRows
+from lacsolver.saddle.row_group import PairGroup
 from lacsolver.saddle.tolerances import ROUNDING
 from lacsolver.space.places import wrong
 from lacsolver.space.space import Space
@@ -264,7 +264,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
         if group.shear is None
         else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space)
         for group, rows in contact.states(p, active)
-        if isinstance(group, PairRows)
+        if isinstance(group, PairGroup)
     ]
     reaction, constraints = step.reaction(q, p), problem.constraints
     rows = {group.equality.name: -p[group.rows] for group in contact.equalities}
@@ -277,7 +277,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     )  # fmt: skip
 
 
-def _zone(group: PairRows, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
+def _zone(group: PairGroup, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
     """Return the state of a pair's zone, for one row along the normal or for all components."""
     pair, face = group.pair, group.face
     force = -(face.B.T @ rows.pressure).reshape(-1, space.dim)
@@ -299,7 +299,7 @@ def _zone(group: PairRows, rows: RowState, covered: NDArray[np.bool_], space: Sp
 
 
 def _zone_with_friction(
-    group: PairRows, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
+    group: PairGroup, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
 ) -> ZoneState:
     """Return the state of a zone with friction."""
     face, slid = group.face, contact.slid(group, iterate.p, iterate.active)

@@ -32,7 +32,7 @@ from lacsolver.contact.tangent import tangent
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Histories
 from lacsolver.saddle.operator import Operator
-from lacsolver.saddle.row_group import EqualityGroup, PairRows, RowGroup, Rows
+from lacsolver.saddle.row_group import EqualityGroup, PairGroup, RowGroup, Rows
 from lacsolver.saddle.row_set import IN, OUT, LinearRows, RowSet, ShearRows, Slides, combined
 
 
@@ -143,9 +143,9 @@ class ContactSystem:
         return rows._replace(state=state)
 
     @cached_property
-    def pairs(self) -> tuple[PairRows, ...]:
+    def pairs(self) -> tuple[PairGroup, ...]:
         """The groups of contact pairs, in the order of these."""
-        return tuple(group for group in self.groups if isinstance(group, PairRows))
+        return tuple(group for group in self.groups if isinstance(group, PairGroup))
 
     @cached_property
     def equalities(self) -> tuple[EqualityGroup, ...]:
@@ -271,7 +271,7 @@ class ContactSystem:
         if all(group.since is None for group in self.pairs):
             return ()
         for group in self.groups:
-            if not isinstance(group, PairRows) or group.since is None or group.shear is None or group.slip is None:
+            if not isinstance(group, PairGroup) or group.since is None or group.shear is None or group.slip is None:
                 out.append(Anchors.none())
                 continue
             sticks = active[group.shear.normal] & group.shear.sticks(active)
@@ -355,7 +355,7 @@ def contact_system(
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before)
         fixed = symmetric or not pair.moving
-        group = PairRows(
+        group = PairGroup(
             pair.law_at(t, dt), own, memory, shear, fixed, pair=pair, face=face, share=problem.space.share, since=since
         )
         groups.append(group)
@@ -377,14 +377,14 @@ def contact_system(
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *matrices]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
-    moves = any(not (g.symmetric and g.since is None) for g in groups if isinstance(g, PairRows))
+    moves = any(not (g.symmetric and g.since is None) for g in groups if isinstance(g, PairGroup))
     made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None)
     return ContactSystem(made, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
 
 
 def _derivatives(groups: Sequence[RowGroup], matrices: Sequence[csr_array], n: int) -> csr_array:
     """Return D (m, n_dof) of all pairs, and of rows of equality, whose B it is; `matrices`: B of each group."""
-    own = (g.derivative() if isinstance(g, PairRows) else B for g, B in zip(groups, matrices, strict=True))
+    own = (g.derivative() if isinstance(g, PairGroup) else B for g, B in zip(groups, matrices, strict=True))
     return csr_array(vstack([csr_array((0, n)), *own]))
 
 

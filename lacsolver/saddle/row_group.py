@@ -105,7 +105,7 @@ class EqualityGroup(RowGroup):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class PairRows(RowGroup):
+class PairGroup(RowGroup):
     """Rows of a contact pair, with its interface in this configuration.
 
     `share`: what this process holds of the model. `since`: what the slip of friction is counted from where the pair
