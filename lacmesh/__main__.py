@@ -1,6 +1,7 @@
 """`lacmesh` and `python -m lacmesh`; `start` is the entry point of every command of the project."""
 
 import gc
+import os
 import signal
 import sys
 from importlib import import_module
@@ -11,6 +12,8 @@ def start(program: str) -> int:
 
     Return its exit status. Of what is imported nothing is garbage: to look for some takes a tenth of a short run.
     """
+    # matrices of BLAS are small here, and its threads, which wait in loops, take a tenth of a short run
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.disable()  # `Program.main` collects while the command runs, if that is worth its time
     try:
         status: int = import_module(f"{program}.cli").main()

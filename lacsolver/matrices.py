@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
+from lacmesh.records import dataclass
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.interface import with_shear
 from lacsolver.numbering import selection, unknown_of_each

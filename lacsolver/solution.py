@@ -14,7 +14,7 @@ import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +26,7 @@ from lacmesh import __version__
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Mesh, MeshLike
+from lacmesh.records import dataclass
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.constraints.pretension import SectionForces

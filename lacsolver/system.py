@@ -7,7 +7,6 @@ Contact is added by `lacsolver.contact_matrices`, and solved by `lacsolver.solve
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from scipy.sparse import csr_array
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Ints, Mesh, MeshLike
+from lacmesh.records import dataclass
 from lacsolver.bodies.mass import assemble_mass, check_densities
 from lacsolver.case import Case, as_case
 from lacsolver.problem.problem import Problem

@@ -7,7 +7,7 @@ are identified by their corners, so that the mesh stays conforming; an edge that
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
+from lacmesh.records import dataclass
 from lacmesh.topology.skin import label_rows
 
 #: family -> the type of its serendipity cell, and of its full quadratic one

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacmesh.smooth.shape import FREEDOMS, Shape
 
 #: how far a node may be from a shape, of the size of all nodes on it

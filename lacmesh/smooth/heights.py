@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import origin_of
+from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes

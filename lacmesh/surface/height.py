@@ -12,13 +12,14 @@ types are curved themselves and have no height.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.records import dataclass
 from lacmesh.surface.maps import N_MONOMIALS, basis, slopes, values
 from lacmesh.topology.skin import TYPE_CODE
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
+from lacmesh.records import dataclass
 from lacmesh.surface.clip import clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, coefficients

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
+from lacmesh.records import dataclass
 from lacmesh.surface.height import Height
 from lacmesh.topology.edges import neighbours
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of

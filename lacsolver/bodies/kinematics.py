@@ -7,7 +7,6 @@ which contain thermal forces under small kinematics; under finite kinematics tem
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacsolver.bodies import small
 from lacsolver.bodies.finite import thermal_stretches
 from lacsolver.bodies.line_springs import LineSprings

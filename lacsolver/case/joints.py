@@ -1,12 +1,12 @@
-# ruff: noqa: RUF009 (key and section make fields)
 """Records of the table of keys that join nodes: equations, couplings of nodes and points, sides of sectors."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
+from lacmesh.records import dataclass
 from lacsolver.case.direction_kinds import COMPONENTS, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Section, Values, key

@@ -1,11 +1,11 @@
-# ruff: noqa: RUF009 (key and section make fields)
 """The record of bolts that are tightened: sections at which a body is shortened by a force or by a length."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
+from lacmesh.records import dataclass
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import Load, Numbers, Section, key
 from lacsolver.case.kinds import GROUP, NOT_NEGATIVE, POINT, text

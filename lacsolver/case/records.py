@@ -1,4 +1,3 @@
-# ruff: noqa: RUF009 (key and section make fields)
 """The table of keys: the records of a case. Every key is a field, with its type, unit, default and meaning.
 
 The rest of the table, for the case as a whole, is in `case.py`. The records are frozen. They are filled from a TOML
@@ -10,9 +9,10 @@ user's choice; `unit` gives the dimension.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
+from lacmesh.records import dataclass
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.direction_kinds import AXES, LOCAL_AXES
 from lacsolver.case.entry import Entry

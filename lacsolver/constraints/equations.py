@@ -14,19 +14,19 @@ of the equations act on the bodies by C^T lambda, and on s by E^T lambda.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, hstack, vstack
-from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU, splu
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
-from lacsolver.space.sparse import sparse
+from lacsolver.space.sparse import joined_columns, sparse
 
 #: a coefficient below this part of the largest of its equation is not divided by, as long as there is a choice
 _SMALL = 0.1
@@ -228,9 +228,8 @@ def _connected(A: csr_array, rows: Ints) -> list[Ints]:
     rows = rows[np.diff(A.indptr)[rows] > 0]
     if not len(rows):
         return []
-    own = abs(A[rows])
-    count, label = connected_components(own @ own.T, directed=False)
-    return [rows[label == k] for k in range(count)]
+    label = joined_columns(csr_array(A[rows].T))
+    return [rows[label == k] for k in range(label.max() + 1)]
 
 
 def _dense_pivots(A: csr_array, rows: Ints, n_nodal: int) -> tuple[Ints, Ints]:

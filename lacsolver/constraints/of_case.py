@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags_array, vstack
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.mesh import Ints, mask_of
 from lacsolver.case.case import Case
@@ -20,6 +19,7 @@ from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
 from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
+from lacsolver.space.sparse import joined_columns
 
 #: least eigenvalue of the products of rows of equality, of unit length, below which one follows from others; part of
 #: the largest coefficient from which on a row is named
@@ -92,10 +92,9 @@ def node_sets(space: Space, case: Case, equations: tuple[Equations, ...]) -> Int
 
     Nodes of one number are joined by equations, and one process owns them.
     """
-    C = vstack([csr_array((0, space.n_dof)), *(one.C for one in equations)]).tocoo()
-    node, n = C.col // space.dim, space.mesh.n_nodes
-    graph = coo_array((np.ones(len(node)), (n + C.row, node)), shape=(n + C.shape[0],) * 2)
-    label = connected_components(graph, directed=False)[1][:n]
+    C = csr_array(vstack([csr_array((0, space.n_dof)), *(one.C for one in equations)]))
+    node, n = C.indices // space.dim, space.mesh.n_nodes
+    label = joined_columns(csr_array((C.data, node, C.indptr), shape=(C.shape[0], n)))
     used = mask_of(n, node)
     for record in joining(case):
         if isinstance(record, Coupling | Force):

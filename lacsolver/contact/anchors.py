@@ -26,15 +26,15 @@ D_T is a sum of products with v - v_bar, with dv/dxi^a, and with dn (`shear`, `c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.normals import normals_of, unit
@@ -43,9 +43,11 @@ from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
 from lacsolver.contact.shear import frames, integrals
-from lacsolver.contact.tangent import Motion
 from lacsolver.contact.zone import Zone
 from lacsolver.distributed.share import ALONE, Share
+
+if TYPE_CHECKING:
+    from lacsolver.contact.tangent import Motion
 
 #: part of what a macro-element covers that its anchors must have covered
 _LEAST = 0.1

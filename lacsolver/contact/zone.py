@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.records import dataclass
 from lacmesh.smooth import surface_of
 from lacmesh.surface import Surface, default_distance
 from lacmesh.surface.coverage import face_measure

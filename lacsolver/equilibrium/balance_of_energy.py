@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.problem.inertia import Inertia
 from lacsolver.results.motion import MotionState
 
 if TYPE_CHECKING:
     from lacsolver.equilibrium.newmark import Newmark
+    from lacsolver.problem.inertia import Inertia
 
 
 def kinetic(inertia: Inertia, v: Floats) -> float:

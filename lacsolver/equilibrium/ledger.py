@@ -21,7 +21,6 @@ from lacmesh.mesh import Floats
 from lacsolver.equilibrium.balance_of_energy import heat_of, strain
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.starting import motion_forces
 from lacsolver.results.state import StepState, Work
 
 
@@ -61,5 +60,7 @@ def _forces(step: LoadStep, q: Floats, p: Floats) -> tuple[Floats, Floats, Float
 
     The first are internal and contact forces, as all are in equilibrium.
     """
+    from lacsolver.equilibrium.starting import motion_forces
+
     internal, _, contact = motion_forces(step, q, p)
     return internal + contact, step.pressing(q, p), internal

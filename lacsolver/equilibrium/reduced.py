@@ -5,14 +5,16 @@ u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import DataError, some
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
@@ -33,8 +35,10 @@ from lacsolver.problem.rigid_modes import (
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import Rows
-from lacsolver.saddle.shared_stiffness import SharedFactors
 from lacsolver.saddle.stiffness import FactorCache, NodalEmbedding, Stiffness, embed
+
+if TYPE_CHECKING:
+    from lacsolver.saddle.shared_stiffness import SharedFactors
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
@@ -113,6 +117,8 @@ class ReducedProblem:
         """Factorisation of tangents by the case's backend."""
         solver, constraints = self.problem.case.solver, self.problem.constraints
         if constraints.own is not None:
+            from lacsolver.saddle.shared_stiffness import SharedFactors
+
             return SharedFactors(self.stabilization.R, solver.backend, constraints, self.vectors)
         return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole)
 

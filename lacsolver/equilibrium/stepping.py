@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacsolver.case import Case
 from lacsolver.contact.interface import TOUCHING
 from lacsolver.contact.laws import RowState
@@ -18,11 +19,9 @@ from lacsolver.equilibrium.attempt import Progress, attempt, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
-from lacsolver.problem.passing import passing, words
 from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
@@ -136,7 +135,16 @@ def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator
     if static:
         yield QuasiStatic(), static
     if len(times) > len(static):
-        yield scheme or (QuasiStatic() if case.dynamics is None else Newmark(problem)), times[len(static) :]
+        yield scheme or _scheme(problem), times[len(static) :]
+
+
+def _scheme(problem: Problem) -> TimeScheme:
+    """Return the time scheme of the steps that are not static."""
+    if problem.case.dynamics is None:
+        return QuasiStatic()
+    from lacsolver.equilibrium.newmark import Newmark
+
+    return Newmark(problem)
 
 
 def _marched(
@@ -182,6 +190,8 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
     space, q = problem.space, outcome.iterate.q
     if not any(pair.moving for pair in problem.joints):
         return None
+    from lacsolver.problem.passing import passing, words
+
     before = state.iterate
     x = space.places(
         np.zeros_like(step.u0) if before is None else problem.constraints.displacement(before.q, state.time)

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacsolver.linear.accuracy import Matrix
 from lacsolver.linear.direct.factor import DirectAnalysis, DirectFactor
 from lacsolver.linear.direct.pardiso import library
 from lacsolver.linear.direct.reserve import superlu_serves
-from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
+
+if TYPE_CHECKING:
+    from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
 
 #: factor of a matrix; `iterative` if its basic operation approximates K^-1, and a solution takes many of them
-Factor: TypeAlias = DirectFactor | MultigridFactor
-Analysis: TypeAlias = DirectAnalysis | MultigridAnalysis
+Factor: TypeAlias = "DirectFactor | MultigridFactor"
+Analysis: TypeAlias = "DirectAnalysis | MultigridAnalysis"
 
 #: above this number of unknowns in 3D, contact costs less with multigrid than with a factorisation
 #: (docs/solver_backends.md)
@@ -156,6 +158,8 @@ def analyse(
     else:
         name = "superlu" if why_no_rslab() else "rslab"
     if name == "multigrid":
+        from lacsolver.linear.multigrid.factor import MultigridAnalysis
+
         return MultigridAnalysis(K, modes, block, threads, near)
     note = ""
     if name == "superlu" and why_no_rslab() and backend != "superlu":

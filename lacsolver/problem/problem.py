@@ -9,9 +9,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.records import dataclass
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
@@ -35,7 +37,6 @@ from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
-from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.roles import slaves_of, with_roles
@@ -43,6 +44,9 @@ from lacsolver.problem.sections import with_sections
 from lacsolver.problem.skin import check_mesh, mesh_of, prepared
 from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.space import Space, check_dimension
+
+if TYPE_CHECKING:
+    from lacsolver.problem.inertia import Inertia
 
 #: nodes of the largest model whose fields are gathered on one process for MED: some 2 GB of fields and mesh
 MED_NODES = 5_000_000
@@ -131,6 +135,8 @@ class Problem(Described):
         """Mass of the nodes and of rigid bodies; None without [dynamics]."""
         if self.case.dynamics is None:
             return None
+        from lacsolver.problem.inertia import Inertia
+
         zones = [pair.zone for pair in self.joints]
         return Inertia.of(
             self.space, self.materials, self.constraints, zones, self.case.dynamics, self.case.kinematics == "finite"

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, vstack
-from scipy.sparse.csgraph import connected_components
 
 from lacmesh.mesh import Floats, Ints, concatenated
 from lacmesh.topology.body_names import body_names as names_of
@@ -25,7 +24,7 @@ from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rigid import moments
 from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
 from lacsolver.space.space import Space
-from lacsolver.space.sparse import sparse
+from lacsolver.space.sparse import joined_columns, sparse
 
 __all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
 
@@ -311,7 +310,7 @@ def _null_spaces(
     n = int(block.max(initial=-1)) + 1
     column = sparse((len(block), n), (np.arange(len(block)), block, 1.0))
     touched = abs(rows) @ column
-    system = connected_components(touched.T @ touched, directed=False)[1]
+    system = joined_columns(touched)
     filled = np.flatnonzero(np.diff(touched.indptr))
     of_row = system[touched.indices[touched.indptr[filled]]]
     order = np.argsort(of_row, kind="stable")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lacmesh.cutting.split import split_skins
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Mesh
 from lacsolver.case import Case, Pretension
@@ -17,6 +16,8 @@ def with_sections(case: Case, mesh: Mesh) -> Mesh:
     records = [one for one in case.pretension if not set(sides_of(mesh, one)) <= mesh.cell_groups.keys()]
     if not records:
         return mesh
+    from lacmesh.cutting.split import split_skins
+
     for record in records:
         try:
             mesh.cells_of(record.group)
@@ -31,6 +32,8 @@ def with_sections(case: Case, mesh: Mesh) -> Mesh:
 
 def _culprit(records: Sequence[Pretension], mesh: Mesh) -> Pretension:
     """Return the record whose faces cannot be divided by themselves, or the first."""
+    from lacmesh.cutting.split import split_skins
+
     for record in records:
         try:
             split_skins(mesh, [record.group])

@@ -8,7 +8,6 @@ from lacsolver.bodies.points import Field
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress
-from lacsolver.results.recovered_shear import recover_shear
 from lacsolver.results.recovery import recover_pressure
 from lacsolver.results.results import Fields, ZoneFields
 from lacsolver.results.state import State, ZoneState
@@ -48,6 +47,8 @@ def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, state: State) ->
     if bounds is not None and zone.friction is not None:
         t = zone.friction.in_space(zone.friction.shear)
         pressures = zone.pressure, nodal
+        from lacsolver.results.recovered_shear import recover_shear
+
         shear = recover_shear(slave, pair.zone.macro, t, pressures, zone.status, bounds, axisymmetric=round_)
     undeformed = pair.zone.slave.at(problem.space.mesh.points)
     return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal, shear)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

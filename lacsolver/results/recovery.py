@@ -36,7 +36,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
@@ -46,6 +45,7 @@ from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
 from lacsolver.bodies.small.fields import scatter
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
+from lacsolver.space.sparse import joined_columns
 
 Bools = NDArray[np.bool_]
 
@@ -215,7 +215,7 @@ def _balanced(
     scaled, within bounds; then all.
     """
     touch = _only(slave.touch, contact)
-    _, part = connected_components(touch.T @ touch, directed=False)
+    part = joined_columns(touch)
     held = np.flatnonzero(np.diff(touch.indptr))
     of_node = part[touch.indices[touch.indptr[held]]]
     integral = (slave.means.T @ np.where(paired, slave.area, 0.0))[held]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,6 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear import LinearError
-from lacsolver.linear.multigrid.cycle import Level
-from lacsolver.linear.multigrid.factor import MultigridFactor
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
 from lacsolver.saddle.operator import Operator
@@ -29,6 +27,10 @@ from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import NodalEmbedding, Stiffness
 from lacsolver.saddle.tolerances import ConvergenceTolerance
+
+if TYPE_CHECKING:
+    from lacsolver.linear.multigrid.cycle import Level
+    from lacsolver.linear.multigrid.factor import MultigridFactor
 
 #: reduction of the residual in each solve, and most sets that are tried
 _LOOSE, _SETS = 0.2, 6
@@ -63,7 +65,7 @@ class _CoarseLevel(NamedTuple):
         """Return the level below K; None if K has none, or has rigid-body modes."""
         if not isinstance(K, Stiffness) or K.whole is None or K.R.shape[1]:
             return None
-        found = K.factor.coarse() if isinstance(K.factor, MultigridFactor) else None
+        found = cast("MultigridFactor", K.factor).coarse() if K.iterative else None
         if found is None:
             return None
         factor, above = found

@@ -14,7 +14,7 @@ system in `row_set`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -23,12 +23,12 @@ from scipy.sparse import csr_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
+from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState
-from lacsolver.contact.tangent import tangent
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Histories
 from lacsolver.saddle.operator import Operator
@@ -319,6 +319,8 @@ class ContactSystem:
             total = total if bent is None else csr_array(total + bent)
         for group in self.pairs:
             if group.motion is not None:
+                from lacsolver.contact.tangent import tangent
+
                 t = None if group.shear is None else group.shear.vectors(p)
                 own = tangent(group.motion, p[group.rows], t)
                 total = csr_array(total + group.share.add_matrices(own, (True, True)))

@@ -6,24 +6,28 @@ The rows of a pair are followed by those along its tangents where it has frictio
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from lacmesh.mesh import Floats, Ints
+from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, Slip, slip
 from lacsolver.contact.friction import Kept
 from lacsolver.contact.laws import ContactLaw
 from lacsolver.contact.sliver import allowed_overlap
-from lacsolver.contact.tangent import Motion, gap_derivative, motion_of
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.problem.pair import ContactPair
 from lacsolver.saddle.row_set import ShearRows
+
+if TYPE_CHECKING:
+    from lacsolver.contact.tangent import Motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +126,8 @@ class PairGroup(RowGroup):
         """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
         if self.symmetric:
             return None
+        from lacsolver.contact.tangent import motion_of
+
         return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
 
     def gaps(self, u: Floats) -> NDArray[np.floating]:
@@ -171,5 +177,7 @@ class PairGroup(RowGroup):
         """Return the derivative of rows along normals."""
         if self.motion is None:
             return self.face.B
+        from lacsolver.contact.tangent import gap_derivative
+
         fading = allowed_overlap(self.face, self.pair.pairing)[1] if self.pair.one_sided else None
         return self.share.add_matrices(gap_derivative(self.motion, fading), (False, True))

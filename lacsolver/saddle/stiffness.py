@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 import scipy.linalg
@@ -20,10 +20,12 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
-from lacsolver.linear.multigrid.cycle import RowsOnLevels
-from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix
 from lacsolver.saddle.operator import Operator
+
+if TYPE_CHECKING:
+    from lacsolver.linear.multigrid.cycle import RowsOnLevels
+    from lacsolver.linear.multigrid.factor import MultigridAnalysis, MultigridFactor
 
 
 class NodalEmbedding(NamedTuple):
@@ -74,9 +76,9 @@ class Stiffness(Operator):
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
         """Return K q (n,), computed on all threads with multigrid."""
-        if not isinstance(self.factor, MultigridFactor):
+        if not self.iterative:
             return np.asarray(self.K @ q)
-        Kq = self._on_nodes(self.factor.apply, q)
+        Kq = self._on_nodes(self._multigrid.apply, q)
         return Kq if self.spring is None else Kq - self.spring * q
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
@@ -94,8 +96,7 @@ class Stiffness(Operator):
 
     @property
     def _multigrid(self) -> MultigridFactor:
-        assert isinstance(self.factor, MultigridFactor)
-        return self.factor
+        return cast("MultigridFactor", self.factor)
 
     def _on_levels(self, B: csr_array) -> RowsOnLevels:
         blocks = bsr_array(B.tobsr((1, 1))) if self.whole is None else self.whole.rows(B)
@@ -185,8 +186,7 @@ class FactorCache:
         analysis = analyse(
             K, backend=name, threads=self._threads, modes=whole.modes, block=whole.block, near=whole.near
         )
-        assert isinstance(analysis, MultigridAnalysis)
-        self._last = analysis.factor(K, self._last)
+        self._last = cast("MultigridAnalysis", analysis).factor(K, self._last)
         return self._last
 
     def _analysed(self, K: csr_array, definite: bool) -> Factor:

@@ -7,7 +7,6 @@ they come from, so that no tolerance depends on units.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
+from lacmesh.records import dataclass
 from lacsolver.linear.vectors import WHOLE, Vectors
 
 #: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from

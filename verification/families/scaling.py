@@ -13,7 +13,6 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
+from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate

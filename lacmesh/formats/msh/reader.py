@@ -6,19 +6,22 @@ import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh import fields as msh_fields
 from lacmesh.formats.msh import names as msh_names
 from lacmesh.formats.msh import notes as msh_notes
-from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.msh import reader4 as msh_read4
 from lacmesh.formats.msh.assembly import to_mesh, to_slice
 from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.slices import MeshSlice, Slice
 from lacmesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    from lacmesh.formats.msh.reader2 import Reader2
 
 #: Versions that we read -> the layout they have.
 LAYOUTS = {"2": "2.2", "2.0": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}
@@ -63,7 +66,7 @@ def slice_of(path: Path, comm: Communicator = SERIAL) -> MeshSlice | None:
 def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
     """Read what follows the format, of msh 4.1 a slice of the nodes; return what is left out, too. Raises ReadError."""
     dropped: dict[str, None] = {}
-    reader = msh_read4.Reader4(source, dropped, piece) if source.version == "4.1" else msh_read2.Reader2(source)
+    reader = msh_read4.Reader4(source, dropped, piece) if source.version == "4.1" else _reader2(source)
     unknown, seen = _sections(source, reader, dropped)
     if "Nodes" not in seen:
         raise source.error("the file has no section $Nodes", source.size)
@@ -75,6 +78,12 @@ def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
     if "Elements" not in seen:
         said.append(f"{name}: the file has no section $Elements, so no cells")
     return content, said
+
+
+def _reader2(source: MshBytes) -> Reader2:
+    from lacmesh.formats.msh.reader2 import Reader2
+
+    return Reader2(source)
 
 
 def read_format(source: MshBytes) -> None:
@@ -111,7 +120,7 @@ def _read_version(source: MshBytes) -> None:
 
 
 def _sections(
-    source: MshBytes, reader: msh_read2.Reader2 | msh_read4.Reader4, dropped: dict[str, None]
+    source: MshBytes, reader: Reader2 | msh_read4.Reader4, dropped: dict[str, None]
 ) -> tuple[dict[str, None], set[str]]:
     """Read all sections; return the names of the unknown ones, and of all that are there. Raises ReadError."""
     content = reader.content

@@ -7,7 +7,16 @@ writes is read (`vtu/xml.py`).
 
 from __future__ import annotations
 
-from lacmesh.formats.vtu.reader import read
+from pathlib import Path
+
 from lacmesh.formats.vtu.writer import write
+from lacmesh.mesh import Mesh
 
 __all__ = ["read", "write"]
+
+
+def read(path: Path) -> Mesh:
+    """Read a VTU file, see `vtu/reader.py`, which needs a parser of XML."""
+    from lacmesh.formats.vtu import reader
+
+    return reader.read(path)
