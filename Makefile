@@ -91,7 +91,7 @@ fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of eac
 bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact moving peers; do $(BIN)/python benchmarks/$$name.py || exit 1; done
 
-verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (half an hour on two free cores; goes on if stopped)
+verify: $(INSTALLED) .venv/.system-tests ## the slow tests, then cases with known solutions and a report of them (two hours on two free cores; goes on if stopped)
 	LACMESH_ALL=1 $(PYTEST) -q -m "slow and not petsc"
 	[ ! -x $(PETSC)/bin/pytest ] || $(PETSC)/bin/pytest -q -m "slow and petsc" tests/lacsolver/distributed
 	$(BIN)/python -m verification run --suite full --resume -o build/verification-full

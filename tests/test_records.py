@@ -36,14 +36,14 @@ OPTIONS = (
 
 
 def made(dataclass, options):
-    """The class `Record` that a decorator makes of the source above."""
+    """Class `Record` of the source above, made by a decorator."""
     names = {"dataclass": dataclass, "field": field, "ClassVar": ClassVar, "__name__": __name__}
     exec(SOURCE.format(options=options), names)
     return names["Record"]
 
 
 def outcome(ask):
-    """What a question gives: its answer, or the type and the words of its error."""
+    """Answer to a question, or the type and the words of its error."""
     try:
         return ask()
     except Exception as error:

@@ -12,7 +12,7 @@ import json
 import sys
 import traceback
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from lacmesh import Mesh
 from lacmesh.errors import LacmeshError
 from lacmesh.partition import distribute_nodes, write_parts
-from lacmesh.records import dataclass
 from lacsolver import Case, parse_case
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem

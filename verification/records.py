@@ -10,12 +10,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from functools import partial
 from inspect import signature
 from typing import Any, Literal
 
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Plot
 from verification.measures.rates import fitted, pairwise
 

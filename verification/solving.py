@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacsolver import Solution
 from lacsolver.case import Displacement, Value
 from lacsolver.contact import integrate

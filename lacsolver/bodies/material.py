@@ -13,6 +13,7 @@ Units: young, shear and C in stress; expansion in 1 / temperature; density in ma
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple, Protocol
 
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.space.space import ModellingHypothesis, Space
 
 #: row and column of each component of stress in its tensor

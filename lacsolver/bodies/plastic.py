@@ -30,6 +30,7 @@ Mean dilatation: K is set to 0 here, and the pressure of the mean change of volu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -38,7 +39,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import DataError
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.bodies.logarithmic import eigenvectors, stress_and_tangent
 from lacsolver.bodies.material import PLACES, Elastic, PointResponse
 

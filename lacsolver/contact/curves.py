@@ -10,13 +10,13 @@ however stiff or soft the curve is: a small error of a gap is a large one of the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.contact.laws import Bools, RowState, Unilateral
 
 #: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope

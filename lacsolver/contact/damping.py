@@ -18,13 +18,12 @@ a positive rate, the rate is a o' there, so that p is 0 at o' = 0.
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.contact.curves import Curved, Linear
 from lacsolver.contact.laws import Bools, RowState
 

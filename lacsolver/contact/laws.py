@@ -26,13 +26,13 @@ gap where the law is softer than the `skin_stiffness` and at the pressure where 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: status of a macro-element; one that slides is in contact too
 UNPAIRED, OPEN, CONTACT, SLIDES = -1, 0, 1, 2

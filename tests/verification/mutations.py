@@ -81,7 +81,7 @@ def stiff_normal(patch):
         return motion(face, slave, master, replace(pairing, normals="smoothed"), dim)
 
     patch.setattr(tangent, "nodal_normals", fixed)
-    patch.setattr("lacsolver.saddle.row_group.motion_of", at_nodes)
+    patch.setattr("lacsolver.contact.tangent.motion_of", at_nodes)
 
 
 def _across(normal):

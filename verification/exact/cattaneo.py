@@ -16,11 +16,11 @@ Tractions of both bodies are those of `half_plane`; t is sigma_xy on the surface
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.records import dataclass
 from verification.exact.half_plane import Ellipse, HalfPlane
 
 Floats = NDArray[np.floating]

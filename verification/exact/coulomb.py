@@ -19,11 +19,11 @@ it (Judice and Pires 1994); the bounds follow p until they stay (Necas, Jarusek,
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]

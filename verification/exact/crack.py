@@ -17,10 +17,10 @@ The upper face moves to +x if tau > 0: pressed along the direction (cos(angle), 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 

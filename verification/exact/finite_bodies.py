@@ -15,6 +15,7 @@ again by `python -m verification.exact.finite_bodies` (a minute and a half of on
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,6 @@ from scipy.optimize import least_squares
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from lacmesh.records import dataclass
 from verification.grids import box, lines, quadrangles, quarter_disc, under_circle
 
 Floats = NDArray[np.floating]

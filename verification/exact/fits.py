@@ -8,10 +8,11 @@ unit length, at most mu p. The hub's outer face stays; what the shaft's inner fa
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.records import dataclass
 from verification.exact.lame import Fit, Shell
 
 Floats = NDArray[np.floating]

@@ -17,11 +17,10 @@ A body below is the mirror image of one above. Displacements are known up to a t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]

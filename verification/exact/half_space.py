@@ -22,10 +22,10 @@ it is 0 at the surface's point x = 0. `p0`, E: stress; lengths as given.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]

@@ -13,12 +13,11 @@ displacement of the outer one, less that of the inner one, is the interference.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 Shape = Literal["sphere", "plane_strain", "plane_stress"]

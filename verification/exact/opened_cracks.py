@@ -19,10 +19,10 @@ with w = z + i, R = sqrt(r^2 + w^2), L = log(R + w), G = w L - R, P = (w^2 / 2 -
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 

@@ -14,13 +14,12 @@ the edge of the hole few terms are enough.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 Complex = NDArray[np.complexfloating]

@@ -15,12 +15,12 @@ equivalent strain 2 e / sqrt(3) = s / (3 G) + pbar, s = Y(pbar) + H pbar, and th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.optimize import brentq
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 

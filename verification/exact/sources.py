@@ -12,13 +12,12 @@ values are computed from these and never by lacsolver.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 try:
     import sympy as sp

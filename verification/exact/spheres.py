@@ -10,10 +10,10 @@ r = a sin(angle) the integrand is smooth, and Gauss's rule times the trapezoidal
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from lacmesh.records import dataclass
 
 Floats = NDArray[np.floating]
 

@@ -9,13 +9,13 @@ the moment_arm of the gap in it.)
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from verification.meshes.blocks import bent, joined, nodes_of
 from verification.meshes.stacks import LAYERS, block, moved, skin, stack, tower
 from verification.records import Case, Family, Outcome, at_least

@@ -8,14 +8,13 @@ told of symmetry.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from verification.families import press_fit
 from verification.families.press_fit import PressFit
 from verification.solving import Solved

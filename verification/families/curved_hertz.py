@@ -7,14 +7,13 @@ shape that is looked for: what is found are local fits.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacsolver.case import Value
 from verification.families import hertz
 from verification.meshes.blocks import nodes_of

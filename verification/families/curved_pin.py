@@ -6,6 +6,7 @@ error. Beside the pressure: the force on the quarter, and the angle at which con
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from verification.exact.pin import PinInHole
 from verification.measures.edge import edge_of_contact
 from verification.meshes.blocks import joined

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Cut, Mesh
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
 from verification.meshes.blocks import SPLITS, assembled, divided, joined
 from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacsolver import NotConvergedError
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march

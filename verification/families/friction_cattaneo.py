@@ -11,7 +11,7 @@ sticks moves to the leading edge, and the far bodies creep.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Plot
 from lacsolver.case import Value
 from verification.exact import cattaneo

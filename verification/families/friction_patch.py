@@ -9,13 +9,12 @@ gaps, forces and moments of slave and master balance to rounding, as the rows of
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.records import dataclass
 from lacsolver.results.fields import point_stress
 from verification.families import balance
 from verification.families.patch import DISPLACEMENT, PRESSURES, STRESS, worst

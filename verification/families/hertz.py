@@ -7,7 +7,7 @@ that the mesh is the only error. Lengths are in contact half-widths a = 1, stres
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure

@@ -7,6 +7,7 @@ the half-width; Hertz's half-space is beside it, as the figures of others are me
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal, NamedTuple
 
@@ -14,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
 from verification.measures.edge import edge_of_contact

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import ceil, sqrt
 from typing import Any
 
@@ -11,7 +12,6 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from verification.exact import impact as exact
 from verification.meshes.bars import bar_on_wall
 from verification.records import Result, at_least, at_most

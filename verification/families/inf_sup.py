@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -21,7 +21,6 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from verification.measures.inf_sup import constant, held
 from verification.measures.norms import pressure_errors

@@ -10,6 +10,7 @@ t, so that it can be halved.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Plot
 from verification.exact.sources import Law, SymbolicFunction, Texts, compiled, derive, missing
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors

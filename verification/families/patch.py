@@ -8,6 +8,7 @@ holds the plane), the displacement linear by Hooke's law, every p_m the pressure
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -15,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt

@@ -13,6 +13,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate

@@ -9,7 +9,7 @@ pressure are what is asked of them. The ring is after code_aster's ssnp165c, who
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Line, Plot
 from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lacmesh import Mesh
-from lacmesh.records import dataclass
 from verification.meshes.blocks import boxed, grid, joined
 
 #: size of the block's faces, and the height of the punch above it

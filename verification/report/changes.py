@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 
-from lacmesh.records import dataclass
 from lacmesh.report.blocks import ReportBlock, TableRow, as_markdown, table, title
 from verification.records import Result
 from verification.report import words

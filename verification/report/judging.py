@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
-from lacmesh.records import dataclass
 from lacmesh.report.blocks import Verdict
 from verification.records import Published, Result
 from verification.running.folder import CaseResult

@@ -17,7 +17,7 @@ import math
 import types
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from itertools import count, takewhile
 from pathlib import Path
@@ -27,7 +27,6 @@ import numpy as np
 
 from lacmesh import LacmeshError
 from lacmesh.formats.output import replace_file
-from lacmesh.records import dataclass
 from lacmesh.report.charts import Plot
 from verification.records import Case, Outcome, Result
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from lacmesh.errors import GroupNotFoundError, RequestError
-from lacmesh.records import dataclass
 from verification import families
 from verification.records import SUITES, Case
 from verification.running.folder import CaseResult, parameters_of

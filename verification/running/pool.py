@@ -9,11 +9,11 @@ import sys
 import time
 from collections.abc import Generator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.output import signals_wait
-from lacmesh.records import dataclass
 from verification.records import Outcome
 from verification.running.folder import CaseResult, forget, read_case_result, sweep, write_case_result
 from verification.running.plan import ROOT, Planned

@@ -9,7 +9,7 @@ import time
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 
@@ -17,7 +17,6 @@ from lacmesh import __version__
 from lacmesh.cli.program import on_one_line
 from lacmesh.errors import RequestError, WriteError
 from lacmesh.formats.output import replace_file
-from lacmesh.records import dataclass
 from verification.families import MODULES
 from verification.running.environment import environment
 from verification.running.folder import RESULTS, CaseResult, Run, read_case_result, sweep, write_results
