@@ -7,7 +7,8 @@ which contain thermal forces under small kinematics; under finite kinematics tem
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -57,20 +58,11 @@ class Kinematics(Protocol):
         """Return the energy stored in bodies and springs, of this process's own cells and nodes."""
 
 
-@dataclass(eq=False)
-class _Stretches:
-    """Thermal stretches of bodies; those of the last time are kept."""
-
-    space: Space
-    materials: Materials
-    temperature: TemperatureField | None
-    _last: tuple[float, Field | None] | None = None
-
-    def at(self, t: float) -> Field | None:
-        """Return the stretches at time t, None without temperature."""
-        if self._last is None or self._last[0] != t:
-            self._last = t, thermal_stretches(self.space, self.materials, self.temperature, t)
-        return self._last[1]
+def _stretches_at(
+    space: Space, materials: Materials, temperature: TemperatureField | None
+) -> Callable[[float], Field | None]:
+    """Return t -> the thermal stretches of bodies, None without temperature; those of the last time are kept."""
+    return lru_cache(maxsize=1)(lambda t: thermal_stretches(space, materials, temperature, t))
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,12 +90,12 @@ class Small:
 
     def _by_points(self, u: Floats, t: float, history: LawHistory) -> DisplacedBodies:
         """Return the cells whose laws are evaluated at points."""
-        stretches = self._stretches.at(t)
+        stretches = self._stretches(t)
         return DisplacedBodies(self.space, self.materials, u, stretches, history, self.threads, finite=False)
 
     @cached_property
-    def _stretches(self) -> _Stretches:
-        return _Stretches(self.space, self.materials, self.temperature)
+    def _stretches(self) -> Callable[[float], Field | None]:
+        return _stretches_at(self.space, self.materials, self.temperature)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
         """Return K u, and the forces of laws at points."""
@@ -190,11 +182,11 @@ class Finite:
 
     def stretches(self, t: float) -> Field | None:
         """Return the thermal stretches at time t; those of the last time are cached."""
-        return self._stretches.at(t)
+        return self._stretches(t)
 
     @cached_property
-    def _stretches(self) -> _Stretches:
-        return _Stretches(self.space, self.materials, self.temperature)
+    def _stretches(self) -> Callable[[float], Field | None]:
+        return _stretches_at(self.space, self.materials, self.temperature)
 
     @cached_property
     def _values(self) -> NDArray[np.floating]:

@@ -37,36 +37,23 @@ class NodalNormals(NamedTuple):
     derivative: csr_array
 
 
-class _FaceNormals(NamedTuple):
-    """Unit normals n (k, a, d) at the nodes of faces of one type, areas A (k,), and their derivatives.
-
-    `dn` (k, a, d, b, d), `dA` (k, b, d): by the displacements of the nodes b. `nodes` (k, b).
-    """
-
-    nodes: Ints
-    n: Floats
-    A: Floats
-    dn: Floats
-    dA: Floats
-
-
 def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> NodalNormals:
     """Return the smoothed normals of a slave skin; `nodes` (n,): numbers of the nodes of both skins, ascending."""
     own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
     faces = []
     for name, rows, of_face in slave.by_type():
-        faces.append(_face_normals(name, slave.x[of_face], of_face, d))
-        own[rows, : of_face.shape[1], :d], position[rows] = faces[-1].n, np.arange(len(rows))
+        normal, term, change = _face_normals(name, slave.x[of_face], d)
+        faces.append((rows, of_face, term, change))
+        own[rows, : of_face.shape[1], :d], position[rows] = normal, np.arange(len(rows))
     at, other = crease_pairs(slave, own, crease_angle)
     of_faces, first = _distinct(slave.faces.nodes, np.bincount(at, minlength=9 * len(slave)))
     taken = first[of_faces.ravel()[at]] == at  # of positions with the same normal, one is enough
     row, face, corner = of_faces.ravel()[at[taken]], *np.divmod(other[taken], 9)
     parts = []
-    for kind, (_, rows, _) in zip(faces, slave.by_type(), strict=True):
+    for rows, of_face, term, change in faces:
         some = np.flatnonzero(np.isin(face, rows))
         f, a = position[face[some]], corner[some]
-        change = kind.A[f, None, None, None] * kind.dn[f, a] + kind.n[f, a, :, None, None] * kind.dA[f, None]
-        parts.append((row[some], np.searchsorted(nodes, kind.nodes[f]), kind.A[f, None] * kind.n[f, a], change))
+        parts.append((row[some], np.searchsorted(nodes, of_face[f]), term[f, a], change[f, a]))
     return _normalised(of_faces, parts, len(first), len(nodes), d)
 
 
@@ -104,15 +91,19 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
     return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
-def _face_normals(name: str, x: Floats, nodes: Ints, d: int) -> _FaceNormals:
-    """Return the normals of faces of one type with nodes at x (k, b, 3)."""
+def _face_normals(name: str, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
+    """Return unit normals n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and A n.
+
+    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b.
+    """
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
     J = np.einsum("abc,kbs->kasc", dN, x)
     n = unit(normals_of(J))[..., :d]
     dual = dual_vectors(J.reshape(-1, 3, J.shape[3])).reshape(J.shape)[:, :, :d]
     dn = -(dual @ dN.transpose(0, 2, 1))[..., None] * n[:, :, None, None, :]
     A, dA = _areas(name, x, d)
-    return _FaceNormals(nodes, n, A, dn, dA)
+    change = A[:, None, None, None, None] * dn + n[..., None, None] * dA[:, None, None]
+    return n, A[:, None, None] * n, change
 
 
 def _areas(name: str, x: Floats, d: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

@@ -8,7 +8,7 @@ is the smallest over all directions, and the step follows from a small triangula
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,14 +37,6 @@ class LinearSystem(Protocol):
         """Return A z."""
 
 
-class KrylovStep(NamedTuple):
-    """Step x (n,), the residual (m,) that it leaves by recurrence, and the number of preconditioned directions."""
-
-    x: NDArray[np.floating]
-    residual: NDArray[np.floating]
-    directions: int
-
-
 def minimise(
     system: LinearSystem,
     r: Floats,
@@ -54,8 +46,10 @@ def minimise(
     known: Floats | Sequence[Floats] = (),
     least: float = 0.0,
     patience: int | None = None,
-) -> KrylovStep:
-    """Return the step that minimises the residual r (m,) over `known` directions and at most `limit` others.
+) -> tuple[NDArray[np.floating], NDArray[np.floating], int]:
+    """Return the step x (n,) that minimises the residual r (m,) over `known` directions and at most `limit` others.
+
+    With it, the residual (m,) that it leaves by recurrence, and the number of those others that it took.
 
     `excess(r)`: a residual relative to its tolerance; the loop ends where it is 1 or less, once the known directions
     are used. It also ends at a norm of `least`, at a direction that depends on the earlier ones up to round-off, and
@@ -94,7 +88,7 @@ def minimise(
     if k:
         part = solve_triangular(T[:k, :k], along[:k], trans="T", lower=True)
         vectors.subtract(-vectors.same(part), Z[:k], x)
-    return KrylovStep(x, r, n_new)
+    return x, r, n_new
 
 
 def _orthogonalise(image: Floats, others: Floats, vectors: Vectors) -> tuple[NDArray[np.floating], float]:

@@ -170,7 +170,7 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floati
 def _nodal_parabolas(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
     """Return nodal values (k,) of parabolas fitted to the means in contact, 0 at nodes of no such macro-element."""
     touch = _only(slave.touch, contact)
-    return _mean(touch, _fit(slave, touch, means).at(slave.x, touch))
+    return _mean(touch, _fitted(slave, touch, means))
 
 
 def _nodal_roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
@@ -181,7 +181,7 @@ def _nodal_roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> N
     merged, W = _merged(slave, contact, edge)
     if len(merged.area) < _LEAST[slave.dim]:
         merged, W = _merged(slave, contact, np.zeros_like(edge))
-    q = _fit(merged, merged.touch, W @ means, root=True).at(slave.x, merged.touch)
+    q = _fitted(merged, merged.touch, W @ means, root=True)
     return np.sqrt(np.maximum(_mean(merged.touch, q), 0.0))
 
 
@@ -240,29 +240,24 @@ def _balanced(
 # ---- fits
 
 
-class _Fit(NamedTuple):
-    """Parabolas (n,) in coordinates s = axis . (x - x_bar): q (n, terms), x_bar (n, 3), axis (n, 3, dim)."""
+def _fitted(slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False) -> NDArray[np.floating]:
+    """Fit a parabola around each macro-element in `touch` to `means`, by its own means or those of its root.
 
-    q: Floats
-    x_bar: Floats
-    axis: Floats
-
-    def at(self, x: Floats, touch: csr_array) -> NDArray[np.floating]:
-        """Return the values of each parabola at the nodes (k, 3) of its macro-element, in the order of `touch`."""
-        row, g = np.repeat(np.arange(len(x)), np.diff(touch.indptr)), touch.indices
-        s = np.einsum("rs,rsn->rn", x[row] - self.x_bar[g], self.axis[g])
-        return np.asarray((_powers(s) * self.q[g]).sum(axis=1))
-
-
-def _fit(slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False) -> _Fit:
-    """Fit a parabola around each macro-element in `touch` to `means`, by its own means or those of its root."""
+    Return its values at the nodes of its macro-element, in the order of `touch`.
+    """
     patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim])
     pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root) for k in range(0, patches.shape[0], _PIECE)]
-    return _Fit(*map(np.concatenate, zip(*pieces, strict=True)))
+    q, x_bar, axis = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
+    row, g = np.repeat(np.arange(len(slave.x)), np.diff(touch.indptr)), touch.indices
+    s = np.einsum("rs,rsn->rn", slave.x[row] - x_bar[g], axis[g])
+    return np.asarray((_powers(s) * q[g]).sum(axis=1))
 
 
-def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> _Fit:
-    """Fit the parabolas of some patches (k, n)."""
+def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> tuple[Floats, Floats, Floats]:
+    """Fit the parabolas of some patches (k, n), in coordinates s = axis . (x - x_bar).
+
+    Return their coefficients (k, terms), x_bar (k, 3) and axis (k, 3, dim).
+    """
     k, dim = patches.shape[0], slave.dim
     row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
     weight = slave.weight[g] / _summed(row, slave.weight[g], k)[row]
@@ -289,7 +284,7 @@ def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> 
         value = np.sqrt(np.maximum(np.einsum("rpt,rt->rp", points, fit(wanted)[row]), 0.0))
         # a third of a step: longer steps may oscillate about the solution
         wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
-    return _Fit(fit(wanted), x_bar, axis)
+    return fit(wanted), x_bar, axis
 
 
 def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:

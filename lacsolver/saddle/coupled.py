@@ -77,9 +77,9 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
         if excess(r) <= 1:
             break
         most, least = min(_ROUND, _MOST - count), _RECURRED * norm(r)
-        step = minimise(system, r, excess, most, known=system.constrained, least=least)
-        count += step.directions
-        then = x + step.x
+        dx, _, more = minimise(system, r, excess, most, known=system.constrained, least=least)
+        count += more
+        then = x + dx
         residual, then_force = system.residual(then)
         size = norm(residual)
         if size < best:

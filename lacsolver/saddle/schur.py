@@ -206,9 +206,9 @@ class _SchurLoop:
 
         The loop ends when the residual is at most `allowed`, or when it no longer falls.
         """
-        start, ends = self.project(now.r) / self.unit, allowed / self.unit
-        step = minimise(self, start, lambda r: _relative(r, ends), limit, known=self.known(), patience=_PATIENCE)
-        dq, dp, ds = np.split(step.x, [len(now.q), len(now.q) + self.n]) if len(step.x) else (0.0, 0.0, 0.0)
+        start, ends, known = self.project(now.r) / self.unit, allowed / self.unit, self.known()
+        x, _, count = minimise(self, start, lambda r: _relative(r, ends), limit, known=known, patience=_PATIENCE)
+        dq, dp, ds = np.split(x, [len(now.q), len(now.q) + self.n]) if len(x) else (0.0, 0.0, 0.0)
         p = now.p.copy()
         p[self.active] += dp
-        return self.balanced_near(now.q - dq, p, now.s + ds), step.directions
+        return self.balanced_near(now.q - dq, p, now.s + ds), count

@@ -69,7 +69,7 @@ class EigenProblem:
             return self._ritz(self._dense(count), count)
         if 2 * count > self.count:
             raise RequestError(f"{count} modes are more than half of the {self.count} that there are; ask for fewer")
-        return self._sparse(count, self._inverse(A))
+        return self._sparse(count, A)
 
     def _ritz(self, X: Floats, count: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return the lowest lambda (count,) and modes in the span of columns X (n, j)."""
@@ -86,12 +86,12 @@ class EigenProblem:
         _, Y = scipy.linalg.eigh(Z.T @ (self.K @ Z), Z.T @ (self.M @ Z), subset_by_index=[0, last])
         return np.asarray(Z @ Y)
 
-    def _sparse(self, count: int, inverse: _Inverse) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    def _sparse(self, count: int, A: Stiffness) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return the lowest modes by repeated iterations, each among the motions that the modes before leave."""
         eigenvalues: Floats = np.empty(0)
-        X, idle = np.zeros((self.K.shape[0], 0)), 0
+        X, idle, relaxed = np.zeros((self.K.shape[0], 0)), 0, self._relaxed(A)
         while idle <= _IDLE:
-            left = inverse.without(np.concatenate([self.R, X], axis=1))
+            left = self._inverse(A, relaxed, np.concatenate([self.R, X], axis=1))
             new = self._iterate(max(count - len(eigenvalues), 1), left, seed=len(eigenvalues) + idle)
             if not new.shape[1]:
                 idle += 1
@@ -113,31 +113,24 @@ class EigenProblem:
         except ArpackNoConvergence as error:
             return np.asarray(error.eigenvectors).reshape(n, -1)
 
-    def _inverse(self, A: Stiffness) -> _Inverse:
+    def _relaxed(self, A: Stiffness) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return g -> S^-1 g with S = C A^-1 C^T (m, m)."""
         C_T, m = csr_array(self.C.T), self.C.shape[0]
         S = np.empty((m, m))
         for k in range(0, m, _TOGETHER):
             S[:, k : k + _TOGETHER] = self.C @ A.solve(C_T[:, k : k + _TOGETHER].toarray())
-        return _Inverse(self, A, C_T, _solver(S))
+        return _solver(S)
 
-
-@dataclass(frozen=True, eq=False)
-class _Inverse:
-    """The inverse of K among the motions that C leaves; `relaxed`: S^-1."""
-
-    problem: EigenProblem
-    A: Stiffness
-    C_T: csr_array
-    relaxed: Callable[[Floats], Floats]
-
-    def without(self, X: Floats) -> Callable[[Floats], NDArray[np.floating]]:
-        """Return the inverse among the motions that modes X (n, j), X^T M X = 1, leave too; R must be among them."""
-        MX, C = self.problem.M @ X, self.problem.C
+    def _inverse(
+        self, A: Stiffness, relaxed: Callable[[Floats], Floats], X: Floats
+    ) -> Callable[[Floats], NDArray[np.floating]]:
+        """Return the inverse of K among the motions that C and modes X (n, j), X^T M X = 1, leave; R is among them."""
+        MX, C, C_T = self.M @ X, self.C, csr_array(self.C.T)
 
         def inverse(f: Floats) -> NDArray[np.floating]:
-            x = self.A.solve(f - MX @ (X.T @ f))
+            x = A.solve(f - MX @ (X.T @ f))
             if C.shape[0]:
-                x = x - self.A.solve(self.C_T @ self.relaxed(C @ x))
+                x = x - A.solve(C_T @ relaxed(C @ x))
             return x - X @ (MX.T @ x)
 
         return inverse

@@ -136,14 +136,14 @@ class MultigridFactor:
             if before <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
                 return x
             limit = min(_ROUND, _MOST - self.n_iterations)
-            step = minimise(self, r, lambda left: norm(left) / goal, limit, least=_RECURRED * before)
-            if not step.directions:
+            dx, left, count = minimise(self, r, lambda r: norm(r) / goal, limit, least=_RECURRED * before)
+            if not count:
                 break
-            self.n_iterations += step.directions
-            x = x + step.x
+            self.n_iterations += count
+            x = x + dx
             r = b - self.image(x)
-            decades = float(np.log10(before / max(norm(step.residual), _TINY)))
-            self.hierarchy.record_convergence("alone", step.directions, decades)
+            decades = float(np.log10(before / max(norm(left), _TINY)))
+            self.hierarchy.record_convergence("alone", count, decades)
         if norm(r) <= goal or backward_error(self._scale, x, r, b) <= _ROUNDING:
             return x
         message = f"multigrid stopped at a residual of {norm(r) / norm(b):.1e} of the forces, "
