@@ -31,8 +31,9 @@ _PUBLIC = {
     "film": "lacsolver.pictures.filming",
     **dict.fromkeys(
         (
-            *("BodyForce", "Case", "Contact", "Displacement", "Dynamics", "Force", "Gravity", "Initial", "Material"),
-            *("Output", "Pressure", "Probe", "Rigid", "Solver", "Spring", "Steps", "Temperature", "Tie", "Traction"),
+            *("BodyForce", "Case", "Contact", "Coupling", "Cyclic", "Displacement", "Dynamics", "Equation", "Force"),
+            *("Gravity", "Initial", "Material", "Output", "Pressure", "Pretension", "Probe", "Rigid", "Solver"),
+            *("Spring", "Steps", "Temperature", "Tie", "Traction"),
         ),
         "lacsolver.case",
     ),
@@ -51,14 +52,18 @@ if TYPE_CHECKING:
     from lacsolver.case import Case as Case
     from lacsolver.case import CaseError as CaseError
     from lacsolver.case import Contact as Contact
+    from lacsolver.case import Coupling as Coupling
+    from lacsolver.case import Cyclic as Cyclic
     from lacsolver.case import Displacement as Displacement
     from lacsolver.case import Dynamics as Dynamics
+    from lacsolver.case import Equation as Equation
     from lacsolver.case import Force as Force
     from lacsolver.case import Gravity as Gravity
     from lacsolver.case import Initial as Initial
     from lacsolver.case import Material as Material
     from lacsolver.case import Output as Output
     from lacsolver.case import Pressure as Pressure
+    from lacsolver.case import Pretension as Pretension
     from lacsolver.case import Probe as Probe
     from lacsolver.case import Rigid as Rigid
     from lacsolver.case import Solver as Solver

@@ -50,17 +50,18 @@ def run(
     *,
     mesh: MeshLike | None = None,
     start: Restart | None = None,
+    force: bool = False,
     progress: Callable[[Progress], None] | None = None,
     stepped: Callable[[StepFigures], None] | None = None,
     distribution: Distribution = UNDIVIDED,
 ) -> Results:
     """Solve a case and write its results into a folder; `start`: a state to restart from.
 
-    `case`: a case, or the path of a case file. `folder`: its path, which must not hold results yet, or what
-    `lacsolver.output.create_output` made of it. `mesh`: a mesh or its path; None for that of the case. `progress` is
-    called for every iteration, `stepped` for every converged step. `distribution`: the processes that share the model,
-    each of which calls this function. Raises NotConvergedError after the last state tried is written, the errors of
-    `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
+    `case`: a case, or the path of a case file. `folder`: its path, which must not hold results yet unless `force`, or
+    what `lacsolver.output.create_output` made of it. `mesh`: a mesh or its path; None for that of the case. `progress`
+    is called for every iteration, `stepped` for every converged step. `distribution`: the processes that share the
+    model, each of which calls this function. Raises NotConvergedError after the last state tried is written, the
+    errors of `Problem.of` and `Writer`, and DataError for a state of another case or mesh.
     An interrupted run leaves the steps that have converged. Raises RequestError for a case of the engine petsc
     without a distribution, such as `lacsolver.distributed.processes.Processes` of MPI's communicator.
 
@@ -77,7 +78,7 @@ def run(
     clock = Clock()
     with clock.phase("mesh"):
         mesh = read_mesh(case, distribution) if mesh is None else as_mesh(mesh)
-        folder = folder if isinstance(folder, OutputFolder) else create_output(folder, restart=start)
+        folder = folder if isinstance(folder, OutputFolder) else create_output(folder, force=force, restart=start)
         problem = Problem.of(case, mesh, distribution)
         output = RunOutput(problem, folder, fingerprint(problem.case, *distribution.as_read(mesh)), clock)
         start = None if start is None else output.continued(start, mesh)

@@ -100,6 +100,8 @@ def assemble(case: Case | str | Path, mesh: MeshLike | None = None, *, t: float 
     ((1536, 1536), (1536,), (512, 3), 230)
     """
     case = as_case(case)
+    if t is not None and not t >= 0:
+        raise RequestError(f"t is a time of the steps, which begin at 0, not {t:g}")
     problem = Problem.of(case, mesh_of(case, mesh))
     t = case.steps.last if t is None else t
     none = np.zeros(problem.space.n_dof)

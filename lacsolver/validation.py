@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, vstack
 
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
-from lacmesh.facts import Described
+from lacmesh.facts import Described, listed
 from lacmesh.mesh import Mesh, MeshLike
 from lacmesh.records import dataclass
 from lacsolver.case import Case, CaseError, Issue, as_case
@@ -91,6 +91,14 @@ class Validation(Described):
     loads: tuple[Resultant, ...] = ()
     problems: list[Issue] = field(default_factory=list)
 
+    def _facts(self) -> dict[str, str]:
+        problems = {f"problem {k}": one.message for k, one in enumerate(self.problems[:4], start=1)}
+        if len(self.problems) > len(problems):
+            problems["problems"] = f"{len(self.problems) - len(problems)} more"
+        mesh = f"{self.mesh.n_nodes:,} nodes{', cut here' if self.cut_here else ''}"
+        facts = {"mesh": mesh, "unknowns": f"{self.unknowns:,}", "contact": listed(one.name for one in self.zones)}
+        return {**(problems or {"problems": "none"}), **facts, "held": listed(self.held) or "none"}
+
     @contextmanager
     def looking(self, place: str = "") -> Iterator[None]:
         """Collect errors in this context; `place`: file and line of the record, for messages that do not name it."""
@@ -148,7 +156,7 @@ def _check_solver(case: Case, n: int) -> None:
 
 def _whole(mesh: Mesh) -> bool:
     """True if the mesh has macro-elements, each of one face."""
-    return is_cut(mesh) and Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0)
+    return is_cut(mesh) and bool(Cut(mesh).n_macros == np.count_nonzero(Cut(mesh).macro_of_face >= 0))
 
 
 def _look_at_loads(case: Case, parts: ProblemParts, validation: Validation) -> None:

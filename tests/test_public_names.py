@@ -7,6 +7,7 @@ import builtins
 import importlib
 import inspect
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ import pytest
 import lacmesh
 import lacmesh.errors
 import lacsolver
+import lacsolver.case
 import lacsolver.errors
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -22,9 +24,16 @@ PACKAGES = (lacmesh, lacsolver)
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)
 def test_dir_lists_verbs_records_and_errors_and_nothing_else(package):
-    assert dir(package) == package.__all__ and len(package.__all__) <= 40
+    assert dir(package) == package.__all__ and len(package.__all__) <= 44
     things = [getattr(package, name) for name in dir(package)]
     assert all(inspect.isclass(thing) or inspect.isfunction(thing) for thing in things)
+
+
+def test_every_section_of_a_case_has_its_record_at_the_door():
+    """A case can be made without a look into inner modules."""
+    types = " ".join(str(one.type) for one in fields(lacsolver.Case))
+    records = {name for name, thing in vars(lacsolver.case).items() if inspect.isclass(thing) and name + "]" in types}
+    assert {"Pretension", "Contact"} <= records <= {*lacsolver.__all__}
 
 
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda p: p.__name__)

@@ -11,6 +11,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, split
+from lacmesh.facts import Described
 from lacmesh.mesh import Ints, concatenated
 from lacmesh.records import dataclass
 from lacmesh.topology.skin import Faces, find_owners
@@ -33,8 +34,8 @@ _PATCHES: dict[tuple[str, int], tuple[int, tuple[tuple[int, ...], ...]]] = {
 _SEG3_CODE = {"TRIA6": 9, "QUAD8": 14}
 
 
-@dataclass(frozen=True)
-class Multipliers:
+@dataclass(frozen=True, eq=False, repr=False)
+class Multipliers(Described):
     """Nodes that carry LAGS_C: `faces` (f,), the slave faces, and for each face its `nodes` (f, 4), -1 beyond.
 
     `share` (f,): factor of a face's contribution, 1, 1/2 or 1/4. `patch_of_cell` (n_cells,) and

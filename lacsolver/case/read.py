@@ -61,6 +61,8 @@ def parse_case(text: str, path: str | Path = "case.toml", *, matrices: bool = Fa
     >>> parse_case(text).displacement[0].group
     'end'
     """
+    if not isinstance(text, str):
+        raise RequestError(f"parse_case takes a text in TOML, not {type(text).__name__}; read_case takes a path")
     path = Path(path)
     document, lines = _document(text, path)
     case, mistakes = _drafted(document, lines, path)

@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> None:
         state = None if args.state is None else read_state(args.state, case, args.from_time, mesh=mesh)
         problem = Problem.of(case, mesh)
     with stage("modes"):
-        modes = natural_modes(problem, args.count, at=state, mass=args.mass)
+        modes = natural_modes(problem, count=args.count, at=state, mass=args.mass)
     with stage("write"):
         write_modes(folder, modes, problem.space)
     if not args.quiet:

@@ -42,6 +42,8 @@ _FREE = 1e-9
 _INVERSE = 1e-6
 #: largest number of separate bodies whose rigid-body modes are sought in K
 _BODIES = 40
+#: contact does not hold a motion that it meets with less than this part of the size of its rows
+_HELD = 1e-8
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,16 +121,17 @@ def solve_contact(
     pairs = _pairs(B, G, w, law) if several else _pairs([B], [G], None if w is None else [w], law)
     if B_T is not None:
         pairs = _with_friction(pairs, B_T if several else [B_T], friction if isinstance(friction, list) else [friction])
-    K, f = csr_array(K), np.asarray(f, float)
-    n = len(f)
+    K, f = csr_array(K, dtype=float), np.asarray(f, float)
+    n = f.size
     u0 = np.zeros(n) if u0 is None else np.asarray(u0, float)
     free = _free_unknowns(fixed, n)
-    _check_shapes(K, u0, [pair.matrix for pair in pairs], modes, n)
+    _check_shapes(K, f, u0, [pair.matrix for pair in pairs], modes)
     u = u0.copy()
     u[free] = 0.0
     R = None if modes is None else np.linalg.qr(np.asarray(modes, float)[free])[0]
     stiffness = _stiffness(csr_array(K[free][:, free]), R, solve, backend)
     contact = _system(pairs, stiffness, u, free)
+    _check_held(contact.rows.B, stiffness.R)
     tolerances = ConvergenceTolerance(tolerance, max_iterations, 0.0, float(np.abs(u).max(initial=0.0)))
     q = np.zeros(len(free))
     start = Iterate(q, np.zeros(len(contact.G)), contact.enforceable & (contact.G < 0))
@@ -188,6 +191,8 @@ def _pairs(B: Any, G: Any, w: Any, law: Any) -> list[_Pair]:
     pairs = []
     for k, (one, gap, measure, obeyed) in enumerate(zip(Bs, Gs, ws, laws, strict=True)):
         gap = np.asarray(gap, float)
+        if not hasattr(obeyed, "yields"):
+            raise RequestError(f"pair {k}: law is one of lacsolver.contact.laws, such as Unilateral(), not {obeyed!r}")
         if gap.shape != (one.shape[0],):
             raise RequestError(f"pair {k}: B has {one.shape[0]} rows, and G has the shape {gap.shape}")
         if measure is None and obeyed.yields:
@@ -225,20 +230,31 @@ def _measures(B: csr_array) -> NDArray[np.floating]:
 
 
 def _free_unknowns(fixed: Any, n: int) -> Ints:
-    fixed = np.asarray(fixed if len(fixed) else [], np.int64)
-    if fixed.ndim != 1 or (len(fixed) and not (fixed.min() >= 0 and fixed.max() < n)):
+    fixed = np.asarray(fixed) if len(fixed) else np.empty(0, np.int64)
+    whole = fixed.ndim == 1 and fixed.dtype.kind in "iu"  # a mask would be taken for the unknowns 0 and 1
+    if not whole or (len(fixed) and not (fixed.min() >= 0 and fixed.max() < n)):
         raise RequestError(f"fixed are indices of unknowns, from 0 to {n - 1}")
     return np.setdiff1d(np.arange(n), fixed)
 
 
-def _check_shapes(K: csr_array, u0: Floats, Bs: Sequence[csr_array], modes: Floats | None, n: int) -> None:
-    if K.shape != (n, n) or u0.shape != (n,) or any(B.shape[1] != n for B in Bs):
+def _check_shapes(K: csr_array, f: Floats, u0: Floats, Bs: Sequence[csr_array], modes: Floats | None) -> None:
+    n = f.size
+    if K.shape != (n, n) or f.shape != (n,) or u0.shape != (n,) or any(B.shape[1] != n for B in Bs):
         shapes = ", ".join(str(B.shape) for B in Bs)
-        raise RequestError(f"K {K.shape}, f ({n},), u0 {u0.shape} and B {shapes} are not of the same unknowns")
+        raise RequestError(f"K {K.shape}, f {f.shape}, u0 {u0.shape} and B {shapes} are not of the same unknowns")
     if modes is not None and np.shape(modes)[0] != n:
         raise RequestError(f"modes are (n, r) with n = {n}, not {np.shape(modes)}")
     if not all(np.isfinite(values).all() for values in (K.data, u0, *(B.data for B in Bs))):
         raise RequestError("K, u0 and B must be finite numbers")
+
+
+def _check_held(B: csr_array, R: Floats) -> None:
+    """Raise DataError if no row of B (m, n) meets some motion in the span of R (n, r), which costs no energy."""
+    met = np.linalg.svd(B @ R, compute_uv=False)
+    loose = R.shape[1] - int((met > _HELD * np.linalg.norm(B.data) * np.abs(R).max(initial=0.0)).sum())
+    if loose:
+        message = f"nothing holds {loose} of the motions that cost no energy: K is singular there, and no row of B"
+        raise DataError(f"{message} meets them; hold them by fixed unknowns, springs in K or contact")
 
 
 def _rigid_modes(K: csr_array) -> NDArray[np.floating]:

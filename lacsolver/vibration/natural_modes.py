@@ -8,17 +8,20 @@ supports, springs and these rows leave free.
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
-from lacmesh.mesh import Floats
-from lacsolver.case import Dynamics
+from lacmesh.mesh import Floats, MeshLike
+from lacsolver.case import Case, Dynamics, as_case
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear import SingularError, choose
 from lacsolver.problem.inertia import Inertia
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import describe
+from lacsolver.problem.skin import mesh_of
 from lacsolver.results.modes import NaturalModes
 from lacsolver.results.results import Restart
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
@@ -28,29 +31,36 @@ from lacsolver.vibration.linearised import LinearisedProblem
 
 
 def natural_modes(
-    problem: Problem, count: int = 10, *, at: Restart | None = None, mass: str = "consistent"
+    case: Case | str | Path | Problem,
+    mesh: MeshLike | None = None,
+    *,
+    count: int = 10,
+    at: Restart | None = None,
+    mass: str = "consistent",
 ) -> NaturalModes:
-    """Return the rigid-body modes of a problem, and the `count` lowest others, or all if there are fewer.
+    """Return the rigid-body modes of a case, and the `count` lowest others, or all if there are fewer.
 
-    `at`: a state of the same problem, whose closed contact rows stay closed, and whose tangent is taken; else the
-    undeformed bodies with open contacts. Prescribed displacements, ties and bilateral contacts are held. `mass`:
-    `consistent` or `lumped` mass matrix.
+    `case`, `mesh`: as for `lacsolver.solve`; a problem takes the place of both. `at`: a state of the same problem,
+    whose closed contact rows stay closed, and whose tangent is taken; else the undeformed bodies with open contacts.
+    Prescribed displacements, ties and bilateral contacts are held. `mass`: `consistent` or `lumped` mass matrix.
 
-    Raises DataError for cells without density, and if nothing can vibrate; CaseError for a rigid body that moves freely
-    and has no mass; SingularError if a part of a body can move without force, or the state is not stable; RequestError
-    for several processes and for a solver without a factorisation; LinearError if the iteration does not converge.
+    Raises the errors of `lacsolver.assemble`; DataError for cells without density, and if nothing can vibrate;
+    CaseError for a rigid body that moves freely and has no mass; SingularError if a part of a body can move without
+    force, or the state is not stable; RequestError for several processes and for a solver without a factorisation;
+    LinearError if the iteration does not converge.
 
     >>> from lacsolver import parse_case
     >>> from lacmesh import Mesh
     >>> text = 'mesh = "bar.msh"\\nmodel = "plane_stress"\\n'
     >>> text += "[[material]]\\nyoung = 4.0\\npoisson = 0.0\\ndensity = 1.0\\n"
     >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
-    >>> modes = natural_modes(Problem.of(parse_case(text), square))
+    >>> modes = natural_modes(parse_case(text), square)
     >>> modes.rigid[0], len(modes.rigid), len(modes.frequencies), round(modes.mass, 12)
     ('the body moves along x', 3, 5, 1.0)
     """
     if count < 1:
         raise RequestError(f"the number of modes is 1 or more, not {count}")
+    problem = case if isinstance(case, Problem) else _problem(as_case(case), mesh)
     _check_alone(problem)
     model = ReducedProblem(problem)
     lin = LinearisedProblem.of(model, at)
@@ -70,6 +80,10 @@ def natural_modes(
         tuple(describe(motion) for motion in lin.rigid), rigid_shapes, rigid_effective.sum(axis=0),
         _axes(problem.space), float(whole[0]), problem.constraints.n_q, lin.held, None if at is None else at.time,
     )  # fmt: skip
+
+
+def _problem(case: Case, mesh: MeshLike | None) -> Problem:
+    return Problem.of(case, mesh_of(case, mesh))
 
 
 def _check_alone(problem: Problem) -> None:

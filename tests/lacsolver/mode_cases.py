@@ -31,7 +31,7 @@ def hold(**sides):
 
 def modes_of(mesh, case, count=10, **options):
     """The natural modes of a case file's text on a mesh."""
-    return natural_modes(Problem.of(parse_case(case), mesh), count, **options)
+    return natural_modes(Problem.of(parse_case(case), mesh), count=count, **options)
 
 
 def with_groups(mesh):

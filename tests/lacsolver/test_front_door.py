@@ -124,6 +124,12 @@ def test_march_yields_every_step_and_paths_are_taken(tmp_path):
         (lambda: ls.solve("missing.toml"), "missing.toml: cannot be read"),
         (lambda: ls.read_results("data"), "holds no results of a run"),
         (lambda: ls.read_matrices("data/two_blocks.msh"), "holds no contact matrices"),
+        (lambda: ls.solve(case_of(), lacmesh.cut_skin("data/two_blocks.msh", "slave")), "not Cut; give its .mesh"),
+        (lambda: ls.parse_case(3), "parse_case takes a text in TOML, not int"),
+        (
+            lambda: ls.assemble(case_of(), "data/two_blocks.msh", t=-1),
+            "the steps, which begin at 0, not -1",
+        ),
         (lambda: lacmesh.Mesh.from_pyvista(3), "takes the data sets of pyvista, not int"),
     ],
 )
@@ -247,8 +253,38 @@ def test_laws_of_given_rows_and_several_pairs():
         ls.solve_contact(K, f, np.eye(3), np.ones(3))
     with pytest.raises(RequestError, match="one of each for every pair"):
         ls.solve_contact(K, f, [B], [G, G])
-    with pytest.raises(RequestError, match="indices of unknowns, from 0 to 1"):
-        ls.solve_contact(K, f, B, G, fixed=[2])
+    for fixed in ([2], [True, False]):  # a mask would be taken for the unknowns 1 and 0
+        with pytest.raises(RequestError, match="indices of unknowns, from 0 to 1"):
+            ls.solve_contact(K, f, B, G, fixed=fixed)
+    with pytest.raises(RequestError, match=r"f \(2, 1\)"):
+        ls.solve_contact(K, f[:, None], B, G)
+    with pytest.raises(RequestError, match="law is one of"):
+        ls.solve_contact(K, f, B, G, law="unilateral")
+    assert np.allclose(ls.solve_contact(K.astype(np.float32), f, B, G).u, rigid.u)
+
+
+def test_a_motion_that_no_row_of_contact_meets_is_an_error():
+    """A block between a floor and a plate, each of which lets it slide: what moves it sideways meets nothing."""
+    mesh = lacmesh.Mesh.create(
+        [[0, 0], [1, 0], [1, 1], [0, 1], [0, 1], [1, 1], [1, 2], [0, 2]],
+        [("QUAD4", [[0, 1, 2, 3], [4, 5, 6, 7]]), ("SEG2", [[0, 1], [3, 2], [5, 4], [7, 6]])],
+        cell_groups={"bottom": [2], "master": [3], "slave": [4], "top": [5]},
+    )
+    case = ls.Case(
+        model="plane_strain",
+        material=[ls.Material(young=1e3, poisson=0.3)],
+        contact=[ls.Contact(slave="slave", master="master")],
+        displacement=[ls.Displacement(group="bottom", ux=0, uy=0), ls.Displacement(group="top", uy=-0.01)],
+    )
+    system, pair = ls.assemble(case, mesh), ls.contact_matrices(mesh, "slave", "master")
+    given = {"fixed": system.fixed, "u0": system.u0}
+    for sideways in (0.0, 1.0):
+        f = system.f.copy()
+        f[8] += sideways
+        with pytest.raises(DataError, match="nothing holds 1 of the motions that cost no energy"):
+            ls.solve_contact(system.K, f, pair.B, pair.G, **given)
+    sticking = ls.solve_contact(system.K, system.f, pair.B, pair.G, B_T=pair.B_T, friction=0.3, **given)
+    assert np.abs(sticking.u).max() < 0.011
 
 
 def test_a_body_that_nothing_holds_is_an_error():
@@ -381,6 +417,10 @@ def test_every_public_record_is_described_in_ten_lines(mesh, solution, drawn):
         *(lacmesh.Surface.of(mesh, mesh.cells_of("slave")), case_of(), *case_of().displacement, ls.Steps(), solution),
         *(solution.contact["slave"], solution.fields, drawn[0], system, pair, ls.validate(case_of(), mesh)),
         *(ls.solve_contact(system.K, system.f, pair.B, pair.G, fixed=system.fixed, u0=system.u0),),
+        *(
+            lacmesh.aster_multipliers(cut),
+            ls.validate(replace(case_of(), pressure=[ls.Pressure(group="tap", value=1.0)] * 9), mesh),
+        ),
         *(Problem.of(case_of(), mesh), *march(Problem.of(case_of(), mesh))),
     ]
     for record in records:

@@ -271,11 +271,11 @@ def test_rows_closed_in_a_state_are_held():
     """Pressed all over, contact holds what a bilateral contact holds; undeformed, it is open."""
     mesh = stack("QUAD4", "TRIA3", 2, counts=(4, 3))
     problem, state = last_state(mesh, text(sections=PRESSED + CONTACT))
-    closed = natural_modes(problem, 6, at=state)
+    closed = natural_modes(problem, count=6, at=state)
     both = modes_of(mesh, text(sections=PRESSED + CONTACT + 'type = "bilateral"\n'), 6)
     assert closed.frequencies == pytest.approx(both.frequencies, rel=1e-10)
     assert closed.held == both.held == {"joint": problem.joints[0].zone.n_macros} and closed.time == 1.0
-    open_ = natural_modes(problem, 6)
+    open_ = natural_modes(problem, count=6)
     assert open_.held == {"joint": 0} and len(open_.rigid) == 1 and "'upper'" not in closed.rigid
     assert open_.frequencies[0] < closed.frequencies[1]
 
@@ -315,7 +315,7 @@ def test_the_tangent_of_a_state_is_the_symmetric_part_of_the_derivative_of_its_f
     J = np.array([(forces(q0 + h * v) - forces(q0 - h * v)) / (2 * h) for v in some]) @ some.T
     assert np.abs(J - J.T).max() > 1e-5 * np.abs(J).max()  # the antisymmetric part is there, and left out
     assert np.abs(some @ (lin.K @ some.T) - (J + J.T) / 2).max() < 1e-7 * np.abs(J).max()
-    modes = natural_modes(problem, 3, at=state)
+    modes = natural_modes(problem, count=3, at=state)
     assert modes.rigid == () and (modes.frequencies > 0).all()
 
 
@@ -335,18 +335,18 @@ def test_a_stress_along_a_beam_changes_its_frequency():
     """f^2 = f0^2 (1 + P / P_E) with Euler's load P_E = pi^2 E I / L^2 (Timoshenko, Vibration Problems, 1937)."""
     euler = np.pi**2 / 12 / 40.0**2
     problem, state = pulled(0.5 * euler)
-    f0 = natural_modes(problem, 1).frequencies[0]
-    f = natural_modes(problem, 1, at=state).frequencies[0]
+    f0 = natural_modes(problem, count=1).frequencies[0]
+    f = natural_modes(problem, count=1, at=state).frequencies[0]
     assert (f / f0) ** 2 == pytest.approx(1.5, rel=4e-3)
     problem, state = pulled(-0.9 * euler)
-    f = natural_modes(problem, 1, at=state).frequencies[0]
+    f = natural_modes(problem, count=1, at=state).frequencies[0]
     assert (f / f0) ** 2 == pytest.approx(0.1, rel=0.05)
 
 
 def test_a_state_that_is_not_stable_is_refused():
     problem, state = pulled(-1.1 * np.pi**2 / 12 / 40.0**2)
     with pytest.raises(SingularError, match="the state is not stable"):
-        natural_modes(problem, 1, at=state)
+        natural_modes(problem, count=1, at=state)
 
 
 # ---- rigid bodies, and what is refused

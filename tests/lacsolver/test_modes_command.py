@@ -35,7 +35,7 @@ def folder(tmp_path_factory):
 
 
 def test_modes_are_written_beside_the_case(folder):
-    modes = natural_modes(Problem.of(read_case(folder / "case.toml")), 4)
+    modes = natural_modes(Problem.of(read_case(folder / "case.toml")), count=4)
     there = folder / "case_modes"
     told = json.loads((there / "modes.json").read_text())
     assert told == read_modes(there)
@@ -80,7 +80,7 @@ def test_modes_about_a_state_of_a_run(folder, capsys):
     assert main([*words, "--from", "1"]) == 0
     assert "closed rows: joint 3 (at t = 1)" in capsys.readouterr().out.splitlines()
     case = read_case(folder / "case.toml")
-    modes = natural_modes(Problem.of(case), 10, at=read_state(folder / "case", case))
+    modes = natural_modes(Problem.of(case), at=read_state(folder / "case", case))
     told = read_modes(folder / "closed")
     assert told["frequencies"] == modes.frequencies.tolist()
     assert told["rigid"] == 0 and told["closed_rows"] == {"joint": 3} and told["time"] == 1.0
