@@ -371,8 +371,8 @@ def as_mesh(mesh: MeshLike) -> Mesh:
     if isinstance(mesh, (str, PathLike)):
         read: Mesh = import_module("lacmesh.formats").read(mesh)  # a later stage, which reads and never writes back
         return read
-    held = isinstance(getattr(mesh, "mesh", None), Mesh)
-    advice = "give its .mesh" if held else "lacmesh.from_meshio and Mesh.from_pyvista take those of other libraries"
+    has_mesh = isinstance(getattr(mesh, "mesh", None), Mesh)
+    advice = "give its .mesh" if has_mesh else "lacmesh.from_meshio and Mesh.from_pyvista take those of other libraries"
     raise RequestError(f"a mesh is a lacmesh.Mesh or the path of a mesh file, not {type(mesh).__name__}; {advice}")
 
 
