@@ -41,7 +41,7 @@ from lacsolver.results.figures import bolt_forces, step_figures, stress_ranges
 from lacsolver.results.nodal import von_mises
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields
 from lacsolver.results.state import State
-from lacsolver.results.step_table import StepTable
+from lacsolver.results.step_table import step_columns, step_lines
 from lacsolver.results.units import NO_UNITS, Units
 
 _LOG = logging.getLogger("lacsolver")
@@ -308,12 +308,13 @@ def march(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     before = _LAST[-1] if _LAST else None
     problem = Problem.of(case, mesh_of(case, mesh), like=before.problem if before else None)
     bar = progress and _shows_bars()
-    table = StepTable.of(case) if progress and not bar else None
+    columns = step_columns(case) if progress and not bar else None
     with _progress(case.steps.last if bar else None) as report:
         for number, state in enumerate(march_states(problem, progress=report, kept=_LAST), start=1):
             _LOG.info("t = %.6g: %d iterations, %d halvings", state.time, state.iterations, state.halvings)
-            if table is not None:
-                print(*table.lines(number, step_figures(problem, state)), sep="\n", file=sys.stderr, flush=True)
+            if columns is not None:
+                lines = step_lines(columns, number, step_figures(problem, state))
+                print(*lines, sep="\n", file=sys.stderr, flush=True)
             yield Solution.of(problem, state, number)
 
 

@@ -1,15 +1,16 @@
 """Internal forces, tangent, stress and energy of bodies, with one interface for small and finite strains.
 
-Everything is evaluated at a displacement u (n_dof,) and a time t, on which temperatures depend. Springs
-are included in forces, tangent and energy. In equilibrium `internal_force` balances the loads of `problem.acting`,
-which contain thermal forces under small kinematics; under finite kinematics temperature is part of the law instead.
+Everything is evaluated at a displacement u (n_dof,) and a time t, on which temperatures depend, with the `history`
+that the laws committed at the end of the last step (`pointwise`). Springs are included in forces, tangent and energy;
+the energy is that of this process's own cells and nodes, stress has the components of `space.COMPONENTS`. In
+equilibrium `internal_force` balances the loads of `problem.acting`, which contain thermal forces under small
+kinematics; under finite kinematics temperature is part of the law instead.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,36 +27,6 @@ from lacsolver.bodies.pointwise import DisplacedBodies, LawHistory
 from lacsolver.bodies.small.fields import TemperatureField
 from lacsolver.linear import Matrix
 from lacsolver.space.space import Space
-
-
-class Kinematics(Protocol):
-    """Interface of bodies for equilibrium and output, at a displacement u (n_dof,) and a time t.
-
-    `history`: what the laws committed at the end of the last step, () for none, see `pointwise`.
-    """
-
-    @property
-    def linear(self) -> bool:
-        """True if the tangent is the same for all u and t."""
-
-    @property
-    def finite(self) -> bool:
-        """True if the bodies are in balance where they are displaced to, False if undeformed."""
-
-    def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
-        """Return f_int (n_dof,), spring forces included. Raises InadmissibleError where u inverts a cell."""
-
-    def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> Matrix:
-        """Return K = df_int/du (n_dof, n_dof), symmetric for hyperelastic laws. Raises InadmissibleError."""
-
-    def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
-        """Return the history of the laws at the end of a step; () if no law has one."""
-
-    def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
-        """Return the Cauchy stress (cells, points, 4 or 6) of each block, in the components of `space.COMPONENTS`."""
-
-    def energy(self, u: Floats, t: float, history: LawHistory = ()) -> float:
-        """Return the energy stored in bodies and springs, of this process's own cells and nodes."""
 
 
 def _stretches_at(
@@ -79,7 +50,7 @@ class Small:
 
     @property
     def linear(self) -> bool:
-        """True without laws that are evaluated at points."""
+        """True without laws that are evaluated at points: the tangent is the same for all u and t."""
         return not any(self.materials.pointwise)
 
     @cached_property
@@ -90,11 +61,12 @@ class Small:
 
     def _by_points(self, u: Floats, t: float, history: LawHistory) -> DisplacedBodies:
         """Return the cells whose laws are evaluated at points."""
-        stretches = self._stretches(t)
+        stretches = self.stretches(t)
         return DisplacedBodies(self.space, self.materials, u, stretches, history, self.threads, finite=False)
 
     @cached_property
-    def _stretches(self) -> Callable[[float], Field | None]:
+    def stretches(self) -> Callable[[float], Field | None]:
+        """The thermal stretches at a time."""
         return _stretches_at(self.space, self.materials, self.temperature)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
@@ -107,7 +79,7 @@ class Small:
         return self._K if self.linear else csr_array(self._K + self._by_points(u, t, history).tangent())
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
-        """Return the history of laws at points."""
+        """Return the history of laws at points at the end of a step, () if none has one."""
         return () if self.linear else self._by_points(u, t, history).commit()
 
     def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
@@ -156,19 +128,19 @@ class Finite:
         return DisplacedBodies(self.space, self.materials, u, self.stretches(t), history, self.threads)
 
     def internal_force(self, u: Floats, t: float, history: LawHistory = ()) -> NDArray[np.floating]:
-        """Return f_int of the bodies plus the springs' forces."""
+        """Return f_int of the bodies plus the springs' forces. Raises InadmissibleError where u inverts a cell."""
         f = self.at(u, t, history).internal_force()
         f = f if self.springs is None else f + self.springs @ u
         return f if self.lines is None else f + self.lines.internal_force(u)
 
     def tangent(self, u: Floats, t: float, history: LawHistory = ()) -> csr_array:
-        """Return K at u."""
+        """Return K at u, symmetric for hyperelastic laws. Raises InadmissibleError."""
         K = csr_array(self.at(u, t, history).tangent(self._values).tocsr())
         K = K if self.springs is None else csr_array(K + self.springs)
         return K if self.lines is None else csr_array(K + self.lines.tangent(u))
 
     def commit(self, u: Floats, t: float, history: LawHistory = ()) -> LawHistory:
-        """Return the history of the laws."""
+        """Return the history of the laws at the end of a step, () if none has one."""
         return self.at(u, t, history).commit()
 
     def stress(self, u: Floats, t: float, history: LawHistory = ()) -> Field:
@@ -180,18 +152,19 @@ class Finite:
         of_lines = 0.0 if self.lines is None else self.lines.energy(u)
         return self.at(u, t, history).energy() + _stored(self.space, self.springs, u) + of_lines
 
-    def stretches(self, t: float) -> Field | None:
-        """Return the thermal stretches at time t; those of the last time are cached."""
-        return self._stretches(t)
-
     @cached_property
-    def _stretches(self) -> Callable[[float], Field | None]:
+    def stretches(self) -> Callable[[float], Field | None]:
+        """The thermal stretches at a time."""
         return _stretches_at(self.space, self.materials, self.temperature)
 
     @cached_property
     def _values(self) -> NDArray[np.floating]:
         """Array for the blocks of K, reused by each evaluation."""
         return np.empty((len(self.space.pattern.indices), self.space.dim, self.space.dim))
+
+
+#: what a case may have, with the same attributes and methods
+Kinematics = Small | Finite
 
 
 def kinematics_of(

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.cli.terminal import tell
-from lacsolver.results.step_table import StepTable
+from lacsolver.results.step_table import step_columns, step_lines
 
 if TYPE_CHECKING:
     from lacsolver.case import Case
@@ -32,7 +32,7 @@ class Watch:
     def __init__(self, case: Case, *, quiet: bool) -> None:
         self.time: float | None = None
         self._quiet, self._end = quiet, case.steps.last
-        self._table, self._steps = StepTable.of(case), 0
+        self._columns, self._steps = step_columns(case), 0
         self._iterations: deque[Progress] = deque(maxlen=SHOWN)
         self._begun, self._shown = time.perf_counter(), 0.0
         self._live: Any = None
@@ -74,7 +74,7 @@ class Watch:
         self._steps += 1
         self._iterations.clear()
         if not self._quiet:
-            for line in self._table.lines(self._steps, step):
+            for line in step_lines(self._columns, self._steps, step):
                 print(line, flush=True)  # a log is read while it grows
 
     def _now(self) -> Any:

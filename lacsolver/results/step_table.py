@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 from lacsolver.case import Case
 from lacsolver.results.results import StepFigures
@@ -13,35 +12,25 @@ _STEP = (("step", 5), ("time", 11), ("iterations", 12), ("cutbacks", 10), ("bala
 _CONTACT, _FRICTION, _PRESSURE = (("in contact", 16),), (("sticking", 10), ("sliding", 9)), (("max pressure", 14),)
 
 
-class StepTable(NamedTuple):
-    """Lines on the steps of a run. `columns`: heading and width of each.
+def step_columns(case: Case) -> tuple[tuple[str, int], ...]:
+    """Return the heading and the width of each column for a case: those of contact if it has any, and of friction.
 
     >>> from lacsolver import read_case
-    >>> StepTable.of(read_case("data/two_blocks.toml")).heading
-    ' step       time  iterations  cutbacks  balance      in contact  max pressure'
+    >>> [heading for heading, _ in step_columns(read_case("data/two_blocks.toml"))]
+    ['step', 'time', 'iterations', 'cutbacks', 'balance', 'in contact', 'max pressure']
     """
+    if not (case.contact or case.ties):
+        return _STEP
+    friction = _FRICTION if any(contact.has_friction for contact in case.contact) else ()
+    return (*_STEP, *_CONTACT, *friction, *_PRESSURE)
 
-    columns: tuple[tuple[str, int], ...]
 
-    @classmethod
-    def of(cls, case: Case) -> StepTable:
-        """Return the table for a case: columns of contact if it has any, and of friction."""
-        if not (case.contact or case.ties):
-            return cls(_STEP)
-        friction = _FRICTION if any(contact.has_friction for contact in case.contact) else ()
-        return cls((*_STEP, *_CONTACT, *friction, *_PRESSURE))
-
-    @property
-    def heading(self) -> str:
-        """The names of the columns."""
-        return "".join(f"{name:>{width}}" for name, width in self.columns)
-
-    def lines(self, number: int, step: StepFigures) -> Iterator[str]:
-        """Yield the line of the step with a number, counted from 1; before the first one the heading."""
-        if number == 1:
-            yield self.heading
-        cells = dict(_cells(number, step))
-        yield "".join(f"{cells[name]:>{width}}" for name, width in self.columns)
+def step_lines(columns: tuple[tuple[str, int], ...], number: int, step: StepFigures) -> Iterator[str]:
+    """Yield the line of the step with a number, counted from 1; before the first one the heading."""
+    if number == 1:
+        yield "".join(f"{name:>{width}}" for name, width in columns)
+    cells = dict(_cells(number, step))
+    yield "".join(f"{cells[name]:>{width}}" for name, width in columns)
 
 
 def _cells(number: int, step: StepFigures) -> Iterator[tuple[str, str]]:
