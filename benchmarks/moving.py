@@ -22,8 +22,7 @@ from unittest.mock import patch
 import numpy as np
 from meshes import blocks
 
-import lacsolver.saddle.contact_system as contact_system
-import lacsolver.saddle.row_group as row_group
+import lacsolver.contact.tangent as contact_tangent
 from lacmesh import Mesh
 from lacsolver.case import Case, Contact, Displacement, Material, Solver
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
@@ -34,8 +33,8 @@ from lacsolver.saddle.stiffness import Stiffness
 
 _ROUND = "0.1*((x-0.5)**2+(y-0.5)**2)"
 KINDS = {"reference": ("small", "reference"), "current": ("small", "current"), "finite": ("finite", "current")}
-#: what computes the derivative of contact, and the module that calls it
-DERIVATIVES = ((row_group, "motion_of"), (contact_system, "tangent"), (row_group, "gap_derivative"))
+#: what computes the derivative of contact, and its module
+DERIVATIVES = ((contact_tangent, "motion_of"), (contact_tangent, "tangent"), (contact_tangent, "gap_derivative"))
 
 
 class Spent:

@@ -185,7 +185,9 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
     along = np.stack([constraints.unknowns(motion.field) for motion in model.motions])
     left = np.abs(model.vectors.dots(along, load - carried))
     whole = model.vectors.dots(np.abs(along), np.abs(load) + np.abs(carried))
-    within = step.model.problem.case.solver.tolerance * whole.max()  # forces that are in balance leave that
+    # forces that are in balance leave that, in whatever direction they are
+    largest = max(map(model.vectors.norm, along)) * model.vectors.norm(np.abs(load) + np.abs(carried))
+    within = step.model.problem.case.solver.tolerance * largest
     for k in np.flatnonzero(left > np.maximum(_UNCARRIED * whole, within)):
         yield model.motions[k], along[k], load
 

@@ -103,3 +103,25 @@ def test_patch(pair, way, place):
     assert (zone.status == (2 if way == "slide" else 1)).all() and zone.use.max() <= 1 + 1e-12
     on_master = zone.shear_vector + zone.pressure[:, None] * zone.normal
     np.testing.assert_allclose(on_master, -zone.normal @ stress, atol=1e-10)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+@pytest.mark.parametrize(
+    ("slave", "master", "d", "counts"),
+    [("QUAD4", "QUAD4", 2, (1, 1)), ("HEXA8", "HEXA8", 3, (2, 1)), ("TRIA6", "QUAD8", 2, (4, 3))],
+)
+def test_a_body_that_friction_alone_holds_aside_is_pressed_straight_down(slave, master, d, counts, poisson):
+    """Nothing pushes it aside: the forces that friction carries along that motion are round-off."""
+    down = {2: "uy", 3: "uz"}[d]
+    whole = dict.fromkeys(("ux", "uy", "uz")[:d], 0.0)
+    case = Case(
+        model={2: "plane_strain", 3: "3d"}[d],
+        material=[Material(young=1e3, poisson=poisson)],
+        contact=[Contact(slave="slave", master="master", friction=0.3)],
+        displacement=[Displacement(group="bottom", **whole), Displacement(group="top", **{down: -0.01})],
+    )
+    pressure = ls.solve(case, stack(slave, master, d, counts=counts)).contact["slave"].pressure
+    if poisson == 0:
+        np.testing.assert_allclose(pressure, 5.0, rtol=1e-12)
+    else:
+        assert pressure.min() > 0 and abs(pressure.mean() - 5.4) < 0.4
