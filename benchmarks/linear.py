@@ -64,7 +64,7 @@ def direct(backend, K, load, repeats):
     factor_time, factor = timed(lambda: analysis.factor(K))
     one, x = timed(lambda: factor.solve(load), repeats)
     many, _ = timed(lambda: factor.solve(eight), max(2, repeats // 2))
-    bare, _ = timed(lambda: factor._numeric.solve(load.copy()), repeats)
+    bare, _ = timed(lambda: factor._solve(load.copy()), repeats)
     return (analysis_time, factor_time, one, many, bare), x
 
 
