@@ -91,7 +91,9 @@ def parse_formula(text: str) -> Formula:
     >>> sorted(parse_formula("25 * sin(pi * x) if t < 1 else 0").variables)
     ['t', 'x']
     """
-    return Formula(text, tuple(_program(_tree(text))))
+    program = tuple(_program(_tree(text)))
+    _check_powers(program)
+    return Formula(text, program)
 
 
 def _tree(text: str) -> ast.expr:
@@ -156,6 +158,29 @@ def _number(value: object) -> Step:
     if number == float("inf"):
         raise Mistake("has a number in its formula that is too large")
     return Step("number", 0, number)
+
+
+def _check_powers(program: tuple[Step, ...]) -> None:
+    """Raise Mistake for a power of numbers that is too large, as 9**9**9**9."""
+    stack: list[float | None] = []  # None: what is no number before the formula is evaluated
+    for step in program:
+        first = len(stack) - step.takes
+        arguments, result = stack[first:], None
+        if step.operation == "number":
+            result = step.number
+        elif step.operation == "power":
+            result = _power(*arguments)
+        stack[first:] = [result]
+
+
+def _power(a: float | None, b: float | None) -> float | None:
+    try:
+        result = None if a is None or b is None else a**b
+    except ZeroDivisionError:
+        return None
+    except OverflowError:
+        raise Mistake("has a power of numbers in its formula that is too large") from None
+    return result if isinstance(result, float) else None
 
 
 def _name(name: str) -> Step:

@@ -179,6 +179,8 @@ def test_undefined_does_not_hide(text):
         ("1j", "1j"),
         ("1e999", "too large"),
         ("9" * 400, "too large"),
+        ("9**9**9**9", "a power of numbers in its formula that is too large"),
+        ("x if t < 1 else pow(10, 400)", "a power of numbers"),
         ("1" * (LONGEST + 1), "characters"),
         ("(x, y)", "a comma outside a function"),
         ("[x]", "List"),
