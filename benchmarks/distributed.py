@@ -44,6 +44,7 @@ from meshes import blocks
 from moving import DERIVATIVES, case_of
 
 import lacsolver.bodies.small
+import lacsolver.contact.tangent
 import lacsolver.equilibrium.active_set
 import lacsolver.equilibrium.newton
 import lacsolver.problem.pair
@@ -138,7 +139,7 @@ def watched(clock: Clock, solved: list[SaddleSolution], models: list[int], inter
         (lacsolver.problem.pair, "integrate", "pairing", interfaces),
         (lacsolver.equilibrium.active_set, "solve_saddle", "loops", solved),
         (lacsolver.equilibrium.newton, "solve_saddle", "loops", solved),
-        *((module, name, "derivative", None) for module, name in DERIVATIVES),
+        *((lacsolver.contact.tangent, name, "derivative", None) for name in DERIVATIVES),
     ]
     stack = ExitStack()
     for cache in (lacsolver.saddle.stiffness.FactorCache, lacsolver.saddle.shared_stiffness.SharedFactors):

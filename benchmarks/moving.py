@@ -33,8 +33,8 @@ from lacsolver.saddle.stiffness import Stiffness
 
 _ROUND = "0.1*((x-0.5)**2+(y-0.5)**2)"
 KINDS = {"reference": ("small", "reference"), "current": ("small", "current"), "finite": ("finite", "current")}
-#: what computes the derivative of contact, and its module
-DERIVATIVES = ((contact_tangent, "motion_of"), (contact_tangent, "tangent"), (contact_tangent, "gap_derivative"))
+#: functions of `contact_tangent` that compute the derivative of contact
+DERIVATIVES = ("motion_of", "tangent", "gap_derivative")
 
 
 class Spent:
@@ -87,8 +87,9 @@ def solved(problem: Problem) -> tuple[float, int, Spent]:
     """Return the seconds of a solve, its iterations, and its stages."""
     spent = Spent()
     with ExitStack() as stack:
-        for module, name in DERIVATIVES:
-            stack.enter_context(patch.object(module, name, spent.around("derivative", getattr(module, name))))
+        for name in DERIVATIVES:
+            around = spent.around("derivative", getattr(contact_tangent, name))
+            stack.enter_context(patch.object(contact_tangent, name, around))
         stack.enter_context(patch.object(ContactPair, "integrate", spent.around("pairing", ContactPair.integrate)))
         stack.enter_context(patch.object(Stiffness, "solve", spent.around("solutions", Stiffness.solve)))
         start = time.process_time()

@@ -4,8 +4,8 @@ Up to Python 3.12 `dataclasses` writes and compiles five or six methods for each
 records that a run of a small model imports that was 0.1 s, a fifth of what the run takes beyond importing numpy, scipy
 and numba. Here all records share the methods that need not be written for each; only `__init__` is.
 
-Laws of materials and of contact are the standard library's, as programs derive frozen dataclasses of their own from
-them, which it allows only there.
+Laws of materials and of contact are the standard library's: programs derive frozen dataclasses of their own from them,
+and the standard library lets these derive from its own frozen ones alone.
 """
 
 from __future__ import annotations
@@ -31,11 +31,12 @@ else:
         """Make a dataclass of a class, with the meaning that the options have in `dataclasses.dataclass`."""
 
         def made(cls: type) -> type:
+            """Return the class with the methods of a record, but for those that it has itself."""
             own = set(vars(cls))
             dataclasses.dataclass(cls, eq=False, repr=False, kw_only=kw_only)
             methods = {"__repr__": _repr} if repr else {}
             methods |= {"__eq__": _eq, "__hash__": _hash if frozen else None} if eq else {}
-            methods |= {"__setattr__": _refuse_to_set, "__delattr__": _refuse_to_delete} if frozen else {}
+            methods |= {"__setattr__": _set_once, "__delattr__": _refuse} if frozen else {}
             for name in methods.keys() - own:
                 setattr(cls, name, methods[name])
             return cls
@@ -61,7 +62,7 @@ def _hash(self: Any) -> int:
     return hash(_compared(self))
 
 
-def _refuse_to_set(self: Any, name: str, value: Any) -> None:
+def _set_once(self: Any, name: str, value: Any) -> None:
     """Set a field that has no value yet, as `__init__` does; refuse everything else."""
     values = self.__dict__
     if name in values or name not in self.__dataclass_fields__:
@@ -69,5 +70,5 @@ def _refuse_to_set(self: Any, name: str, value: Any) -> None:
     values[name] = value
 
 
-def _refuse_to_delete(self: Any, name: str) -> None:
+def _refuse(self: Any, name: str) -> None:
     raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")

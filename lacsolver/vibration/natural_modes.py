@@ -60,6 +60,8 @@ def natural_modes(
     """
     if count < 1:
         raise RequestError(f"the number of modes is 1 or more, not {count}")
+    if isinstance(case, Problem) and mesh is not None:
+        raise RequestError("a problem has its mesh; give the number of modes by its name, count=")
     problem = case if isinstance(case, Problem) else _problem(as_case(case), mesh)
     _check_alone(problem)
     model = ReducedProblem(problem)

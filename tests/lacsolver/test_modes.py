@@ -413,3 +413,12 @@ def test_a_mechanism_is_refused_with_its_place():
     with pytest.raises(SingularError, match="a part of the body can move without any force, most of all node"):
         modes_of(hinge, text(sections=hold(x0="ux uy")), 1)
     assert moved(hinge) is not hinge
+
+
+def test_a_number_of_modes_without_its_name_is_no_mesh_beside_a_problem():
+    problem = Problem.of(
+        parse_case('mesh = "m"\nmodel = "plane_stress"\n[[material]]\nyoung = 4.0\npoisson = 0.0\ndensity = 1.0\n'),
+        Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])]),
+    )
+    with pytest.raises(RequestError, match="count="):
+        natural_modes(problem, 5)
