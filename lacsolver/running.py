@@ -43,6 +43,9 @@ from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
 from lacsolver.results.whole import orders_of
 
+#: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
+_LEFT, _FELT = 0.05, 1e-4
+
 
 def run(
     case: Case | str | Path,
@@ -247,6 +250,7 @@ class RunOutput:
                 yield from scarcely_covered(pair, self._covered.get(pair.name, 0.0))
         yield from doubts(problem)
         yield from _doubtful_energy(problem.case, self.results)
+        yield from _doubtful_dissipation(self.results)
         yield from self._softened()
         yield from filter(None, [self._way, self._turned])
         if last is not None:
@@ -296,6 +300,25 @@ def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
     if message is not None and case.dynamics is not None:
         skins = case.dynamics.massless == "skins"
         yield f"{message}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')
+
+
+def _doubtful_dissipation(results: Results) -> Iterator[str]:
+    """Yield a warning if static steps are too long for the energy that friction takes, as the ledger of work shows.
+
+    What the plastic flow has taken is no error. Friction that takes little of the work is not looked at.
+    """
+    last = results.steps[-1] if results.steps else None
+    if last is None or last.work is None:
+        return
+    flow = 0.0 if last.plastic is None else last.plastic.dissipation[1]
+    taken, left = last.work.dissipation + flow, last.work.left - flow
+    felt = last.work.dissipation > _FELT * max(abs(last.work.external), last.work.strain)
+    if felt and abs(left) > _LEFT * taken:
+        by = "friction and plastic flow" if flow else "friction"
+        message = (
+            f"steps are too long for the energy that {by} takes: of {taken:.4g} by time {last.time:.6g}, the balance "
+        )
+        yield f"{message}of work leaves over {left:.4g} ({abs(left) / taken:.0%}); take more steps"
 
 
 def _sizes(problem: Problem) -> dict[str, int]:
