@@ -111,7 +111,7 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned = start.step if start else StepState(), False
+    state, warned, acted = start.step if start else StepState(), False, start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
         if kept is not None:
@@ -120,7 +120,11 @@ def march(
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
+            acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
             yield converged
+    if not acted:
+        message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"
+        warnings.warn(LacmeshWarning(f"{message}, and all displacements are 0; add one"), stacklevel=2)
 
 
 def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:
