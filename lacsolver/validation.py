@@ -34,7 +34,7 @@ from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
-from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free
+from lacsolver.problem.rigid_modes import FreeMotion, describe, unheld, free_motions, still_free
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
@@ -236,9 +236,7 @@ def _look_at_motions(
     B = csr_array(vstack([csr_array((0, space.n_dof)), *rows, *(_paired_rows(joint, face) for joint, face in faces)]))
     free = still_free(B, motions)
     if free:
-        said = "; ".join(describe(motion) for motion in free)
-        message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
-        validation.problems.append(Issue(message))
+        validation.problems.append(Issue(unheld(free)))
     else:
         by_friction = _by_friction(space, faces, motions)
         words = [describe(motion) for motion in motions]

@@ -27,10 +27,10 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import (
     FreeMotion,
     body_names,
-    describe,
     free_motions,
     rigid_modes,
     still_free,
+    unheld,
 )
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
@@ -241,8 +241,7 @@ class ReducedProblem:
             return
         free = still_free(rows, self.motions)
         if free:
-            motions = "; ".join(describe(motion) for motion in free)
-            raise DataError(f"nothing holds a part of the model: {motions}; add a displacement, a spring or a contact")
+            raise DataError(unheld(free))
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""
