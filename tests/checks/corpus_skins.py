@@ -224,6 +224,16 @@ def a_node_on_both_sides():
     return replace(mesh, blocks=blocks)
 
 
+@defect("shared-nodes", also=("interface",))
+def bodies_that_share_their_faces():
+    """Two rows of cells that were meshed as one body, with a group of its middle edges for each side."""
+    points = [[x, y] for y in (0, 1, 2) for x in (0, 1, 2)]
+    quads = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]
+    edges = [[3, 4], [4, 5], [4, 3], [5, 4]]
+    groups = {"slave": [4, 5], "master": [6, 7]}
+    return Mesh.create(points, [("QUAD4", quads), ("SEG2", edges)], cell_groups=groups)
+
+
 def _nodes(mesh, group):
     return np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(mesh.cell_groups[group])]))
 

@@ -200,12 +200,13 @@ ux = [[1, 0],
             "axis = [0.0, 1., 0.0]\n",
             "axis: 1. is no number of TOML, which wants digits",
         ),
+        ("x = 2000,0\n", "x = 2000,0 has a comma, which no number of TOML has; write 2000.0"),
         ("x = 1,000\n", "x = 1,000 has a comma, which no number of TOML has; write 1000 or 1.000"),
         ("thickness = None\n", "thickness = None is no TOML; leave the key out"),
         ("mesh = ../my blocks.msh\n", 'write mesh = "../my blocks.msh"'),
         ('mesh = "C:\\work\\m.msh"\n', "mesh: a backslash in double quotes begins a code"),
     ],
-    ids=range(25),
+    ids=range(26),
 )
 def test_no_toml(text, said):
     with pytest.raises(ReadError) as error:

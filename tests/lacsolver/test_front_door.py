@@ -82,6 +82,25 @@ def test_a_solution_has_the_figures_and_fields_of_its_state(mesh, solution):
     assert (contact.status == 1).all() and solution.time == 1.0 and solution.iterations >= 1
 
 
+def test_reactions_probes_and_contacts_are_found_by_name(tmp_path):
+    """In equilibrium with the load; a solution that is read from its folder has the same."""
+    done = ls.run("data/two_blocks.toml", tmp_path / "results")
+    read, solved = ls.read_results(tmp_path / "results").solution(), ls.solve("data/two_blocks.toml")
+    for one in (read, solved):
+        assert one.reactions["bottom"][2] == pytest.approx(10.435185, rel=1e-6)
+        assert sum(one.reactions.values())[:2] == pytest.approx([0, 0], abs=1e-9)
+        assert one.probes["corner"] == pytest.approx(done.steps[-1].probes["corner"], rel=1e-12, abs=1e-15)
+        for of, there in ((one.reactions, "bottom"), (one.probes, "corner"), (one.contact, "joint")):
+            with pytest.raises(KeyError, match=f"no 'xyz' here; there are: .*{there}"):
+                of["xyz"]
+
+
+def test_figures_of_a_plane_contact_are_described():
+    """The moment of a plane model is one number."""
+    zone = disc()[1].figures.contact["slave"]
+    assert "moment" in repr(zone) and float(zone.moment) == zone.moment
+
+
 def test_stress_in_cells_is_the_mean_of_each_and_von_mises_that_of_a_bar():
     bar = lacmesh.Mesh.create(
         [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]],
