@@ -47,7 +47,7 @@ def internal_dofs_that_are_held():
     return changed(mesh, groups={"held": set(mesh.cell_groups["slave"][:6].tolist())})
 
 
-@defect("recognised")
+@defect("recognised", recognise=True)
 def a_cut_without_records():
     return without_records(cut_blocks("HEXA20", "hexa"))
 
