@@ -150,7 +150,7 @@ def assembled(
         more["file_order"] = np.argsort(place)
     for on, given in (groups or {}).items():
         more[f"{on}_groups"] = {**given, **more[f"{on}_groups"]}
-    if not noted and not more["cell_groups"]:
+    if not noted and not more["cell_groups"] and CELL_NUMBER not in of_cells:  # lacmesh writes names of groups
         dims = np.repeat([ALL_CELLS[kind].dim for kind in blocks], [len(nodes) for nodes in blocks.values()])
         more["cell_groups"], more["group_tags"] = groups_of_tags(dims, more["cell_data"], said)
     known = {*more["cell_data"], *more["node_data"]}
