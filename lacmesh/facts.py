@@ -7,8 +7,6 @@ from dataclasses import fields
 from html import escape
 from typing import Any, NoReturn
 
-from lacmesh.errors import did_you_mean
-
 #: most lines of a description, its title included
 _LINES = 10
 _WIDTH = 110
@@ -47,7 +45,7 @@ class ByName(dict[str, Any]):
     """
 
     def __missing__(self, name: str) -> NoReturn:
-        raise KeyError(f"no {name!r} here{did_you_mean(str(name), self)}")
+        raise KeyError(f"no {name!r} here; there are: {listed(map(str, self)) or 'none'}")
 
 
 def brief(value: Any) -> str:

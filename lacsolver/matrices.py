@@ -146,7 +146,8 @@ def contact_matrices(case: Case | str | Path, mesh: MeshLike | None = None, /) -
 def contact_matrices(
     mesh: MeshLike, slave: str, master: str, *, hexa: str = ..., normals: str = ..., crease_angle: float | None = ...,
     surface: str = ..., search_distance: float | None = ..., max_penetration: float | None = ..., measure: str = ...,
-    axisymmetric: bool = ..., thickness: float = ..., clearance: ValueLike = ..., t: float = ..., x: Floats | None = ...,
+    axisymmetric: bool = ..., thickness: float = ..., clearance: ValueLike = ..., t: float = ...,
+    x: Floats | None = ...,
 ) -> ContactMatrices: ...  # fmt: skip
 def contact_matrices(
     mesh: Any,

@@ -74,7 +74,7 @@ class RunResults(Described):
         row = next((k for k, t in enumerate(history["time"]) if same_time(t, time)), None)
         iterations = 0 if row is None else int(history["iterations"][row])
         mesh, fields = self._series.read(i, tuple(self.summary.get("contact", {})))
-        step = next((step for step in self.summary["steps"] if same_time(step["time"], time)), {})
+        step: Mapping[str, Any] = next((one for one in self.summary["steps"] if same_time(one["time"], time)), {})
         of_step = {
             what: {name: np.array(values, dtype=float) for name, values in step.get(what, {}).items()}
             for what in ("reactions", "probes")

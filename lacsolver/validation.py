@@ -34,7 +34,7 @@ from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
-from lacsolver.problem.rigid_modes import FreeMotion, describe, unheld, free_motions, still_free
+from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free, unheld
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space

@@ -230,7 +230,9 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
 def _joined(subject: Subject, inside: NDArray[np.bool_], common: Ints) -> Finding:
     """Report slave faces, a mask (f,), that master faces share inside a body, with the command that divides it."""
     slave, master = subject.sides
-    message = f"bodies share {slave.counted(int(inside.sum()), 'with the master', 'with the master')}, where no gap can "
+    message = (
+        f"bodies share {slave.counted(int(inside.sum()), 'with the master', 'with the master')}, where no gap can "
+    )
     divide = " ".join(f"--faces {quote(name)}" for name in slave.names)
     message += f"open; divide the mesh there: lacmesh split MESH {divide}, and take "
     message += " and ".join(", ".join(f"{name}_{side}" for name in slave.names) for side in "ab")

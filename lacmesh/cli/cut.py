@@ -130,7 +130,7 @@ def run(args: argparse.Namespace) -> None:
     elif done and not args.quiet:
         print(f"{source} is already cut on all of {', '.join(args.slave)}: written unchanged to {target}")
     if args.program == "aster" and not args.quiet:
-        print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, without this cut")
+        print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
     if report is not None and not args.quiet:
         print(f"report: {args.report}")
 

@@ -57,7 +57,7 @@ class Program:
     commands: tuple[str, ...]
     error_lines: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
     too_large: str
-    of_file: str
+    of_file: str = ""
     collects: bool = True
 
     def main(self, argv: Sequence[str] | None = None) -> int:
@@ -103,7 +103,7 @@ class Program:
                 if not argv:
                     parser.print_help()
                     return 0
-                if named[0] not in self.commands and Path(named[0]).is_file():
+                if self.of_file and named[0] not in self.commands and Path(named[0]).is_file():
                     message = f"{named[0]} is a file, and a command comes first: {self.name} {self.of_file}"
                     return self.fail([f"{message} {' '.join(map(quote, argv))}"], 2)
                 parser.parse_args(argv, args)

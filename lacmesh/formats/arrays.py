@@ -186,7 +186,9 @@ def groups_of_tags(
     of_tag = Counter(tag for _, tag, _ in found)
     groups, group_tags = dict[str, Ints](), dict[str, tuple[Tag, ...]]()
     for array, tag, cells in found:
-        name = str(tag[1]) if of_number[tag[1]] == 1 else f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
+        name = (
+            str(tag[1]) if of_number[tag[1]] == 1 else f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
+        )
         groups[name] = cells
         if of_tag[tag] == 1 and tag[1] > 0:
             group_tags[name] = (tag,)

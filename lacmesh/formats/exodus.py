@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Container
-from os.path import commonprefix
+from collections.abc import Container, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,8 +36,10 @@ _MIDDLES = {
     "TETRA": ["01", "12", "02", "03", "13", "23"],
     "PYRAM": ["01", "12", "23", "03", "04", "14", "24", "34", "0123"],
     "PENTA": ["01", "12", "02", "03", "14", "25", "34", "45", "35", "0134", "1245", "0235"],
-    "HEXA": ["01", "12", "23", "03", "04", "15", "26", "37", "45", "56", "67", "47", "01234567"]
-    + ["0123", "4567", "0347", "1256", "0145", "2367"],
+    "HEXA": [
+        *("01", "12", "23", "03", "04", "15", "26", "37", "45", "56", "67", "47", "01234567"),
+        *("0123", "4567", "0347", "1256", "0145", "2367"),
+    ],
 }
 #: corners of each side, in the order of the format
 _SIDES = {
@@ -86,7 +88,7 @@ def _mesh(path: Path, file: Any, said: list[str]) -> Mesh:
     if not blocks:
         raise ReadError(path, "has no element blocks")
     starts = np.cumsum([0, *(len(block.nodes) for block in blocks)])
-    bounds = zip(starts, starts[1:], strict=False)
+    bounds = pairwise(starts.tolist())
     groups = {name: np.arange(*ab) for name, ab in zip(_names(file, "eb", len(blocks), {}), bounds, strict=True)}
     faces, sets = _side_sets(path, file, blocks, starts, groups)
     for name, members in sets.items():
@@ -98,7 +100,10 @@ def _mesh(path: Path, file: Any, said: list[str]) -> Mesh:
     node |= _numbers(file, "node_num_map", NODE_NUMBER, len(points), 0)
     by_type, place = _by_type([*blocks, *faces])
     index = np.argsort(place)
-    more = {"cell": {name: np.sort(index[cells]) for name, cells in groups.items()}, "node": node_groups}
+    more: dict[str, dict[str, Ints]] = {
+        "cell": {name: np.sort(index[cells]) for name, cells in groups.items()},
+        "node": node_groups,
+    }
     return assembled(points, by_type, place, (cell, node), {}, {}, said, more)
 
 
@@ -218,9 +223,7 @@ def _numbers(file: Any, map_name: str, key: str, n: int, further: int) -> dict[s
     return {key: np.concatenate([numbers, numbers.max() + 1 + np.arange(further)])}
 
 
-def _fields(
-    file: Any, starts: Ints, further: int, said: list[str]
-) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+def _fields(file: Any, starts: Ints, further: int, said: list[str]) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Return the fields on cells, NaN where a block has none, and on nodes, at the first time of the file."""
     node = {
         name: file[f"vals_nod_var{k}"][0].astype(float)
@@ -230,7 +233,7 @@ def _fields(
     cell = {}
     for k, name in enumerate(_texts(file, "name_elem_var"), start=1):
         cell[name] = np.full(starts[-1] + further, np.nan)
-        for b, (first, last) in enumerate(zip(starts, starts[1:], strict=False), start=1):
+        for b, (first, last) in enumerate(pairwise(starts.tolist()), start=1):
             if f"vals_elem_var{k}eb{b}" in file.variables and len(file[f"vals_elem_var{k}eb{b}"]):
                 cell[name][first:last] = file[f"vals_elem_var{k}eb{b}"][0]
     if (node or cell) and len(file.dimensions.get("time_step", ())) > 1:
@@ -243,6 +246,11 @@ def _texts(file: Any, name: str) -> list[str]:
     return [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
 
 
+def _stem(names: Sequence[str]) -> str:
+    """Return the name of a vector, of whose components the last letters differ."""
+    return names[0][:-1].rstrip("_")
+
+
 def _vectors(fields: dict[str, NDArray]) -> dict[str, NDArray]:
     """Return fields with those put together whose names are one name with X, Y, Z, or _R, _Z, after it."""
     out, used = dict[str, NDArray](), set[str]()
@@ -250,7 +258,7 @@ def _vectors(fields: dict[str, NDArray]) -> dict[str, NDArray]:
         ways = ([name.removesuffix(ends[0]) + end for end in ends] for ends in _VECTORS if name.endswith(ends[0]))
         names = next((way for way in ways if set(way) <= fields.keys() - used), [])
         if len(names) > 1:
-            out[commonprefix(names).rstrip("_")] = np.stack([fields[one] for one in names], axis=1)
+            out[_stem(names)] = np.stack([fields[one] for one in names], axis=1)
             used.update(names)
         elif name not in used:
             out[name] = values

@@ -56,8 +56,8 @@ class CadShape:
     """An entity of a geometry. `measure`: length, area or volume; `centre` of it; `box`: least and greatest corner.
 
     `normal`: out of the first body, where it is the same all over. `radius`: of circles, cylinders, spheres; negative
-    where the body is outside (a bore). `bodies`: tags of the bodies that it bounds. `groups`: names of its groups. `name`: that of
-    the part in a STEP file, "" without one.
+    where the body is outside (a bore). `bodies`: tags of the bodies that it bounds. `groups`: names of its groups.
+    `name`: that of the part in a STEP file, "" without one.
     """
 
     dim: int

@@ -53,7 +53,9 @@ def add_resultants(rows: Any, loads: Sequence[Resultant], t: float, *, axisymmet
     if loads:
         rows.add_section()
     for load in loads:
-        rows.add_row(f"resultant, t = {t:g}", f"{load.section} {load.where}: {_force(np.array(load.force), axisymmetric)}")
+        rows.add_row(
+            f"resultant, t = {t:g}", f"{load.section} {load.where}: {_force(np.array(load.force), axisymmetric)}"
+        )
 
 
 def adjusted_in_words(moved: Adjustment) -> str:

@@ -256,8 +256,8 @@ class ContactPicture:
         """Draw the model; a zoomed one in a plane once for each zone under pressure, since zones may be far apart."""
         x = self.mesh.points + self.times * self.u
         if self.mesh.dim == 2:
-            near = (pressed_window([zone], x) for zone in self.zones.values()) if self.zoom else ()
-            windows = [window for window in near if window is not None] or [None]
+            near = [pressed_window([zone], x) for zone in self.zones.values()] if self.zoom else []
+            windows = [window for window in near if window is not None] or near[:1] or [None]
             for axes, window in zip(figure.subplots(len(windows), squeeze=False).flat, windows, strict=True):
                 self._draw_plane(axes, x, window, colours=window is windows[-1])
             return

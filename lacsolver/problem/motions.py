@@ -91,7 +91,9 @@ def unheld(motions: Sequence[FreeMotion]) -> str:
         (who, verb, how), *others = _parts(motion)
         if others:
             who, verb, how = describe(motion), "", ""
-        ways.setdefault(who, []).append(f" {verb} {how}" if len(motions) == 1 else f" {verb} {how.split(' through ')[0]}")
+        ways.setdefault(who, []).append(
+            f" {verb} {how}" if len(motions) == 1 else f" {verb} {how.split(' through ')[0]}"
+        )
     every = 6 if motions[0].space.dim == 3 else 3
     clauses = [f"{who}{': every motion' if len(how) == every else ','.join(how)}".rstrip() for who, how in ways.items()]
     return f"nothing holds a part of the model: {'; '.join(clauses)}; add a displacement, a spring or a contact"

@@ -42,7 +42,9 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:
             message += f"{100 * within:.0f} % from the mean of their neighbours' inside the area of contact, which is "
-            message += "the mesh and not the contact; quadratic cells lessen it, or slave and master exchanged, and the "
+            message += (
+                "the mesh and not the contact; quadratic cells lessen it, or slave and master exchanged, and the "
+            )
             yield f"{message}recovered pressure evens it out"
 
 

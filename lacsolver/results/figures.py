@@ -128,7 +128,9 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
         open=int((zone.status == OPEN).sum()),
         unpaired=int((~paired).sum()),
         friction=None if zone.friction is None else _friction(zone, zone.friction),
-        pressure_mean=float(covered @ zone.pressure[zone.status >= CONTACT]) / contact_area if contact_area > 0 else np.nan,
+        pressure_mean=float(covered @ zone.pressure[zone.status >= CONTACT]) / contact_area
+        if contact_area > 0
+        else np.nan,
     )
 
 

@@ -48,9 +48,9 @@ class ZoneFigures(Described):
     """Figures of a zone at one time.
 
     Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `pressure_mean`:
-    mean over the covered area of the macro-elements in contact. `contact_area`: covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
-    contact forces on the slave, friction included. `active`, `open`, `unpaired`: numbers of macro-elements. `friction`:
-    figures of friction, None without it.
+    mean over the covered area of the macro-elements in contact. `contact_area`: covered area of the macro-elements in
+    contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the contact forces on the slave, friction
+    included. `active`, `open`, `unpaired`: numbers of macro-elements. `friction`: figures of friction, None without it.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls

@@ -12,7 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacmesh.formats.exodus import _MIDDLES, _SIDES
 
-netCDF4 = pytest.importorskip("netCDF4")
+netcdf = pytest.importorskip("netCDF4")
 
 #: our type -> the format's name, for all that VTK reads too
 TYPES = {
@@ -34,7 +34,7 @@ def exodus(path, points, blocks, sides=(), nodes=(), names=True, fields=(), maps
     All numbers from 1. `fields`: (name, values (times, nodes)); `maps`: (variable, dimension, numbers).
     """
     points, n = np.asarray(points, float), sum(len(cells) for _, _, cells in blocks)
-    with netCDF4.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
+    with netcdf.Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
         file.setncatts({"title": "made by hand", "floating_point_word_size": 8, "file_size": 1})
         file.setncatts({"api_version": np.float32(8.03), "version": np.float32(8.03)})
         sizes = {"len_string": 33, "len_name": 33, "num_dim": points.shape[1], "num_nodes": len(points), "num_elem": n}

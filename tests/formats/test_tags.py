@@ -32,7 +32,9 @@ def dolfinx(path, mesh, tags, with_names=False):
             file[f"{name}/nodes"] = nodes
             item = f'<DataItem Dimensions="{{}}" NumberType="Int" Format="HDF">{path.stem}.h5:/{name}/{{}}</DataItem>'
             topology = item.format(f"{nodes.shape[0]} {nodes.shape[1]}", "nodes")
-            text = f'<Grid Name="{name}" GridType="Uniform"><Topology TopologyType="{shapes[kind]}">{topology}</Topology>'
+            text = (
+                f'<Grid Name="{name}" GridType="Uniform"><Topology TopologyType="{shapes[kind]}">{topology}</Topology>'
+            )
             text += f'<Geometry GeometryType="XYZ"><DataItem Dimensions="{len(mesh.points)} 3" Format="HDF">'
             text += f"{path.stem}.h5:/points</DataItem></Geometry>"
             if values is not None:

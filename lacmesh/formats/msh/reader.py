@@ -77,8 +77,7 @@ def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
     for about, names in (("what a mesh has no place for is left out", dropped), ("unknown sections", unknown)):
         if names:
             said.append(f"{name}: {about}: {', '.join(names)}")
-    for message in filter(None, (_part(content), _lost(content))):
-        said.append(f"{name}: {message}")
+    said += [f"{name}: {message}" for message in (_part(content), _lost(content)) if message]
     if "Elements" not in seen:
         said.append(f"{name}: the file has no section $Elements, so no cells")
     return content, said
