@@ -111,7 +111,7 @@ def newton_iterates(
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
             return
-        rows = there.contact.next_rows(step.rows, now.iterate.p)
+        rows = there.contact.next_rows(step.rows, now.iterate.p, tolerance.threshold(now.iterate.q))
 
 
 def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> tuple[Trial, RowSet]:
@@ -169,7 +169,8 @@ def _newton_step(
                 step = _solved(there, K, C, step, there.r, goal, kept)
                 if step.solves == limit and not first:
                     return step
-                wanted = contact.with_gaps(contact.G - contact.rows.D @ step.dq).next_rows(step.rows, step.p)
+                then = contact.with_gaps(contact.G - contact.rows.D @ step.dq)
+                wanted = then.next_rows(step.rows, step.p, goal.threshold(0.0))
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held

@@ -96,9 +96,13 @@ class ContactSystem:
             out[group.rows] = group.law.next_active(state)
         return self.enforceable & out
 
-    def next_rows(self, now: RowSet, p: Floats) -> RowSet:
-        """Return the row set that the laws and friction ask for after a solve with a set."""
-        active = self.next_active(now.active, p)
+    def next_rows(self, now: RowSet, p: Floats, allowed: float) -> RowSet:
+        """Return the row set that the laws and friction ask for after a solve with a set.
+
+        A row that fulfils its law to a length `allowed` stays open or closed: round-off opens and closes none.
+        """
+        fulfilled = np.abs(self.residuals(p, now.active)) <= allowed
+        active = self.enforceable & np.where(fulfilled, now.active, self.next_active(now.active, p))
         if not self.sheared:
             return RowSet.of(active)
 
