@@ -141,11 +141,12 @@ def kernel(dispatch: Callable[..., Any]) -> Callable[..., Any]:
             arrays = list(_arrays(arguments))
             before = [a.copy() for a in arrays]
             result = dispatch(self, *arguments)
-            copied = np.unique(np.concatenate([np.empty(0), *(a.ravel() for a in before)]))
             for a, old in zip(arrays, before, strict=True):
-                new = (a != old) & ~np.isin(a, copied)
-                if a.flags.writeable and new.any():
-                    a[new] = shaken(a[new], EVALUATED)
+                new = (a != old) & ~np.isnan(a)
+                if new.any():
+                    values = a[new]
+                    copied = np.isin(values, np.concatenate([one.ravel() for one in before]))
+                    a[new] = np.where(copied, values, shaken(values, EVALUATED))
             return noisy(result, EVALUATED)
 
     return noisy_dispatch
