@@ -3,11 +3,11 @@
 NOISE_SEED=1 pytest ...                      the tests with noise, and the commands that they start (`conftest.py`)
 NOISE_SEED=1 pytest -p tests.noise lacmesh   the same where nothing of `tests` is run, as for examples in docstrings
 
-`CHANGES` lists the functions that have noise, by module: elementary functions, dense and sparse linear algebra, and the
-kernels of `lacmesh.kernels`. A result changes by a few units in the last place. The bits of a number and the seed alone
-decide how much it changes. So a repetition and a restart agree to the last bit, as they do on any one machine. numpy
-has another loop for arrays that are not contiguous, so their elementary functions have other noise. Numbers of 29
-significant bits or fewer stay, such as integers and halves; so do numbers that a kernel only copies.
+`CHANGES` lists the functions that have noise, by module: elementary functions, dense and sparse linear algebra, and
+what the kernels of `lacmesh.kernels` return. A result changes by a few units in the last place. The bits of a number
+and the seed alone decide how much it changes. So a repetition and a restart agree to the last bit, as they do on any
+one machine. numpy has another loop for arrays that are not contiguous, so their elementary functions have other noise.
+Numbers of 29 significant bits or fewer stay, such as integers and halves.
 
 A module is changed when a program imports it, so that a program imports nothing more than it does without noise.
 """
@@ -17,8 +17,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
@@ -125,42 +124,18 @@ def giving(methods: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
     return change
 
 
-_alone = threading.RLock()
-
-
 def kernel(dispatch: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `Kernel.dispatch` with noise in the numbers that a kernel returns, or writes into arrays.
+    """Return `Kernel.dispatch` with noise in what a kernel returns.
 
-    One kernel runs at a time, since threads write into parts of one array.
+    What it writes into arrays stays: whether a number was written there depends on what a used buffer had before, and
+    a restart has other buffers.
     """
-    import numpy as np
 
     @functools.wraps(dispatch)
     def noisy_dispatch(self: Any, *arguments: Any) -> Any:
-        with _alone:
-            arrays = list(_arrays(arguments))
-            before = [a.copy() for a in arrays]
-            result = dispatch(self, *arguments)
-            for a, old in zip(arrays, before, strict=True):
-                new = (a != old) & ~np.isnan(a)
-                if new.any():
-                    values = a[new]
-                    copied = np.isin(values, np.concatenate([one.ravel() for one in before]))
-                    a[new] = np.where(copied, values, shaken(values, EVALUATED))
-            return noisy(result, EVALUATED)
+        return noisy(dispatch(self, *arguments), EVALUATED)
 
     return noisy_dispatch
-
-
-def _arrays(arguments: Sequence[Any]) -> Iterator[Any]:
-    """Yield the float64 arrays among the arguments of a kernel, in tuples too."""
-    import numpy as np
-
-    for one in arguments:
-        if isinstance(one, tuple):
-            yield from _arrays(one)
-        elif isinstance(one, np.ndarray) and one.dtype == np.float64:
-            yield one
 
 
 def known_to_numba(outer: Any) -> Any:

@@ -93,17 +93,13 @@ def test_arrays_that_are_not_contiguous_have_other_noise():
     assert printed(code) == ["True", "False"]
 
 
-def test_copies_views_and_what_is_written_into():
-    """einsum gives a diagonal to write into; a kernel copies the first column, and computes the second."""
+def test_views_and_what_is_written_into():
+    """einsum gives a diagonal to write into, and `out` is the array that was given."""
     code = BEGIN + (
-        "from lacmesh.kernels import Kernel\n"
-        "def copied(x, out):\n    out[:, 0] = x[:, 0]\n    out[:, 1] = x[:, 0] * x[:, 1]\n"
-        "out = np.zeros((60, 2)); Kernel(copied)(x, out)\n"
-        "print((out[:, 0] == x[:, 0]).all(), (out[:, 1] == x[:, 0] * x[:, 1]).all())\n"
         "y = np.zeros((4, 4)); np.einsum('ii->i', y)[:] += 1.0; print(y.trace())\n"
         "out = np.empty((60, 50)); same = np.exp(x, out=out); print(same is out, (out == np.exp(x)).all())"
     )
-    assert printed(code) == ["True False", "4.0", "True True"]
+    assert printed(code) == ["4.0", "True True"]
 
 
 def test_nothing_more_is_imported():
