@@ -268,3 +268,21 @@ def test_supports_along_local_axes_take_no_more_cycles(cycles):
         cycles.append(0)
     assert 10 < cycles[1] <= cycles[0] + 2
     np.testing.assert_allclose(answers[1] @ R, answers[0], rtol=0, atol=1e-8 * np.abs(answers[0]).max())
+
+
+@pytest.mark.parametrize("given", [np.float64, np.float32])
+@pytest.mark.parametrize("turned", [0.0, 0.1])
+def test_round_off_of_axes_is_no_equation(turned, given):
+    """A quarter of a ring, whose rim has u_theta = 0: the corners move as all others do, wherever the sides lie."""
+    mesh = sector("QUAD4", (2, 3), 4)
+    c, s = np.cos(turned), np.sin(turned)
+    points = (mesh.points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])).astype(given).astype(float)
+    rim = Displacement(group="out", uy=0, axes={"origin": [0, 0], "axis": [0, 0, 1]})
+    sides = Cyclic(slave="a", master="b", sectors=4)
+    case = made(replace(mesh, points=points), cyclic=sides, displacement=rim, pressure=Pressure(group="in", value=5.0))
+    _, state = solved(case)
+    radius = np.linalg.norm(points, axis=1).round(3)
+    radial = (state.u.reshape(-1, 2) * points[:, :2]).sum(axis=1) / np.linalg.norm(points, axis=1)
+    for r in np.unique(radius):
+        np.testing.assert_allclose(radial[radius == r], radial[radius == r].max(), rtol=1e-5)
+        assert radial[radius == r].max() > 0.01
