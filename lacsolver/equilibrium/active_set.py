@@ -129,7 +129,7 @@ def close_rows_against_rigid_modes(
         free, loaded = _null_space((linear.rows.D @ R)[linear.active]), _null_space((linear.rows.B @ R)[linear.active])
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
-        open_rows = contact.enforceable & (rows.state == OUT) & ~contact.along_tangents
+        open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
         nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break

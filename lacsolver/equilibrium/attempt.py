@@ -136,7 +136,7 @@ def first_iterate(step: LoadStep) -> Iterate:
     for pair, face in zip(problem.joints, interfaces, strict=True):
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
-    step.model.check_held(step.closed_rows(q, contact.enforceable))
+    step.model.check_held(step.closed_rows(q, contact.may_carry))
     closed = np.zeros(len(contact.G), bool)
     for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):
         closed[group.rows] = _initial(pair, face)

@@ -215,7 +215,7 @@ def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
     else:
         known = ROUNDING * model.length
-    if not now.p.any() or moved > _CLEAR * known:
+    if not (now.p.any() and 0 < moved <= _CLEAR * known):
         return False
     message = f"at time {step.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
     message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"

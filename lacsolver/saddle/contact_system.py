@@ -24,7 +24,7 @@ from scipy.sparse import csr_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
 from lacmesh.records import dataclass
-from lacsolver.constraints.equality_rows import moves
+from lacsolver.constraints.equality_rows import Free, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
@@ -170,6 +170,11 @@ class ContactSystem:
     def of_equality(self) -> Bools:
         """True for rows of equality, (m,)."""
         return mask_of(len(self.G), *(group.rows for group in self.equalities))
+
+    @cached_property
+    def may_carry(self) -> Bools:
+        """True for rows that may carry a force, (m,): enforceable ones that their law does not let go at this time."""
+        return self.enforceable & ~mask_of(len(self.G), *(g.rows for g in self.groups if isinstance(g.law, Free)))
 
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
