@@ -23,6 +23,7 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
+from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
     CONTACT,
@@ -53,17 +54,18 @@ _REFINED = 3
 class NotConvergedError(LacmeshError):
     """No equilibrium was found at some time. `state`: the last state tried.
 
-    >>> from dataclasses import replace
-    >>> from lacsolver import read_case
-    >>> from lacsolver.problem.problem import Problem
-    >>> case = read_case("data/two_blocks.toml")
-    >>> contact = replace(case.contact[0], geometry="current")
-    >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
-    >>> try:
-    ...     list(march(Problem.of(case)))
-    ... except NotConvergedError as error:
-    ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
-    True
+        >>> from dataclasses import replace
+        >>> from lacsolver import read_case
+        >>> from lacsolver.problem.problem import Problem
+    from lacsolver.problem.turned import turned_too_far
+        >>> case = read_case("data/two_blocks.toml")
+        >>> contact = replace(case.contact[0], geometry="current")
+        >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
+        >>> try:
+        ...     list(march(Problem.of(case)))
+        ... except NotConvergedError as error:
+        ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
+        True
     """
 
     status = 4
@@ -82,10 +84,10 @@ class _Attempts:
     refined: int = 0
     residuals: list[float] = field(default_factory=list)
 
-    def add(self, outcome: Outcome, passed: str | None) -> None:
+    def add(self, outcome: Outcome, missed: str | None) -> None:
         self.iterations += len(outcome.residuals)
         self.residuals += [balance for balance, _ in outcome.residuals]
-        self.halvings += bool(passed) or not outcome.converged
+        self.halvings += bool(missed) or not outcome.converged
 
 
 def march(
@@ -163,13 +165,18 @@ def _marched(
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
+            far = turned_too_far(model.problem, None if state.iterate is None else state.time, step.t)
+            if far and attempts.halvings < steps.max_halvings:
+                attempts.halvings += 1
+                state = state.with_step_size((step.t - state.time) / 2)
+                continue
             outcome = attempt(step, attempts.halvings, progress)
-            passed = _passed(step, outcome) if outcome.converged else None
-            attempts.add(outcome, passed)
-            if passed or not outcome.converged:
+            missed = far or (_passed(step, outcome) if outcome.converged else None)
+            attempts.add(outcome, missed)
+            if missed or not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if attempts.halvings > steps.max_halvings or state.step_size < least:
-                    message = passed or why(step, outcome)
+                    message = missed or why(step, outcome)
                     raise NotConvergedError(message, _state(step, outcome, attempts, state, last=False))
                 continue
             q, p, active = outcome.iterate
