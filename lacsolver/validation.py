@@ -21,7 +21,7 @@ from lacmesh.mesh import Mesh, MeshLike
 from lacmesh.records import dataclass
 from lacsolver.case import Case, CaseError, Issue, as_case
 from lacsolver.constraints import Constraints, equalities_of
-from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.constraints.equality_rows import EqualityRows, Free
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
@@ -232,12 +232,14 @@ def _look_at_motions(
     if not motions:
         return
     nothing = np.zeros(space.n_dof)
-    rows = [one.at(nothing, 0.0).C for one in equalities]
-    B = csr_array(vstack([csr_array((0, space.n_dof)), *rows, *(_paired_rows(joint, face) for joint, face in faces)]))
+    rows = [one.at(nothing, 0.0).C for one in equalities if not isinstance(one.law(0.0), Free)]
+    joined = csr_array(vstack([csr_array((0, space.n_dof)), *rows]))
+    B = csr_array(vstack([joined, *(_paired_rows(joint, face) for joint, face in faces)]))
     free = still_free(B, motions)
     if free:
         validation.problems.append(Issue(unheld(free)))
     else:
+        motions = still_free(joined, motions) if rows else motions
         by_friction = _by_friction(space, faces, motions)
         words = [describe(motion) for motion in motions]
         validation.held = [*(w for w in words if w not in by_friction), *map(_FRICTION_ALONE.format, by_friction)]

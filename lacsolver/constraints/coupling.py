@@ -177,6 +177,13 @@ class CouplingRows:
         """Indices of the displacements that are prescribed."""
         return np.array([k for k in range(self.motion.dim) if self.motion.moved[k] is not None], np.int64)
 
+    def carried(self, t: float) -> float:
+        """Return the largest displacement that the prescribed motions alone give a node at time t."""
+        s, theta = self.spread, self.motion.rotation(t)
+        straight = np.array([value.at(t) for value in self.motion.moved[: s.dim] if value is not None])
+        turned: Floats = np.zeros(1) if theta is None else np.linalg.norm((s.r - s.d) @ turn(theta).T, axis=1)
+        return float(np.linalg.norm(straight) + turned.max())
+
     @property
     def _turns_freely(self) -> bool:
         return bool(self.record.rotation is None and self.spread.d.any() and len(self.along))

@@ -13,6 +13,7 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacmesh.records import dataclass
 from lacsolver.case import Case
+from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.contact.interface import TOUCHING
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, why
@@ -23,6 +24,7 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
+from lacsolver.problem.rigid_modes import still_free
 from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
@@ -292,7 +294,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     return State(
         step.t, step.u(q), reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
-        step.state.histories.materials, held, problem.space.largest(step.u0),
+        step.state.histories.materials, held, _prescribed(step),
         constraints.equation_forces(reaction, q, step.t) | rows, constraints.further(q, step.t),
         step.model.factors.note,
     )  # fmt: skip
@@ -338,10 +340,18 @@ def _zone_with_friction(
     return replace(zone, status=status, traction=traction, force=zone.force + force, friction=friction)
 
 
+def _prescribed(step: LoadStep) -> float:
+    """Return the largest displacement that is prescribed, also by the motion of a coupling."""
+    couplings = [rows for rows in step.model.problem.equalities if isinstance(rows, CouplingRows)]
+    return max(step.model.problem.space.largest(step.u0), *(rows.carried(step.t) for rows in couplings), 0.0)
+
+
 def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     """Evaluate the rigid-body motions that only contact constrains, under finite kinematics on the deformed bodies."""
     model, (q, _, active) = step.model, outcome.iterate
-    if not model.motions or model.scheme.resists_rigid_motion:
+    joined = step.closed_rows(q, outcome.contact.may_carry & outcome.contact.of_equality)
+    motions = still_free(joined, model.motions) if joined.shape[0] else model.motions
+    if not motions or model.scheme.resists_rigid_motion:
         return ()
     space, u = model.problem.space, step.u(q)
     x = None
@@ -353,4 +363,4 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
         if group.law.compressive:  # without pressure, round-off alone decides which of them are active
             reached[group.rows] = face.touching
     closed = active | (reached & outcome.contact.enforceable)
-    return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
+    return holdings(motions, step.closed_rows(q, closed), u, x=x)

@@ -20,15 +20,18 @@ from lacsolver.case import (
     Rigid,
     Solver,
     Steps,
+    Tie,
     Traction,
 )
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.rotation import turn
 from lacsolver.constraints.spread import Spread, rotation_vector
+from lacsolver.equilibrium.holding import warnings_of
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
 from lacsolver.results.figures import step_figures
+from lacsolver.validation import validate
 from tests.checks.blocks import block as grid
 from tests.checks.blocks import join, skin
 from tests.lacsolver.patch_meshes import block
@@ -306,3 +309,23 @@ def test_a_rotation_that_is_too_large_for_a_step_is_refused():
     words = "'y1' turns by 3 radian in the step to time 1, and bodies follow a quarter of a turn at most; take more"
     with pytest.raises(LacmeshError, match=words):
         solved(case)
+
+
+@pytest.mark.parametrize("kinematics", LAWS)
+def test_a_body_that_a_coupling_moves_is_not_held_by_contact_alone(kinematics):
+    """It goes three times as far as it is long; another one, which is tied to it, goes with it."""
+    low, high = grid((2, 2), (0, 0), (1, 1), "QUAD4"), grid((3, 2), (0, 1), (1, 2), "QUAD4")
+    skins = {
+        "foot": skin(*low, lambda x: np.isclose(x[..., 1], 0)),
+        "m": skin(*low, lambda x: np.isclose(x[..., 1], 1)),
+    }
+    mesh = join([(*low, skins), (*high, {"s": skin(*high, lambda x: np.isclose(x[..., 1], 1))})])
+    case = Case(
+        mesh=mesh, model="plane_strain", kinematics=kinematics, tie=Tie(slave="s", master="m"),
+        material=Material(young=100.0, poisson=0.3, law=LAWS[kinematics]),
+        coupling=Coupling(group="foot", ux=3, uy=0, rotation=0),
+    )  # fmt: skip
+    state = solved(case)[1]
+    assert not any("body0" in one.words for one in state.held)
+    assert [message for message in warnings_of(state.held, state.prescribed)] == []
+    assert not any("body0" in words for words in validate(case).held)
