@@ -26,7 +26,7 @@ from lacsolver.problem.pair import ContactPair
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.contact_system import ContactSystem
-from lacsolver.saddle.tolerances import ConvergenceTolerance
+from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, sizes
 from lacsolver.space.space import Space
 
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
@@ -190,7 +190,13 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
     # forces that are in balance leave that, in whatever direction they are
     largest = max(map(model.vectors.norm, along)) * model.vectors.norm(np.abs(load) + np.abs(carried))
     within = step.model.problem.case.solver.tolerance * largest
-    for k in np.flatnonzero(left > np.maximum(_UNCARRIED * whole, within)):
+    beyond = left > np.maximum(_UNCARRIED * whole, within)
+    if beyond.any() and model.problem.kinematics.linear:
+        # round-off of bodies within the model, which is all that is left without a load
+        near = np.clip(outcome.iterate.q, -model.length, model.length)
+        terms = model.vectors.summed(sizes(step.reference.K, near))
+        beyond &= left > ROUNDING * model.vectors.dots(np.abs(along), terms)
+    for k in np.flatnonzero(beyond):
         yield model.motions[k], along[k], load
 
 
