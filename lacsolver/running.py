@@ -41,6 +41,7 @@ from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.new_contact import closed_at_start, sliding_since_contact, turned_far
 from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
+from lacsolver.results.tied import turned_across_a_gap
 from lacsolver.results.whole import orders_of
 
 #: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
@@ -146,6 +147,9 @@ class RunOutput:
         #: motions of rigid bodies at the end of the last step, and the first warning of one that turns far
         self._rigid: Mapping[str, Floats] = {}
         self._turned = ""
+        #: interfaces of ties in finite kinematics, and the last warning of each that turns far across a gap
+        ties = [p for p in problem.joints if p.tie and p.pairing.turn is None and problem.kinematics.finite]
+        self._ties, self._apart = {pair.name: faces[pair.name] for pair in ties}, dict[str, str]()
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -179,6 +183,8 @@ class RunOutput:
         self._linear_solver = self._linear_solver or state.linear_solver
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
+        for name, face in self._ties.items():
+            self._apart[name] = turned_across_a_gap(problem, state, face) or self._apart.get(name, "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         self._rigid = state.rigid
         stress = point_stress(problem, state)
@@ -252,7 +258,7 @@ class RunOutput:
         yield from _doubtful_energy(problem.case, self.results)
         yield from _doubtful_dissipation(self.results)
         yield from self._softened()
-        yield from filter(None, [self._way, self._turned])
+        yield from filter(None, [self._way, self._turned, *self._apart.values()])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)
