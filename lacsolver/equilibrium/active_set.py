@@ -123,17 +123,18 @@ def close_rows_against_rigid_modes(
     """
     if not R.shape[1]:
         return rows
-    moves = contact.rows.D @ R
+    moves = (contact.rows.D @ R) / contact.rows.w[:, None]
     for _ in range(R.shape[1]):
         linear = contact.linear(rows, p)
-        free, loaded = _null_space((linear.rows.D @ R)[linear.active]), _null_space((linear.rows.B @ R)[linear.active])
+        w = linear.rows.w[:, None]
+        free, loaded = (_null_space((A @ R / w)[linear.active]) for A in (linear.rows.D, linear.rows.B))
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
         open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
         nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break
-        way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)
+        way = np.where(nearing, contact.G / contact.rows.w / np.where(nearing, closing, 1.0), np.inf)
         resisted = 0.0 if resistance is None else along @ resistance @ along
         if resisted > 0 and along @ load < resisted * way.min():
             break

@@ -388,9 +388,19 @@ def contact_system(
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *matrices]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
+    typical = typical_measures(w_or_1, on, groups)
     moves = any(not (g.symmetric and g.since is None) for g in groups if isinstance(g, PairGroup))
-    made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None)
+    made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None, typical)
     return ContactSystem(made, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
+
+
+def typical_measures(w: Floats, covered: Bools, groups: Sequence[RowGroup]) -> NDArray[np.floating]:
+    """Return the mean measure (m,) of the covered rows of each row's group; w, `covered` (m,)."""
+    out = np.ones(len(w))
+    for group in groups:
+        own = w[group.every][covered[group.every]]
+        out[group.every] = own.mean() if len(own) else 1.0
+    return out
 
 
 def _derivatives(groups: Sequence[RowGroup], matrices: Sequence[csr_array], n: int) -> csr_array:

@@ -177,7 +177,7 @@ class _SchurLoop:
 
     def motion(self, r: Floats) -> NDArray[np.floating]:
         """Return the amplitudes (r,) of the rigid-body modes that best close the gaps of a residual."""
-        return np.asarray(self.preconditioner.inverse @ (self.QB.T @ r[: self.n]))
+        return self.preconditioner.motion(r[: self.n])
 
     def residual(self, q: Floats, p: Floats, s: Floats) -> NDArray[np.floating]:
         """Return the residual of gaps, and the difference between the forces of `bent` and s."""
