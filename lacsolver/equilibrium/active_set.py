@@ -83,7 +83,7 @@ def active_set_iterates(
         rows = rows.same(vectors.same)
         (linear, problem), applications = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active)), 0
         for reduction in (0.0 if contact.exact else pivots.begin(rows), 0.0):
-            goal = tolerance.linear(reduction, tolerance.moved)
+            goal = tolerance.linear(reduction)
             q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
             wanted = contact.next_rows(rows, p, tolerance.threshold(q))
@@ -93,7 +93,7 @@ def active_set_iterates(
                 rows = wanted
                 linear, problem = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active))
         off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
-        gap = float(np.abs(contact.residuals(p, rows.active)).max(initial=0.0)) / tolerance.scale(q)
+        gap = tolerance.relative_gap(contact.residuals(p, rows.active), contact.rows.B, q)
         residual = Residual(off, gap)
         done = tolerance.fulfilled(residual, q)
         again = done and linear.turns and not turned and gap > _TURNED * tolerance.tolerance
@@ -197,10 +197,11 @@ def _residual_of_forces(
 ) -> float:  # fmt: skip
     """Return the relative residual of the forces f - (K + C) q - B^T p."""
     inner, contact = _internal_force(K, geometric, q), rows.B_T @ p
-    force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
+    largest = tolerance.vectors.largest_of_body
+    force = np.maximum(np.maximum(largest(f), largest(inner)), largest(contact))
 
     def terms() -> ForceTerms:
         size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
         return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
-    return equilibrium_residual(f - inner - contact, force, terms if exact else None, tolerance)
+    return equilibrium_residual(f - inner - contact, force, terms if exact else None, tolerance, q)

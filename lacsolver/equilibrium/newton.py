@@ -97,7 +97,7 @@ def newton_iterates(
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
         limit = min(most, tolerance.max_iterations - spent) if again else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
-        goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
+        goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
         first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
         worst = np.inf if damping else _acceptable(merits)
@@ -277,9 +277,9 @@ def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceToleran
     """Return the residuals of forces and gaps of an iterate."""
     contact, vectors = there.contact, tolerance.vectors
     forces = contact.rows.B_T @ at.p
-    largest = max(there.size, vectors.largest(forces))
+    largest = np.maximum(there.size, vectors.largest_of_body(forces))
     off, gaps = there.r - forces, contact.residuals(at.p, at.active)
     closing = contact.rows.B_T @ (contact.skin_stiffness * gaps)
     merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
-    gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(at.q)
-    return Residual(equilibrium_residual(off, largest, there.terms, tolerance), gap, merit)
+    gap = tolerance.relative_gap(gaps, contact.rows.B, at.q)
+    return Residual(equilibrium_residual(off, largest, there.terms, tolerance, at.q), gap, merit)

@@ -72,7 +72,7 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     loose = tolerance.reduction * first
     loose_gaps, count, counted = tolerance.reduction * max(WHOLE.norm(r[n:]), loose), 0, 0
     while count < _MOST:
-        gap = tolerance.threshold(system.vectors.largest(x[:n]))
+        gap = float(tolerance.threshold(system.vectors.largest(x[:n])))
         excess = partial(system.excess, gap, _BALANCED * force, (loose, loose_gaps))
         if excess(r) <= 1:
             break

@@ -116,7 +116,7 @@ def scaled(A: csr_array, d: Floats) -> csr_array:
 
 
 def constrained_motions(moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return combinations (r, k) of rigid-body modes that rows constrain, and orthonormal ones (r, r - k) that none does.
+    """Return combinations (r, k) of rigid-body modes that rows constrain, and the others (r, r - k), orthonormal.
 
     `moves` (a, r): the mean gaps that the modes close in each row; those of the combinations are orthonormal.
     """
