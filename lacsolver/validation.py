@@ -35,6 +35,7 @@ from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
 from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free, unheld
+from lacsolver.problem.sectors import check_in_sector
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
@@ -186,6 +187,7 @@ def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tupl
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
+            check_in_sector(parts.case, pair, face, space)
             if parts.constraints is not None and parts.materials is not None:
                 check_hypothesis(case, pair, space, parts.constraints, parts.materials)
     return faces

@@ -23,6 +23,7 @@ from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.sectors import check_in_sector
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.contact_system import ContactSystem
@@ -136,6 +137,7 @@ def first_iterate(step: LoadStep) -> Iterate:
     for pair, face in zip(problem.joints, interfaces, strict=True):
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
+        check_in_sector(problem.case, pair, face, problem.space)
     step.model.check_held(step.closed_rows(q, contact.may_carry))
     closed = np.zeros(len(contact.G), bool)
     for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):

@@ -25,6 +25,7 @@ from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import still_free
+from lacsolver.problem.sectors import leaves_sector
 from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
@@ -115,7 +116,8 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned, acted = start.step if start else StepState(), False, start is not None
+    state, warned, left = start.step if start else StepState(), False, False
+    acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
         if kept is not None:
@@ -123,6 +125,7 @@ def march(
             kept[:] = [model]
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
+            left = left or _warn_of_sectors(step, outcome)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
             yield converged
@@ -214,6 +217,17 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
         if passed is not None:
             return words(pair, passed, step.t, space)
     return None
+
+
+def _warn_of_sectors(step: LoadStep, outcome: Outcome) -> bool:
+    """Warn if slaves that move have left their sector; return True if it warned."""
+    problem, u = step.model.problem, step.u(outcome.iterate.q)
+    for pair, face in zip(problem.joints, step.interfaces(outcome.iterate.q), strict=True):
+        if pair.moving and (words := leaves_sector(problem.case, pair, face, problem.space, u)):
+            message = f"contact {pair.name!r} at time {step.t:.6g}: {words}"
+            warnings.warn(LacmeshWarning(message), stacklevel=3)
+            return True
+    return False
 
 
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
