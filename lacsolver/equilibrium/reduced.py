@@ -5,6 +5,7 @@ u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from lacmesh.errors import DataError, some
+from lacmesh.errors import DataError, LacmeshWarning, some
 from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacsolver.bodies.finite import InadmissibleError
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
+#: extent of a body, relative to the largest, from which on one scale of forces and displacements does for all
+_OF_ONE_SIZE = 1e-3
 
 
 @dataclass(eq=False)
@@ -114,6 +117,10 @@ class ReducedProblem:
             return SharedVectors(c.own, c.summed, share)
         modes = 0 if self._whole is None else self._whole.modes.shape[1]
         direct = choose(self.problem.case.solver.backend, c.n_q, modes).direct
+        if self.body.max(initial=0) and not direct and self._extents.min() < _OF_ONE_SIZE:
+            message = f"a body has {self._extents.min():.1e} of the size of the largest one, and multigrid solves all"
+            message += " with one accuracy; take a direct [solver] backend, or a model of its own for the small body"
+            warnings.warn(LacmeshWarning(message), stacklevel=2)
         return BodyVectors(self.body, self._extents) if direct and self.body.max(initial=0) > 0 else WHOLE
 
     @cached_property

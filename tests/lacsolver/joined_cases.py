@@ -143,15 +143,16 @@ OF_TWO_SIZES = {
 
 @cache
 def _alone(name, k):
-    return _solved(name, (1.0, 1.0), (k,))
+    return solved_stacks(name, (1.0, 1.0), (k,))
 
 
 def two_sizes(name, ratio):
     """The last state of a model of two stacks, the second so many times smaller, and those of each in a model alone."""
-    return _solved(name, (1.0, 1 / ratio), (0, 1)), _alone(name, 0), _alone(name, 1)
+    return solved_stacks(name, (1.0, 1 / ratio), (0, 1)), _alone(name, 0), _alone(name, 1)
 
 
-def _solved(name, sizes, stacks):
+def solved_stacks(name, sizes, stacks, solver=""):
+    """The last state of a model of some stacks of these sizes; `solver`: keys of [solver]."""
     low, high, dim, finite, moved = OF_TWO_SIZES[name]
     parts = []
     for k in stacks:
@@ -160,7 +161,7 @@ def _solved(name, sizes, stacks):
         parts.append((replace(mesh, points=mesh.points * sizes[k]), np.array([3.0 * k, 0, 0]), names))
 
     def sections(w):
-        text = material(w, "neo_hookean" if finite else "elastic")
+        text = solver + material(w, "neo_hookean" if finite else "elastic")
         for k in stacks:
             text += contact(w, f"slave{k}", f"master{k}") + held(w, f"bottom{k}") + moved(w, k, sizes[k])
         return text

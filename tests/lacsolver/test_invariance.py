@@ -9,9 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from lacmesh.errors import LacmeshWarning
 from tests.lacsolver.invariant_cases import CASES as PLAIN
 from tests.lacsolver.invariant_cases import brought_back, compared, figures
-from tests.lacsolver.joined_cases import JOINED, OF_TWO_SIZES, two_sizes
+from tests.lacsolver.joined_cases import JOINED, OF_TWO_SIZES, solved_stacks, two_sizes
 from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
@@ -81,6 +82,11 @@ def test_contacts_of_two_sizes_in_one_model(name, ratio):
         assert (zone.status == own.zones[0].status).all()
         far = np.abs(zone.pressure - own.zones[0].pressure).max()
         assert far <= max(1e-8, 3e-14 * ratio) * own.zones[0].pressure.max()
+
+
+def test_multigrid_warns_of_bodies_that_are_much_smaller_than_others():
+    with pytest.warns(LacmeshWarning, match="of the largest one, and multigrid solves all with one accuracy"):
+        solved_stacks("pushed", (1.0, 1e-4), (0, 1), 'backend = "multigrid"\n')
 
 
 def options_of(row):
