@@ -86,7 +86,7 @@ def active_set_iterates(
             goal = tolerance.linear(reduction)
             q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
-            wanted = contact.next_rows(rows, p, tolerance.threshold(q))
+            wanted = contact.next_rows(rows, p, tolerance.gaps(contact.rows.B, q))
             if reduction == 0 or not wanted.equals(rows):
                 break
             if linear.turns:

@@ -111,7 +111,8 @@ def newton_iterates(
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
             return
-        rows = there.contact.next_rows(step.rows, now.iterate.p, tolerance.threshold(now.iterate.q))
+        contact, (q, p, _) = there.contact, now.iterate
+        rows = contact.next_rows(step.rows, p, tolerance.gaps(contact.rows.B, q))
 
 
 def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> tuple[Trial, RowSet]:

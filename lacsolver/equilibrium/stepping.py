@@ -57,18 +57,17 @@ _REFINED = 3
 class NotConvergedError(LacmeshError):
     """No equilibrium was found at some time. `state`: the last state tried.
 
-        >>> from dataclasses import replace
-        >>> from lacsolver import read_case
-        >>> from lacsolver.problem.problem import Problem
-    from lacsolver.problem.turned import turned_too_far
-        >>> case = read_case("data/two_blocks.toml")
-        >>> contact = replace(case.contact[0], geometry="current")
-        >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
-        >>> try:
-        ...     list(march(Problem.of(case)))
-        ... except NotConvergedError as error:
-        ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
-        True
+    >>> from dataclasses import replace
+    >>> from lacsolver import read_case
+    >>> from lacsolver.problem.problem import Problem
+    >>> case = read_case("data/two_blocks.toml")
+    >>> contact = replace(case.contact[0], geometry="current")
+    >>> case = replace(case, contact=contact, solver=replace(case.solver, max_iterations=1))
+    >>> try:
+    ...     list(march(Problem.of(case)))
+    ... except NotConvergedError as error:
+    ...     print(error.state.time == 0.5 / 2**6)  # after the last cutback of the first step
+    True
     """
 
     status = 4

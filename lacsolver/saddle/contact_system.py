@@ -96,10 +96,10 @@ class ContactSystem:
             out[group.rows] = group.law.next_active(state)
         return self.enforceable & out
 
-    def next_rows(self, now: RowSet, p: Floats, allowed: float) -> RowSet:
+    def next_rows(self, now: RowSet, p: Floats, allowed: Floats | float) -> RowSet:
         """Return the row set that the laws and friction ask for after a solve with a set.
 
-        A row that fulfils its law to a length `allowed` stays open or closed: round-off opens and closes none.
+        A row that fulfils its law to a length `allowed`, or (m,), stays open or closed: round-off opens and closes none.
         """
         fulfilled = np.abs(self.residuals(p, now.active)) <= allowed
         active = self.enforceable & np.where(fulfilled, now.active, self.next_active(now.active, p))

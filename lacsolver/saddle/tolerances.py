@@ -79,9 +79,11 @@ class ConvergenceTolerance:
 
         It is that of all if round-off allows no less, and `threshold` is of the scale of all.
         """
-        rounding = ROUNDING * max(self.scale(q), self.length)
-        allowed = np.maximum(self.tolerance * self.of_rows(B, q), rounding)
-        return float((np.abs(gaps) / allowed).max(initial=0.0)) * self.threshold(q) / self.scale(q)
+        return float((np.abs(gaps) / self.gaps(B, q)).max(initial=0.0)) * self.threshold(q) / self.scale(q)
+
+    def gaps(self, B: csr_array, q: Floats) -> NDArray[np.floating]:
+        """Return the gap that may remain in each row of B (m, n) at q (n,), (m,), or of all rows if that is one."""
+        return np.maximum(self.tolerance * self.of_rows(B, q), ROUNDING * max(self.scale(q), self.length))
 
     def of_rows(self, B: csr_array, q: Floats) -> Floats | float:
         """Return the scale of gaps at q (n,) for each row of B (m, n): that of its bodies, of all if they are one."""
