@@ -8,7 +8,8 @@ p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the oth
 system gives the next q and p; closed rows under pressure stay closed, open rows that overlap are closed (this is the
 sign of p_m - c_m G_m / w_m, whatever c_m). Other contact laws say themselves which rows they close, and as what. It is
 block principal pivoting (Portugal, Judice and Vicente 1994), which is made finite by Murty's rule, one exchange at a
-time, the first row first, where block exchanges make no progress. Systems are solved inexactly until an active set is
+time, the first row first, where block exchanges make no progress. With friction, where that is no proof, a set that
+returns is left to `splitting`, once it is solved to round-off. Systems are solved inexactly until an active set is
 met again, then to round-off.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
@@ -25,6 +26,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Trial
+from lacsolver.equilibrium.splitting import split
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
@@ -74,7 +76,7 @@ def active_set_iterates(
     contact = contact_at(q)
     rows = contact.first_rows(start.active, p, held=not free.shape[1])
     p = np.where(rows.state, p, 0.0)
-    turned = False
+    turned, unsplit, tried = False, True, np.zeros(len(p), bool)
     pivots = Pivots(_LOOSE_WITH_FRICTION if contact.sheared else _LOOSE)
     while True:
         if free.shape[1]:
@@ -99,7 +101,12 @@ def active_set_iterates(
         again = done and linear.turns and not turned and gap > _TURNED * tolerance.tolerance
         yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0 and not again)
         turned = turned or (again and reduction == 0)
-        rows = wanted if done else pivots.next(rows, wanted, reduction == 0)
+        tried |= rows.state != OUT
+        found = None
+        if unsplit and not done and reduction == 0 and contact.sheared and pivots.record_exact(rows):
+            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, tried)
+            unsplit = False
+        p, rows = found or (p, wanted if done else pivots.next(rows, wanted, reduction == 0))
 
 
 def _system(
@@ -161,6 +168,7 @@ class Pivots:
     def __init__(self, reduction: float = _LOOSE) -> None:
         self._reduction = reduction
         self._seen: set[bytes] = set()
+        self._solved, self._last = set[bytes](), b""
         self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
 
     def begin(self, rows: RowSet) -> float:
@@ -170,6 +178,14 @@ class Pivots:
         self._seen.add(key)
         self._loose -= loose
         return self._reduction if loose else 0.0
+
+    def record_exact(self, rows: RowSet) -> bool:
+        """Record a set that was solved to round-off; return True if it was before, and others since then."""
+        key = rows.state.tobytes()
+        again = key in self._solved and key != self._last
+        self._solved.add(key)
+        self._last = key
+        return again
 
     def next(self, rows: RowSet, wanted: RowSet, exact: bool) -> RowSet:
         """Return the next row set after a solve that asks for the set `wanted`."""

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
-from lacsolver.contact.laws import Bools
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
+from lacsolver.equilibrium.carrying import least_friction
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
@@ -203,50 +203,21 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
 
 
 def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> str:
-    """Say what part of the pressure friction carries along a motion (n_q,) in which all slides, and what is asked.
+    """Return a sentence on the friction that a load (n_q,) asks for, along a motion (n_q,) that contact resists.
 
-    `load` (n_q,). '' where nothing slides, or something sticks in a state that is no equilibrium. Pressures and
-    tractions are the least that carry the load, on all macro-elements that can slide: the last ones of a body that
-    slides away, and the row set at that iteration, depend on round-off.
+    "" where friction is not the reason that no equilibrium was found.
     """
-    contact, active, model = outcome.contact, outcome.iterate.active, step.model
+    model = step.model
+    if not outcome.contact.sheared:
+        return ""
     motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
-    met = max(outcome.residuals[-1]) <= model.problem.case.solver.tolerance
-    for group in contact.pairs:
-        if group.shear is None:
-            continue
-        shear, w = group.shear, contact.rows.w[group.rows]
-        sliding = contact.enforceable[group.rows] & shear.vectors(contact.rows.B @ along).any(axis=1)
-        closed = active[group.rows] & sliding
-        if not closed.any() or (shear.vectors(active)[closed].any() and not met):
-            continue
-        on = active.copy()
-        on[group.rows] |= sliding
-        shear.vectors(on)[sliding] = True
-        least = _least(contact, on, group.rows, motions, model.vectors.dots(motions, load))
-        p, t = (least[group.rows] * w)[sliding], (np.linalg.norm(shear.vectors(least), axis=1) * w)[sliding]
-        carried = (shear.bounds.at(least[group.rows])[0] * w)[sliding]
-        if p.sum() > 0:
-            return (
-                f"friction of {group.pair.name!r} carries {carried.sum() / p.sum():.3f} of its "
-                f"pressure, and {t.sum() / p.sum():.3f} is asked; hold it, or raise friction"
-            )
-    return ""
-
-
-def _least(contact: ContactSystem, on: Bools, normal: slice, motions: Floats, load: Floats) -> NDArray[np.floating]:
-    """Return the pressures and tractions (m,) on the rows `on` (m,) that carry a load (r,) along motions (r, n_q).
-
-    They have the least mean square over the area, so that they do not depend on the mesh; rows `normal` do not pull.
-    """
-    side, on = np.sqrt(contact.rows.w), on.copy()
-    forces = (contact.rows.B @ motions.T) / side[:, None]
-    while True:
-        least = np.zeros(len(on))
-        least[on] = np.linalg.lstsq(forces[on].T, load)[0] / side[on]
-        if (least[normal] >= 0).all():
-            return least
-        on[normal] &= least[normal] > 0
+    asked = least_friction(outcome.contact, motions, model.vectors.dots(motions, load), along)
+    if asked is None:
+        return ""
+    return (
+        f"friction of {asked.pair!r} carries {asked.carries:.3f} of its pressure, and {asked.asks:.3f} is asked; "
+        "hold it, or raise friction"
+    )
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

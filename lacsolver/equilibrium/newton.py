@@ -9,7 +9,9 @@ and the signs of p and G give the next active set, as in `active_set`. A step is
 its merit is worse than those of the last few iterations. The merit function is a force: the largest unbalanced force,
 plus a fraction of the largest force that would close the remaining gaps, by c_m of each. An active set that is met
 again although the merit has not fallen indicates a cycle: then the linear problem is kept, and its active set found by
-block pivoting, which is finite, before anything is linearised again.
+block pivoting, which is finite, before anything is linearised again. With friction pivoting may cycle too, and then
+`splitting` finds the set; from the first cycle on, and where a search makes no progress, every linear problem is solved
+whole, and its step is taken in full: the merit may rise then for an iteration or two.
 
 Linear systems are solved inexactly, to a fraction of the nonlinear residual, so that the last iterations converge
 quadratically; the last one, whose step should reach the tolerance, to a small part of that.
@@ -29,12 +31,13 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
+from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator, product
-from lacsolver.saddle.row_set import RowSet
+from lacsolver.saddle.row_set import OUT, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, LinearTolerance, Residual, equilibrium_residual
@@ -91,16 +94,18 @@ def newton_iterates(
     there = linearize(start.q) if predictor is None else predictor
     loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
     now, rows = _start(there, start, tolerance)
-    sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
+    sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
+        if again and there.contact.sheared and not whole:
+            whole, merits = True, merits if damping else [np.inf]
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
-        limit = min(most, tolerance.max_iterations - spent) if again else 1
+        limit = min(most, tolerance.max_iterations - spent) if again or whole else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
-        first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
+        first = predictor is not None and spent == 0 and bool(there.contact.sheared)
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
-        worst = np.inf if damping else _acceptable(merits)
+        worst = np.inf if damping or whole else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
         if step is None or then is None:
             yield now._replace(iterate=now.iterate._replace(active=rows.active), exact=False, applications=0, solves=1)
@@ -110,7 +115,9 @@ def newton_iterates(
         yield now
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
-            return
+            if damping or whole or not there.contact.sheared:
+                return
+            whole, merits = True, [np.inf]
         contact, (q, p, _) = there.contact, now.iterate
         rows = contact.next_rows(step.rows, p, tolerance.gaps(contact.rows.B, q))
 
@@ -164,11 +171,11 @@ def _newton_step(
             K = there.stiffness(damping, definite)
             C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
-            now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
-            step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots()
+            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots()
             while True:
-                step = _solved(there, K, C, step, there.r, goal, kept)
-                if step.solves == limit and not first:
+                now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
+                step = _solved(there, K, C, step._replace(rows=now), there.r, goal, kept)
+                if limit == 1 and not first:
                     return step
                 then = contact.with_gaps(contact.G - contact.rows.D @ step.dq)
                 wanted = then.next_rows(step.rows, step.p, goal.threshold(0.0))
@@ -177,10 +184,22 @@ def _newton_step(
                     r = there.r - contact.rows.B_T @ held
                     alone = _solved(there, K, C, step._replace(rows=rows), r, goal, kept)
                     return alone._replace(p=alone.p + held, rows=wanted)
-                if step.solves == limit or wanted.equals(step.rows):
+                if wanted.equals(step.rows):
                     return step
+                if step.solves == limit:
+                    found = None if limit == 1 or not contact.sheared else _split(there, K, step, wanted)
+                    if found is None:
+                        return step
+                    C = _total(there.geometric_stiffness(found[0]), there.change(K))
+                    return _solved(there, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal, kept)
                 step = step._replace(rows=pivots.next(step.rows, wanted, exact=True))
     return None
+
+
+def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tuple[Floats, RowSet] | None:
+    """Return pressures and the row set of a linear problem with friction for which pivoting found none, or None."""
+    rows = (step.rows.state != OUT) | (wanted.state != OUT)
+    return split(K, there.r, there.contact, there.free, rows)
 
 
 def _solved(

@@ -72,7 +72,11 @@ class ContactSystem:
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
         """Return the stiffness (m,) of each row's skin, for rows along tangents the mean of their macro-element's."""
-        out = skin_stiffness(K, rows)
+        return self.alike(skin_stiffness(K, rows))
+
+    def alike(self, values: Floats) -> NDArray[np.floating]:
+        """Return values (m,), those of the tangents of each macro-element as their mean."""
+        out = values.copy()
         for shear in self.sheared:
             shear.vectors(out)[:] = shear.vectors(out).mean(axis=1, keepdims=True)
         return out
@@ -199,7 +203,7 @@ class ContactSystem:
             own, states = p[shear.normal], shear.states(after)
             pressed += int((own > 0).sum())
             leaving += int(((own > 0) & shear.sticks(before.active) & states.slides).sum())
-            sliding = shear.bounds.at(own)[0][:, None] * states.direction
+            sliding = np.where(states.slides, shear.bounds.at(own)[0], 0.0)[:, None] * states.direction
             shear.vectors(out)[:] = np.where(states.slides[:, None], sliding, shear.vectors(p))
         return out if leaving > pressed / 2 else None
 
@@ -233,6 +237,32 @@ class ContactSystem:
         for shear in self.sheared:
             shear.vectors(out)[:] = within(shear.vectors(p), shear.bounds.at(p[shear.normal])[0])
         return out
+
+    def lawful_rows(self, z: Floats) -> RowSet:
+        """Return the row set of z (m,) made `lawful`: rows that this opens, tractions that it shortens, and others."""
+        p = self.lawful(z)
+        active = self.start_active(self.one_sided & ~self.along_tangents & (p > 0))
+
+        def states(shear: ShearRows) -> States:
+            t, b = shear.vectors(z), shear.bounds.at(p[shear.normal])[0]
+            closed, beyond = active[shear.normal], np.linalg.norm(t, axis=1) > b
+            return States.of(closed, ~beyond, t, shear.bounds)
+
+        return self._row_set(active, states) if self.sheared else RowSet.of(active)
+
+    def of_macro_elements(self, rows: Bools) -> Bools:
+        """Return which rows (m,) can be solved, of macro-elements with some of these rows."""
+        out = rows.copy()
+        for shear in self.sheared:
+            any_row = rows[shear.normal] | shear.vectors(rows).any(axis=1)
+            out[shear.normal] = any_row
+            shear.vectors(out)[:] = any_row[:, None]
+        return self.enforceable & out
+
+    @cached_property
+    def one_sided(self) -> Bools:
+        """True for rows of laws without tension, (m,), and those along their tangents."""
+        return mask_of(len(self.G), *(group.every for group in self.groups if group.law.compressive))
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return (G, S), (m,) each: the laws' equations at these gaps and pressures, D dq - S p = G for active rows."""
