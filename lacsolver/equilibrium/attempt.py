@@ -26,7 +26,6 @@ from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.sectors import check_in_sector
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
-from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, sizes
 from lacsolver.space.space import Space
 

@@ -180,14 +180,17 @@ class _Condensed(NamedTuple):
                 return None
             if self.met(now):
                 return now
-            rows = now.contact.next_rows(rows, now.p)
+            rows = now.contact.next_rows(rows, now.p, self.allowed(now))
         return None
 
     def met(self, now: _State) -> bool:
         """True if a state fulfils the laws."""
         left = np.abs(now.contact.residuals(now.p, now.rows.active)[self.at]).max(initial=0.0)
-        opened = np.abs((now.contact.G - self.contact.G) / self.contact.rows.w)[self.at].max(initial=0.0)
-        return bool(left <= _MET * opened)
+        return bool(left <= self.allowed(now))
+
+    def allowed(self, now: _State) -> float:
+        """Return the gap that may remain, a part of the largest one that the state has opened or closed."""
+        return _MET * float(np.abs((now.contact.G - self.contact.G) / self.contact.rows.w)[self.at].max(initial=0.0))
 
 
 class _Splitting:
