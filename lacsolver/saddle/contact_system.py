@@ -103,7 +103,7 @@ class ContactSystem:
     def next_rows(self, now: RowSet, p: Floats, allowed: Floats | float) -> RowSet:
         """Return the row set that the laws and friction ask for after a solve with a set.
 
-        A row that fulfils its law to `allowed`, a length or (m,), stays open or closed: round-off opens and closes none.
+        A row that fulfils its law to `allowed`, a length or (m,), stays open or closed, whatever its round-off.
         """
         fulfilled = np.abs(self.residuals(p, now.active)) <= allowed
         active = self.enforceable & np.where(fulfilled, now.active, self.next_active(now.active, p))
