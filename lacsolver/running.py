@@ -34,6 +34,7 @@ from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.alternation import alternating
 from lacsolver.results.compression import most_compressed, softened, worse
+from lacsolver.results.dipping import dipped
 from lacsolver.results.faceted import faceted
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
@@ -150,6 +151,8 @@ class RunOutput:
         #: interfaces of ties in finite kinematics, and the last warning of each that turns far across a gap
         ties = [p for p in problem.joints if p.tie and p.pairing.turn is None and problem.kinematics.finite]
         self._ties, self._apart = {pair.name: faces[pair.name] for pair in ties}, dict[str, str]()
+        #: the first warning of a macro-element whose edge dips into its master
+        self._dipped = ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -185,6 +188,7 @@ class RunOutput:
         self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
         for name, face in self._ties.items():
             self._apart[name] = turned_across_a_gap(problem, state, face) or self._apart.get(name, "")
+        self._dipped = self._dipped or next(dipped(problem, state), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         self._rigid = state.rigid
         stress = point_stress(problem, state)
@@ -232,7 +236,7 @@ class RunOutput:
             tried = error.state
             writer = self._writer or self._open()
             writer.finish(self.results, lambda: state_fields(self._problem, tried))
-            for message in self._softened():
+            for message in (*self._softened(), *filter(None, [self._dipped])):
                 warnings.warn(LacmeshWarning(message), stacklevel=4)
         elif self._writer is not None:
             self._writer.finish(self.results)
@@ -258,7 +262,7 @@ class RunOutput:
         yield from _doubtful_energy(problem.case, self.results)
         yield from _doubtful_dissipation(self.results)
         yield from self._softened()
-        yield from filter(None, [self._way, self._turned, *self._apart.values()])
+        yield from filter(None, [self._way, self._turned, self._dipped, *self._apart.values()])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)

@@ -243,29 +243,29 @@ def _on_faces(
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
-    turned = _turned(slave, H, fs, fm)
+    turned = _turned(slave, H)
     code = pair_rule(
         _side(slave, s, pieces.slave),
         _side(master, m, pieces.master),
         np.diff(pieces.start),
         pieces.largest_share(),
-        turned,
+        turned[fs],
         degree,
     )
     order, groups = _groups(slave, master, fs, fm, code)
     functions = np.stack([N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]], axis=1)
-    bend = np.maximum(s.warp[fs], turned)
+    bend = np.maximum(s.warp, turned)[fs]
     placed = place(pieces, order, code, s, m, functions, bend, NormalMaps.none() if H is None else H)
     groups[:, 3:] = placed.first[groups[:, 3:]]
     return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
 
 
-def _turned(slave: Surface, H: NormalMaps | None, fs: Ints, fm: Ints) -> NDArray[np.floating]:
-    """(k,): deviation of the normals of pairs of faces, with maps H, from the slave face's own mean normal."""
-    if H is None:
-        return np.zeros(len(fs))
-    normal, maps = mean_normals(slave)[0][fs], H.G[fm if H.of_master else fs]
-    return np.asarray(np.maximum(np.abs(maps[:, 1:]).max(axis=(1, 2)), np.abs(maps[:, 0] - normal).max(axis=1)))
+def _turned(slave: Surface, H: NormalMaps | None) -> NDArray[np.floating]:
+    """(f,): deviation of a slave face's normals, with maps H, from its own mean normal; 0 if all are along one line."""
+    if H is None or H.of_master:
+        return np.zeros(len(slave))
+    normal, _ = mean_normals(slave)
+    return np.asarray(np.maximum(np.abs(H.G[:, 1:]).max(axis=(1, 2)), np.abs(H.G[:, 0] - normal).max(axis=1)))
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
@@ -289,7 +289,7 @@ def _on_lines(
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
     of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    smooth = _turned(slave, H, fs, fm) > FLAT
+    smooth = _turned(slave, H)[fs] > FLAT
     count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])

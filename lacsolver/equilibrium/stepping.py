@@ -14,7 +14,7 @@ from lacmesh.mesh import Floats
 from lacmesh.records import dataclass
 from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
-from lacsolver.contact.interface import TOUCHING
+from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, why
 from lacsolver.equilibrium.holding import holdings
@@ -331,6 +331,7 @@ def _zone(group: PairGroup, rows: RowState, covered: NDArray[np.bool_], space: S
     return ZoneState(
         pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
         np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,
+        dip=None if pair.tie else dips(face, space.share),
     )  # fmt: skip
 
 

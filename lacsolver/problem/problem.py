@@ -39,7 +39,7 @@ from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.pair import ContactPair
-from lacsolver.problem.roles import slaves_of, with_roles
+from lacsolver.problem.roles import directed, slaves_of, with_roles
 from lacsolver.problem.sections import with_sections
 from lacsolver.problem.skin import check_mesh, check_mesh_file, mesh_of, prepared
 from lacsolver.space.places import nodes_of, said, wrong
@@ -222,7 +222,8 @@ def build(
         for record in records:
             with attempt(record.place):
                 same = next((pair for pair in pairs if pair.record == record), None)
-                parts.pairs.append(same or ContactPair.of(parts.space, record))
+                pair = same or ContactPair.of(parts.space, record)
+                parts.pairs.append(directed(pair, case, parts.mesh))
     return parts
 
 
