@@ -40,7 +40,7 @@ from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.normals import normals_of, unit
 from lacsolver.contact.faces import by_type, dual_vectors, places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
-from lacsolver.contact.normals import Normals, other_normals
+from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
 from lacsolver.contact.shear import frames, integrals
 from lacsolver.contact.zone import Zone
@@ -105,7 +105,7 @@ class _Directions(NamedTuple):
     e: Floats
     c: Floats
     J: Floats
-    others: Normals | None
+    others: OtherNormals | None
     size: Floats
 
 

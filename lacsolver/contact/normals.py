@@ -39,7 +39,7 @@ _CHORDS = {
 }
 
 
-class Normals(NamedTuple):
+class OtherNormals(NamedTuple):
     """Unit normals `n` (k, 3); `of_faces` (f, 9): those of each slave face's nodes, -1 beyond.
 
     Or (f, 1): those of the master's faces. `derivative` (d k, d n): of their components, by the displacements of the n
@@ -65,7 +65,7 @@ class Normals(NamedTuple):
 
 def other_normals(
     slave: Surface, master: Surface, normals: str, crease_angle: float | None, d: int, nodes: Ints
-) -> Normals | None:
+) -> OtherNormals | None:
     """Return the normals of a pairing that are not those of the slave's faces, None for those.
 
     `normals`, `crease_angle`: as in `lacmesh.contact_points`; `nodes` (n,): those of both skins, ascending.
@@ -75,7 +75,7 @@ def other_normals(
     return face_normals(master, d, nodes) if normals == "master" else nodal_normals(slave, crease_angle, d, nodes)
 
 
-def face_normals(master: Surface, d: int, nodes: Ints) -> Normals:
+def face_normals(master: Surface, d: int, nodes: Ints) -> OtherNormals:
     """Return the mean normals of the master's faces, turned round; `nodes` as in `other_normals`."""
     n, k = -mean_normals(master)[0], len(master)
     entries = []
@@ -86,10 +86,10 @@ def face_normals(master: Surface, d: int, nodes: Ints) -> Normals:
         change = -np.einsum("ksc,ca->ksa", dual, chords)[..., None] * n[rows, None, None, :d]  # (faces, d, corners, d)
         i, j = d * rows[:, None] + np.arange(d), d * np.searchsorted(nodes, of_face)[..., None] + np.arange(d)
         entries.append((i[:, :, None, None], j[:, None], change))
-    return Normals(np.arange(k)[:, None], n, sparse((d * k, d * len(nodes)), *entries))
+    return OtherNormals(np.arange(k)[:, None], n, sparse((d * k, d * len(nodes)), *entries))
 
 
-def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> Normals:
+def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> OtherNormals:
     """Return the smoothed normals of a slave skin; `nodes` as in `other_normals`."""
     own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
     faces = []
@@ -125,7 +125,7 @@ def _distinct(nodes: Ints, n_faces: Ints) -> tuple[Ints, Ints]:
     return out.reshape(nodes.shape), there[first]
 
 
-def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> Normals:
+def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> OtherNormals:
     """Return the normals from sums over faces: rows (e,), nodes (e, b), terms (e, d), changes (e, d, b, d)."""
     H = np.zeros((k, d))
     for row, _, term, _ in parts:
@@ -140,7 +140,7 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
         entries.append((i[:, :, None, None], j[:, None], along))
     n = np.zeros((k, 3))
     n[:, :d] = h
-    return Normals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
+    return OtherNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
 def _face_normals(name: str, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:

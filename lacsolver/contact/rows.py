@@ -26,7 +26,7 @@ from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
-from lacsolver.contact.normals import Normals
+from lacsolver.contact.normals import OtherNormals
 from lacsolver.space.sparse import sparse
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def macro_rows(
 
 
 def normal_rows(
-    points: ContactPoints | Anchors, slave: Surface, master: Surface, normals: Normals, q: Floats, n_macros: int
+    points: ContactPoints | Anchors, slave: Surface, master: Surface, normals: OtherNormals, q: Floats, n_macros: int
 ) -> csr_array:
     """Return a matrix (k n_macros, d n_nodes): rows sum q_p . dh(v) at points p of macro-elements, q (points, k, d).
 

@@ -52,7 +52,7 @@ from lacsolver.contact.chain import (
 from lacsolver.contact.edges import edges_of
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.interface import Interface, Pairing, clearance, stretch
-from lacsolver.contact.normals import Normals, other_normals
+from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
 from lacsolver.contact.tractions import Shear, add_slip, add_traction, asks
@@ -113,7 +113,7 @@ class Motion:
     n_nodes: int
     d: int
     loops: tuple[Loop, Loop]
-    normals: Normals | None
+    normals: OtherNormals | None
     along: tuple[SlidingPoints, SlidingPoints] | None = None
 
     def gaps(self, fading: Floats | None = None) -> csr_array:
