@@ -165,35 +165,37 @@ def groups_of_tags(
 ) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
     """Return groups of cells that have the same tag, an integer >= 0, and the dimension and tag of each group.
 
-    `dims` (n,): dimensions of the cells; `data`: arrays on them, of which those of few integers are tags. A group has
-    its number as its name; `2:5`, its dimension and number, where others have that number too.
+    `dims` (n,): dimensions of the cells; `data`: arrays on them, of which those of few integers are tags, if cells of
+    some dimension differ. A group has its number as its name; `2:5`, its dimension and number, where others have that
+    number too.
 
     >>> said = []
-    >>> groups_of_tags(np.array([3, 3, 2]), {"tags": np.array([1, 1, 7]), "size": np.array([0.5, 1, 2])}, said)[1]
-    {'7': ((2, 7),), '1': ((3, 1),)}
+    >>> groups_of_tags(np.array([3, 3, 3, 3, 2, 2]), {"tags": np.array([1, 1, 4, 4, 7, 7])}, said)[1]
+    {'7': ((2, 7),), '1': ((3, 1),), '4': ((3, 4),)}
     >>> said
-    ["no group has a name in this file: the tags 'tags' are groups, named by their numbers (7, 1)"]
+    ["no group has a name in this file: the tags 'tags' are groups, named by their numbers (7, 1, 4)"]
     """
-    found: list[tuple[str, Tag, Ints]] = []
+    tagged: list[tuple[str, Tag, Ints]] = []
     for array, values in data.items():
         if values.shape != dims.shape or values.dtype.kind not in "iu" or array in _NO_TAGS:
             continue
         least = 1 if ":" in array else 0  # 0 is no tag in the formats of meshio: medit:ref, nastran:ref, su2:tag
-        tags = np.unique(np.stack([dims, values], axis=1)[values >= least], axis=0)
-        if len(tags) <= min(_MOST_TAGS, max(1, len(dims) // 2)):
-            found += [(array, (d, t), np.flatnonzero((dims == d) & (values == t))) for d, t in tags.tolist()]
-    of_number = Counter(tag for _, (_, tag), _ in found)
-    of_tag = Counter(tag for _, tag, _ in found)
+        pairs = np.unique(np.stack([dims, values], axis=1), axis=0)
+        tags = pairs[pairs[:, 1] >= least]
+        if len(pairs) > len(np.unique(dims)) and len(tags) <= min(_MOST_TAGS, max(1, len(dims) // 2)):
+            tagged += [(array, (d, t), np.flatnonzero((dims == d) & (values == t))) for d, t in tags.tolist()]
+    of_number = Counter(tag for _, (_, tag), _ in tagged)
+    of_tag = Counter(tag for _, tag, _ in tagged)
     groups, group_tags = dict[str, Ints](), dict[str, tuple[Tag, ...]]()
-    for array, tag, cells in found:
+    for array, tag, cells in tagged:
         name = (
             str(tag[1]) if of_number[tag[1]] == 1 else f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
         )
         groups[name] = cells
         if of_tag[tag] == 1 and tag[1] > 0:
             group_tags[name] = (tag,)
-    if found:
-        arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in found)], "and")
+    if tagged:
+        arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in tagged)], "and")
         message = f"no group has a name in this file: the tags {arrays} are groups, named by their numbers"
         said.append(f"{message} ({first_of(groups, 10)})")
     return groups, group_tags

@@ -131,8 +131,8 @@ def _points(file: Any) -> Floats:
 
 def _numbered(file: Any, stem: str) -> list[str]:
     """Return the names of variables stem1, stem2 ..., in the order of their numbers."""
-    found = [name for name in file.variables if re.fullmatch(rf"{stem}\d+", name)]
-    return sorted(found, key=lambda name: int(name.removeprefix(stem)))
+    numbered = (name for name in file.variables if re.fullmatch(rf"{stem}\d+", name))
+    return sorted(numbered, key=lambda name: int(name.removeprefix(stem)))
 
 
 def _block(path: Path, file: Any, name: str, n_points: int) -> _Part:

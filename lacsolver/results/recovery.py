@@ -11,11 +11,11 @@ macro-elements in the plane and 16 in space, whose weights are worth at least 3 
 12, planes are fitted. Terms that the patch does not determine independently of those before them are left out. A linear
 pressure is reproduced exactly on plane faces.
 
-At the rim, which is the boundary of the slave and of what the master covers, p_m has errors of order h times the slope
-of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are those of
+On the boundary of contact, which is that of the slave and of what the master covers, p_m has errors of order h times
+the slope of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are those of
 least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of that for
-the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a mean at the
-rim that is as near to the fit as the others has its whole area, and the patch is fitted again.
+the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a mean on
+the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact
@@ -64,10 +64,10 @@ _MANY_ROOTS = {1: 6, 2: 36}
 #: a term is left out if less than this fraction of its square is independent of the terms before it, and a direction if
 #: its variance is less than this fraction of the largest
 _THIN = 1e-2
-#: weight of the macro-elements at the rim, and of their neighbours, relative to their area
+#: weight of the macro-elements on the boundary, and of their neighbours, relative to their area
 _RIM = (1 / 81, 1 / 9)
-#: scatter squared, over the square of the change of p within a macro-element: weights at the rim count below the first
-#: value, and not above the second
+#: scatter squared, over the square of the change of p within a macro-element: weights on the boundary count below the
+#: first value, and not above the second
 _SCATTERED = (0.05, 0.5)
 #: deviation from the fit squared, over the scatter squared: a mean is like the others below the first, and unlike above
 _UNLIKE = (4.0, 16.0)
@@ -177,7 +177,7 @@ def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -
 
 
 def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> NDArray[np.floating]:
-    """Return the factors (n,) `_RIM` for macro-elements at the rim and their neighbours, and 1 for the others.
+    """Return the factors (n,) `_RIM` for macro-elements on the boundary and their neighbours, and 1 for the others.
 
     The rim is the boundary of the slave and that of the `unpaired` macro-elements.
     """

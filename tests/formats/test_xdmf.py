@@ -18,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from lacmesh.cells import CELLS
-from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, write, xdmf
 from lacmesh.formats.vtu.types import OF_TYPE as VTK_OF_TYPE
 from lacmesh.formats.xdmf.mixed import starts
@@ -293,8 +293,10 @@ def test_tags_as_dolfinx_writes_them(tmp_path):
     body = grid("mesh", "Triangle", 2, TRIANGLES)
     body += grid("cell tags", "Triangle", 1, item("3 0 2", "1 3"), tags("cell tags", "7"), include)
     body += grid("facet tags", "PolyLine", 2, item("0 1 2 3", "2 2"), tags("facet tags", "4 5"), include)
-    mesh = read(put(tmp_path / "a.xdmf", body))
+    with pytest.warns(LacmeshWarning, match="the tags 'cell tags' and 'facet tags' are groups, named by their numbers"):
+        mesh = read(put(tmp_path / "a.xdmf", body))
     assert mesh.cells_by_type == {"TRIA3": 2, "SEG2": 2} and mesh.space_dim == 2
+    assert mesh.cell_groups["7"].tolist() == [1] and mesh.cell_groups["4"].tolist() == [2]
     assert mesh.cell_data["cell tags"].tolist() == [-1, 7, -1, -1]
     assert mesh.cell_data["facet tags"].tolist() == [-1, -1, 4, 5]
     assert read(tmp_path / "a.xdmf", mesh="facet tags").cells_by_type == {"SEG2": 2}
