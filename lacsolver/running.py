@@ -158,6 +158,7 @@ class RunOutput:
             sizes=_sizes(problem),
             roles={pair.name: (pair.record.slave, pair.record.master, pair.record.why) for pair in problem.joints},
             overlap={name: one.overlap for name, one in self._starts.items()},
+            bridged={name: one.bridged for name, one in self._starts.items() if one.bridged > 0},
             units=problem.case.output.units or "",
             adjusted=problem.adjusted,
             sectors=described(problem.case),

@@ -50,8 +50,8 @@ class ZoneFound:
 
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
-    `overlap`: largest penetration of the slave into the master, 0 without overlap. `why`: why the slave was chosen, ""
-    where the case says which it is. `told`: warnings. `adjusted`: how far slave nodes were moved onto the master, None
+    `overlap`: largest penetration of the slave into the master, 0 without overlap; `bridged`: widest gap across a tie.
+    `why`: why the slave was chosen, "" where the case says which it is. `told`: warnings. `adjusted`: how far slave nodes were moved onto the master, None
     where the case does not ask for it; the other figures are of the mesh after that.
     """
 
@@ -67,6 +67,7 @@ class ZoneFound:
     why: str = ""
     told: tuple[str, ...] = ()
     adjusted: Adjustment | None = None
+    bridged: float = float("nan")
 
 
 @dataclass(repr=False)
@@ -200,7 +201,7 @@ def _zone_found(joint: ContactPair, face: Interface, space: Space, t: float) -> 
     return ZoneFound(
         record.name, joint.tie, record.slave, record.master, len(on), int((~on).sum()),
         start.covered, (float(gap.min()), float(gap.max())), start.overlap, record.why,
-        (*start.told, *_opening(joint, face, space, t)),
+        (*start.told, *_opening(joint, face, space, t)), bridged=start.bridged,
     )  # fmt: skip
 
 

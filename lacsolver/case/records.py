@@ -224,7 +224,8 @@ class Contact(PairEntry):
         VALUE, "length", "added to the gap; negative: interference", Value(0.0), "0.0"
     )
     adjust: float | None = key(
-        POSITIVE, "length", "slave nodes within this distance of the master are moved onto it, without strain", None,
+        NOT_NEGATIVE, "length",
+        "slave nodes within this distance of the master are moved onto it, without strain; 0: those that overlap it", None,
         "none are moved",
     )  # fmt: skip
     friction: As[Value, ValueLike] = key(

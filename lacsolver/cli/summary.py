@@ -39,6 +39,8 @@ def print_summary(results: Results, folder: Path, fields: str, *, axisymmetric: 
             rows.add_row(name, value)
         if results.overlap.get(zone, 0.0) > 0:
             rows.add_row("deepest overlap at the start", f"{results.overlap[zone]:.6g}")
+        if zone in results.bridged:
+            rows.add_row("widest gap that the tie bridges", f"{results.bridged[zone]:.6g}")
     if last:
         for name, value in _joints(last):
             rows.add_row(name, value)

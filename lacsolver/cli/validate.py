@@ -138,6 +138,8 @@ def _zone(zone: ZoneFound) -> Iterator[tuple[str, str]]:
         yield "mean gaps", f"{zone.gap[0]:.6g} to {zone.gap[1]:.6g}"
     if zone.overlap > 0:
         yield "deepest overlap", f"{zone.overlap:.6g}"
+    if zone.bridged > 0:
+        yield "widest gap that the tie bridges", f"{zone.bridged:.6g}"
     for said in zone.told:
         yield "warning", said
 

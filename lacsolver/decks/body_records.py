@@ -12,13 +12,19 @@ from lacsolver.decks.cards import Card, Refused
 from lacsolver.decks.content import DeckRigid
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Points, history_of, parts_of, written
-from lacsolver.decks.load_records import orders, orders_by_step, scaled
+from lacsolver.decks.load_records import orders_by_step, scaled
 
 
 def gravity(draft: CaseDraft) -> None:
-    """Add [gravity] if it acts on all that has a density, else a [[body_force]] for each density. Raises Refused."""
+    """Add [gravity] if it acts on all that has a density, else a [[body_force]] for each density. Raises Refused.
+
+    Gravity along another direction is another load, which adds to that of earlier steps, as in CalculiX.
+    """
     density, mesh = densities(draft), draft.groups.mesh
-    parts = list(parts_of(draft.deck, orders(draft, "gravity"), once=True))
+    lines = [line for line in draft.deck.assigned if line.kind == "gravity"]
+    alike = [[line for line in lines if line.data == way] for way in dict.fromkeys(line.data for line in lines)]
+    along = (orders_by_step(draft, "gravity", some) for some in alike)
+    parts = [part for one in along for part in parts_of(draft.deck, one, once=True)]
     heavy = np.flatnonzero(density)
     for part, histories in parts:
         keys = {f"{AXES[c]}": written(points, draft.ramped) for c, points in histories.items() if c < draft.dim}

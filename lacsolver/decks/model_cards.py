@@ -233,8 +233,8 @@ def _adjust(deck: DeckContent, card: Card) -> float:
         message = f"ADJUST={text} names a set of nodes, and lacsolver moves those within a distance"
         raise Refused(f"{message}; give that, as ADJUST=0.01")
     distance = card.number("ADJUST")
-    if not distance > 0:
-        raise Refused(f"the distance of ADJUST should be positive, not {distance:g}; give the largest gap or overlap")
+    if distance < 0:
+        raise Refused(f"the distance of ADJUST should not be negative, and is {distance:g}")
     return distance
 
 

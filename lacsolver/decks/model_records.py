@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from lacmesh.errors import some
-from lacmesh.mesh import Floats, Ints
+from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.surface import Surface, contact_points
+from lacmesh.surface.coverage import face_measure
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.skin import FaceIncidence
 from lacsolver.decks.cards import Card, Refused, look_up
@@ -19,6 +21,8 @@ from lacsolver.decks.histories import JUMP
 from lacsolver.decks.names import SIDES
 from lacsolver.problem.roles import FEW
 
+#: distance within which CalculiX ties, relative to the size of an element (manual of CalculiX, *TIE)
+_TIED = 0.025
 _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean", "plastic": "plastic"}
 
 
@@ -164,7 +168,12 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     keys: dict[str, Any] = {"slave": draft.groups.add_skin(slave, facets), "master": added}
     law = laws[0]
     if first.tie or (law and law.tied):
-        draft.add("tie", keys | {k: v for k, v in first.keys.items() if k == "search_distance"}, first.card)
+        distance = first.keys.get("search_distance")
+        if distance is None and first.tie:
+            distance = _tied_within(draft, slave, facets, opposite, first)
+            if distance is None:
+                return
+        draft.add("tie", keys | ({} if distance is None else {"search_distance": distance}), first.card)
         return
     for pair in pairs:
         if (pair.slave, pair.master) in draft.deck.clearances:
@@ -177,6 +186,27 @@ def _add_pair(draft: CaseDraft, pairs: list[Pair]) -> None:
     draft.add("contact", keys | soft | friction | normals | dict(first.keys), first.card)
 
 
+def _tied_within(draft: CaseDraft, name: str, slave: Ints, master: Ints, pair: Pair) -> float | None:
+    """Return the distance within which CalculiX ties two skins, facets (k,); None, with a warning, if they are farther.
+
+    Without POSITION TOLERANCE it is 2.5 % of the size of an element.
+    """
+    one, other = (_surface(draft.groups.mesh, facets) for facets in (slave, master))
+    distance = _TIED * float(np.mean(face_measure(one) ** (1 / one.dim)))
+    if len(contact_points(one, other, search_distance=distance, max_penetration=distance).macro):
+        return distance
+    message = f"the slave {name!r} is farther from its master than {distance:.3g}, 2.5 % of its faces, within which "
+    draft.deck.warn(pair.card, f"{message}CalculiX ties without POSITION TOLERANCE: it is not tied; give the tolerance")
+    return None
+
+
+def _surface(mesh: Mesh, facets: Ints) -> Surface:
+    """Return the surface of facets (k,) of a mesh."""
+    cells, sides = np.divmod(facets, SIDES)
+    faces = facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, sides, np.ones(len(cells), bool)))
+    return Surface(mesh.points, faces, cells, mesh.dim - 1, np.full(len(cells), np.nan))
+
+
 def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], master: tuple[str, Ints]) -> bool:
     """True if a slave of few faces should be the master of its own; tell that, or that both have few."""
     (name, facets), (other, opposite), card = slave, master, pairs[0].card
@@ -185,8 +215,7 @@ def _exchanged(draft: CaseDraft, pairs: list[Pair], slave: tuple[str, Ints], mas
         return False
     said = f"the slave {name!r} has few faces, {len(facets)}, with one pressure each: they may not keep a body from "
     mesh, deck = draft.groups.mesh, draft.deck
-    cells, sides = np.divmod(opposite, SIDES)
-    faces = facets_of(mesh, FaceIncidence(np.arange(len(cells)), cells, sides, np.ones(len(cells), bool))).nodes
+    faces = _surface(mesh, opposite).faces.nodes
     rigid = any(np.isin(faces, body.nodes).any() for body in deck.rigid)
     others = [pair for pair in deck.pairs if pair not in pairs]
     taken = any({pair.slave, pair.master} & {pair.master for pair in pairs} for pair in others)

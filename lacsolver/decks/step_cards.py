@@ -166,8 +166,10 @@ def dload(deck: DeckContent, card: Card) -> None:
             way = np.array([row.number(k, "a direction", 0.0) for k in (3, 4, 5)])
             if not np.linalg.norm(way) > 0:
                 raise Refused("the direction of gravity should not be 0", row)
-            for axis, part in enumerate(size * way / np.linalg.norm(way)):
-                _assign(deck, card, row, "gravity", now, named, (axis,), float(part))
+            way = way / np.linalg.norm(way)
+            along = tuple((way.round(9) + 0.0).tolist())
+            for axis, part in enumerate(size * way):
+                _assign(deck, card, row, "gravity", now, named, (axis,), float(part), along)
         elif label == "CENTRIF":
             axis_data = tuple(row.number(k, "a point or a direction of the axis", 0.0) for k in range(3, 9))
             if not np.linalg.norm(axis_data[3:]) > 0:

@@ -107,6 +107,7 @@ def _zone(zone: ZoneFigures, results: Results, name: str) -> dict[str, Any]:
     figures = {f.name: getattr(zone, f.name) for f in fields(ZoneFigures) if f.name != "friction"}
     figures |= {} if zone.friction is None else zone.friction._asdict()
     figures |= {"adjusted": results.adjusted[name]._asdict()} if name in results.adjusted else {}
+    figures |= {"gap_bridged": results.bridged[name]} if name in results.bridged else {}
     return {**roles, **figures, "overlap_at_start": results.overlap.get(name, float("nan"))}
 
 

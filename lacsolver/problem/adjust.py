@@ -1,7 +1,7 @@
 """Slave nodes moved onto their master before a solution: `[[contact]] adjust`.
 
-Each node of the slave, also one that the cut has made, that is within the distance of the master goes to its closest
-point there: onto the faces, or the smooth surface over them. Where it overhangs the master's boundary it goes along the
+Each node of the slave, also one that the cut has made, that is within the distance of the master, or where that is 0
+inside it, goes to its closest point there: onto the faces, or the smooth surface over them. Where it overhangs the master's boundary it goes along the
 master's normal. These are the reference positions, so that nothing is strained. What depends on them follows: mid-nodes
 and centres that have not been moved themselves go with the corners of their edge, face or cell; nodes that the cut has
 put on linear faces keep their place in the face before the cut, and those inside a cell go with their neighbours.
@@ -83,7 +83,11 @@ class _Pair(NamedTuple):
     def closest(self, x: Floats) -> Closest:
         """Return the closest points of the master to the slave's nodes, with all nodes at x (n_nodes, 3)."""
         assert self.record.adjust is not None
-        return closest_points(self.master, x[self.nodes], self.outward, self.record.adjust)
+        if self.record.adjust:
+            return closest_points(self.master, x[self.nodes], self.outward, self.record.adjust)
+        closest = closest_points(self.master, x[self.nodes], self.outward, float(self.master.size.max(initial=0.0)))
+        outside = (closest.way * self.outward).sum(axis=1) >= 0
+        return closest._replace(face=np.where(outside, -1, closest.face))
 
 
 def adjusted(case: Case, mesh: Mesh, origin: Floats | None = None) -> tuple[Mesh, dict[str, Adjustment]]:

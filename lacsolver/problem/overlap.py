@@ -30,16 +30,22 @@ _MOST = 0.5
 _ROUNDING = 1e-13
 #: overlap of a mesh, relative to the size of a macro-element, from which it is doubted
 _DOUBTED = 0.1
+#: gap across a tie, relative to the size of a macro-element, from which it is doubted
+_WIDE = 0.1
 #: fraction of a slave that a master should be in front of
 _HALF = 0.5
 
 
 class Start(NamedTuple):
-    """A zone at the start: its deepest `overlap`, clearance included, the fraction `covered` of the slave, warnings."""
+    """A zone at the start: its deepest `overlap`, clearance included, the fraction `covered` of the slave, warnings.
+
+    `bridged`: the widest gap across a tie, NaN for contact.
+    """
 
     overlap: float
     covered: float
     told: tuple[str, ...]
+    bridged: float = float("nan")
 
 
 def start_of(joint: ContactPair, face: Interface, space: Space) -> Start:
@@ -48,9 +54,10 @@ def start_of(joint: ContactPair, face: Interface, space: Space) -> Start:
     A zone that is paired again on deformed skins may be covered later: its coverage is not warned of here.
     """
     covered = float(face.w.sum() / face.area.sum())
-    doubts = [*_doubted_overlap(joint, face, space), *([] if joint.moving else scarcely_covered(joint, covered))]
+    bridged, doubts = _bridged(joint, face, space) if joint.tie else (np.nan, [*_doubted_overlap(joint, face, space)])
+    doubts += [] if joint.moving else scarcely_covered(joint, covered)
     overlap = space.share.largest(deepest(face))
-    return Start(overlap if overlap > _ROUNDING * space.extent else 0.0, covered, tuple(doubts))
+    return Start(overlap if overlap > _ROUNDING * space.extent else 0.0, covered, tuple(doubts), bridged)
 
 
 def deepest(face: Interface) -> float:
@@ -73,7 +80,7 @@ def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Itera
 
     Of several processes the one that has the deepest point tells.
     """
-    if joint.tie or joint.pairing.max_penetration is not None:
+    if joint.pairing.max_penetration is not None:
         return
     points = face.points
     depth = np.minimum(-points.gap, -face.distance)  # with a negative clearance that of the mesh, else what is left
@@ -87,6 +94,27 @@ def _doubted_overlap(joint: ContactPair, face: Interface, space: Space) -> Itera
     message += f"{worst:.2g} of a macro-element's size, near ({place}), and contact presses it apart"
     advice = "move the bodies apart or give a clearance, or, if it is meant, give max_penetration above it"
     yield named(f"{message}; {advice}", "gap")
+
+
+def _bridged(joint: ContactPair, face: Interface, space: Space) -> tuple[float, list[str]]:
+    """Return the widest gap or overlap across a tie, and a warning where it is wide; 0 for round-off.
+
+    Of several processes the one that has the widest gap tells.
+    """
+    points, record = face.points, joint.record
+    gap = np.abs(points.gap)
+    widest = space.share.largest(float(gap.max(initial=0.0)))
+    if widest <= _ROUNDING * space.extent:
+        return 0.0, []
+    size = face.length[points.macro]
+    k = int(gap.argmax()) if len(gap) else -1
+    if k < 0 or gap[k] < widest or gap[k] <= _WIDE * size[k]:
+        return widest, []
+    place = ", ".join(space.told(positions(face.slave, points)[k] + space.origin))
+    message = f"tie {record.name!r} joins slave {record.slave!r} to master {record.master!r} across a gap of up to "
+    message += f"{gap[k]:.4g}, {gap[k] / size[k]:.2g} of a macro-element's size, near ({place})"
+    advice = "move the bodies together, or set search_distance below the gap if they are not joined there"
+    return widest, [named(f"{message}; {advice}", "gap")]
 
 
 def check_overlap(joint: ContactPair, face: Interface, space: Space) -> None:

@@ -156,7 +156,8 @@ class Results(Described):
     of nodes, cells, unknowns ... `timings`: seconds by phase. `memory`: peak memory in bytes. `held`: for a finished
     run, rigid-body motions that only contact constrains, in words. `roles`: by zone its slave, its master, and why the
     slave was chosen, "" where the case says which it is. `loads`: for a finished run, the resultant of
-    each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included.
+    each load at its end. `overlap`: by zone, the deepest overlap of the undeformed bodies, clearance included;
+    `bridged`: by tie, the widest gap across it.
     `units`: the names of units that the case gives. `adjusted`: by zone, how far slave nodes were moved onto the
     master. `sectors`: by name, the sides, the axis and the number of the sectors of a ring.
 
@@ -177,6 +178,7 @@ class Results(Described):
     roles: Mapping[str, tuple[str, str, str]] = field(default_factory=dict)
     loads: tuple[Resultant, ...] = ()
     overlap: Mapping[str, float] = field(default_factory=dict)
+    bridged: Mapping[str, float] = field(default_factory=dict)
     units: str = ""
     adjusted: Mapping[str, Adjustment] = field(default_factory=dict)
     sectors: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)

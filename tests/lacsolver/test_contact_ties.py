@@ -7,13 +7,14 @@ import warnings
 import numpy as np
 import pytest
 
-from lacsolver.case import Case, Displacement, Material, Steps, Tie
+from lacsolver.case import Case, Displacement, Material, Steps, Tie, parse_case
 from lacsolver.output import create_output
 from lacsolver.results.state import CONTACT
 from lacsolver.running import run
+from lacsolver.validation import validate
 from tests.checks.blocks import block as grid
 from tests.checks.blocks import join, skin
-from tests.lacsolver.contact_cases import JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
 from tests.lacsolver.patch_meshes import stack, three_blocks, ways
 from verification.measures.balance import unbalanced
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
@@ -104,6 +105,22 @@ def test_what_a_tie_says_of_a_bent_joint_is_what_the_slave_gives():
     _, state = only(mesh, TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + pressed("top", "1 + x"))
     (zone,) = state.zones
     np.testing.assert_allclose(zone.traction.T @ zone.area, [0, 0, 1.5], atol=1e-11)
+
+
+@pytest.mark.parametrize(("gap", "warns"), [(0.0, False), (0.02, False), (0.2, True)])
+def test_the_gap_that_a_tie_bridges_is_named(gap, warns, tmp_path):
+    """Wider than a tenth of a macro-element, it is a warning, of `run` and of `validate`."""
+    mesh = stack("HEXA8", "TETRA4", 3, gap=gap)
+    case = parse_case(HEAD.format(model="3d") + MATERIAL + TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + pressed("top", "1"))
+    found = validate(case, mesh)
+    (zone,) = found.zones
+    assert (zone.bridged > 0) == (gap > 0) and (gap == 0 or zone.bridged == pytest.approx(gap))
+    assert any("joins slave 'slave' to master 'master' across a gap" in one for one in zone.told) == warns
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        results = run(case, create_output(tmp_path / "out"), mesh=mesh)
+    assert any("across a gap of up to" in str(one.message) for one in told) == warns
+    assert results.bridged == ({} if not gap else {"slave": pytest.approx(gap)})
 
 
 def test_a_tie_beside_a_contact():

@@ -81,6 +81,16 @@ def test_gravity_of_a_part(tmp_path):
     assert np.allclose(found.u(COLUMN.numbers)[:, 2], exact, atol=1e-12)
 
 
+def test_gravity_along_another_direction_adds_to_that_of_earlier_steps(tmp_path):
+    """As in CalculiX; along the same direction it replaces: 10, then 4 along z, and 3 along x beside it."""
+    more = "*DENSITY\n2.\n"
+    then = step("*DLOAD\nB, GRAV, 4., 0., 0., 2.\nB, GRAV, 3., 1., 0., 0.\n")
+    found = solved(tmp_path, column(more, "*DLOAD\nB, GRAV, 10., 0., 0., 1.\n", nu=0.0) + then)
+    x, z = COLUMN.points[:, 0], COLUMN.points[:, 2]
+    assert np.allclose(found.u(COLUMN.numbers)[:, 2], 2 * 4 / E * (3 * z - z**2 / 2), atol=1e-12)
+    assert np.allclose(found.u(COLUMN.numbers)[:, 0], 2 * 3 / E * (x - x**2 / 2), atol=1e-12)
+
+
 def test_centrifugal_load(tmp_path):
     """A bar that turns about its face z = 0: u = rho omega^2 (L^2 z / 2 - z^3 / 6) / E, exact at nodes."""
     bar = Block(high=(1, 1, 3), cells=(1, 1, 6), element="C3D20")
@@ -277,6 +287,19 @@ def test_a_clearance_of_contact_that_is_removed(tmp_path, first):
     assert np.allclose(pressures[2.0], 0.015 / 2 * E, rtol=1e-9) and not pressures[3.0].any()
 
 
+def test_a_tie_without_a_tolerance_bridges_what_calculix_does(tmp_path):
+    """2.5 % of an element: surfaces that are farther apart are not tied, and a warning tells."""
+    below, above = two_blocks(upper=0.02)
+    made = imported(tmp_path, on_each_other(below, above, "*TIE, NAME=T\nUPPER, LOWER\n", "*DLOAD\nC_EZ1, P2, 1.\n"))
+    (warning,) = [one.text for one in made.findings if one.level == "warning"]
+    assert "it is not tied; give the tolerance" in warning and not made.case.tie
+    below, above = two_blocks(upper=0.005)
+    text = on_each_other(below, above, "*TIE, NAME=T\nUPPER, LOWER\n", "*DLOAD\nC_EZ1, P2, -20.\n")
+    found = solved(tmp_path, text)
+    (tie,) = found.made.case.tie
+    assert tie.search_distance == pytest.approx(0.025 / 3) and found.zone.status.all()
+
+
 @pytest.mark.parametrize(
     "between",
     [
@@ -457,6 +480,17 @@ def test_a_deck_as_abaqus_writes_it(tmp_path):
     assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
     assert np.allclose(found.u(above.at(2, 2))[:, 2], -20 / E * 2, rtol=1e-9)
     assert {finding.level for finding in found.made.findings} == {"note"}
+
+
+def test_names_in_quotes_are_those_of_parts_and_instances(tmp_path):
+    """Abaqus quotes names with blanks; the deck is the same as with names of one word."""
+    below, above = two_blocks()
+    text = ABAQUS.format(mesh=below.text() + above.text())
+    for name, quoted in (("Body-1", '"The body-1"'), ("Body\n", '"The body"\n')):
+        text = text.replace(name, quoted)
+    found = solved(tmp_path, text)
+    assert '"The body-1".B_EZ1' in text and 'part="The body"' in text
+    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -173,8 +173,8 @@ REFUSED = {
     "adjusted set": (
         SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=B_Z1\nTOP, LOW\n", "", "CONTACT PAIR", "those within a dist",
     ),
-    "adjust by nothing": (
-        SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=0.\nTOP, LOW\n", "", "CONTACT PAIR", "should be positive",
+    "adjust by less than nothing": (
+        SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=-1.\nTOP, LOW\n", "", "CONTACT PAIR", "should not be negative",
     ),
     "interaction": (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n", "", "CONTACT PAIR", "SURFACE INTERACTION"),
     "slave of a node": (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -88,6 +89,17 @@ def test_the_nodes_of_a_slave_are_moved_onto_the_master(tmp_path):
     found = solved(tmp_path, "\n".join(lines) + "\n")
     assert found.made.case.contact[0].adjust == 0.02
     assert found.problem.adjusted["U"].count == 9
+    np.testing.assert_allclose(found.problem.adjusted["U"].largest, 0.01, rtol=1e-9)
+    np.testing.assert_allclose(found.zone.pressure, P, rtol=1e-3)
+
+
+def test_adjust_of_0_takes_overlaps_away_and_leaves_gaps(tmp_path):
+    """A slave of which one edge overlaps by 0.01 and the others touch: the overlapping nodes alone are moved."""
+    text = pressed(above=(2, 2, 2)).replace("TYPE=SURFACE TO SURFACE", "TYPE=SURFACE TO SURFACE, ADJUST=0.0")
+    text = re.sub(r"^(10\d{3}, \S+, 0\.0), 1\.0$", r"\1, 0.99", text, flags=re.MULTILINE)
+    found = solved(tmp_path, text)
+    assert found.made.case.contact[0].adjust == 0.0
+    assert found.problem.adjusted["U"].count == 3
     np.testing.assert_allclose(found.problem.adjusted["U"].largest, 0.01, rtol=1e-9)
     np.testing.assert_allclose(found.zone.pressure, P, rtol=1e-3)
 

@@ -113,6 +113,11 @@ def _after_instances(listed: list[Card]) -> list[int]:
     return places
 
 
+def _instance_key(name: str) -> str:
+    """Return the name of an instance for comparison, the same with quotes and without."""
+    return key(label(name)[0])
+
+
 class _Reader:
     """Processes cards one by one; those outside parts go to the model's own scope."""
 
@@ -240,9 +245,9 @@ class _Reader:
         if name and not self.parts and not self.n_instances:
             self.elsewhere, name = True, ""
         if name:
-            if key(name) not in self.instances:
+            if _instance_key(name) not in self.instances:
                 raise card.error(f"there is no instance named {name}")
-            return self.instances[key(name)]
+            return self.instances[_instance_key(name)]
         if self.here is not self.model.scope or not self.instances:
             return None
         return self.own or DeckInstance("", "", "", 0, 0, False)
@@ -253,7 +258,7 @@ class _Reader:
         by_own = (self.own.nodes if of == "node" else self.own.elements) if self.own else 0
         for name in listed.names:
             before, _, rest = name.rpartition(".")
-            instance = self.instances.get(key(before)) if before else None
+            instance = self.instances.get(_instance_key(before)) if before else None
             if instance is not None and rest.strip().isdigit():
                 by = instance.nodes if of == "node" else instance.elements
                 numbers.append(int(rest) + by - by_own)
@@ -264,7 +269,7 @@ class _Reader:
     def _plain(self, name: str) -> str:
         """Name in the model's scope, which has no prefix of the instance if there is only one."""
         before, _, rest = name.rpartition(".")
-        instance = self.instances.get(key(before)) if before else None
+        instance = self.instances.get(_instance_key(before)) if before else None
         return name if instance is None else instance.prefix + rest
 
     def _surface(self, card: Card) -> None:
@@ -310,7 +315,7 @@ class _Reader:
         part, name = card.parameters.get("PART", ""), card.parameters.get("NAME", "")
         if key(part) not in self.parts:
             raise card.error(f"there is no part named {part!r} above this *INSTANCE")
-        if key(name) in self.instances or self.instance is not None:
+        if _instance_key(name) in self.instances or self.instance is not None:
             raise card.error(f"the instance {name!r} is there already, or inside another")
         self.instance = card
         self.here = Scope()
@@ -328,7 +333,7 @@ class _Reader:
         whole.add(scope, prefix, *by)
         turned = len([row for row in begin.text().splitlines() if row.strip()]) > 1
         instance = DeckInstance(shown, begin.parameters.get("PART", ""), prefix, *by, turned)
-        self.instances[key(shown)] = instance
+        self.instances[_instance_key(shown)] = instance
         self.model.instances.append(instance)
         if len(self.instances) > 1 or any(by):
             self.model.apart = f"there are {len(self.instances)} instances of parts"

@@ -255,7 +255,7 @@ class FlatNames:
         """
         if label := self._renamed.get(key_of(text)):
             return label
-        before, point, rest = text.strip().strip('"').rpartition(".")
+        before, point, rest = text.strip().replace('"', "").rpartition(".")
         one = self.instances.get(key_of(before)) if point else None
         if one is None:
             return text
