@@ -51,8 +51,9 @@ class ZoneFound:
     `macros`: number of macro-elements; `unpaired`: number of those that are not paired; `covered`: fraction of the
     slave's area. `gap`: least and largest mean gap of paired macro-elements, clearance included; NaN if there are none.
     `overlap`: largest penetration of the slave into the master, 0 without overlap; `bridged`: widest gap across a tie.
-    `why`: why the slave was chosen, "" where the case says which it is. `told`: warnings. `adjusted`: how far slave nodes were moved onto the master, None
-    where the case does not ask for it; the other figures are of the mesh after that.
+    `why`: why the slave was chosen, "" where the case says which it is. `told`: warnings. `adjusted`: how far slave
+    nodes were moved onto the master, None where the case does not ask for it; the other figures are of the mesh after
+    that.
     """
 
     name: str

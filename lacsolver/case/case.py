@@ -327,7 +327,7 @@ def _settled(record: Any, case: Case) -> Any:
     changes: dict[str, Any] = {}
     for name, row in keys_of(type(record)).items():
         if row.load:
-            changes[name] = with_values(getattr(record, name), lambda v: replace(v, ramp_end=_ramp_end(v, case)))
+            changes[name] = with_values(getattr(record, name), lambda v: _ramped(v, record, case))
     if isinstance(record, Contact) and record.geometry is None:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
     if isinstance(record, Equation) and record.name is None:
@@ -335,6 +335,14 @@ def _settled(record: Any, case: Case) -> Any:
     if isinstance(record, Output) and record.every is None and record.times is None:
         changes["every"] = 1 if case.dynamics is None else max(1, round(len(case.steps.planned) / _OUTPUTS))
     return record.altered(**changes) if changes else record
+
+
+def _ramped(value: Value, record: Any, case: Case) -> Value:
+    """Return a value of a record with its ramp: that of a late support goes from its beginning to the end."""
+    begin = getattr(record, "begin", None)
+    if begin is not None and isinstance(value.source, float):
+        return replace(value, ramp_start=begin, ramp_end=case.steps.last)
+    return replace(value, ramp_end=_ramp_end(value, case))
 
 
 def _ramp_end(value: Value, case: Case) -> float | None:

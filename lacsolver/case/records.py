@@ -225,8 +225,8 @@ class Contact(PairEntry):
     )
     adjust: float | None = key(
         NOT_NEGATIVE, "length",
-        "slave nodes within this distance of the master are moved onto it, without strain; 0: those that overlap it", None,
-        "none are moved",
+        "slave nodes within this distance of the master are moved onto it, without strain; 0: those that overlap it",
+        None, "none are moved",
     )  # fmt: skip
     friction: As[Value, ValueLike] = key(
         not_negative(infinite=True),
@@ -305,13 +305,22 @@ class Displacement(AtNodes):
     SECTION: ClassVar = Section(
         "displacement", True, "prescribed displacement; components that are not given are free", one_of=WHERE,
         some_of=(("ux", "uy", "uz", "un"),),
-        not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un"), ("un", "axes")),
+        not_both=(*NOT_KIND_OF_AT, ("un", "ux"), ("un", "uy"), ("un", "uz"), ("at", "un"), ("un", "axes"),
+                  ("un", "begin")),
     )  # fmt: skip
     ux: Load = _load("length", "along x (the radius where axisymmetric)")
     uy: Load = _load("length", "along y")
     uz: Load = _load("length", "along z", SPACE)
     axes: LocalAxes = _in_axes("ux, uy, uz")
     un: Load = _load("length", "along the outward normal of the group's faces")
+    begin: float | None = key(
+        POSITIVE, "time", "time up to which the nodes are free; then they are held where they are, and move as the "
+        "values change from there on", None, "held from the start",
+    )  # fmt: skip
+    reached: float | None = key(
+        POSITIVE, "time", "with begin: time up to which the nodes go evenly to the values themselves, counted from the "
+        "undeformed bodies", None, "never: values count from where the nodes are at begin",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

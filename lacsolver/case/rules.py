@@ -273,6 +273,23 @@ def _sections(case: Case) -> Iterator[Issue]:
             yield record.wrong(message, "lock")
 
 
+def _late(case: Case) -> Iterator[Issue]:
+    """Check that a support that begins late does so while the case runs, and before bodies move."""
+    for record in case.displacement:
+        begin, reached = record.begin, record.reached
+        if reached is not None and begin is None:
+            yield record.wrong("means something only with begin, the time from which on the nodes are held", "reached")
+        if begin is None or case.steps is None or case.steps.last is None:
+            continue
+        if case.dynamics is not None and case.dynamics.start is not None and begin >= case.dynamics.start:
+            why = f"[dynamics] starts at {case.dynamics.start:g}: what moves would stop at once"
+            yield record.wrong(f"is {begin:g}, and {why}; let it begin before", "begin")
+        elif begin >= case.steps.last:
+            yield record.wrong(f"is {begin:g}, and the steps end at {case.steps.last:g}; let it begin before", "begin")
+        if reached is not None and reached <= begin:
+            yield record.wrong(f"is {reached:g}, and it begins at {begin:g}; take a later time", "reached")
+
+
 def _rigid_once(case: Case) -> Iterator[Issue]:
     """Check that a group is one rigid body."""
     taken: set[Any] = set()
@@ -368,6 +385,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _prescribed_once,
     _rigid_once,
     _sections,
+    _late,
     _equations,
     _round_axes,
     _springs,

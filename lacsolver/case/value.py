@@ -26,12 +26,13 @@ class Value:
 
     `source`: a number, a Formula, a table ((t, v), ...) with increasing times, linear in between and constant beyond
     its ends, or a function f(x (n, dim), t) -> (n,) (with `takes_normals`, for a traction: f(x, n (n, dim), t)).
-    `ramp_end`: time at which a number that is ramped from `start` at t = 0 is reached; None: not ramped. `placeless`:
-    one value for a whole body, so that a function's points do not matter. `name`: name of the value in messages.
+    `ramp_end`: time at which a number that is ramped from `start` at t = `ramp_start` is reached; None: not ramped.
+    `placeless`: one value for a whole body, so that a function's points do not matter. `name`: its name in messages.
     """
 
     source: Source
     ramp_end: float | None = None
+    ramp_start: float = 0.0
     takes_normals: bool = False
     placeless: bool = False
     name: str = field(default="value", compare=False)
@@ -72,7 +73,8 @@ class Value:
 
         if isinstance(self.source, (float, int)):
             value = float(self.source)
-            part = 1.0 if self.ramp_end is None else t / self.ramp_end
+            first, end = self.ramp_start, self.ramp_end
+            part = 1.0 if end is None or t >= end else max(t - first, 0.0) / (end - first)
             result = np.asarray(start + (value - start) * part if part < 1 else value, dtype=float)
         elif isinstance(self.source, tuple):
             result = np.asarray(interpolate(self.source, t))

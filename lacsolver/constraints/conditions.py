@@ -55,7 +55,7 @@ def prescribed(space: Space, records: Sequence[Displacement]) -> tuple[Prescribe
     skins: dict[int, Surface | None] = {}
     for number, record in enumerate(records):
         try:
-            parts_of.append(_along_axes(space, record))
+            parts_of.append(along_axes(space, record, nodes_of(space, record)))
             if record.un is not None:
                 skins[number] = _skin(space, record)
         except CaseError as error:
@@ -87,9 +87,9 @@ def on_axis(space: Space, moved: Ints) -> tuple[Prescribed, ...]:
     return (Prescribed(AXIS, "ux", Value(0.0), nodes, np.tile([1.0, 0.0], (len(nodes), 1))),) if len(nodes) else ()
 
 
-def _along_axes(space: Space, record: Displacement) -> list[Prescribed]:
+def along_axes(space: Space, record: Displacement, nodes: Ints) -> list[Prescribed]:
+    """Return the components that a record prescribes along its axes, at some nodes."""
     values = [(k, name, getattr(record, name)) for k, name in enumerate(_AXES[: space.dim])]
-    nodes = nodes_of(space, record)
     along = directions(space, record, nodes)
     return [Prescribed(record, name, value, nodes, along[:, k]) for k, name, value in values if value is not None]
 

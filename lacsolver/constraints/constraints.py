@@ -64,7 +64,7 @@ class Constraints:
         of a group that is no skin, conditions that contradict each other at a node (checked at some of the case's times
         here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
         """
-        parts = prescribed(space, case.displacement)
+        parts = prescribed(space, [record for record in case.displacement if record.begin is None])
         rigid = rigid_bodies(space, rigid_records(case), case.kinematics == "finite", case.gravity)
         check_apart(space, rigid, parts)
         moved = concatenated(body.nodes for body in rigid)

@@ -7,6 +7,7 @@ on the bodies by forces -C^T p, C = dc/du.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -19,6 +20,8 @@ from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
 
 #: length of a row on the unknowns that remain, relative to that on all nodes, which is round-off
 _ROUNDING = 1e-13
+#: relative difference below which two times are the same
+_SAME = 1e-9
 
 
 class EqualityAt(NamedTuple):
@@ -86,3 +89,39 @@ class Free(Bilateral):
     def residual(self, rows: RowState) -> Floats:
         """Return 0."""
         return np.zeros(len(rows.gap))
+
+
+class Unlocked(Free):
+    """A gap that is free, and remembered at the end of each step."""
+
+    n_history = 1
+
+    def commit(self, rows: RowState) -> Floats:
+        """Return the gaps."""
+        return rows.gap[:, None]
+
+
+@dataclass(frozen=True)
+class Locked(Bilateral):
+    """A gap that stays what it was, or a `part` of that.
+
+    >>> rows = RowState(np.array([-0.3]), np.zeros(1), np.array([True]), np.ones(1), np.array([[-0.2]]))
+    >>> Locked().residual(rows).round(12).tolist()
+    [-0.1]
+    """
+
+    part: float = 1.0
+    n_history = 1
+
+    def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
+        """Return the gaps that are kept, without a compliance."""
+        return self.part * rows.history[:, 0], np.zeros(len(rows.gap))
+
+    def residual(self, rows: RowState) -> Floats:
+        """Return the change of the gaps."""
+        return rows.gap - self.part * rows.history[:, 0]
+
+
+def until(t: float, end: float) -> bool:
+    """True for times up to an end, with round-off."""
+    return t <= end * (1 + _SAME)

@@ -11,12 +11,13 @@ from lacmesh.mesh import Ints, mask_of
 from lacsolver.case.case import Case
 from lacsolver.case.entry import Entry
 from lacsolver.case.joints import Coupling
-from lacsolver.case.records import Force
+from lacsolver.case.records import Displacement, Force
 from lacsolver.constraints import coupling, cyclic, pretension, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
 from lacsolver.constraints.equality_rows import EqualityRows, lengths, moves
 from lacsolver.constraints.equated import EquatedConstraints
 from lacsolver.constraints.equations import Equations
+from lacsolver.constraints.late import is_late, late_supports
 from lacsolver.space.places import in_words, nodes_of, wrong
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import joined_columns
@@ -54,6 +55,7 @@ def constraints_of(space: Space, case: Case, equations: tuple[Equations, ...] | 
 def equalities_of(constraints: Constraints, case: Case) -> tuple[EqualityRows, ...]:
     """Return the rows of equality of a case. Raises CaseError for mistakes, and for rows that follow from others."""
     rows = tuple(rows for of_records in EQUALITIES for rows in of_records(constraints.space, case))
+    rows += tuple(late_supports(constraints, case))
     if rows:
         _check_apart(constraints, rows)
     return rows
@@ -67,10 +69,12 @@ def _check_apart(constraints: Constraints, rows: tuple[EqualityRows, ...]) -> No
     N = csr_array(C @ constraints.T)
     moved, size = np.flatnonzero(moves(N, C)), lengths(N)
     unit = csr_array(diags_array(1 / size[moved]) @ N[moved])
-    alike, way = np.linalg.eigh((unit @ unit.T).toarray())
+    products = csr_array(unit @ unit.T)
+    sharing = np.flatnonzero(np.diff(products.indptr) > 1)  # rows that share no unknown with another follow from none
+    alike, way = np.linalg.eigh(products[sharing][:, sharing].toarray())
     if not len(alike) or alike[0] > _FOLLOWS:
         return
-    at = np.repeat(np.arange(len(rows)), [part.shape[0] for part in parts])[moved]
+    at = np.repeat(np.arange(len(rows)), [part.shape[0] for part in parts])[moved[sharing]]
     named = np.unique(at[np.abs(way[:, 0]) > _SHARE * np.abs(way[:, 0]).max()])
     last, others = rows[named[-1]].record, " and ".join(in_words(rows[k].record) for k in named[:-1])
     message = f"what it holds follows from {others or 'another part of it'}, or contradicts it"
@@ -85,6 +89,7 @@ def joining(case: Case) -> Iterator[Entry]:
     yield from (*case.pretension, *case.equation, *(one for one in case.cyclic if one.matching))
     yield from (one for one in case.coupling if not coupling.is_body(one))
     yield from (one for one in case.force if one.moment is not None)
+    yield from (one for one in case.displacement if is_late(one))
 
 
 def node_sets(space: Space, case: Case, equations: tuple[Equations, ...]) -> Ints:
@@ -97,6 +102,6 @@ def node_sets(space: Space, case: Case, equations: tuple[Equations, ...]) -> Int
     label = joined_columns(csr_array((C.data, node, C.indptr), shape=(C.shape[0], n)))
     used = mask_of(n, node)
     for record in joining(case):
-        if isinstance(record, Coupling | Force):
+        if isinstance(record, Coupling | Force | Displacement):
             used[nodes_of(space, record)] = True
     return np.where(used, label, -1)

@@ -28,10 +28,10 @@ from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import Faces, find_owners, label_rows
 from lacmesh.topology.winding import face_normals
 from lacsolver.case import Case, Pretension
-from lacsolver.constraints.equality_rows import EqualityAt, EqualityRows, Free
+from lacsolver.constraints.equality_rows import EqualityAt, EqualityRows, Locked, Unlocked, until
 from lacsolver.constraints.equations import Equations
 from lacsolver.contact.interface import Pairing, integrate
-from lacsolver.contact.laws import Bilateral, ContactLaw, RowState
+from lacsolver.contact.laws import ContactLaw
 from lacsolver.contact.zone import Zone
 from lacsolver.space.places import in_words, wrong
 from lacsolver.space.space import Space
@@ -41,7 +41,7 @@ from lacsolver.space.sparse import sparse
 _PLACE = 1e-8
 #: least cosine of the angle between a given normal and the mean normal of the faces
 _ALONG = 0.1
-#: relative difference below which two times are the same
+#: part of a normal across the axis that is round-off
 _SAME = 1e-9
 #: macro-elements that are covered less are not held
 _COVERED = 1e-6
@@ -183,36 +183,7 @@ class Lock:
     def law(self, t: float) -> ContactLaw:
         """Return what lets the shortening go and remembers it until the lock, and what keeps it after that."""
         assert self.record.lock is not None
-        return Unlocked() if t <= self.record.lock * (1 + _SAME) else Locked()
-
-
-class Unlocked(Free):
-    """A gap that is free, and remembered at the end of each step."""
-
-    n_history = 1
-
-    def commit(self, rows: RowState) -> Floats:
-        """Return the gaps."""
-        return rows.gap[:, None]
-
-
-class Locked(Bilateral):
-    """A gap that stays what it was.
-
-    >>> rows = RowState(np.array([-0.3]), np.zeros(1), np.array([True]), np.ones(1), np.array([[-0.2]]))
-    >>> Locked().residual(rows).round(12).tolist()
-    [-0.1]
-    """
-
-    n_history = 1
-
-    def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
-        """Return the gaps that are kept, without a compliance."""
-        return rows.history[:, 0], np.zeros(len(rows.gap))
-
-    def residual(self, rows: RowState) -> Floats:
-        """Return the change of the gaps."""
-        return rows.gap - rows.history[:, 0]
+        return Unlocked() if until(t, self.record.lock) else Locked()
 
 
 # ---- the sides of a section

@@ -12,7 +12,7 @@ from lacsolver.decks.cards import Card, Refused
 from lacsolver.decks.content import DeckRigid
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Points, history_of, parts_of, written
-from lacsolver.decks.load_records import orders_by_step, scaled
+from lacsolver.decks.load_records import check_begun, orders_by_step, scaled
 
 
 def gravity(draft: CaseDraft) -> None:
@@ -157,4 +157,9 @@ def history_at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:
     """Return the history of a component of one node, None if the deck says nothing of it. Raises Refused."""
     lines = [line for line in draft.deck.assigned if line.kind == kind and node in line.items]
     lines = [replace(line, items=np.array([node])) for line in lines]
-    return history_of(draft.deck, orders_by_step(draft, kind, lines), node, c) if lines else None
+    if not lines:
+        return None
+    ordered = orders_by_step(draft, kind, lines)
+    if kind in ("displacement", "spin"):
+        check_begun(ordered)
+    return history_of(draft.deck, ordered, node, c)

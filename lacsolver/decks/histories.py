@@ -40,9 +40,12 @@ class Orders:
     lines: tuple[Assigned, ...]
     first: Ints
 
-    def line_of(self, at: int) -> Assigned:
-        """Return the first line that names the item with index `at` in `items`."""
-        return self.lines[int(self.first[at])]
+    def line_of(self, at: int, component: int | None = None) -> Assigned:
+        """Return the first line that names the item with index `at` in `items`, and a component of it."""
+        if component is None:
+            return self.lines[int(self.first[at])]
+        item = self.items[at]
+        return next(one for one in self.lines if component in one.components and item in one.items)
 
 
 def orders_of(lines: Sequence[Assigned], n_steps: int, n_components: int, adds: bool) -> Orders:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import ceil
 from typing import Any
@@ -14,7 +14,7 @@ from lacmesh.mesh import Ints
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import COMPONENTS, Assigned, DeckStep
 from lacsolver.decks.draft import AXES, CaseDraft
-from lacsolver.decks.histories import Orders, history_of, orders_of, parts_of, written
+from lacsolver.decks.histories import JUMP, Orders, Points, history_of, orders_of, parts_of, written
 from lacsolver.decks.local_axes import by_axes
 from lacsolver.decks.model_records import expanding, initial_temperatures
 from lacsolver.decks.names import SIDES
@@ -56,18 +56,17 @@ def orders_by_step(draft: CaseDraft, kind: str, lines: Sequence[Assigned]) -> Or
         if (lost & ~kept).any():
             message = "what OP=NEW removes stays in lacsolver; repeat it in this step, a load with the value 0"
             raise Refused(message, card.rows[0] if card.rows else None)
-    if kind in ("displacement", "spin"):
-        _check_begun(whole)
     return whole
 
 
-def _check_begun(prescribed: Orders) -> None:
-    """Raise Refused for a support that begins after the first step: lacsolver's hold from time 0 on."""
+def check_begun(prescribed: Orders) -> None:
+    """Raise Refused for a prescribed motion that begins after the first step: that of a body's own nodes may."""
     late = np.isnan(prescribed.value[0]) & ~np.isnan(prescribed.value).all(axis=0)
     if late.any():
-        line = prescribed.line_of(int(np.flatnonzero(late.any(axis=0))[0]))
-        message = "this support begins after the first step, and lacsolver's hold from the beginning"
-        raise Refused(f"{message}; hold it in the first step too, or compute the steps apart", line.row)
+        component, at = np.argwhere(late)[0].tolist()
+        message = "this motion of a reference node begins after the first step, and lacsolver's from the beginning"
+        line = prescribed.line_of(at, component)
+        raise Refused(f"{message}; prescribe it in the first step too, or compute the steps apart", line.row, line.card)
 
 
 def supports(draft: CaseDraft) -> None:
@@ -79,11 +78,36 @@ def supports(draft: CaseDraft) -> None:
         if not len(there):
             draft.deck.note(part.card, "these nodes belong to no solid element: the support is left out", part.row)
             continue
-        keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in histories.items() if c < draft.dim}
-        for axes, some_nodes in by_axes(draft, there) if keys else ():
-            name = part.name if len(some_nodes) == len(part.items) else ""
-            group = draft.node_group(name, some_nodes, "held")
-            draft.add("displacement", {"group": group} | keys | axes, part.card)
+        for line, when, own in _by_begin(draft, prescribed, part, histories):
+            keys = {f"u{AXES[c]}": written(points, draft.ramped) for c, points in own.items()} | when
+            for axes, some_nodes in by_axes(draft, there):
+                name = part.name if len(some_nodes) == len(part.items) else ""
+                group = draft.node_group(name, some_nodes, "held")
+                draft.add("displacement", {"group": group} | keys | axes, line.card)
+
+
+def _by_begin(
+    draft: CaseDraft, prescribed: Orders, part: Assigned, histories: dict[int, Points]
+) -> Iterator[tuple[Assigned, dict[str, float], dict[int, Points]]]:
+    """Yield the line, the times and the histories of components of a support that begin together, the earliest first.
+
+    The times are {} from the start on, else the keys `begin` and `reached`: nodes go from where they are to the value.
+    Raises Refused for a support that begins as bodies move.
+    """
+    at = int(np.searchsorted(prescribed.items, part.items[0]))
+    first = {c: int(np.argmin(np.isnan(prescribed.value[:, c, at]))) for c in histories if c < draft.dim}
+    for k in sorted(set(first.values())):
+        own = {c: points for c, points in histories.items() if first.get(c) == k}
+        if k == 0:
+            yield part, {}, own
+            continue
+        step, line = draft.deck.steps[k], prescribed.line_of(at, min(own))
+        if step.begin >= draft.ramped and step.alpha is not None:
+            message = "this support begins in a step of *DYNAMIC, and what moves would stop at once"
+            raise Refused(f"{message}; hold it from the start, or in a static step before", line.row, line.card)
+        jumps = step.sudden or (prescribed.amplitude[k, list(own), at] >= 0).any()
+        reached = step.begin + JUMP * step.period if jumps else step.end
+        yield line, {"begin": step.begin, "reached": reached}, own
 
 
 def forces(draft: CaseDraft) -> None:

@@ -14,6 +14,7 @@ from lacmesh.mesh import Floats
 from lacmesh.records import dataclass
 from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
+from lacsolver.constraints.equality_rows import Free
 from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, why
@@ -262,6 +263,8 @@ def _check_prescribed_gaps(step: LoadStep, q: Floats, contact: ContactSystem) ->
             raise wrong(pair.record, f"{message}; leave some of them free, or prescribe what fits")
     least = _SAME * space.largest(step.u(q))
     for one in contact.equalities:
+        if isinstance(one.law, Free):
+            continue
         own = np.abs(gap[one.rows])
         if own.max(initial=0.0) > least:
             message = f"it is off by {own.max():.6g} at time {step.t:.6g}, and all that it acts on is prescribed"
@@ -284,9 +287,10 @@ def _check_prescribed_slips(step: LoadStep, outcome: Outcome) -> None:
 
 
 def step_end_times(case: Case) -> list[float]:
-    """Return the times at which steps end: those planned, of fields in [output], of locks, of the start of motion."""
+    """Return the times at which steps end: those planned, of fields, locks, late supports, and the start of motion."""
     asked = [*(case.output.times or ()), *([] if case.dynamics is None else [case.dynamics.start])]
     asked += [record.lock for record in case.pretension if record.lock is not None]
+    asked += [record.begin for record in case.displacement if record.begin is not None]
     return sorted({*case.steps.planned, *(t for t in asked if 0 < t <= case.steps.last)})
 
 

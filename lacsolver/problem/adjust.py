@@ -1,10 +1,11 @@
 """Slave nodes moved onto their master before a solution: `[[contact]] adjust`.
 
 Each node of the slave, also one that the cut has made, that is within the distance of the master, or where that is 0
-inside it, goes to its closest point there: onto the faces, or the smooth surface over them. Where it overhangs the master's boundary it goes along the
-master's normal. These are the reference positions, so that nothing is strained. What depends on them follows: mid-nodes
-and centres that have not been moved themselves go with the corners of their edge, face or cell; nodes that the cut has
-put on linear faces keep their place in the face before the cut, and those inside a cell go with their neighbours.
+inside it, goes to its closest point there: onto the faces, or the smooth surface over them. Where it overhangs the
+master's boundary it goes along the master's normal. These are the reference positions, so that nothing is strained.
+What depends on them follows: mid-nodes and centres that have not been moved themselves go with the corners of their
+edge, face or cell; nodes that the cut has put on linear faces keep their place in the face before the cut, and those
+inside a cell go with their neighbours.
 """
 
 from __future__ import annotations

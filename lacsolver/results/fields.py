@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from lacsolver.bodies.points import Field
+from lacsolver.constraints.late import late_forces
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.results.nodal import nodal_stress
@@ -26,7 +27,8 @@ def state_fields(problem: Problem, state: State, stress: Field | None = None) ->
     pairs = zip(problem.joints, state.zones, strict=True)
     zones = {zone.name: _zone(problem, pair, zone, state) for pair, zone in pairs}
     at_nodes = space.share.update(at_nodes)
-    vectors = [state.u, space.updated(state.reaction)]
+    late = [f for _, f in late_forces(problem.equalities, state.equations)]
+    vectors = [state.u, space.updated(sum(late, state.reaction))]
     if dynamics is not None:
         motion, n = state.step.motion, space.n_dof
         moving = (motion.velocity[:n], motion.acceleration[:n]) if motion else (0.0 * state.u, 0.0 * state.u)

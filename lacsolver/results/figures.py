@@ -15,6 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.case import Coupling
 from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state, force_name
+from lacsolver.constraints.late import late_forces
 from lacsolver.constraints.pretension import SectionForces, carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
@@ -40,7 +41,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         iterations=state.iterations,
         halvings=state.halvings,
         residuals=state.residuals,
-        reactions=problem.constraints.reactions(state.reaction, state.equations),
+        reactions=_reactions(problem, state),
         probes={name: probe(space, state.u, nodes) for name, nodes in problem.probes.items()},
         contact={zone.name: zone_figures(zone, nodes, x + space.origin[: space.dim]) for zone, nodes, x in pairs},
         balance=balance(
@@ -57,6 +58,14 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
         pretension=bolt_forces(problem, state),
         equations={one.name: carried(one, state.equations[one.name]) for one in problem.case.equation},
     )
+
+
+def _reactions(problem: Problem, state: State) -> dict[str, NDArray[np.floating]]:
+    """Return the reaction (dim,) of each support and rigid body, by name."""
+    out = problem.constraints.reactions(state.reaction, state.equations)
+    for name, f in late_forces(problem.equalities, state.equations):
+        out[name] = out.get(name, 0.0) + f.reshape(-1, problem.space.dim).sum(axis=0)
+    return out
 
 
 def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState:

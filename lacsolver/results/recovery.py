@@ -12,10 +12,10 @@ macro-elements in the plane and 16 in space, whose weights are worth at least 3 
 pressure is reproduced exactly on plane faces.
 
 On the boundary of contact, which is that of the slave and of what the master covers, p_m has errors of order h times
-the slope of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are those of
-least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of that for
-the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a mean on
-the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again.
+the slope of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are
+those of least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of
+that for the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a
+mean on the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact

@@ -419,6 +419,11 @@ lock = 1
 [[pretension]]
 group = "second"
 shortening = "0.1 * t"
+[[displacement]]
+group = "second"
+ux = 0.0
+begin = 1
+reached = 1.5
 [steps]
 times = [1, 2]
 """

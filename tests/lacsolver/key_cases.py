@@ -377,6 +377,29 @@ shortening = "0.015 * t"
 times = [1.0, 2.0]
 """
 
+LATE = """
+mesh = "blocks.msh"  # held
+model = "3d"  # held
+[[material]]
+young = 1000.0
+poisson = 0.0
+[[displacement]]
+group = "x0"  # held
+ux = 0.0  # held
+uy = 0.0  # held
+uz = 0.0  # held
+[[displacement]]
+group = "x1"
+ux = 0.05
+begin = 1.0
+reached = 1.5
+[[traction]]
+group = "x1"
+tx = [[0, 0], [1, 10], [2, 30]]
+[steps]
+times = [1.5, 2.0]
+"""
+
 SECTOR = """
 mesh = "blocks.msh"  # held
 model = "3d"  # held
@@ -922,6 +945,7 @@ CASES = {
     "axes": KeyCase(cube, AXES),
     "coupled": KeyCase(cube, COUPLED),
     "tightened": KeyCase(bolted, TIGHTENED),
+    "late": KeyCase(cube, LATE),
     **{f"sector {hexa}": KeyCase(wedge, SECTOR.format(hexa=hexa)) for hexa in ("pyramid", "hexa", "auto")},
     "rigid": KeyCase(towers, RIGID),
     "searched": KeyCase(lambda: overhang(0.6), SEARCHED),

@@ -167,6 +167,13 @@ def check_tightened(ran):
     np.testing.assert_allclose([bolt["second"]["shortening"] for bolt in bolts], [0.015, 0.03], rtol=1e-9)
 
 
+def check_late(ran):
+    """A bar is pulled; its end is held from t = 1 on, goes from 0.01 to a half of 0.05, and then to 0.05."""
+    assert ran.times == [1.0, 1.5, 2.0]
+    reactions = [(step["reactions"]["x1"][0], step["reactions"]["x0"][0]) for step in ran.steps]
+    np.testing.assert_allclose(reactions, [[0, -10], [5, -25], [20, -50]], rtol=1e-9, atol=1e-9)
+
+
 def check_fields(ran):
     """Stress is the law's of the strain that is prescribed everywhere, less the thermal one; and so is the energy."""
     H = 1e-3 * np.array([[3, 1, 1], [4, 2, -1], [5, 1, -2]])
@@ -507,6 +514,7 @@ def check_falling(ran):
 CHECKS: dict[str, Callable[[Ran], None]] = {
     "loads": check_loads,
     "tightened": check_tightened,
+    "late": check_late,
     "equated": check_equated,
     "axes": check_axes,
     "coupled": check_coupled,

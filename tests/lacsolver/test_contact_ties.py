@@ -111,7 +111,8 @@ def test_what_a_tie_says_of_a_bent_joint_is_what_the_slave_gives():
 def test_the_gap_that_a_tie_bridges_is_named(gap, warns, tmp_path):
     """Wider than a tenth of a macro-element, it is a warning, of `run` and of `validate`."""
     mesh = stack("HEXA8", "TETRA4", 3, gap=gap)
-    case = parse_case(HEAD.format(model="3d") + MATERIAL + TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + pressed("top", "1"))
+    text = MATERIAL + TIE + held("bottom", ux=0.0, uy=0.0, uz=0.0) + pressed("top", "1")
+    case = parse_case(HEAD.format(model="3d") + text)
     found = validate(case, mesh)
     (zone,) = found.zones
     assert (zone.bridged > 0) == (gap > 0) and (gap == 0 or zone.bridged == pytest.approx(gap))

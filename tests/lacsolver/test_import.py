@@ -125,6 +125,33 @@ def test_sets_that_overlap_over_steps(tmp_path):
     assert sum(len(made.mesh.node_groups[name]) for name in end) == len(top)
 
 
+@pytest.mark.parametrize(
+    "support, options, ways",
+    [
+        ("*BOUNDARY\nB_Z1, 3, 3, -0.06\n", "", [-0.075, -0.06]),
+        ("*BOUNDARY\nB_Z1, 3\n", "", [-0.045, 0.0]),
+        ("*BOUNDARY\nB_Z1, 3, 3, -0.06\n", ", AMPLITUDE=STEP", [-0.06, -0.06]),
+        ("*AMPLITUDE, NAME=A\n0, 0, 1, 1\n*BOUNDARY, AMPLITUDE=A\nB_Z1, 3, 3, -0.06\n", "", [-0.03, -0.06]),
+    ],
+)
+def test_a_support_that_begins_in_the_second_step(tmp_path, support, options, ways):
+    """Nodes go from where the pressure has taken them, -30 / E * 3, to the value; an amplitude has it at once."""
+    cards, _, line = support.rpartition("*BOUNDARY")
+    second = "*END STEP\n*STEP" + options + "\n*STATIC\n0.5, 1.\n*BOUNDARY" + line
+    text = column("", "*DLOAD\nB_EZ1, P2, 30.\n" + second)
+    found = solved(tmp_path, text.replace("*STEP\n", cards + "*STEP\n", 1))
+    late = found.made.case.displacement[-1]
+    assert late.begin == 1.0
+    assert [one.time for one in found.states] == [1.0, 1.5, 2.0]
+    exact = np.array([-0.09, *ways])
+    for k, way in enumerate(exact):
+        X = COLUMN.points / 3
+        u = way * np.stack([-NU * X[:, 0], -NU * X[:, 1], X[:, 2]], axis=1)
+        np.testing.assert_allclose(found.u(COLUMN.numbers, k), u, rtol=1e-6, atol=1e-10)
+    row = text.splitlines().index("*BOUNDARY" + line.splitlines()[0], text.splitlines().index("*END STEP"))
+    assert f"line {row + 1 + cards.count(chr(10))})\n[[displacement]]\ngroup" in found.made.text
+
+
 def test_sudden_step(tmp_path):
     deck = COLUMN.text() + section(nu=0.0) + held()
     deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step("*CLOAD\nB_Z1, 3, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n")

@@ -212,7 +212,13 @@ REFUSED = {
     ),
     "removed load": ("", "*CLOAD\n1, 1, 1.\n*END STEP\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n2, 1, 1.\n", "CLOAD", "OP=NEW"),
     "removed support": ("", "*BOUNDARY, OP=NEW\n1, 1, 1\n", "BOUNDARY", "OP=NEW"),
-    "late support": ("", "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\nB_X1, 1\n", "BOUNDARY", "begins after the first step"),
+    "late motion of a rigid body": (
+        "*NODE\n99, 0.5, 0.5, 2.\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 1, 3\n",
+        "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\n99, 4, 6\n", "BOUNDARY", "begins after the first step",
+    ),
+    "late support in motion": (
+        "", "*END STEP\n*STEP\n*DYNAMIC\n0.1, 1.\n*BOUNDARY\nB_Z1, 1\n", "BOUNDARY", "begins in a step of *DYNAMIC",
+    ),
     "amplitude over a step": (
         "*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n",
         "CLOAD", "repeated",
