@@ -64,12 +64,16 @@ class KernelSpace(NamedTuple):
     dim: int
     rows: int
     axisymmetric: bool
-    thickness: float
 
 
 def kind(space: Space) -> KernelSpace:
     """Return the properties of a space that kernels use."""
-    return KernelSpace(space.dim, space.model.rows, space.model.axisymmetric, space.thickness)
+    return KernelSpace(space.dim, space.model.rows, space.model.axisymmetric)
+
+
+def depth_of(space: Space, cells: Ints) -> NDArray[np.floating]:
+    """Return the thickness (k,) of some cells, indices in the mesh; 1 in space and where axisymmetric."""
+    return np.full(len(cells), space.thick(cells))
 
 
 class Piece(NamedTuple):
@@ -127,11 +131,11 @@ def _by_law(law: Ints, cells: Ints) -> list[tuple[int, Ints]]:
 def piece(space: Space, span: Span, degree: int | None = None) -> Piece:
     """Return a piece with its gradients and weights."""
     block, law, cells = span
-    name, every, _ = space.blocks[block]
+    name, every, cell_of = space.blocks[block]
     nodes, shapes = every[cells], table(name, space.model.axisymmetric, degree)
     L = np.empty((len(cells), len(shapes.w), space.model.rows, shapes.N.shape[1]))
     W = np.empty(L.shape[:2])
-    gradients(nodes, space.local.points, shapes, kind(space), L, W)
+    gradients(nodes, space.local.points, shapes, kind(space), depth_of(space, cell_of[cells]), L, W)
     return Piece(block, law, cells, nodes, shapes.N, L, W)
 
 
@@ -179,17 +183,17 @@ def gathered(
 
 
 @kernel
-def gradients(nodes: Any, x: Any, table: Any, kind: Any, L: Any, W: Any) -> None:
-    """Fill L (c, q, rows, n) and W (c, q) for cells of nodes (c, n)."""
+def gradients(nodes: Any, x: Any, table: Any, kind: Any, depth: Any, L: Any, W: Any) -> None:
+    """Fill L (c, q, rows, n) and W (c, q) for cells of nodes (c, n) and thickness `depth` (c,)."""
     for e in range(len(nodes)):
-        at_points(nodes, e, x, table, kind, L[e], W[e])
+        at_points(nodes, e, x, table, kind, depth[e], L[e], W[e])
 
 
 @kernel
-def at_points(nodes: Any, e: int, x: Any, table: Any, kind: Any, L: Any, W: Any) -> None:
-    """Fill L (q, rows, n) and W (q) for cell e of nodes (c, n)."""
+def at_points(nodes: Any, e: int, x: Any, table: Any, kind: Any, depth: float, L: Any, W: Any) -> None:
+    """Fill L (q, rows, n) and W (q) for cell e of nodes (c, n), `depth` thick."""
     N, dN, w = table
-    dim, _, axisymmetric, thickness = kind
+    dim, _, axisymmetric = kind
     n = nodes.shape[1]
     for q in range(len(w)):
         a00 = a01 = a02 = a10 = a11 = a12 = a20 = a21 = a22 = r = 0.0  # J, and the radius
@@ -223,7 +227,7 @@ def at_points(nodes: Any, e: int, x: Any, table: Any, kind: Any, L: Any, W: Any)
                 L[q, 2, a] = d0 * b02 + d1 * b12 + d2 * b22
             elif axisymmetric:
                 L[q, 2, a] = N[q, a] / r
-        W[q] = w[q] * abs(det) * (2.0 * np.pi * r if axisymmetric else thickness)
+        W[q] = w[q] * abs(det) * (2.0 * np.pi * r if axisymmetric else depth)
 
 
 def coordinates(space: Space, part: Piece) -> NDArray[np.floating]:

@@ -17,7 +17,7 @@ from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling, Cyclic, Equation
 from lacsolver.case.keys import As, Numbers, Section, key, keys_of, section, sections_of
-from lacsolver.case.kinds import MESH_FILE, POSITIVE, UNITS, Choice, number, text, whole
+from lacsolver.case.kinds import MESH_FILE, POSITIVE, THICKNESS, UNITS, Choice, number, text, whole
 from lacsolver.case.pretension import Pretension
 from lacsolver.case.records import (
     NOT_KIND_OF_AT,
@@ -187,14 +187,15 @@ class Case(Entry):
     model: str = key(
         Choice({
             "3d": "three dimensions",
-            "plane_strain": "no strain normal to the plane; forces are per unit of thickness",
+            "plane_strain": "no strain normal to the plane",
             "plane_stress": "no stress normal to the plane",
             "axisymmetric": "r = x, axis y; forces and areas are those of the full circle",
         }), "", "dimension and plane hypothesis",
     )  # fmt: skip
-    thickness: float | None = key(
-        POSITIVE, "length", "thickness of the plane body", None, "1.0", models=("plane_stress",)
-    )
+    thickness: float | dict[str, float] | None = key(
+        THICKNESS, "length", "thickness of the plane bodies, or that of each of some groups that have all cells", None,
+        "1.0", models=("plane_strain", "plane_stress"),
+    )  # fmt: skip
     kinematics: str = key(
         Choice({"small": "small strains and rotations", "finite": "large strains and rotations (total Lagrangian)"}),
         "", "size of the displacements", "small",
@@ -231,6 +232,10 @@ class Case(Entry):
         if mistakes := check(self):
             raise CaseError([Issue(mistake.message) for mistake in mistakes], self.path)
         self.settle()
+
+    def before(self, key: str) -> str:
+        """Return the subject of a message about a key of the top: its place in the file, if there is one, and name."""
+        return f"{self.place}, line {self._lines[(key,)]}: {key}" if self._lines else key
 
     @property
     def ties(self) -> tuple[Tie, ...]:

@@ -71,7 +71,7 @@ def _digest(content: bytes) -> str:
 
 def _groups(case: Case) -> list[str]:
     """Return the names of the groups that a solution depends on, in alphabetical order."""
-    used = (record for path, record in case.records() if path[0] not in FREE)
+    used = (case, *(record for path, record in case.records() if path[0] not in FREE))
     return sorted({group for record in used for _, group in named_groups(record)})
 
 

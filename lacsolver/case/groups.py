@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 def check_groups(case: Case, mesh: Mesh) -> None:
     """Raise CaseError if the mesh lacks a group that the case names, as cells or, where allowed, as nodes."""
-    problems = [problem for _, record in case.records() for problem in _missing(record, mesh)]
+    records = (case, *(record for _, record in case.records()))
+    problems = [problem for record in records for problem in _missing(record, mesh)]
     if problems:
         raise CaseError(problems, None)
 
@@ -26,7 +27,7 @@ def named_groups(record: Entry) -> Iterator[tuple[str, str]]:
     """Yield the groups of the mesh that a record names, each with its key: `("slave", "top")`."""
     for name, key in keys_of(type(record)).items():
         groups = getattr(record, name)
-        if key.kind.is_group and groups is not None:
+        if key.kind.is_group and groups is not None and not isinstance(groups, float):
             several = [groups] if isinstance(groups, str) else groups
             named = [group.get("group") if isinstance(group, Mapping) else group for group in several]
             yield from ((name, group) for group in named if group is not None)
@@ -38,6 +39,9 @@ def _missing(record: Entry, mesh: Mesh) -> Iterator[Issue]:
     for key, group in named_groups(record):
         message = _lookup(group, mesh, cells=kind != "node", nodes=nodes_too and kind != "cell")
         if message:
+            if isinstance(record, Case):
+                yield Issue(f"{record.before(key)}: {message}")
+                continue
             place = f"{record.place}: " if record.place else ""
             yield Issue(f"{place}{record.SECTION.name}.{key}: {message}")
 

@@ -218,6 +218,34 @@ NUMBER_TABLE = Kind(
 )
 
 
+def _thickness(given: Any) -> float | dict[str, float]:
+    if not isinstance(given, Mapping):
+        return float(POSITIVE.read(given))
+    if not given:
+        raise Mistake(f"is an empty table; it takes {THICKNESS.words}")
+    out = {}
+    for name, value in given.items():
+        try:
+            out[GROUP.read(name)] = POSITIVE.read(value)
+        except Mistake as mistake:
+            raise Mistake(f"has an entry {name!r} that {mistake.message}", (name, *mistake.inside)) from None
+    return out
+
+
+#: a number, or a table of numbers by groups of cells
+THICKNESS = Kind(
+    "a number > 0, or { group = number, ... }",
+    {
+        "anyOf": [
+            POSITIVE.schema,
+            {"type": "object", "additionalProperties": POSITIVE.schema, "minProperties": 1},
+        ]
+    },
+    _thickness,
+    is_group=True,
+)
+
+
 def plain(given: Any) -> Any:
     """Return an array of numpy as lists, anything else as it is."""
     return given.tolist() if hasattr(given, "tolist") else given

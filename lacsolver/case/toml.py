@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Any
@@ -24,8 +25,8 @@ def section_text(header: str, keys: Mapping[str, Any], comment: Iterable[str] = 
 def written(value: Any) -> str:
     r"""Return a value as TOML. Raises RequestError for a Python function, which a file cannot hold.
 
-    >>> written([[0, 1.5], [1.0, 2e-9]]), written(True), written('a "b"\n'), written({"a": 1.0})
-    ('[[0, 1.5], [1.0, 2e-09]]', 'true', '"a \\"b\\"\\n"', '{ a = 1.0 }')
+    >>> written([[0, 1.5], [1.0, 2e-9]]), written(True), written('a "b"\n'), written({"a": 1.0, "b.c": 2})
+    ('[[0, 1.5], [1.0, 2e-09]]', 'true', '"a \\"b\\"\\n"', '{ a = 1.0, "b.c" = 2 }')
     """
     if isinstance(value, Value):
         return written(value.source)
@@ -40,11 +41,16 @@ def written(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(written, value))}]"
     if isinstance(value, Mapping):
-        return f"{{ {', '.join(f'{name} = {written(one)}' for name, one in value.items())} }}"
+        return f"{{ {', '.join(f'{_key(name)} = {written(one)}' for name, one in value.items())} }}"
     if callable(value):
         name = getattr(value, "__qualname__", type(value).__name__)
         raise RequestError(f"the Python function {name} cannot be written into a case file; give a formula as text")
     return repr(value)
+
+
+def _key(name: str) -> str:
+    """Return the name of an entry as TOML: bare where it may be."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else written(name)
 
 
 def _escape(character: str) -> str:

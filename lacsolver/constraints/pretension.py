@@ -318,7 +318,7 @@ def _tied(space: Space, record: Pretension) -> tuple[csr_array, NDArray[np.float
     a, b = sides_of(space.mesh, record)
     try:
         zone = Zone.of(space.local, a, b, surface="faces")
-        face = integrate(zone, space.dim, Pairing().within(space, None), tie=True)
+        face = integrate(zone, space.dim, Pairing().within(space, zone, None), tie=True)
     except LacmeshError as error:
         raise wrong(record, str(error)) from None
     covered = np.flatnonzero(face.coverage > _COVERED)

@@ -69,9 +69,10 @@ class Turn(NamedTuple):
 class Pairing:
     """Options of the pairing of a zone: those of `lacmesh.contact_points`, the measure, thickness and clearance.
 
-    `measure`: area that pressures refer to, `reference` or `current`; `thickness` of a plane model; `clearance`: added
-    to the gap, a value at points of the undeformed slave; `friction`: True for tangential rows beside the normal ones;
-    `turn`: rotation of the master of a tie to where it faces the slave, None without one.
+    `measure`: area that pressures refer to, `reference` or `current`; `thickness` of a plane model's slave, one or that
+    of each macro-element; `clearance`: added to the gap, a value at points of the undeformed slave; `friction`: True
+    for tangential rows beside the normal ones; `turn`: rotation of the master of a tie to where it faces the slave,
+    None without one.
     """
 
     normals: str = "facet"
@@ -79,17 +80,27 @@ class Pairing:
     search_distance: float | None = None
     max_penetration: float | None = None
     axisymmetric: bool = False
-    thickness: float = 1.0
+    thickness: float | NDArray[np.floating] = 1.0
     measure: str = "reference"
     clearance: ScalarField = 0.0
     friction: bool = False
     turn: Turn | None = None
 
-    def within(self, space: Space, search_distance: float | None) -> Pairing:
-        """Return the pairing with the axisymmetry and thickness of a space, and with a search distance."""
+    def within(self, space: Space, zone: Zone, search_distance: float | None) -> Pairing:
+        """Return the pairing of a zone with the axisymmetry and thickness of a space, and with a search distance.
+
+        Raises DataError for a slave of unknown thickness.
+        """
+        thickness = space.thick(zone.slave.cell)
+        if not isinstance(thickness, float):
+            thickness = thickness[np.unique(zone.macro, return_index=True)[1]]  # a macro-element is on one cell
         return replace(
-            self, search_distance=search_distance, axisymmetric=space.model.axisymmetric, thickness=space.thickness
+            self, search_distance=search_distance, axisymmetric=space.model.axisymmetric, thickness=thickness
         )
+
+    def depth(self, macro: Ints) -> float | NDArray[np.floating]:
+        """Return the thickness of all macro-elements, or that (k,) of some."""
+        return self.thickness if isinstance(self.thickness, float) else self.thickness[macro]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +165,7 @@ def integrate(
     if pairing.turn is not None:
         slave, master = pairing.turn.apart(slave, master)
     points = _points(zone, slave, master, pairing, x is not None, share)
-    weight = points.weight * pairing.thickness
+    weight = points.weight * pairing.depth(points.macro)
     if x is not None and pairing.measure == "reference":
         weight = weight * stretch(zone, slave, points.slave, points.xi_slave, pairing.axisymmetric)
     n = np.ascontiguousarray(points.normal[:, :dim])

@@ -262,11 +262,11 @@ def _edges(
     Beside them they are returned as points of friction, None without.
     """
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
-    weight = edges.weight * pairing.thickness
+    macro = face.zone.macro[edges.slave]
+    weight = edges.weight * pairing.depth(macro)
     if pairing.measure == "reference":
         weight = weight * stretch(face.zone, slave, edges.slave, edges.points.xi_s, pairing.axisymmetric)
     distance = edges.gap + clearance(face.zone, edges.slave, edges.points.xi_s, pairing, face.t)
-    macro = face.zone.macro[edges.slave]
     runs = runs_of(edges.slave, edges.master, macro, len(face.w))
     loop = Loop(edges.points, weight, distance, runs)
     if not pairing.friction:

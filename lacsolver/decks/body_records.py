@@ -117,8 +117,8 @@ def _own_mass(draft: CaseDraft, body: DeckRigid) -> dict[str, Any]:
     own = [one for one in draft.deck.masses if one.node == body.reference]
     if not own:
         return {}
-    mass = sum(one.mass for one in own) * draft.per_thickness
-    inertia = (np.sum([one.inertia for one in own], axis=0) * draft.per_thickness).tolist()
+    mass = sum(one.mass for one in own)
+    inertia = np.sum([one.inertia for one in own], axis=0).tolist()
     if not mass > 0:
         raise Refused("the mass at the reference node of a rigid body should be positive", None, own[0].card)
     return {"mass": mass} | ({"inertia": inertia if draft.dim == 3 else inertia[2]} if any(inertia) else {})
@@ -130,7 +130,7 @@ def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     pushed = history_at(draft, "force", body.reference, c)
     if prescribed:
         return {f"u{AXES[c]}": written(prescribed, draft.ramped)}
-    return {f"f{AXES[c]}": scaled(written(pushed, draft.ramped), draft.per_thickness) if pushed else 0.0}
+    return {f"f{AXES[c]}": written(pushed, draft.ramped) if pushed else 0.0}
 
 
 def turning(draft: CaseDraft, node: int, rotation: int | None, who: str, card: Card) -> dict[str, Any]:
@@ -148,8 +148,8 @@ def turning(draft: CaseDraft, node: int, rotation: int | None, who: str, card: C
     prescribed, loaded = histories("spin", "displacement"), histories("moment", "force")
     if any(prescribed) and not all(prescribed):
         raise Refused(f"{who} of lacsolver turns freely about all axes or about none; fix all or none", None, card)
-    name, own, factor = ("rotation", prescribed, 1.0) if any(prescribed) else ("moment", loaded, draft.per_thickness)
-    values = [scaled(written(points, draft.ramped), factor) if points else 0.0 for points in own]
+    name, own = ("rotation", prescribed) if any(prescribed) else ("moment", loaded)
+    values = [written(points, draft.ramped) if points else 0.0 for points in own]
     return {name: values if draft.dim == 3 else values[0]} if any(own) else {}
 
 

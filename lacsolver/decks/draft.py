@@ -61,16 +61,6 @@ class CaseDraft:
         steps = self.deck.steps
         return next((step.begin for step in steps if step.alpha is not None), self.end)
 
-    @property
-    def per_thickness(self) -> float:
-        """Factor of forces and springs: those of plane strain are per unit of thickness."""
-        return 1 / self.thickness if self.top.get("model") == "plane_strain" else 1.0
-
-    @property
-    def thickness(self) -> float:
-        """Thickness of the plane body."""
-        return self.deck.sections[0].thickness if self.deck.sections else 1.0
-
     def add(self, section: str, keys: dict[str, Any], card: Card | None = None) -> None:
         """Add a record."""
         self.records.append(Record(section, keys, card))

@@ -71,7 +71,7 @@ def bolts(draft: CaseDraft) -> None:
             message = "its node has a force and then a displacement; lock the bolt by *BOUNDARY, FIXED instead"
             raise Refused(message, None, one.card)
         if pulled:
-            keys["force"] = scaled(written(pulled, draft.ramped), draft.per_thickness)
+            keys["force"] = written(pulled, draft.ramped)
         elif moved:
             keys["shortening"] = written(moved, draft.ramped)
         else:
@@ -133,7 +133,7 @@ def _point(draft: CaseDraft, one: DeckCoupling) -> dict[str, Any]:
         if prescribed:
             keys[f"u{AXES[c]}"] = written(prescribed, draft.ramped)
         elif pushed:
-            keys[f"f{AXES[c]}"] = scaled(written(pushed, draft.ramped), draft.per_thickness)
+            keys[f"f{AXES[c]}"] = written(pushed, draft.ramped)
     if draft.top["model"] == "axisymmetric":
         return keys
     return keys | turning(draft, one.reference, None, "a coupling", one.card)

@@ -119,9 +119,7 @@ def forces(draft: CaseDraft) -> None:
         numbers = draft.groups.mesh.node_number
         if len(loose):
             raise Refused(f"nodes {some(numbers[loose])} belong to no solid element, and carry no force", part.row)
-        keys = {
-            f"f{AXES[c]}": scaled(written(points, draft.ramped), draft.per_thickness) for c, points in histories.items()
-        }
+        keys = {f"f{AXES[c]}": written(points, draft.ramped) for c, points in histories.items()}
         for axes, some_nodes in by_axes(draft, part.items):
             name = part.name if len(some_nodes) == len(part.items) else ""
             group = draft.node_group(name, some_nodes, "loaded")

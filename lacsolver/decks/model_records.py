@@ -28,7 +28,7 @@ _FINITE = {"elastic": "saint_venant_kirchhoff", "neo_hookean": "neo_hookean", "p
 
 def top(draft: CaseDraft) -> None:
     """Set the model, the thickness and the kinematics. Raises Refused."""
-    mesh, sections = draft.groups.mesh, draft.deck.sections
+    mesh = draft.groups.mesh
     if draft.dim == 3:
         draft.top["model"] = "3d"
     elif mesh.plane in MODELS:
@@ -38,12 +38,25 @@ def top(draft: CaseDraft) -> None:
             "its elements are of several plane kinds, or of none: lacsolver has one of CPS, CPE, CAX in a model"
         )
     if draft.top["model"].startswith("plane"):
-        if len({section.thickness for section in sections}) > 1:
-            raise Refused("its sections have several thicknesses, and lacsolver has one for the plane")
-        if draft.top["model"] == "plane_stress":
-            draft.top["thickness"] = draft.thickness
+        draft.top["thickness"] = _thickness(draft)
     if draft.large:
         draft.top["kinematics"] = "finite"
+
+
+def _thickness(draft: CaseDraft) -> float | dict[str, float]:
+    """Return the thickness of the sections, or that of a group of cells for each that they have."""
+    sections, thickness = draft.deck.sections, np.zeros(draft.groups.mesh.n_cells)
+    for section in sections:
+        thickness[section.cells] = section.thickness
+    values = np.unique(thickness[thickness > 0]).tolist()
+    if len(values) < 2:
+        return values[0] if values else 1.0
+    names = {value: [one.name for one in sections if one.thickness == value] for value in values}
+    return {
+        draft.groups.add_cells(names[value][0] if len(names[value]) == 1 else "thick", cells): value
+        for value in values
+        for cells in [np.flatnonzero(thickness == value)]
+    }
 
 
 def materials(draft: CaseDraft) -> None:
@@ -295,14 +308,14 @@ def springs(draft: CaseDraft) -> None:
     """Add a [[spring]] for each *SPRING, those between nodes for each element; those of one place add."""
     for spring in draft.deck.springs:
         for count, nodes in _repeats(spring.nodes):
-            size = count * spring.stiffness * draft.per_thickness
+            size = count * spring.stiffness
             group = draft.node_group(spring.group, nodes, "sprung")
             draft.add("spring", {"group": group, f"k{AXES[spring.axis]}": size}, spring.card)
     for pair in draft.deck.springs_between:
         name = "k" if pair.axis is None else f"k{AXES[pair.axis]}"
         for one, other in pair.ends:
             groups = {"group": draft.node_group("", one[None]), "to": draft.node_group("", other[None])}
-            draft.add("spring", groups | {name: pair.stiffness * draft.per_thickness}, pair.card)
+            draft.add("spring", groups | {name: pair.stiffness}, pair.card)
 
 
 def _repeats(nodes: Ints) -> Iterator[tuple[int, Ints]]:

@@ -306,7 +306,7 @@ def _face_points(space: Space, surface: Surface | None, x: Floats | None) -> Ite
     if surface is None:
         return
     where = space.local.points if x is None else np.asarray(x, dtype=float)
-    for name, _, nodes in surface.by_type():
+    for name, rows, nodes in surface.by_type():
         cell = CELLS[name]
         X, w = rule(cell.family, _FACE_DEGREE[cell.order])
         N = shape(name, X)
@@ -314,7 +314,8 @@ def _face_points(space: Space, surface: Surface | None, x: Floats | None) -> Ite
         normal = normals_of(J)
         at = np.einsum("qn,fns->fqs", N, space.mesh.points[nodes], optimize=True)
         now = np.einsum("qn,fns->fqs", N, where[nodes], optimize=True)
-        yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w * space.depth(now))
+        w = w * space.depth(now, surface.cell[rows])
+        yield _FacePoints(nodes, N, gradient(name, X), at, normal, J, now[..., 0], w)
 
 
 def _on_faces(
@@ -346,7 +347,7 @@ def _on_cells(
         size = max(1, _PIECE // N.size)
         for rows in (chosen[k : k + size] for k in range(0, len(chosen), size)):
             at = np.einsum("qn,cns->cqs", N, space.mesh.points[nodes[rows]], optimize=True)
-            W = np.abs(determinant(nodes[rows], space.local.points, dN)) * w * space.depth(at)
+            W = np.abs(determinant(nodes[rows], space.local.points, dN)) * w * space.depth(at, cell_of[rows])
             f = np.einsum("qn,cq,cqs->cns", N, W, force(at, number, rows), optimize=True)
             scatter(out, nodes[rows], np.ascontiguousarray(f))
     return out.ravel()

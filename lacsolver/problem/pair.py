@@ -68,7 +68,11 @@ class ContactPair(Described):
                 record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
                 clearance=value.at(0.0) if fixed else at_local_points(space, value), friction=record.has_friction,
             )  # fmt: skip
-        return cls(record, zone, pairing.within(space, record.search_distance), contact_law_of(record, 0.0))
+        try:
+            pairing = pairing.within(space, zone, record.search_distance)
+        except LacmeshError as error:
+            raise wrong(record, str(error)) from None
+        return cls(record, zone, pairing, contact_law_of(record, 0.0))
 
     @property
     def name(self) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Ints, Mesh
@@ -26,14 +26,15 @@ from lacmesh.records import dataclass
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
-from lacsolver.case import Case, Contact, Displacement, Rigid, Tie, check_groups
+from lacsolver.case import Case, CaseError, Contact, Displacement, Rigid, Tie, check_groups
+from lacsolver.case.errors import Issue
 from lacsolver.constraints import Constraints, constraints_of, equalities_of
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.of_case import equations_of, joining, node_sets
 from lacsolver.constraints.pretension import BoltSection, section_of, sides_of
-from lacsolver.distributed.share import UNDIVIDED, Distribution, Share
+from lacsolver.distributed.share import ALONE, UNDIVIDED, Distribution, Share
 from lacsolver.problem import acting
 from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
@@ -44,6 +45,7 @@ from lacsolver.problem.sections import with_sections
 from lacsolver.problem.skin import check_mesh, check_mesh_file, mesh_of, prepared
 from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.space import Space, check_dimension
+from lacsolver.space.thickness import thickness_of
 
 if TYPE_CHECKING:
     from lacsolver.problem.inertia import Inertia
@@ -251,21 +253,30 @@ def _space(case: Case, parts: ProblemParts, attempt: Attempt, distribution: Dist
         else:
             parts.mesh, share = distribution.take(parts.mesh, case.skins)
             parts.mesh, parts.adjusted = adjusted(case, parts.mesh, share.origin)
-            parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+            parts.space = _space_of(case, parts.mesh, share)
         assert parts.space is not None
         if parts.space.share.own is not None:
             _check_shared(case, parts.space.share)
 
 
+def _space_of(case: Case, mesh: Mesh, share: Share = ALONE) -> Space:
+    """Return the space of a case on a mesh. Raises CaseError for cells without a thickness, or with several."""
+    try:
+        thickness_of(mesh, case.model, case.thickness)
+    except DataError as error:
+        raise CaseError([Issue(f"{case.before('thickness')}: {error}")]) from None
+    return Space.of(mesh, case.model, case.thickness, share)
+
+
 def _joined_space(case: Case, parts: ProblemParts, distribution: Distribution) -> None:
     """Make the space of this process for a case that joins nodes, and its equations, of those of the whole mesh."""
     parts.mesh, parts.adjusted = adjusted(case, parts.mesh, None)
-    whole = Space.of(parts.mesh, case.model, case.thickness)
+    whole = _space_of(case, parts.mesh)
     equations = equations_of(whole, case)
     sides = [side for record in case.pretension for side in sides_of(parts.mesh, record)]
     sets = node_sets(whole, case, equations)
     parts.mesh, share = distribution.take(parts.mesh, [*case.skins, *sides], sets)
-    parts.space = Space.of(parts.mesh, case.model, case.thickness, share)
+    parts.space = _space_of(case, parts.mesh, share)
     if share.node is not None:
         equations = tuple(one.on(whole.dofs(share.node).ravel()) for one in equations)
     parts.equations = equations

@@ -22,9 +22,10 @@ def nodal_measures(space: Space, cells: Ints) -> NDArray[np.floating]:
     """
     mesh, dims = space.mesh, space.mesh.cell_dim[cells]
     out = np.zeros(mesh.n_nodes)
-    for name, _, nodes in mesh.select(cells[dims == dims.max(initial=0)]):
+    for name, chosen, nodes in mesh.select(cells[dims == dims.max(initial=0)]):
         cell = CELLS[name]
-        nodes = nodes[np.unique(np.sort(nodes, axis=1), axis=0, return_index=True)[1]]
+        once = np.unique(np.sort(nodes, axis=1), axis=0, return_index=True)[1]
+        chosen, nodes = chosen[once], nodes[once]
         if not cell.dim:
             out[nodes.ravel()] = 1.0
             continue
@@ -32,6 +33,6 @@ def nodal_measures(space: Space, cells: Ints) -> NDArray[np.floating]:
         N, x = shape(name, X), space.local.points[nodes]
         J = jacobian(name, x, X[:, : cell.dim])
         size = np.sqrt(np.abs(np.linalg.det(J.swapaxes(2, 3) @ J)))
-        parts = np.einsum("qn,cq->cn", N, size * w * space.depth(np.einsum("qn,cns->cqs", N, x)))
+        parts = np.einsum("qn,cq->cn", N, size * w * space.depth(np.einsum("qn,cns->cqs", N, x), chosen))
         np.add.at(out, nodes, parts)
     return out

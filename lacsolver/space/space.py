@@ -35,6 +35,7 @@ from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant
 from lacsolver.space.pattern import Pattern, node_pattern
 from lacsolver.space.rules import cell_rule
+from lacsolver.space.thickness import thickness_of
 
 #: components of stress and strain, in their order; plane and axisymmetric models have the first four
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "xz")
@@ -101,7 +102,8 @@ class Cells(NamedTuple):
 class Space:
     """Displacements on the cells of a mesh that have the model's dimension; built by `Space.of`.
 
-    `blocks`: these cells, one block per type, in the mesh's order. `thickness`: that of plane stress; 1 for others.
+    `blocks`: these cells, one block per type, in the mesh's order. `thickness`: that of a plane model, one for all
+    cells or that of each cell of the mesh; 1 for others.
     `share`: what this process holds of a model that several processes share; then `blocks` are the cells that touch its
     own nodes.
 
@@ -111,16 +113,19 @@ class Space:
     mesh: Mesh
     model: ModellingHypothesis
     blocks: tuple[Cells, ...]
-    thickness: float = 1.0
+    thickness: float | NDArray[np.floating] = 1.0
     share: Share = ALONE
 
     @classmethod
-    def of(cls, mesh: Mesh, model: str, thickness: float | None = None, share: Share = ALONE) -> Space:
+    def of(
+        cls, mesh: Mesh, model: str, thickness: float | Mapping[str, float] | None = None, share: Share = ALONE
+    ) -> Space:
         """Make the space of a mesh for a model: `3d`, `plane_strain`, `plane_stress`, `axisymmetric` (r = x, axis y).
 
-        `thickness` is for plane stress (1 if None). Raises RequestError for a wrong model or thickness, DataError for a
-        mesh that the model cannot use: no cells of its dimension, cells of order 3, a plane mesh out of its plane, a
-        negative radius, cells whose Jacobian changes sign or is 0 (a cell with reversed numbering is fine).
+        `thickness` is for plane models (1 if None), one or that of each group of cells. Raises RequestError for a wrong
+        model or thickness, DataError for cells that have none or several, and for a mesh that the model cannot use: no
+        cells of its dimension, cells of order 3, a plane mesh out of its plane, a negative radius, cells whose Jacobian
+        changes sign or is 0 (a cell with reversed numbering is fine).
 
         >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
         >>> space = Space.of(square, "plane_strain")
@@ -129,8 +134,8 @@ class Space:
         """
         if model not in MODELS:
             raise RequestError(f"no model named {model!r}{did_you_mean(model, MODELS)}")
-        thickness = _thickness(model, thickness)
-        space = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share), thickness, share)
+        thick = thickness_of(mesh, model, thickness)
+        space = cls(mesh, MODELS[model], _solid_blocks(mesh, MODELS[model], share), thick, share)
         _check_plane(space)
         _check_volume(space)
         return space
@@ -241,11 +246,30 @@ class Space:
         n = self.mesh.n_nodes
         return csr_array((np.ones(len(indices), np.int8), indices, indptr), shape=(n, n))
 
-    def depth(self, x: Floats) -> NDArray[np.floating]:
-        """Return the factor (...) on areas or lengths at points x (..., 3): thickness, 2 pi r, or 1."""
+    def depth(self, x: Floats, cells: Ints) -> NDArray[np.floating]:
+        """Return the factor (k, ...) on areas or lengths at points x (k, ..., 3) of cells (k,): thickness or 2 pi r.
+
+        Raises DataError as `thick` does.
+        """
         if self.model.axisymmetric:
             return 2 * np.pi * x[..., 0]
-        return np.full(x.shape[:-1], self.thickness)
+        depth: NDArray[np.floating] = np.empty(x.shape[:-1])
+        depth.T[:] = self.thick(cells)
+        return depth
+
+    def thick(self, cells: Ints) -> float | NDArray[np.floating]:
+        """Return the thickness of all cells, or that (k,) of some, indices in the mesh.
+
+        Raises DataError for edges of no cell, and for those between cells of several thicknesses.
+        """
+        if isinstance(self.thickness, float):
+            return self.thickness
+        out = self.thickness[cells]
+        unknown = np.asarray(cells)[np.isnan(out)]
+        if len(unknown):
+            message = f"cells {self.mesh.cell_names(unknown)} lie on no cell of the body, or between two thicknesses"
+            raise DataError(f"{message}; name edges of one body", self.mesh.cell_number[unknown])
+        return out
 
     def known(self, own: Ints) -> Ints:
         """Return the nodes (k,) of this process's mesh that are among some, of which each process gives its own."""
@@ -329,16 +353,6 @@ def check_dimension(mesh: Mesh, model: str, called: str = "the mesh") -> None:
         raise DataError(
             f"the model {model} needs {'volumes' if dim == 3 else 'surfaces'}: {lacking(mesh, dim, called)}"
         )
-
-
-def _thickness(model: str, thickness: float | None) -> float:
-    if thickness is None:
-        return 1.0
-    if model != "plane_stress":
-        raise RequestError(f"thickness belongs to the model plane_stress, not {model}; leave it out")
-    if not (np.isfinite(thickness) and thickness > 0):
-        raise RequestError(f"thickness is a length above 0, not {thickness}")
-    return float(thickness)
 
 
 def _check_plane(space: Space) -> None:

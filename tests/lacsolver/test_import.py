@@ -409,13 +409,39 @@ def test_neo_hookean(tmp_path):
 
 
 def test_plane_strain_of_a_thickness(tmp_path):
-    """Forces of a deck are those of its thickness; lacsolver's, in plane strain, those of a unit of it."""
+    """Forces are those of the whole thickness."""
     deck = "*NODE, NSET=N\n1, 0, 0\n2, 1, 0\n3, 1, 2\n4, 0, 2\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n"
     deck += "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n4.\n"
     deck += "*BOUNDARY\n1, 1, 3\n2, 2\n" + step("*CLOAD\n3, 2, 6.\n4, 2, 6.\n")
     found = solved(tmp_path, deck)
     assert found.made.case.model == "plane_strain"
+    assert found.made.case.force[0].fy.source == 6.0
     assert np.allclose(found.u([3, 4])[:, 1], 12 / 4 / E * 2)
+
+
+@pytest.mark.parametrize("element", ["CPS4", "CPE4"])
+def test_sections_of_several_thicknesses(tmp_path, element):
+    """Two plates one over the other, 4 and 2 thick: 12 / (E A) h of each; a third one shares the second's section."""
+    deck = "*NODE\n" + "".join(
+        f"{1 + 2 * k + j}, {j + 3 * (k > 3)}, {k - (k > 1) - 3 * (k > 3)}\n" for k in range(6) for j in (0, 1)
+    )
+    deck += f"*ELEMENT, TYPE={element}, ELSET=LOW\n1, 1, 2, 4, 3\n"
+    deck += (
+        f"*ELEMENT, TYPE={element}, ELSET=UP\n2, 5, 6, 8, 7\n*ELEMENT, TYPE={element}, ELSET=BESIDE\n3, 9, 10, 12, 11\n"
+    )
+    deck += ELASTIC.format(nu=0.0) + "".join(
+        f"*SOLID SECTION, ELSET={name}, MATERIAL=EL\n{thick}\n"
+        for name, thick in (("LOW", 4), ("UP", 2), ("BESIDE", 2))
+    )
+    deck += "*SURFACE, NAME=S\nUP, S1\n*SURFACE, NAME=M\nLOW, S3\n*TIE, NAME=T, POSITION TOLERANCE=0.1\nS, M\n"
+    deck += "*BOUNDARY\n1, 1, 2\n2, 1, 2\n9, 1, 2\n10, 1, 2\n5, 1\n7, 1\n" + step(
+        "*CLOAD\n7, 2, 6.\n8, 2, 6.\n12, 2, 1.\n11, 2, 1.\n"
+    )
+    found = solved(tmp_path, deck)
+    assert found.made.case.thickness == {"LOW": 4.0, "thick": 2.0}
+    assert np.allclose(found.u([3, 4])[:, 1], 12 / 4 / E, rtol=1e-9)
+    assert np.allclose(found.u([7, 8])[:, 1], 12 / 4 / E + 12 / 2 / E, rtol=1e-9)
+    assert np.allclose(found.u([11, 12])[:, 1], 2 / 2 / E, rtol=1e-9)
 
 
 @pytest.mark.parametrize(("element", "model"), [("CPS4", "plane_stress"), ("CAX4", "axisymmetric")])

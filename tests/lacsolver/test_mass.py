@@ -117,11 +117,11 @@ def test_energy_of_a_rotating_square_is_that_of_its_inertia(name, model):
 def plain_mass(space, materials, more):
     """M (n_dof, n_dof) dense, by a rule of a degree higher by `more`, einsum and plain loops."""
     M = np.zeros((space.mesh.n_nodes, space.mesh.n_nodes))
-    for number, (name, nodes, _) in enumerate(space.blocks):
+    for number, (name, nodes, cells) in enumerate(space.blocks):
         X, w = rule(CELLS[name].family, max(DEGREE[name]) + more)
         N, x = shape(name, X), space.mesh.points[nodes]
         det = np.abs(np.linalg.det(jacobian(name, x, X)[:, :, : space.dim]))
-        W = materials.densities(number)[:, None] * det * w * space.depth(np.einsum("qn,cns->cqs", N, x))
+        W = materials.densities(number)[:, None] * det * w * space.depth(np.einsum("qn,cns->cqs", N, x), cells)
         for rows, m in zip(nodes, np.einsum("cq,qa,qb->cab", W, N, N), strict=True):
             M[np.ix_(rows, rows)] += m
     return np.kron(M, np.eye(space.dim))

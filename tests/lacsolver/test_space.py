@@ -58,10 +58,41 @@ def test_a_group_without_cells_of_the_body_is_an_error():
 
 
 def test_depth_is_thickness_or_the_circle():
-    x = np.array([[2.0, 0, 0]])
-    assert Space.of(square("QUAD4", 1), "plane_stress", thickness=0.3).depth(x) == pytest.approx(0.3)
-    assert Space.of(square("QUAD4", 1), "axisymmetric").depth(x) == pytest.approx(4 * np.pi)
-    assert Space.of(square("QUAD4", 1), "plane_strain").depth(x) == 1
+    x, cells = np.array([[2.0, 0, 0]]), np.array([0])
+    for model in ("plane_stress", "plane_strain"):
+        assert Space.of(square("QUAD4", 1), model, thickness=0.3).depth(x, cells) == pytest.approx(0.3)
+    assert Space.of(square("QUAD4", 1), "axisymmetric").depth(x, cells) == pytest.approx(4 * np.pi)
+    assert Space.of(square("QUAD4", 1), "plane_strain").depth(x, cells) == 1
+
+
+def strip(**groups):
+    """Two squares side by side, cells 0 and 1, edges 2 to 5: below each, between them, and beside the second one."""
+    x = [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1]]
+    edges = [[0, 1], [1, 2], [1, 4], [2, 5], [5, 2]]
+    cells = [("QUAD4", [[0, 1, 4, 3], [1, 2, 5, 4]]), ("SEG2", edges)]
+    return Mesh.create(x, cells, cell_groups={"left": [0], "right": [1], "both": [0, 1], **groups})
+
+
+def test_edges_have_the_thickness_of_their_cell():
+    space = Space.of(strip(), "plane_stress", thickness={"left": 2.0, "right": 5.0})
+    found = space.depth(np.zeros((5, 2, 3)), np.array([0, 1, 2, 3, 5]))
+    assert found.tolist() == [[2, 2], [5, 5], [2, 2], [5, 5], [5, 5]]
+    with pytest.raises(DataError, match="between two thicknesses"):
+        space.thick(np.array([4]))
+    same = Space.of(strip(), "plane_stress", thickness={"both": 3.0, "left": 3.0})
+    assert same.thick(np.array([4])) == 3.0
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"left": 2.0}, "are in none of the groups"),
+        ({"both": 1.0, "left": 2.0}, "have another thickness by another group"),
+    ],
+)
+def test_cells_without_a_thickness_or_with_two(given, words):
+    with pytest.raises(DataError, match=words):
+        Space.of(strip(), "plane_stress", thickness=given)
 
 
 def test_the_selector_of_every_model_takes_a_gradient_to_its_strain():
@@ -87,8 +118,8 @@ def test_pattern_equals_its_plain_twin(mesh):
     ("model", "thickness", "says"),
     [
         ("plane_stres", None, "did you mean plane_stress"),
-        ("3d", 2.0, "thickness belongs to the model plane_stress"),
-        ("plane_strain", 2.0, "thickness belongs to the model plane_stress"),
+        ("3d", 2.0, "thickness belongs to the models plane_strain and plane_stress"),
+        ("axisymmetric", 2.0, "thickness belongs to the models plane_strain and plane_stress"),
         ("plane_stress", 0.0, "above 0"),
         ("plane_stress", np.nan, "above 0"),
     ],

@@ -24,7 +24,7 @@ from lacmesh.kernels import kernel
 from lacsolver.bodies.assembly import OwnedRows, add_mean, add_row, assemble, block_values, matrix, sort_places
 from lacsolver.bodies.locking import may_take_the_mean
 from lacsolver.bodies.material import Materials
-from lacsolver.bodies.points import Span, at_points, kind, table
+from lacsolver.bodies.points import Span, at_points, depth_of, kind, table
 from lacsolver.space.space import Space
 
 
@@ -54,10 +54,11 @@ def stiffness_values(
 
     def add(span: Span, rows: OwnedRows) -> None:
         block, law, cells = span
-        name, nodes, _ = space.blocks[block]
+        name, nodes, cell_of = space.blocks[block]
         terms = materials.mean_terms if may_take_the_mean(space, block) else materials.terms
         N = table(name, space.model.axisymmetric)
-        add_cells_of_one_law(cells, nodes, space.local.points, N, kind(space), terms, law, rows)
+        depth = depth_of(space, cell_of[cells])
+        add_cells_of_one_law(cells, nodes, space.local.points, N, kind(space), depth, terms, law, rows)
 
     assemble(space, materials.law, add, np.empty((0, 0)), K, threads)
     return K
@@ -65,17 +66,20 @@ def stiffness_values(
 
 @kernel(costly=10)  # compiles as long as a million numbers take, and is called once
 def add_cells_of_one_law(
-    cells: Any, nodes: Any, x: Any, table: Any, kind: Any, terms: Any, law: int, rows: Any
+    cells: Any, nodes: Any, x: Any, table: Any, kind: Any, depth: Any, terms: Any, law: int, rows: Any
 ) -> None:
-    """Add the stiffness of some cells of a block of nodes (k, n) at x to the rows; `terms` of all laws."""
+    """Add the stiffness of some cells, `depth` (c,) thick, of a block of nodes (k, n) at x to the rows.
+
+    `terms`: of all laws.
+    """
     n, n_points, dim = nodes.shape[1], len(table.w), kind.dim
     m = kind.rows * n
     L, W = np.empty((n_points, kind.rows, n)), np.empty(n_points)
     WH, M, K = np.empty((n_points, m)), np.empty((m, m)), np.empty((dim * (dim + 1) // 2, n * n))
     g, r, order = np.empty((dim, n)), np.empty((dim, n)), np.empty(n, np.int64)
     owner, mine, pattern, _, out = rows
-    for e in cells:
-        at_points(nodes, e, x, table, kind, L, W)
+    for c, e in enumerate(cells):
+        at_points(nodes, e, x, table, kind, depth[c], L, W)
         product(L.reshape(n_points, m), W, WH, M)
         if dim == 3 and terms.lame[law, 1] > 0:
             _isotropic(M, n, terms.lame[law, 0], terms.lame[law, 1], K)
