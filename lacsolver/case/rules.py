@@ -183,8 +183,8 @@ def _names(case: Case) -> Iterator[Issue]:
 
 
 def _prescribed_once(case: Case) -> Iterator[Issue]:
-    """Check that each component of a group is prescribed once, and that of a rigid group only by [[rigid]]."""
-    taken: set[tuple[Any, ...]] = set()
+    """Check that a component of a group is prescribed once, or alike, and that of a rigid group only by [[rigid]]."""
+    taken: dict[tuple[Any, ...], Any] = {}
     rigid = {record.group for record in case.rigid}
     for record in case.displacement:
         where = record.group or record.at
@@ -198,9 +198,10 @@ def _prescribed_once(case: Case) -> Iterator[Issue]:
             )
         axes = str(record.axes)
         for name in [n for n in ("ux", "uy", "uz", "un") if record.has(n)]:
-            if (where, record.kind, name, axes) in taken:
-                yield record.wrong(f"is prescribed at {where!r} by an earlier [[displacement]] too; keep one", name)
-            taken.add((where, record.kind, name, axes))
+            first = taken.setdefault((where, record.kind, name, axes), record)
+            if any(getattr(first, key) != getattr(record, key) for key in (name, "begin", "reached")):
+                by = f"the [[displacement]] of {first.place}" if first.place else "an earlier [[displacement]]"
+                yield record.wrong(f"is prescribed at {where!r} by {by} too, otherwise; leave one out", name)
 
 
 def _equations(case: Case) -> Iterator[Issue]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import RequestError, did_you_mean
-from lacmesh.mesh import Floats, Ints, concatenated
+from lacmesh.mesh import Floats, Ints, concatenated, mask_of
 from lacmesh.records import dataclass
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
@@ -29,7 +29,8 @@ from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.local import LocalBases, combine
 from lacsolver.constraints.matrix import nodal_map, with_motions
-from lacsolver.constraints.rigid import RigidBody, check_apart, numbered, rigid_bodies
+from lacsolver.constraints.rigid import RigidBody, numbered, rigid_bodies
+from lacsolver.constraints.shared import without
 from lacsolver.linear import Matrix
 from lacsolver.space.places import name_of
 from lacsolver.space.space import Space
@@ -62,12 +63,13 @@ class Constraints:
 
         Raises CaseError, with the lines of the records concerned, for groups and places that are missing or empty, `un`
         of a group that is no skin, conditions that contradict each other at a node (checked at some of the case's times
-        here, and at every time by `u0`), a node in two rigid bodies, or a node of one that is prescribed too.
+        here, and at every time by `u0`), or a node in two rigid bodies. What is prescribed at nodes of these is left to
+        equations (`shared`).
         """
         parts = prescribed(space, [record for record in case.displacement if record.begin is None])
         rigid = rigid_bodies(space, rigid_records(case), case.kinematics == "finite", case.gravity)
-        check_apart(space, rigid, parts)
         moved = concatenated(body.nodes for body in rigid)
+        parts = without(parts, mask_of(space.mesh.n_nodes, moved))
         local = combine(space, (*parts, *on_axis(space, moved)))
         nodal = nodal_map(space, local, rigid)
         rigid = numbered(rigid, nodal.shape[1])

@@ -55,6 +55,7 @@ class Equations:
     `C` (k, n_dof); `values(t)`: returns g (k,). `E` (k, n_s): coefficients of n_s further unknowns, which are lengths,
     None without any; `loads(t)`: returns the forces (n_s,) on these. `said(i)`: equation i in words, with its line, for
     a message that begins with it. `may_follow`: True where it is no mistake that one follows from others.
+    `support`: name of the reaction that their forces are a part of, "" for none.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Equations:
     E: csr_array | None = None
     loads: Callable[[float], Floats] | None = None
     may_follow: bool = False
+    support: str = ""
 
     def on(self, unknowns: Ints) -> Equations:
         """Return the equations on some of the unknowns (k,), among which are all that they have."""

@@ -172,6 +172,19 @@ def _agree(one: LateSupport, other: LateSupport, component: str) -> bool:
     )
 
 
+def support_forces(
+    constraints: Constraints, equalities: Sequence[EqualityRows], forces: Mapping[str, Floats]
+) -> Iterator[tuple[str, Floats]]:
+    """Yield the name of the reaction of each support that acts by equations, and its forces (n_dof,) on the nodes.
+
+    They are those on nodes of rigid bodies, and those that begin late. `forces`: of all equations, by name.
+    """
+    yield from late_forces(equalities, forces)
+    for one in constraints.equations:
+        if one.support and one.name in forces:
+            yield one.support, np.asarray(one.C.T @ forces[one.name])
+
+
 def late_forces(equalities: Sequence[EqualityRows], forces: Mapping[str, Floats]) -> Iterator[tuple[str, Floats]]:
     """Yield the name of the reaction of each late support, and its forces (n_dof,) on the nodes.
 

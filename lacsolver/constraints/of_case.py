@@ -12,7 +12,7 @@ from lacsolver.case.case import Case
 from lacsolver.case.entry import Entry
 from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Displacement, Force
-from lacsolver.constraints import coupling, cyclic, pretension, terms
+from lacsolver.constraints import coupling, cyclic, pretension, shared, terms
 from lacsolver.constraints.constraints import Constraints, probed_times
 from lacsolver.constraints.equality_rows import EqualityRows, lengths, moves
 from lacsolver.constraints.equated import EquatedConstraints
@@ -32,6 +32,7 @@ EQUATIONS: list[Callable[[Space, Case], Iterable[Equations]]] = [
     coupling.equations_of,
     pretension.equations_of,
     cyclic.equations_of,
+    shared.equations_of,
 ]
 #: functions that return the rows of equality, each for its own records of a case
 EQUALITIES: list[Callable[[Space, Case], Iterable[EqualityRows]]] = [coupling.rows_of, pretension.locks_of]

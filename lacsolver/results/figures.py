@@ -15,7 +15,7 @@ from lacmesh.mesh import Floats, Ints
 from lacsolver.bodies.points import Field
 from lacsolver.case import Coupling
 from lacsolver.constraints.coupling import CouplingRows, CouplingState, distributing_state, followed_state, force_name
-from lacsolver.constraints.late import late_forces
+from lacsolver.constraints.late import support_forces
 from lacsolver.constraints.pretension import SectionForces, carried_by
 from lacsolver.constraints.terms import carried
 from lacsolver.problem.problem import Problem
@@ -63,7 +63,7 @@ def step_figures(problem: Problem, state: State, stress: Field | None = None) ->
 def _reactions(problem: Problem, state: State) -> dict[str, NDArray[np.floating]]:
     """Return the reaction (dim,) of each support and rigid body, by name."""
     out = problem.constraints.reactions(state.reaction, state.equations)
-    for name, f in late_forces(problem.equalities, state.equations):
+    for name, f in support_forces(problem.constraints, problem.equalities, state.equations):
         out[name] = out.get(name, 0.0) + f.reshape(-1, problem.space.dim).sum(axis=0)
     return out
 
@@ -77,7 +77,8 @@ def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState
         return distributing_state(space, rows, forces, state.time, state.u)
     if record.name in state.rigid:
         motion = state.rigid[record.name]
-        force = constraints.rigid_reactions(state.reaction, state.rigid)[record.name]
+        reaction = constraints.of_supports(state.reaction, state.equations)
+        force = constraints.rigid_reactions(reaction, state.rigid)[record.name]
         return CouplingState(*np.split(motion, [space.dim]), *np.split(force, [space.dim]))
     name = force_name(record)
     further = state.further.get(name, np.empty(0))

@@ -150,7 +150,7 @@ MISTAKES = [
     (BODY + "[[displacement]]\nat = [0] #!\nux = 0.0\n", "displacement.at is a list of 1; it takes [x, y, z]"),
     (BODY + '[[displacement]]\nat = [0, "a", 0] #!\nux = 0.0\n', 'displacement.at has an item (number 2) that is the text "a"'),
     (PLATE + '[[displacement]]\ngroup = "g"\nuz = 0.0 #!\n', "displacement.uz is of the models 3d, and the model is plane_strain"),
-    (BODY + '[[displacement]]\ngroup = "g"\nux = 0.0\n[[displacement]]\ngroup = "g"\nux = 0.0 #!\n', "displacement.ux is prescribed at 'g' by an earlier"),
+    (BODY + '[[displacement]]\ngroup = "g"\nux = 0.0\n[[displacement]]\ngroup = "g"\nux = 1.0 #!\n', "displacement.ux is prescribed at 'g' by the [[displacement]] of"),
     (BODY + '[[rigid]]\ngroup = "g"\n[[displacement]]\ngroup = "g" #!\nux = 0.0\n', "displacement.group is 'g', which is [[rigid]]; move it there"),
     (BODY + '[[spring]]\ngroup = "g"\nkx = 0.0 #!\n', "spring.kx is 0; it must be > 0"),
     (BODY + '[[spring]] #!\ngroup = "g"\n', "[[spring]] needs at least one of kx, ky, kz"),

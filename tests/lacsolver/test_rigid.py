@@ -11,7 +11,7 @@ from lacmesh.errors import RequestError
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import CaseError, Displacement, Rigid
-from lacsolver.constraints import Constraints
+from lacsolver.constraints import Constraints, constraints_of
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PLANE_MODELS, cube, square
 from tests.lacsolver.held import (
@@ -154,12 +154,15 @@ def test_a_node_in_two_rigid_bodies():
 
 
 def test_a_displacement_on_a_node_of_a_rigid_body():
-    sections = '[[displacement]]\ngroup = "y0"\nuy = 0\n[[rigid]]\ngroup = "x0"\n'
+    """One that agrees with the motion of the body is taken (test_shared_supports.py), one that contradicts is not."""
+    sections = '[[displacement]]\ngroup = "y0"\nuy = {}\n[[rigid]]\ngroup = "x0"\n'
+    space = Space.of(box("QUAD4", "plane_strain"), "plane_strain")
+    constraints_of(space, case(sections.format(0), "plane_strain"))
     with pytest.raises(CaseError) as caught:
-        Constraints.of(Space.of(box("QUAD4", "plane_strain"), "plane_strain"), case(sections, "plane_strain"))
+        constraints_of(space, case(sections.format("[[0, 1]]"), "plane_strain"))
     assert str(caught.value) == (
-        "displacement 'y0' (press.toml, line 6) prescribes uy of nodes 1, which rigid 'x0' (press.toml, line 9) moves; "
-        "prescribe the motion of the rigid body instead"
+        "displacement 'y0' (press.toml, line 6) at node 1 of rigid 'x0' (press.toml, line 9) contradicts what its "
+        "terms are prescribed to: it is off by 1 at t = 0.618; leave one out, or make them agree"
     )
 
 
