@@ -9,11 +9,11 @@ from typing import Any, ClassVar
 from lacmesh.records import dataclass
 from lacsolver.case.direction_kinds import COMPONENTS, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
-from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Section, Values, key
+from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Section, Values, key
 from lacsolver.case.kinds import FLAG, GROUP, POINT, Choice, Kind, numbers, text, whole
 from lacsolver.case.records import GROUP_KIND, KIND_BY_DEFAULT, PLANAR, SPACE, LocalAxes, Tie
 from lacsolver.case.value import Value
-from lacsolver.case.value_kinds import VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
+from lacsolver.case.value_kinds import ROTATION, VALUE_OF_TIME, VECTOR_OF_TIME, WEIGHTS
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -78,7 +78,7 @@ class Cyclic(Tie):
     ring: bool = key(FLAG, "", "write the fields of the whole ring too, for ParaView", False)
 
 
-_ONE_MOTION = (("ux", "fx"), ("uy", "fy"), ("uz", "fz"), ("rotation", "moment"))
+_ONE_MOTION = (("ux", "fx"), ("uy", "fy"), ("uz", "fz"))
 
 
 def _motion(unit: str, meaning: str, models: tuple[str, ...], kind: Kind = VALUE_OF_TIME) -> Any:
@@ -114,7 +114,7 @@ class Coupling(Entry):
     )  # fmt: skip
     components: As[tuple[str, ...] | None, Sequence[str] | None] = key(
         COMPONENTS, "", "components of the nodes' displacement that follow the point", None, "all",
-        needs=Needs("kind", ("rigid",)), kinematics="small",
+        needs=Needs("kind", ("rigid",)),
     )  # fmt: skip
     axes: LocalAxes = key(
         LOCAL_AXES, "", "Cartesian axes of the components, motions and loads", None, "those of the mesh"
@@ -122,8 +122,11 @@ class Coupling(Entry):
     ux: Load = _motion("length", "displacement of the point along x", PLANAR)
     uy: Load = _motion("length", "displacement of the point along y", MODELS)
     uz: Load = _motion("length", "displacement of the point along z", SPACE)
-    rotation: Values = _motion("radian", "rotation vector; one number in a plane", PLANAR, VECTOR_OF_TIME)
+    rotation: Rotation = _motion("radian", "rotation vector; one number in a plane", PLANAR, ROTATION)
     fx: Load = _motion("force", "force at the point along x", PLANAR)
     fy: Load = _motion("force", "force at the point along y", MODELS)
     fz: Load = _motion("force", "force at the point along z", SPACE)
-    moment: Values = _motion("force × length", "moment vector; one number in a plane", PLANAR, VECTOR_OF_TIME)
+    moment: Values = _motion(
+        "force × length", "moment vector; one number in a plane; beside rotation about the axes that it leaves free",
+        PLANAR, VECTOR_OF_TIME,
+    )  # fmt: skip

@@ -57,6 +57,7 @@ class As(Generic[_Stored, _Given]):
 
 Load = As[Value | None, ValueLike | None]
 Values = As[tuple[Value, ...] | None, ValueLike | Sequence[ValueLike] | None]
+Rotation = As[tuple[Value | str, ...] | None, ValueLike | Sequence[ValueLike] | None]
 Groups = As[tuple[str, ...] | None, Sequence[str] | None]
 Numbers = As[tuple[float, ...] | None, Sequence[float] | None]
 

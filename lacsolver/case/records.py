@@ -16,7 +16,7 @@ from lacmesh.records import dataclass
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.direction_kinds import AXES, LOCAL_AXES
 from lacsolver.case.entry import Entry
-from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Section, Values, key
+from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Rotation, Section, Values, key
 from lacsolver.case.kinds import (
     FLAG,
     GROUP,
@@ -35,7 +35,16 @@ from lacsolver.case.kinds import (
     text,
 )
 from lacsolver.case.value import Value, ValueLike
-from lacsolver.case.value_kinds import HARDENING, PRESSURES, VALUE, VALUE_OF_TIME, VECTOR_OF_TIME, not_negative, varying
+from lacsolver.case.value_kinds import (
+    HARDENING,
+    PRESSURES,
+    ROTATION,
+    VALUE,
+    VALUE_OF_TIME,
+    VECTOR_OF_TIME,
+    not_negative,
+    varying,
+)
 
 SPACE = ("3d",)
 PLANAR = ("3d", "plane_strain", "plane_stress")  # where x is a direction and not a radius
@@ -464,7 +473,7 @@ class Rigid(Entry):
 
     SECTION: ClassVar = Section(
         "rigid", True, "rigid body; each component is fixed, prescribed, or free under a given force",
-        not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz"), ("rotation", "moment")),
+        not_both=(("ux", "fx"), ("uy", "fy"), ("uz", "fz")),
     )  # fmt: skip
     group: str = key(GROUP, "", "cells (a surface without parent cells is enough) or nodes that move rigidly")
     kind: str | None = key(
@@ -480,15 +489,18 @@ class Rigid(Entry):
     uz: Load = key(
         VALUE_OF_TIME, "length", "displacement of the centre along z", None, "0: fixed", load=True, models=SPACE
     )
-    rotation: Values = key(
-        VECTOR_OF_TIME, "radian", "rotation vector about the centre; one number in a plane", None, "0: fixed",
-        load=True, models=PLANAR,
+    rotation: Rotation = key(
+        ROTATION, "radian", "rotation vector about the centre; one number in a plane", None, "0: fixed", load=True,
+        models=PLANAR,
     )  # fmt: skip
     fx: Load = _load("force", "force along x; x is then free", PLANAR, VALUE_OF_TIME)
     fy: Load = _load("force", "force along y; y is then free", MODELS, VALUE_OF_TIME)
     fz: Load = _load("force", "force along z; z is then free", SPACE, VALUE_OF_TIME)
     moment: Values = _load(
-        "force × length", "moment vector about the centre; the rotation is then free", PLANAR, VECTOR_OF_TIME
+        "force × length",
+        "moment vector about the centre; the rotation is then free, or beside it about the axes that it leaves free",
+        PLANAR,
+        VECTOR_OF_TIME,
     )
     mass: float | None = key(
         POSITIVE, "mass", "mass of the body, at its centre, beside that of cells with a density", None,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.errors import Issue
+from lacsolver.case.value_kinds import FREE
 
 if TYPE_CHECKING:
     from lacsolver.case.case import Case
@@ -274,6 +275,19 @@ def _sections(case: Case) -> Iterator[Issue]:
             yield record.wrong(message, "lock")
 
 
+def _turns(case: Case) -> Iterator[Issue]:
+    """Check that moments act about axes whose rotation is free."""
+    records: tuple[Any, ...] = (*case.rigid, *case.coupling)
+    for record in records:
+        if record.rotation is None or record.moment is None:
+            continue
+        both = [m for theta, m in zip(record.rotation, record.moment, strict=False) if theta != FREE]
+        if len(both) == len(record.rotation):
+            yield record.wrong('stands beside rotation; give one of the two, or let some of that be "free"', "moment")
+        elif any(m.source != 0 for m in both):
+            yield record.wrong("has a part about an axis whose rotation is prescribed; make that 0", "moment")
+
+
 def _late(case: Case) -> Iterator[Issue]:
     """Check that a support that begins late does so while the case runs, and before bodies move."""
     for record in case.displacement:
@@ -386,6 +400,7 @@ RULES: tuple[Callable[[Case], Iterator[Issue]], ...] = (
     _prescribed_once,
     _rigid_once,
     _sections,
+    _turns,
     _late,
     _equations,
     _round_axes,

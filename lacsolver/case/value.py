@@ -211,6 +211,6 @@ def with_values(stored: Any, change: Callable[[Value], Value]) -> Any:
     """Return the stored entry with `change` applied to every Value in it."""
     if isinstance(stored, Value):
         return change(stored)
-    if isinstance(stored, tuple) and stored and all(isinstance(v, Value) for v in stored):
-        return tuple(change(v) for v in stored)
+    if isinstance(stored, tuple) and any(isinstance(v, Value) for v in stored):
+        return tuple(change(v) if isinstance(v, Value) else v for v in stored)
     return stored

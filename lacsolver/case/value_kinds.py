@@ -11,7 +11,7 @@ from typing import Any
 from lacsolver.case.errors import Mistake
 from lacsolver.case.formula import Formula
 from lacsolver.case.kinds import POSITIVE, TEXT, Kind, each, numbers, plain, several
-from lacsolver.case.value import Value, value_from
+from lacsolver.case.value import Value, described, value_from
 
 _POSITIVE_TIMES = several(POSITIVE, "a list of increasing times > 0", 1)
 
@@ -113,7 +113,7 @@ def _is_row(given: Any) -> bool:
     return pair and not any(isinstance(g, (list, tuple, str)) for g in given)
 
 
-def _other_rotation(values: Sequence[Value], dim: int) -> str:
+def _other_rotation(values: Sequence[Any], dim: int) -> str:
     if len(values) == (3 if dim == 3 else 1):
         return ""
     return "is one value; in 3d it is a vector of three" if dim == 3 else "is a vector; in a plane it is one value"
@@ -126,6 +126,24 @@ VECTOR_OF_TIME = Kind(
     {"anyOf": [*VALUE_OF_TIME.schema["anyOf"], _THREE_VALUES]},
     _vector_of_time,
     _other_rotation,
+)
+
+
+def _rotation(given: Any) -> tuple[Value | str, ...]:
+    given = plain(given)
+    items = given if isinstance(given, (list, tuple)) and any(item == FREE for item in given) else (given,)
+    if not any(isinstance(item, str) and item == FREE for item in items):
+        return _vector_of_time(given)
+    if len(items) not in (1, 3):
+        raise Mistake(f"is {described(given)}; it takes {ROTATION.words}")
+    return each(lambda item: FREE if item == FREE else VALUE_OF_TIME.read(item), items)
+
+
+#: a component of a rotation that is neither prescribed nor held
+FREE = "free"
+#: a rotation of which some components may be free
+ROTATION = Kind(
+    'three values of time, each may be "free"; one in a plane', VECTOR_OF_TIME.schema, _rotation, _other_rotation
 )
 
 

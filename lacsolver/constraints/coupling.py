@@ -11,9 +11,9 @@ against R(theta) fulfil that too: where their own rotation is farther from R(the
 there, a radian farther than their own, takes its place. Where the point is moved and its rotation is free, R is that of
 the nodes.
 
-A rigid coupling of all components is a rigid body (`rigid`); of some components, under small kinematics, it is one
-equation for each of them at each node, a . u_i = a . (u_P + theta x (X_i - P)), which is eliminated (`equations`), with
-the free motions of the point as further unknowns.
+A rigid coupling of all components is a rigid body (`rigid`). One of some components is an equation for each of them at
+each node, a . u_i = a . (u_P + theta x (X_i - P)), which is eliminated (`equations`), with the point's free motions as
+further unknowns. Under finite kinematics rotations are prescribed, and theta x is R(theta) - 1.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from lacsolver.case.records import Rigid
 from lacsolver.case.value import Value
 from lacsolver.constraints.equality_rows import EqualityAt
 from lacsolver.constraints.equations import Equations
+from lacsolver.constraints.rigid import turns_of
 from lacsolver.constraints.rotation import turn
 from lacsolver.constraints.spread import Spread, rotation_vector
 from lacsolver.contact.laws import Bilateral, ContactLaw
@@ -68,12 +69,12 @@ class PointMotion:
         """Return those of a record."""
         dim, turns = space.dim, 0 if space.model.axisymmetric else 2 * space.dim - 3
 
-        def components(letter: str, about: str) -> tuple[Value | None, ...]:
-            given = getattr(record, about)
-            along = tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
-            return along + ((None,) * turns if given is None else tuple(given[:turns]))
+        def components(letter: str) -> tuple[Value | None, ...]:
+            return tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
 
-        return cls(components("u", "rotation"), components("f", "moment"), cartesian(record.axes, dim))
+        moment = (None,) * turns if record.moment is None else record.moment[:turns]
+        moved, loads = components("u") + turns_of(record, turns), components("f") + moment
+        return cls(moved, loads, cartesian(record.axes, dim))
 
     @property
     def dim(self) -> int:
@@ -85,10 +86,16 @@ class PointMotion:
         return self._vectors(_at(self.loads, t))
 
     def rotation(self, t: float) -> NDArray[np.floating] | None:
-        """Return the prescribed rotation vector (3,) at time t; None if it is not prescribed."""
-        if len(self.moved) == self.dim or self.moved[self.dim] is None:
+        """Return the prescribed rotation vector (3,) at time t; None if some of it is free."""
+        if self.turns_freely:
             return None
         return self._vectors(_at(self.moved, t))[1]
+
+    @property
+    def turns_freely(self) -> bool:
+        """True if the rotation about some axis is not prescribed, or if there is none."""
+        turns = self.moved[self.dim :]
+        return not turns or any(value is None for value in turns)
 
     def directions(self) -> NDArray[np.floating]:
         """Return the directions (m, 3) of the motions, in space."""
@@ -159,7 +166,14 @@ class CouplingRows:
 
     @classmethod
     def of(cls, space: Space, record: Coupling, finite: bool) -> CouplingRows:
-        """Return those of a record, none without prescribed motions. Raises CaseError as `spread_of` does."""
+        """Return those of a record, none without prescribed motions. Raises CaseError as `spread_of` does.
+
+        Also for a rotation that is prescribed about some axes only, under finite kinematics.
+        """
+        turns = turns_of(record, 3)
+        if finite and any(turns) and not all(turns):
+            message = "a distributing coupling with large rotations turns freely about all axes or about none"
+            raise wrong(record, f'{message}; prescribe all of rotation, or take kind = "rigid"')
         return cls(record, spread_of(space, record, finite), PointMotion.of(space, record), space.n_dof)
 
     @property
@@ -186,7 +200,7 @@ class CouplingRows:
 
     @property
     def _turns_freely(self) -> bool:
-        return bool(self.record.rotation is None and self.spread.d.any() and len(self.along))
+        return bool(self.motion.turns_freely and self.spread.d.any() and len(self.along))
 
     def law(self, t: float) -> ContactLaw:
         """Return the law that holds the rows."""
@@ -197,13 +211,15 @@ class CouplingRows:
         s, theta = self.spread, self.motion.rotation(t)
         R, K = s.polar(s.shape(u)) if theta is None else self._prescribed(theta, u)
         gaps, rows = self._displacements(u, t, theta, R, K)
-        if theta is not None:
+        about = [k for k, value in enumerate(self.motion.moved[s.dim :]) if value is not None]
+        if about:
             turned = s.r @ R.T
             own = s.r + s.moved(u) if s.finite else s.moved(u)
-            wanted = np.zeros(len(s.axes)) if s.finite else theta[s.axes]
-            spin = np.linalg.solve(K, (s.w @ np.cross(turned, own))[s.axes])
+            E = self.motion.directions()[s.dim :][about][:, s.axes]
+            wanted = np.zeros(len(about)) if s.finite else _at(self.motion.moved, t)[s.dim :][about]
+            spin = E @ np.linalg.solve(K, (s.w @ np.cross(turned, own))[s.axes])
             gaps = np.append(gaps, s.gyration * (wanted - spin))
-            rows = np.concatenate([rows, s.gyration * self._spins(np.linalg.inv(K), turned)])
+            rows = np.concatenate([rows, s.gyration * self._spins(E @ np.linalg.inv(K), turned)])
         return EqualityAt(gaps, self._matrix(rows))
 
     def curvature(self, u: Floats, t: float, p: Floats) -> csr_array | None:
@@ -325,14 +341,17 @@ def on_nodes(s: Spread, block: Floats, n_dof: int) -> csr_array:
 def equations_of(space: Space, case: Case) -> Iterator[Equations]:
     """Yield the equations of rigid couplings of some components.
 
-    Raises CaseError for finite kinematics, and for motions that no node follows.
+    Raises CaseError for free finite rotations, and for motions that no node follows.
     """
     for record in case.coupling:
         if record.kind == "rigid" and not is_body(record):
-            if case.kinematics == "finite":
-                message = "a rigid coupling with axes is for small kinematics; leave axes out"
-                raise wrong(record, message)
-            yield _Followed.of(space, record).equations(space)
+            one = _Followed.of(space, record, case.kinematics == "finite")
+            if one.finite and one.motion.turns_freely:
+                message = (
+                    "a rigid coupling with components or axes turns by finite rotations only as they are prescribed"
+                )
+                raise wrong(record, f"{message}; give its rotation about all axes, or leave components and axes out")
+            yield one.equations(space)
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,9 +369,10 @@ class _Followed:
     along: NDArray[np.floating]
     by_motion: NDArray[np.floating]
     unit: NDArray[np.floating]
+    finite: bool = False
 
     @classmethod
-    def of(cls, space: Space, record: Coupling) -> _Followed:
+    def of(cls, space: Space, record: Coupling, finite: bool = False) -> _Followed:
         """Return those of a record."""
         nodes, motion, dim = space.known(nodes_of(space, record)), PointMotion.of(space, record), space.dim
         x = space.local.points[nodes]
@@ -367,7 +387,8 @@ class _Followed:
         turned = np.cross(directions[dim:], arm[:, None]).reshape(len(nodes), -1, 3)
         moved = np.concatenate([straight, turned], axis=1)
         by_motion = np.einsum("ks,ims->ikm", directions[kept], moved).reshape(-1, len(directions)) * unit
-        return cls(record, motion, nodes, arm, directions[kept], by_motion, unit)
+        turns = finite and not space.model.axisymmetric
+        return cls(record, motion, nodes, arm, directions[kept], by_motion, unit, turns)
 
     def equations(self, space: Space) -> Equations:
         """Return the equations, with the free motions as further unknowns. Raises CaseError."""
@@ -377,7 +398,13 @@ class _Followed:
         C = sparse((len(self.by_motion), space.n_dof), (row, column, self.along[:, : space.dim]))
 
         def held(t: float) -> NDArray[np.floating]:
-            return self.by_motion @ (_at(motion.moved, t) / self.unit)
+            m = _at(motion.moved, t)
+            theta = motion.rotation(t) if self.finite else None
+            if theta is None:
+                return self.by_motion @ (m / self.unit)
+            m[motion.dim :] = 0.0
+            turned = self.arm @ turn(theta).T
+            return self.by_motion @ (m / self.unit) + np.einsum("is,ks->ik", turned, self.along).ravel()
 
         def forces(t: float) -> NDArray[np.floating]:
             return (_at(motion.loads, t) * self.unit)[free]
@@ -393,15 +420,23 @@ class _Followed:
         return _free_motions(self.record, self.motion, self.by_motion)
 
 
-def followed_state(space: Space, record: Coupling, forces: Floats, further: Floats, t: float) -> CouplingState:
-    """Return the state of a rigid coupling of some components; `forces`: of its equations, `further`: unknowns."""
+def followed_state(
+    space: Space, record: Coupling, forces: Floats, further: Floats, t: float, u: Floats | None = None
+) -> CouplingState:
+    """Return the state of a rigid coupling of some components; `forces`: of its equations, `further`: unknowns.
+
+    `u` (n_dof,): displacement under finite kinematics.
+    """
     one = _Followed.of(space, record)
     motion, dim, turns = _at(one.motion.moved, t), space.dim, len(one.unit) - space.dim
     motion[one.free] = further * one.unit[one.free]
     directions = one.motion.directions()
     f = np.einsum("ik,ks->is", forces.reshape(len(one.nodes), -1), one.along)
     axes = [0, 1, 2] if dim == 3 else [2]
-    moment = np.cross(one.arm, f).sum(axis=0)[axes][:turns]
+    arm = one.arm.copy()
+    if u is not None:
+        arm[:, :dim] += u[space.dofs(one.nodes)] - (motion[:dim] @ directions[:dim])[:dim]
+    moment = np.cross(arm, f).sum(axis=0)[axes][:turns]
     rotation = (motion[dim:] @ directions[dim:])[axes][:turns]
     return CouplingState((motion[:dim] @ directions[:dim])[:dim], rotation, f.sum(axis=0)[:dim], moment)
 

@@ -23,8 +23,10 @@ from lacmesh.mesh import Floats, Ints, concatenated
 from lacmesh.records import dataclass
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Gravity, Rigid
 from lacsolver.case.value import Value
+from lacsolver.case.value_kinds import FREE
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.constraints.rotation import conjugate, conjugate_derivative, turn, turn_curvature, turn_derivative
 from lacsolver.space.places import name_of, nodes_of, said, wrong
@@ -232,8 +234,8 @@ def _rigid_body(space: Space, record: Rigid, first: int, finite: bool, gravity: 
         moment_arm = np.concatenate([moment_arm, moments(space.dim, x - centre)], axis=2)
     moment_arm = moment_arm.reshape(-1, moment_arm.shape[-1])
     turns = moment_arm.shape[1] - space.dim
-    moved = _components(record, "u", space.dim) + _turns(record.rotation, turns)
-    loads = _components(record, "f", space.dim) + _turns(record.moment, turns)
+    moved = _components(record, "u", space.dim) + turns_of(record, turns)
+    loads = _components(record, "f", space.dim) + _moments(record, turns)
     free = np.array([load is not None for load in loads])
     columns = np.where(free, first + np.cumsum(free) - 1, -1)
     far = space.share.largest(float(np.linalg.norm(x - centre, axis=1).max(initial=0.0)))
@@ -249,9 +251,19 @@ def _components(record: Rigid | Gravity, letter: str, dim: int) -> tuple[Value |
     return tuple(getattr(record, letter + axis) for axis in _AXES[:dim])
 
 
-def _turns(given: tuple[Value, ...] | None, turns: int) -> tuple[Value | None, ...]:
-    """Return the components of a rotation or a moment, each None if it is not given."""
-    return (None,) * turns if given is None else given[:turns]
+def turns_of(record: Rigid | Coupling, turns: int) -> tuple[Value | None, ...]:
+    """Return the components of a prescribed rotation, each None if it is not prescribed."""
+    if record.rotation is None:
+        return (None,) * turns
+    return tuple(one if isinstance(one, Value) else None for one in record.rotation[:turns])
+
+
+def _moments(record: Rigid, turns: int) -> tuple[Value | None, ...]:
+    """Return the moment about each axis about which a body turns freely, None about the others."""
+    moment = record.moment or (Value(0.0),) * turns
+    if record.rotation is None:
+        return (None,) * turns if record.moment is None else moment[:turns]
+    return tuple(m if theta == FREE else None for m, theta in zip(moment, record.rotation[:turns], strict=False))
 
 
 def _values(values: Sequence[Value | None], t: float) -> NDArray[np.floating]:

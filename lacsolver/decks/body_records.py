@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.mesh import Floats, Ints
-from lacsolver.decks.cards import Card, Refused
+from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import DeckRigid
 from lacsolver.decks.draft import AXES, CaseDraft
 from lacsolver.decks.histories import Points, history_of, parts_of, written
@@ -101,7 +101,7 @@ def rigid_bodies(draft: CaseDraft) -> None:
         for c in [1] if axisymmetric else range(draft.dim):
             keys |= _moved(draft, body, c)
         if not axisymmetric:
-            turns = turning(draft, body.reference, body.rotation, "a rigid body", body.card)
+            turns = turning(draft, body.reference, body.rotation)
             keys |= turns or {"moment": [0.0] * 3 if draft.dim == 3 else 0.0}
         draft.add("rigid", keys | _own_mass(draft, body), body.card)
     references = [body.reference for body in draft.deck.rigid]
@@ -133,11 +133,11 @@ def _moved(draft: CaseDraft, body: DeckRigid, c: int) -> dict[str, Any]:
     return {f"f{AXES[c]}": written(pushed, draft.ramped) if pushed else 0.0}
 
 
-def turning(draft: CaseDraft, node: int, rotation: int | None, who: str, card: Card) -> dict[str, Any]:
-    """Return how a body or a coupling turns, by its reference node: all rotations prescribed, or free under a moment.
+def turning(draft: CaseDraft, node: int, rotation: int | None) -> dict[str, Any]:
+    """Return how a body or a coupling turns, by its reference node: prescribed, or free under a moment.
 
     `rotation`: a node whose displacements and forces are rotations and moments, None if there is none. {} where the
-    deck says nothing. Raises Refused if some rotations are prescribed and others free.
+    deck says nothing. Raises Refused.
     """
 
     def histories(kind: str, of_rotation: str) -> list[Points | None]:
@@ -146,11 +146,14 @@ def turning(draft: CaseDraft, node: int, rotation: int | None, who: str, card: C
         return [history_at(draft, kind, node, c) or beside for c, beside in zip(axes, other, strict=True)]
 
     prescribed, loaded = histories("spin", "displacement"), histories("moment", "force")
-    if any(prescribed) and not all(prescribed):
-        raise Refused(f"{who} of lacsolver turns freely about all axes or about none; fix all or none", None, card)
-    name, own = ("rotation", prescribed) if any(prescribed) else ("moment", loaded)
-    values = [written(points, draft.ramped) if points else 0.0 for points in own]
-    return {name: values if draft.dim == 3 else values[0]} if any(own) else {}
+
+    def values(own: list[Points | None], else_: float | str) -> Any:
+        every = [written(points, draft.ramped) if points else else_ for points in own]
+        return every if draft.dim == 3 else every[0]
+
+    keys = {"rotation": values(prescribed, "free")} if any(prescribed) else {}
+    loaded = [None if theta else m for theta, m in zip(prescribed, loaded, strict=True)]
+    return keys | ({"moment": values(loaded, 0.0)} if any(loaded) else {})
 
 
 def history_at(draft: CaseDraft, kind: str, node: int, c: int) -> Points | None:

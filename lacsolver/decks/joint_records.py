@@ -110,7 +110,7 @@ def _group(draft: CaseDraft, one: DeckCoupling) -> dict[str, Any]:
         keys["at"] = draft.groups.mesh.points[one.reference][: draft.dim].tolist()
     if one.weights:
         keys["weights"] = [[int(number[node]), weight] for node, weight in one.weights.items()]
-    if one.kind == "rigid" and one.components != list(range(3)) and len(set(one.components)) < draft.dim:
+    if _follows_partly(draft, one):
         keys["components"] = [f"u{AXES[c]}" for c in one.components]
     if one.axes:
         keys["axes"] = in_model(draft, one.axes)
@@ -136,7 +136,27 @@ def _point(draft: CaseDraft, one: DeckCoupling) -> dict[str, Any]:
             keys[f"f{AXES[c]}"] = written(pushed, draft.ramped)
     if draft.top["model"] == "axisymmetric":
         return keys
-    return keys | turning(draft, one.reference, None, "a coupling", one.card)
+    turns = turning(draft, one.reference, None)
+    if draft.large:
+        _check_finite(draft, one, turns)
+    return keys | turns
+
+
+def _check_finite(draft: CaseDraft, one: DeckCoupling, turns: dict[str, Any]) -> None:
+    """Raise Refused for a coupling whose finite rotations are not available."""
+    values = turns.get("rotation", "free")
+    free = [value == "free" for value in (values if draft.dim == 3 and "rotation" in turns else [values])]
+    if one.kind == "distributing" and any(free) and not all(free):
+        message = "with NLGEOM a distributing coupling turns freely about all axes or about none"
+        raise Refused(f"{message}; fix all or none, or make it *KINEMATIC", None, one.card)
+    if one.kind == "rigid" and (one.axes or _follows_partly(draft, one)) and any(free):
+        message = "with NLGEOM a coupling of some directions turns only as its rotations are prescribed"
+        raise Refused(f"{message}; fix all of them, or let all directions follow", None, one.card)
+
+
+def _follows_partly(draft: CaseDraft, one: DeckCoupling) -> bool:
+    """True for a kinematic coupling of some directions."""
+    return one.kind == "rigid" and one.components != list(range(3)) and len(set(one.components)) < draft.dim
 
 
 def sectors(draft: CaseDraft) -> None:

@@ -82,7 +82,8 @@ def _coupling(problem: Problem, state: State, record: Coupling) -> CouplingState
         return CouplingState(*np.split(motion, [space.dim]), *np.split(force, [space.dim]))
     name = force_name(record)
     further = state.further.get(name, np.empty(0))
-    return followed_state(space, record, state.equations[name], further, state.time)
+    u = state.u if problem.case.kinematics == "finite" else None
+    return followed_state(space, record, state.equations[name], further, state.time, u)
 
 
 def bolt_forces(problem: Problem, state: State) -> dict[str, SectionForces]:

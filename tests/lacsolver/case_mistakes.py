@@ -233,7 +233,9 @@ MISTAKES = [
     (BODY + '[[coupling]]\ngroup = "g"\nux = 1\n[[coupling]]\ngroup = "g" #!\nuy = 1\n', "coupling.group calls it 'g', as an earlier"),
     (RING + '[[coupling]]\ngroup = "g"\nuy = 1\nrotation = 1 #!\n', "coupling.rotation is of the models 3d, plane_strain"),
     (PLATE + '[[coupling]]\ngroup = "g"\nuz = 1 #!\n', "coupling.uz is of the models 3d"),
-    (BIG + '[[coupling]]\ngroup = "g"\nux = 1\nkind = "rigid"\ncomponents = ["ux"] #!\n', 'coupling.components means something only with kinematics = "small"'),
+    (BODY + '[[coupling]]\ngroup = "g"\nrotation = ["free", 0.1, 0]\nmoment = [0, 1, 0] #!\n', "coupling.moment has a part about an axis whose rotation is prescribed"),
+    (BODY + '[[coupling]]\ngroup = "g"\nrotation = ["free", 0.1] #!\n', "coupling.rotation is a list of 2; it takes three values of time"),
+    (BODY + '[[rigid]]\ngroup = "g"\nrotation = "free" #!\n', "rigid.rotation is one value; in 3d it is a vector of three"),
     (BODY + '[[force]]\ngroup = "g"\nmoment = [0, 0, 1] #!\n', "force.moment is of the whole group; say total = true"),
     (BODY + '[[force]]\nat = [0, 0, 0]\nmoment = [0, 0, 1] #!\ntotal = true\n', "force.moment stands beside at"),
     # pretension

@@ -104,6 +104,10 @@ BEYOND = (
     "stands beside law",
     "begin where the pressure does",
     "overlap both grow",
+    "stands beside rotation",
+    "about an axis whose rotation",
+    "is prescribed at 'g'",
+    "means something only with begin",
 )
 
 

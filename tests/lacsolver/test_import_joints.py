@@ -156,6 +156,35 @@ def test_a_moment_at_a_reference_node_and_a_prescribed_one(tmp_path):
     assert case.coupling[0].uz.at(1.0) == 0.1 and [v.at(1.0) for v in case.coupling[0].rotation] == [0, 0, 0]
 
 
+def test_a_rotation_about_one_axis(tmp_path):
+    """Prescribed about y, free about x under a moment and about z; with NLGEOM a rigid coupling takes it too."""
+    loads = "*BOUNDARY\n999, 1, 3\n999, 5, 5, 0.01\n*CLOAD\n999, 4, 3.\n"
+    for head in ("*COUPLING, REF NODE=999, SURFACE=TOP\n*KINEMATIC\n", "*RIGID BODY, NSET=B_Z1, REF NODE=999\n"):
+        text = column(head, loads, before=REFERENCE)
+        for options in ("", ", NLGEOM"):
+            case = imported(tmp_path, text.replace("*STEP\n", f"*STEP{options}\n")).case
+            (one,) = (*case.coupling, *case.rigid)
+            assert (one.rotation[0], one.rotation[1].source, one.rotation[2]) == ("free", 0.01, "free")
+            assert [value.source for value in one.moment] == [3.0, 0.0, 0.0]
+    partly = column("*COUPLING, REF NODE=999, SURFACE=TOP\n*KINEMATIC\n1\n3\n", loads, before=REFERENCE)
+    assert imported(tmp_path, partly).case.coupling[0].components == ("ux", "uz")
+    held = partly.replace("*STEP\n", "*STEP, NLGEOM\n").replace("999, 5, 5, 0.01", "999, 5, 5, 0.01\n999, 4\n999, 6")
+    assert imported(tmp_path, held.replace("*CLOAD\n999, 4, 3.\n", "")).case.kinematics == "finite"
+
+
+@pytest.mark.parametrize(
+    "kind, words",
+    [
+        ("*DISTRIBUTING\n1, 6\n", "turns freely about all axes or about none"),
+        ("*KINEMATIC\n1\n3\n", "turns only as its rotations are prescribed"),
+    ],
+)
+def test_large_rotations_about_one_axis_that_are_refused(tmp_path, kind, words):
+    text = column(f"*COUPLING, REF NODE=999, SURFACE=TOP\n{kind}", "*BOUNDARY\n999, 4\n", before=REFERENCE)
+    with pytest.raises(CaseError, match=rf"line \d+: \*COUPLING: .*{words}"):
+        imported(tmp_path, text.replace("*STEP\n", "*STEP, NLGEOM\n"))
+
+
 def test_a_sector(tmp_path):
     """A sixth of a ring grows evenly; its sides are surfaces of nodes."""
     mesh = sector("HEXA8", (2, 2, 1), 6)

@@ -183,10 +183,6 @@ REFUSED = {
     ),
     "clearance": (SURFACES + "*CLEARANCE, SLAVE=TOP, MASTER=LOW, VALUE=0.1\n", "", "CLEARANCE", "no *CONTACT PAIR"),
     "two nodes": ("*RIGID BODY, NSET=B_Z1\n", "", "RIGID BODY", "REFNODE"),
-    "half a rotation": (
-        "*NODE\n99, 0, 0, 0\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 4\n",
-        "", "RIGID BODY", "about all axes or about none",
-    ),
     "spring": (
         "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n-1.\n", "", "SPRING", "stiffness positive",
     ),
