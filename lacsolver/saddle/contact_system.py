@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
+from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
@@ -68,7 +68,23 @@ class ContactSystem:
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
         moved, yields = moves(rows.B, self.rows.B), mask_of(len(self.G), *(g.rows for g in self.groups if g.law.yields))
+        held = self._held(rows.B)
+        if held.any():
+            left = csr_array(rows.B @ diags_array((~held).astype(float)))
+            moved &= self.of_equality | moves(left, self.rows.B)
         return replace(made, enforceable=self.above_threshold & (moved | yields))
+
+    def _held(self, B: csr_array) -> Bools:
+        """Return a mask (n_q,) of unknowns that rows of equality hold one by one, as late supports do; B (m, n_q).
+
+        Rows that have no others carry no pressure, as those of skins that are prescribed on both sides.
+        """
+        if not self.equalities:
+            return np.zeros(B.shape[1], bool)
+        of_laws = (group.rows for group in self.equalities if not isinstance(group.law, Free))
+        row, column = B.nonzero()
+        alone = (np.bincount(row, minlength=len(self.G)) == 1) & mask_of(len(self.G), *of_laws)
+        return mask_of(B.shape[1], column[alone[row]])
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
         """Return the stiffness (m,) of each row's skin, for rows along tangents the mean of their macro-element's."""

@@ -133,6 +133,24 @@ def test_contact_holds_a_body_until_its_support_begins():
     assert last.figures.contact["slave"].resultant[0] == pytest.approx(10, rel=1e-9)
 
 
+@pytest.mark.parametrize("master", ["left", "body0"])
+def test_a_slave_that_is_held_late(master):
+    """On a free master it takes what comes after; on one that is held itself all, as where both are prescribed."""
+    case, mesh = pushed()
+    zero = {"uy": 0.0, "uz": 0.0}
+    supports = [
+        Displacement(group=master, ux=0.0, **zero),
+        Displacement(group="far", **zero),
+        Displacement(group="slave", ux=0.0, uy=0.0, begin=1.0),
+    ]
+    load = Traction(group="far", tx=[[0, 0], [1, -10], [2, -20]])
+    first, last = ls.march(replace(case, displacement=supports, traction=load), mesh)
+    assert first.figures.contact["slave"].resultant[0] == pytest.approx(10, rel=1e-9)
+    carried = 10.0 if master == "left" else 0.0
+    assert last.figures.contact["slave"].resultant[0] == pytest.approx(carried, abs=1e-8)
+    assert last.figures.reactions["slave"][0] == pytest.approx(20 - carried, rel=1e-9)
+
+
 def test_a_support_that_does_not_hold_yet_holds_nothing():
     case, mesh = pushed()
     alone = replace(case, contact=())
