@@ -124,13 +124,13 @@ def late_supports(constraints: Constraints, case: Case) -> Iterator[EqualityRows
 
 def _held_already(constraints: Constraints, own: LateSupport, times: Sequence[float]) -> NDArray[np.bool_]:
     """Return a mask (k,) of conditions that hold from the start on. Raises CaseError where these contradict."""
-    held = ~moves(csr_array(own.C @ constraints.T), own.C)
-    if not held.any():
-        return held
+    fixed = ~moves(csr_array(own.C @ constraints.T), own.C)
+    if not fixed.any():
+        return fixed
     space = constraints.space
 
     def apart(t: float) -> NDArray[np.floating]:
-        return np.asarray(np.where(held, own.values(t) - own.C @ constraints.u0(t), 0.0))
+        return np.asarray(np.where(fixed, own.values(t) - own.C @ constraints.u0(t), 0.0))
 
     first = apart(own.begin)
     for t in (time for time in times if time > own.begin):
@@ -144,7 +144,7 @@ def _held_already(constraints: Constraints, own: LateSupport, times: Sequence[fl
                 f"at t = {t:g} it contradicts {other}, which holds node {space.mesh.node_number[node]} from the start"
             )
             raise wrong(own.record, f"{message}; leave one out, or make them agree")
-    return held
+    return fixed
 
 
 def _held_by_others(own: LateSupport, earlier: Sequence[LateSupport]) -> NDArray[np.bool_]:

@@ -68,9 +68,9 @@ class ContactSystem:
         rows = self.rows.reduced(T)
         made = replace(self, rows=rows, skin_stiffness=self.skin_stiffness_of(K, rows), nodal=self.rows)
         moved, yields = moves(rows.B, self.rows.B), mask_of(len(self.G), *(g.rows for g in self.groups if g.law.yields))
-        held = self._held(rows.B)
-        if held.any():
-            left = csr_array(rows.B @ diags_array((~held).astype(float)))
+        fixed = self._held(rows.B)
+        if fixed.any():
+            left = csr_array(rows.B @ diags_array((~fixed).astype(float)))
             moved &= self.of_equality | moves(left, self.rows.B)
         return replace(made, enforceable=self.above_threshold & (moved | yields))
 

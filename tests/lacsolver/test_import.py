@@ -82,7 +82,7 @@ def test_gravity_of_a_part(tmp_path):
 
 
 def test_gravity_along_another_direction_adds_to_that_of_earlier_steps(tmp_path):
-    """As in CalculiX; along the same direction it replaces: 10, then 4 along z, and 3 along x beside it."""
+    """Gravity along the same direction is replaced, as in CalculiX: 10, then 4 along z, and 3 along x beside it."""
     more = "*DENSITY\n2.\n"
     then = step("*DLOAD\nB, GRAV, 4., 0., 0., 2.\nB, GRAV, 3., 1., 0., 0.\n")
     found = solved(tmp_path, column(more, "*DLOAD\nB, GRAV, 10., 0., 0., 1.\n", nu=0.0) + then)

@@ -135,7 +135,7 @@ def test_contact_holds_a_body_until_its_support_begins():
 
 @pytest.mark.parametrize("master", ["left", "body0"])
 def test_a_slave_that_is_held_late(master):
-    """On a free master it takes what comes after; on one that is held itself all, as where both are prescribed."""
+    """A slave on a free master takes what comes after; on a master that is held all, as where both are prescribed."""
     case, mesh = pushed()
     zero = {"uy": 0.0, "uz": 0.0}
     supports = [

@@ -73,7 +73,7 @@ def test_a_rotation_that_a_moment_would_give(kind):
 
 @pytest.mark.parametrize("keys", [KINDS["rigid"], KINDS["body"]])
 def test_large_rotations_about_one_axis(keys):
-    """Of all rotations with 0.3 about y it is the one with the least energy: its derivatives by the others are 0."""
+    """Rotations with 0.3 about y: the one that is found has the least energy, whose derivatives by the others are 0."""
     hinged = solved(finite=True, **keys, rotation=("free", 0.3, "free"))
     theta = moved(hinged)[0]
     assert theta[1] == pytest.approx(0.3, rel=1e-12)

@@ -154,7 +154,7 @@ def test_a_node_in_two_rigid_bodies():
 
 
 def test_a_displacement_on_a_node_of_a_rigid_body():
-    """One that agrees with the motion of the body is taken (test_shared_supports.py), one that contradicts is not."""
+    """A displacement that agrees with the motion of the body is taken (test_shared_supports.py), no other."""
     sections = '[[displacement]]\ngroup = "y0"\nuy = {}\n[[rigid]]\ngroup = "x0"\n'
     space = Space.of(box("QUAD4", "plane_strain"), "plane_strain")
     constraints_of(space, case(sections.format(0), "plane_strain"))

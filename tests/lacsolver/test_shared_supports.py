@@ -92,7 +92,7 @@ def test_both_lines_of_a_contradiction(tmp_path):
 
 
 def test_a_component_that_two_records_prescribe_alike():
-    """The same values once more, in other axes too; another value is a mistake, and the message has both lines."""
+    """Equal values are taken, in other axes too; another value is a mistake, and the message has both lines."""
     turned = {"x": [0.0, 1.0, 0.0], "xy": [-1.0, 0.0, 0.0]}
     again = [Displacement(group="x0", ux=0.0), Displacement(group="x0", uy=0.0, axes=turned)]
     solution = ls.solve(lidded(*again, Displacement(group="z1", uz=0.01)), quarter())
