@@ -16,7 +16,7 @@ from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.contact.interface import TOUCHING
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import Progress, attempt, why
+from lacsolver.equilibrium.attempt import Progress, attempt, rested, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
@@ -193,7 +193,9 @@ def _marched(
                 state = state.with_step_size((step.t - state.time) / 2)
                 continue
             work = None if ledger is None else ledger.add(step, q, p)
-            state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories, work)
+            iterate, came_to_rest = rested(step, outcome)
+            state = state.commit(step.t, iterate, state.step_size * steps.growth, histories, work)
+            state = replace(state, earlier=None) if came_to_rest else state  # loads have ended: nothing to extrapolate
             last = steps.last - state.time <= _SAME * steps.last
             yield step, outcome, _state(step, outcome, attempts, state, last)
             attempts = _Attempts()
