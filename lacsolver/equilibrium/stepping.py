@@ -25,7 +25,7 @@ from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import still_free
-from lacsolver.problem.sectors import leaves_sector
+from lacsolver.problem.sectors import check_stays_in_sector
 from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
@@ -107,7 +107,8 @@ def march(
     list then has this problem.
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
-    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
+    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart, and if a slave leaves its
+    sector.
 
     >>> from lacsolver import read_case
     >>> for state in march(Problem.of(read_case("data/two_blocks.toml"))):
@@ -124,7 +125,7 @@ def march(
             kept[:] = [model]
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
-            left = left or _warn_of_sectors(step, outcome)
+            left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
             yield converged
@@ -220,15 +221,15 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
     return None
 
 
-def _warn_of_sectors(step: LoadStep, outcome: Outcome) -> bool:
-    """Warn if slaves that move have left their sector; return True if it warned."""
+def _check_sectors(step: LoadStep, outcome: Outcome, warned: bool) -> bool:
+    """Raise CaseError if slaves that move leave their sector; warn of a small part, once. Return True if it warned."""
     problem, u = step.model.problem, step.u(outcome.iterate.q)
     for pair, face in zip(problem.joints, step.interfaces(outcome.iterate.q), strict=True):
-        if pair.moving and (words := leaves_sector(problem.case, pair, face, problem.space, u)):
-            message = f"contact {pair.name!r} at time {step.t:.6g}: {words}"
+        message = check_stays_in_sector(problem.case, pair, face, problem.space, u) if pair.moving else ""
+        if message and not warned:
             warnings.warn(LacmeshWarning(message), stacklevel=3)
-            return True
-    return False
+            warned = True
+    return warned
 
 
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
