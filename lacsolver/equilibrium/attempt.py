@@ -65,9 +65,7 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
 def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None] | None) -> Outcome:
     """Search as `attempt` does, by one method after another."""
     model, solver = step.model, step.model.problem.case.solver
-    moved = model.problem.space.largest(step.u0)
-    length = 0.0 if model.linear else model.length
-    tolerance = ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
+    tolerance = _tolerance(step)
 
     def report(number: int, closed: int, balance: float, gap: float) -> None:
         if progress is not None:
@@ -96,6 +94,13 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     return again._replace(
         residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
     )
+
+
+def _tolerance(step: LoadStep) -> ConvergenceTolerance:
+    """Return the convergence criteria of a step."""
+    model, solver = step.model, step.model.problem.case.solver
+    length, moved = 0.0 if model.linear else model.length, model.problem.space.largest(step.u0)
+    return ConvergenceTolerance(solver.tolerance, solver.max_iterations, length, moved, model.vectors)
 
 
 def _linear_iterates(step: LoadStep, start: Iterate, tolerance: ConvergenceTolerance) -> Iterator[Trial]:
@@ -151,6 +156,25 @@ def _initial(pair: ContactPair, face: Interface) -> NDArray[np.bool_]:
     return np.full(face.B.shape[0], pair.initial == "all")
 
 
+def rested(step: LoadStep, outcome: Outcome) -> tuple[Iterate, bool]:
+    """Return the iterate of a converged step from which the next one starts, and True if a contact has come to rest.
+
+    A contact rests where its pressures are within the tolerance of gaps: round-off has chosen its rows. Where contact
+    alone holds bodies, its rows are then those of the undeformed bodies at the start of a run.
+    """
+    model, (q, p, active), contact = step.model, outcome.iterate, outcome.contact
+    if not model.motions or model.scheme.resists_rigid_motion:
+        return outcome.iterate, False
+    presses = p > contact.skin_stiffness * _tolerance(step).gaps(contact.rows.B, q)
+    p, active, before, came = p.copy(), active.copy(), step.state.iterate, False
+    for group, face in zip(contact.pairs, step.interfaces(q), strict=True):
+        if group.law.compressive and not presses[group.rows].any():
+            p[group.every], active[group.every] = 0.0, False
+            active[group.rows] = _initial(group.pair, face) & contact.enforceable[group.rows]
+            came = came or (before is not None and bool(before.p[group.rows].any()))
+    return Iterate(q, p, active), came
+
+
 def why(step: LoadStep, outcome: Outcome) -> str:
     """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
     problem = step.model.problem
@@ -193,10 +217,11 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
     within = step.model.problem.case.solver.tolerance * largest
     beyond = left > np.maximum(_UNCARRIED * whole, within)
     if beyond.any() and model.problem.kinematics.linear:
-        # round-off of bodies within the model, which is all that is left without a load
+        # round-off of bodies within the model, and of gaps, which is all that is left without a load
         near = np.clip(outcome.iterate.q, -model.length, model.length)
         terms = model.vectors.summed(sizes(step.reference.K, near))
-        beyond &= left > ROUNDING * model.vectors.dots(np.abs(along), terms)
+        gaps = np.abs(outcome.contact.rows.B @ along.T).T @ outcome.contact.skin_stiffness * model.length
+        beyond &= left > ROUNDING * (model.vectors.dots(np.abs(along), terms) + gaps)
     for k in np.flatnonzero(beyond):
         yield model.motions[k], along[k], load
 

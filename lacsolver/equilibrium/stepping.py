@@ -17,7 +17,7 @@ from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free
 from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import Progress, attempt, why
+from lacsolver.equilibrium.attempt import Progress, attempt, rested, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
@@ -26,7 +26,7 @@ from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import still_free
-from lacsolver.problem.sectors import leaves_sector
+from lacsolver.problem.sectors import check_stays_in_sector
 from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
@@ -108,7 +108,8 @@ def march(
     list then has this problem.
 
     Raises NotConvergedError if a step was halved too often, DataError if a rigid-body motion is not constrained,
-    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart.
+    CaseError if prescribed displacements alone make skins overlap, or hold a tie apart, and if a slave leaves its
+    sector.
 
     >>> from lacsolver import read_case
     >>> for state in march(Problem.of(read_case("data/two_blocks.toml"))):
@@ -125,7 +126,7 @@ def march(
             kept[:] = [model]
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
-            left = left or _warn_of_sectors(step, outcome)
+            left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
             yield converged
@@ -194,7 +195,9 @@ def _marched(
                 state = state.with_step_size((step.t - state.time) / 2)
                 continue
             work = None if ledger is None else ledger.add(step, q, p)
-            state = state.commit(step.t, outcome.iterate, state.step_size * steps.growth, histories, work)
+            iterate, came_to_rest = rested(step, outcome)
+            state = state.commit(step.t, iterate, state.step_size * steps.growth, histories, work)
+            state = replace(state, earlier=None) if came_to_rest else state  # loads have ended: nothing to extrapolate
             last = steps.last - state.time <= _SAME * steps.last
             yield step, outcome, _state(step, outcome, attempts, state, last)
             attempts = _Attempts()
@@ -219,15 +222,15 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
     return None
 
 
-def _warn_of_sectors(step: LoadStep, outcome: Outcome) -> bool:
-    """Warn if slaves that move have left their sector; return True if it warned."""
+def _check_sectors(step: LoadStep, outcome: Outcome, warned: bool) -> bool:
+    """Raise CaseError if slaves that move leave their sector; warn of a small part, once. Return True if it warned."""
     problem, u = step.model.problem, step.u(outcome.iterate.q)
     for pair, face in zip(problem.joints, step.interfaces(outcome.iterate.q), strict=True):
-        if pair.moving and (words := leaves_sector(problem.case, pair, face, problem.space, u)):
-            message = f"contact {pair.name!r} at time {step.t:.6g}: {words}"
+        message = check_stays_in_sector(problem.case, pair, face, problem.space, u) if pair.moving else ""
+        if message and not warned:
             warnings.warn(LacmeshWarning(message), stacklevel=3)
-            return True
-    return False
+            warned = True
+    return warned
 
 
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:

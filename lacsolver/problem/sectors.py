@@ -40,10 +40,16 @@ def check_in_sector(case: Case, pair: ContactPair, face: Interface, space: Space
         warnings.warn(LacmeshWarning(f"contact {pair.name!r}: {message}"), stacklevel=4)
 
 
-def leaves_sector(case: Case, pair: ContactPair, face: Interface, space: Space, u: Floats) -> str:
-    """Return a warning where slave faces at u (n_dof,) face the master of a neighbouring sector alone, or ""."""
+def check_stays_in_sector(case: Case, pair: ContactPair, face: Interface, space: Space, u: Floats) -> str:
+    """Raise CaseError where slave faces at u (n_dof,) face the master of a neighbouring sector alone.
+
+    Return a warning where they are a small part, else "".
+    """
     part, words = beyond_sector(case, pair, face, space, u)
-    return f"{words}; model the whole ring" if part > _LITTLE else ""
+    message = f"at time {face.t:.6g} {words}; model the whole ring"
+    if part > _MUCH:
+        raise wrong(pair.record, f"{message}, or let the bodies slide less")
+    return f"contact {pair.name!r} {message}" if part > _LITTLE else ""
 
 
 def beyond_sector(case: Case, pair: ContactPair, face: Interface, space: Space, u: Floats) -> tuple[float, str]:

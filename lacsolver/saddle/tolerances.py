@@ -150,6 +150,7 @@ def equilibrium_residual(
     off = vectors.largest(r / np.maximum(force, 1e-300))
     if terms is not None and off > tolerance.tolerance:
         summed = terms()
-        least = np.maximum(summed.rounding(vectors), ROUNDING * tolerance.scale(q) * summed.K)
+        # without a load forces come from gaps, which the coordinates' round-off limits
+        least = np.maximum(summed.rounding(vectors), ROUNDING * max(tolerance.scale(q), tolerance.length) * summed.K)
         off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
     return off

@@ -207,8 +207,11 @@ def test_a_load_goes_to_zero_and_comes_back():
     case = Case(
         mesh=mesh, model="3d", material=Material(young=1000.0, poisson=0.3),
         contact=Contact(slave="s", master="m", geometry="reference", friction=0.3),
-        displacement=Displacement(group="base", ux=0, uy=0, uz=0), steps=Steps(end=4.0, count=4),
+        displacement=Displacement(group="base", ux=0, uy=0, uz=0), steps=Steps(end=4.0, count=8),
         pressure=Pressure(group="top", value=[[0, 0], [1, 5], [2, 0], [3, 0], [4, 5]]),
     )  # fmt: skip
-    forces = [state.zones[0].pressure @ state.zones[0].area for state in march(Problem.of(case))]
-    np.testing.assert_allclose(forces, np.array([5, 0, 0, 5]) * 1.7 * 0.8, atol=1e-9)
+    states = list(march(Problem.of(case)))
+    forces = [state.zones[0].pressure @ state.zones[0].area for state in states]
+    np.testing.assert_allclose(forces, np.array([2.5, 5, 2.5, 0, 0, 0, 2.5, 5]) * 1.7 * 0.8, rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(states[-1].u, states[1].u, atol=1e-6)  # it is again where the load had brought it
+    assert max(np.abs(state.u).max() for state in states) < 0.02

@@ -334,13 +334,26 @@ def test_a_slave_in_its_sector_is_pressed_evenly():
     assert np.ptp(pressure) <= 0.02 * pressure.mean()
 
 
-def test_a_hub_that_slides_out_of_its_sector_is_warned_of():
+def sliding(angle):
+    """A hub that turns by so many radians in two steps."""
     case = pressed(0.0, geometry="current")
-    turn = {"ux": "x * (cos(0.2 * t) - 1) - y * sin(0.2 * t)", "uy": "x * sin(0.2 * t) + y * (cos(0.2 * t) - 1)"}
+    turn = {
+        "ux": f"x * (cos({angle} * t) - 1) - y * sin({angle} * t)",
+        "uy": f"x * sin({angle} * t) + y * (cos({angle} * t) - 1)",
+    }
     moved = (case.displacement[0], Displacement(group="outer", **turn))
-    case = made(case.mesh, "finite", cyclic=case.cyclic, contact=case.contact, displacement=moved, steps=Steps(count=2))
-    with pytest.warns(lacmesh.errors.LacmeshWarning, match="contact 'slave' at time 0.5: 9.* of a neighbouring sector"):
-        ls.solve(case)
+    return made(case.mesh, "finite", cyclic=case.cyclic, contact=case.contact, displacement=moved, steps=Steps(count=2))
+
+
+def test_a_hub_that_slides_out_of_its_sector_ends_the_run(tmp_path):
+    """It turns by 1.1 degrees of 60 in the first step, of which it is warned, and by as much again in the second."""
+    with (
+        pytest.warns(lacmesh.errors.LacmeshWarning, match="contact 'slave' at time 0.5 1.9 % of the area of slave"),
+        pytest.raises(CaseError, match=r"contact: at time 1 3.8 % of the area .* neighbouring sector .* whole ring"),
+    ):
+        ls.run(sliding(0.04), tmp_path / "out")
+    results = ls.read_results(tmp_path / "out")
+    assert results.status == "failed" and results.times.tolist() == [0.5]
 
 
 # ---- natural modes of a sector
