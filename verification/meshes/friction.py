@@ -103,6 +103,21 @@ def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
     return with_skin(mesh, "SEG3", points, faces, "master")
 
 
+def laid_belt(n: int) -> Mesh:
+    """A belt of QUAD4, 0.1 thick, n cells along it, on a quarter of a drum of radius 10, which is longer, of 60 cells.
+
+    Groups: `belt`, `drum` (cells), `slave`, `master`, `first` (on the axis x), `last`.
+    """
+    belt = piece("QUAD4", [np.linspace(10, 10.1, 3), np.linspace(0, np.pi / 2, n + 1)])
+    drum = piece("QUAD4", [np.linspace(8, 10, 3), np.linspace(-0.1, np.pi / 2 + 0.1, 61)])
+
+    def around(x: Floats) -> Floats:
+        return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
+
+    return joined([(bent(belt, around), {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}),
+                   (bent(drum, around), {"": "drum", "x1": "master"})])  # fmt: skip
+
+
 def punched_half(kind: str, n: int) -> Mesh:
     """Half of a block under a flat rigid punch |x| < 1 on y = 0, n cells to its half-width.
 
