@@ -13,6 +13,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
 from lacmesh.surface.clip import clip
+from lacmesh.surface.height import QUADRATIC
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, NormalMaps, coefficients
 from lacmesh.surface.normals import smoothed
@@ -21,7 +22,7 @@ from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates
-from lacmesh.topology.skin import MAX_CORNERS
+from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
 NORMALS = ("facet", "smoothed", "master")
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against the extent of what is there
@@ -244,16 +245,16 @@ def _on_faces(
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
     turned = _turned(slave, H)
+    sides = _side(slave, s, pieces.slave), _side(master, m, pieces.master)
     code = pair_rule(
-        _side(slave, s, pieces.slave),
-        _side(master, m, pieces.master),
+        *sides,
         np.diff(pieces.start),
         pieces.largest_share(),
         turned[fs],
         degree,
     )
     order, groups = _groups(slave, master, fs, fm, code)
-    functions = np.stack([N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]], axis=1)
+    functions = np.stack([side.functions for side in sides], axis=1)
     bend = np.maximum(s.warp, turned)[fs]
     placed = place(pieces, order, code, s, m, functions, bend, NormalMaps.none() if H is None else H)
     groups[:, 3:] = placed.first[groups[:, 3:]]
@@ -271,7 +272,11 @@ def _turned(slave: Surface, H: NormalMaps | None) -> NDArray[np.floating]:
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
     """Collect the properties of some patches that determine the rules of their pieces."""
     f = p.face[rows]
-    return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f])
+    functions = N_FUNCTIONS[surface.faces.type]
+    if surface.height is not None:  # a polynomial in the plane of other faces, which rules integrate without a fit
+        high = (surface.faces.type == TYPE_CODE["QUAD4"]) & surface.height.value.any(axis=1)
+        functions = np.where(high, N_FUNCTIONS[TYPE_CODE[QUADRATIC["QUAD4"]]], functions)
+    return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f], functions[f])
 
 
 def _on_lines(

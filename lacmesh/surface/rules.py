@@ -8,7 +8,8 @@ are used on a fan of triangles.
 
 On general quadrangles the functions are no polynomials in the plane, and a rule that integrates them to 1e-10 needs a
 hundred points per triangle. Here a few points are used, with weights corrected (`fit`) such that every function of both
-faces has its exact integral over the piece.
+faces, and of the heights over them, has its exact integral over the piece: what a rule left would depend on how the
+piece is divided into triangles, and this on the last bits of coordinates.
 """
 
 from __future__ import annotations
@@ -83,13 +84,14 @@ def fan_rules() -> Fans:
 class Sides(NamedTuple):
     """Properties of one side that determine the rules of pieces: type, and kind and warp of the faces (maps.kinds).
 
-    `whole`: the patch is not half of a quadrangle with a re-entrant corner.
+    `whole`: the patch is not half of a quadrangle with a re-entrant corner; `functions`: how many a fit takes.
     """
 
     type: Ints
     kind: Ints
     warp: Floats
     whole: Bools
+    functions: Ints
 
 
 def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned: Floats, least: int = 0) -> Ints:
@@ -105,7 +107,7 @@ def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned
     bent = bend > np.where(curved, NEARLY_FLAT, FLAT)
     code = np.where(bent, np.where(degree <= 2, FAN6, FAN12), code)
     fit = slave.whole & master.whole & ((slave.kind > AFFINE) | (master.kind > AFFINE))
-    fitted = _fitted(1 + N_FUNCTIONS[slave.type] + N_FUNCTIONS[master.type], vertices, share)
+    fitted = _fitted(1 + slave.functions + master.functions, vertices, share)
     return np.where(fit & ~bent, fitted, np.where(fit & ~curved, code + FITTED + AROUND, code))
 
 
@@ -113,8 +115,9 @@ def _fitted(functions: Ints, vertices: Ints, share: Floats) -> Ints:
     """Codes of fitted rules with at least as many points as functions, on the triangles that count."""
     single = share > _ALONE
     few = np.where((vertices > 4) & (share < _AMONG_OTHERS), FAN3, np.where(single, FAN7, FAN6))
-    many = np.where(functions > 11, np.where(single, FAN30, FAN16), np.where(single, FAN16, FAN12))
-    return np.where(functions <= 7, few, many) + FITTED
+    some = np.where(single, FAN12, FAN6)
+    many = np.where(single, FAN30, FAN16)
+    return np.where(functions <= 7, few, np.where(functions <= 11, some, many)) + FITTED
 
 
 def points_of(code: Ints, vertices: Ints) -> Ints:

@@ -23,7 +23,7 @@ from lacsolver.space.sparse import sparse
 _LEFT = 1e-9
 #: largest factor of friction that is tried, and the relative accuracy of the least one
 _MOST, _NARROW = 1e6, 1e-7
-#: directions of tractions in space, beside those along the motion of the load
+#: directions of tractions in space, beside those along the motion under the load of bodies on a bed of springs
 _DIRECTIONS = 16
 
 
@@ -74,7 +74,9 @@ class _Statics:
         self.size = float(np.abs(load).max()) or 1.0
         self.load, m, w = load / self.size, len(contact.G), contact.rows.w
         unit_forces = csr_array((contact.rows.B @ motions.T / w[:, None]).T)
-        parts = [_directions(contact, shear, load @ motions) for shear in contact.sheared]
+        bed = unit_forces * (w * contact.enforceable) @ unit_forces.T  # of springs, as stiff as their areas
+        along = np.linalg.pinv(bed.toarray(), rcond=_LEFT, hermitian=True) @ load @ motions
+        parts = [_directions(contact, shear, along) for shear in contact.sheared]
         columns = [unit_forces @ one.turned for one in parts]
         left = eye_array(len(load))
         self.A = hstack([unit_forces, *columns, left, -left], format="csr")

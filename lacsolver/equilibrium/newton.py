@@ -66,6 +66,8 @@ _FORCING = 0.03
 _LOOSE, _LOOSE_OF_CONSTANT = 1e-4, 1e-3
 #: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
 _LAST = 1e-4
+#: merit with which a set comes back, over that with which it was left, above which it is one of a cycle
+_BETTER = 0.5
 #: largest number of active sets of one linear problem; with friction, where no proof says that pivoting ends
 _MAX_SETS, _MAX_SETS_WITH_FRICTION = 20, 6
 
@@ -96,7 +98,7 @@ def newton_iterates(
     now, rows = _start(there, start, tolerance)
     sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
     while True:
-        again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
+        again = _BETTER * sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, hardly better
         if again and there.contact.sheared and not whole:
             whole, merits = True, merits if damping else [np.inf]
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS

@@ -15,6 +15,7 @@ from lacmesh.reference.shapes import shape
 from lacmesh.smooth import find, height_of
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.smooth.parents import inverse, parents_of
+from lacmesh.surface import contact_points
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from tests.samples import each_option
@@ -339,3 +340,16 @@ def test_coordinates_that_are_no_numbers_and_faces_without_extent_are_passed_ove
     x[24] = x[25]
     broken = replace(mesh, points=x)
     assert np.isfinite(height_of(broken, whole(broken)).value).all()
+
+
+@pytest.mark.parametrize(("kind", "skew"), [*product(("TRIA3", "QUAD4"), (0.02, 0.25))])
+def test_gaps_of_smooth_skins_have_the_round_off_of_those_of_faces(kind, skew):
+    """Skins with the same nodes: the last bits of these say into how many triangles a common part is divided."""
+    slave, master = (rolled(cylinder, 5, each, skew, down=down) for each, down in ((kind, False), ("QUAD4", True)))
+    both = [replace(whole(mesh), height=height_of(mesh, whole(mesh))) for mesh in (slave, master)]
+    rng, found = np.random.default_rng(0), []
+    for _ in range(8):
+        moved = [side.at(side.x + 1e-15 * rng.uniform(-1, 1, side.x.shape)) for side in both]
+        points = contact_points(*moved)
+        found.append(np.bincount(points.macro, points.weight * points.gap))
+    assert np.ptp(found, axis=0).max() < 1e-15

@@ -13,6 +13,7 @@ from verification.families import (
     friction_moving,
     friction_patch,
     friction_published,
+    friction_seats,
 )
 from verification.records import Family
 
@@ -28,6 +29,7 @@ _PROBLEMS = (
     friction_published,
     friction_bank,
     friction_lids,
+    friction_seats,
     friction_cost,
 )
 FAMILY = Family(

@@ -1,7 +1,8 @@
 """**Sticks or slides.** A pad under its weight on an incline, whose slope is just below and just above mu; a shaft in a
 hub, pulled or turned by a load just below and just above what friction carries (Lame's pressure).
 
-**Belt.** A belt of thickness h around a rigid cylinder: T2 / T1 tends to e^(mu theta) as h falls.
+**Belt.** A belt of thickness h around a rigid cylinder: T2 / T1 tends to e^(mu theta) as h falls. A belt that
+is laid on a drum of cells, tightened at one end and pulled at the other: it slides back, sticks, and slides on.
 
 **Crack.** A closed crack under inclined compression that slides: p and t are uniform, slip is an ellipse (Phan and
 others). **Punch.** A flat rigid punch pressed into a half-plane: how far it sticks, against Spence's integral
@@ -206,6 +207,31 @@ def _belt(angle: float, friction: float, h: float) -> tuple[Solved, float]:
     return one, float(pull / tension)
 
 
+def solve_laid_belt(kinematics: str, n: int, *, levels: int) -> Outcome:
+    """A belt on a quarter of a drum, n cells along it: tightened by a dead load in ten steps, pulled in ten more."""
+    law = {"law": "saint_venant_kirchhoff"} if kinematics == "finite" else {}
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["belt"], young=1e4, poisson=0.0, **law),
+        entry("material", groups=["drum"], young=1e6, poisson=0.0, **law),
+        entry("contact", slave="slave", master="master", friction=0.3, geometry="current"),
+        entry("rigid", group="drum"),
+        entry("displacement", group="last", ux=[[0.0, 0.0], [1.0, -0.002], [2.0, -0.05]]),
+        entry("traction", group="first", ty=[[0.0, 0.0], [1.0, -10.0], [2.0, -10.0]]),
+        entry("steps", end=2.0, count=20, max_halvings=0),
+        kinematics=kinematics,
+    )
+    one = solve(text, meshes.laid_belt(n))
+    pull = -one.state.reaction.reshape(-1, 2)[nodes_of(one.mesh, "last"), 0].sum()
+    exact = capstan(0.3, np.pi / 2)
+    return Outcome(
+        (
+            equal("T2 / T1", float(pull), exact, 0.01 * exact, source="Euler", reason="a belt 0.01 R thick, on chords"),
+            *balanced([one]),
+        )
+    )
+
+
 # ---- a crack
 
 
@@ -321,6 +347,11 @@ def cases(family: str) -> Iterator[Case]:
         suite = "quick" if angle == 90 else "full"
         yield Case(
             family, f"belt-{angle:g}", f"a belt around {angle:g} degrees", partial(solve_belt, angle), {suite: 1}, 20.0
+        )
+    for kinematics, n in (("small", 24), ("finite", 48)):
+        laid = partial(solve_laid_belt, kinematics, n)
+        yield Case(
+            family, f"belt-laid-{kinematics}", "a belt that is laid on a drum and pulled", laid, {"full": 1}, 20.0
         )
     for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8"):
         description = f"a closed crack that slides, {cell}"

@@ -73,12 +73,12 @@ def solve_bank(kind: str, *, levels: int) -> Outcome:
     return Outcome((at_most(f"lids that are not solved at once, of {levels}", lost, 0, source="a solution exists"),))
 
 
-def solve_known(*, levels: int) -> Outcome:
-    """Two lids whose sets return."""
+def solve_known(push: float, *, levels: int) -> Outcome:
+    """Two lids whose sets return, under a push."""
     del levels
     results = []
     for friction, normal, shear in _KNOWN:
-        zone = solve(text_of("reference", friction, 1.0, 0.3), lid(3, 8)).state.zones[0]
+        zone = solve(text_of("reference", friction, push, 0.3), lid(3, 8)).state.zones[0]
         assert zone.friction is not None
         for name, value, right in (
             ("pressure", zone.pressure @ zone.area, normal), ("friction", zone.friction.shear[:, 0] @ zone.area, shear)
@@ -92,7 +92,7 @@ def solve_known(*, levels: int) -> Outcome:
 
 def cases(family: str) -> Iterator[Case]:
     """300 lids in all, and the known ones."""
-    yield Case(family, "lids-known", "forces of two lids", partial(solve_known), {"quick": 1, "full": 1}, 2.0)
+    yield Case(family, "lids-known", "forces of two lids", partial(solve_known, 1.0), {"quick": 1, "full": 1}, 2.0)
     for kind in KINDS:
         sizes = {"quick": 4, "full": 100}
         yield Case(family, f"lids-{kind}", f"random lids, {kind}", partial(solve_bank, kind), sizes, 150.0)

@@ -1,5 +1,5 @@
 """Meshes of problems with friction: a plane with a crack, a shaft in a hub, a belt around a cylinder, a block under a
-punch, a pad, a slider, a ring on a hub, a wheel, a rod.
+punch, a pad, a slider, a ring on a hub, a wheel, a rod, a cylinder in a groove.
 """
 
 from __future__ import annotations
@@ -103,6 +103,21 @@ def belt(kind: str, thickness: float, angle: float, n: int) -> Mesh:
     return with_skin(mesh, "SEG3", points, faces, "master")
 
 
+def laid_belt(n: int) -> Mesh:
+    """A belt of QUAD4, 0.1 thick, n cells along it, on a quarter of a drum of radius 10, which is longer, of 60 cells.
+
+    Groups: `belt`, `drum` (cells), `slave`, `master`, `first` (on the axis x), `last`.
+    """
+    belt = piece("QUAD4", [np.linspace(10, 10.1, 3), np.linspace(0, np.pi / 2, n + 1)])
+    drum = piece("QUAD4", [np.linspace(8, 10, 3), np.linspace(-0.1, np.pi / 2 + 0.1, 61)])
+
+    def around(x: Floats) -> Floats:
+        return np.stack([x[:, 0] * np.cos(x[:, 1]), x[:, 0] * np.sin(x[:, 1]), x[:, 2]], axis=1)
+
+    return joined([(bent(belt, around), {"": "belt", "x0": "slave", "y0": "first", "y1": "last"}),
+                   (bent(drum, around), {"": "drum", "x1": "master"})])  # fmt: skip
+
+
 def punched_half(kind: str, n: int) -> Mesh:
     """Half of a block under a flat rigid punch |x| < 1 on y = 0, n cells to its half-width.
 
@@ -187,3 +202,25 @@ def rod(kind: str, n: int, angle: float) -> Mesh:
     leaning = bent(joined([(upright, {"": "rod", "y0": "slave"})]),
                    lambda x: x + x[:, 1:2] * [[1 / np.tan(angle), 0, 0]])  # fmt: skip
     return with_skin(leaning, "SEG2", np.array([[9.0, 0.0], [-9.0, 0.0]]), np.array([[0, 1]]), "master")
+
+
+def seated(kind: str, n: int, radius: float, hole: float) -> Mesh:
+    """Half (x > 0) of a cylinder with a hole in a groove of 90 degrees, or of a ball in a cone, n cells around it.
+
+    Nodes of both skins are where they touch, if n is a multiple of 4. Groups: `ball`, `seat` (cells), `round`, `flank`,
+    `base`, `axis`.
+    """
+    ball = piece(kind, [np.linspace(hole, radius, max(n // 4, 2) + 1), np.linspace(-np.pi / 2, np.pi / 2, n + 1)])
+    seat = piece(kind, [np.linspace(0, np.sqrt(2), n // 2 + 1), np.linspace(-2, 0, max(n // 4, 2) + 1)])
+
+    def around(x: Floats) -> Floats:
+        r, angle, z = x.T
+        points = np.stack([r * np.cos(angle), r * np.sin(angle) + np.sqrt(2) * radius, z], axis=1)
+        points[np.abs(points[:, 0]) < 1e-12 * radius, 0] = 0.0
+        return points
+
+    def below(x: Floats) -> Floats:
+        return radius * np.stack([x[:, 0], x[:, 1] + x[:, 0] * (1 + x[:, 1] / 2), x[:, 2]], axis=1)
+
+    return joined([(bent(ball, around), {"": "ball", "x1": "round", "y0": "axis", "y1": "axis"}),
+                   (bent(seat, below), {"": "seat", "y1": "flank", "x1": "base", "x0": "axis"})])  # fmt: skip
