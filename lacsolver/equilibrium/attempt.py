@@ -80,7 +80,8 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     first = solver.max_iterations if constant else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
-        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
+        endless = replace(tolerance, max_iterations=10**9)
+        return search(_linear_iterates(step, extrapolated or now, tolerance), endless, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
             if not (state.histories.materials and _turns_round(step, extrapolated, now, tolerance)):

@@ -32,6 +32,7 @@ from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.row_set import RowSet
@@ -146,6 +147,12 @@ class _Step(NamedTuple):
     solves: int
     applications: int
 
+    def part(self, before: _Step, part: float) -> _Step:
+        """Return the step at a part of the way from one before."""
+        if part == 1:
+            return self
+        return self._replace(dq=before.dq + part * (self.dq - before.dq), p=before.p + part * (self.p - before.p))
+
 
 def _newton_step(
     there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool,
@@ -164,30 +171,36 @@ def _newton_step(
             C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
             now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
-            step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots()
+            step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots(contact)
             while True:
-                step = _solved(there, K, C, step, there.r, goal, kept)
+                before = step
+                step = _solved(there, pivots.softened(contact), K, C, step, there.r, goal, kept)
                 if step.solves == limit and not first:
                     return step
-                wanted = contact.with_gaps(contact.G - contact.rows.D @ step.dq).next_rows(step.rows, step.p)
+                then, now = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
+                part, wanted = pivots.wanted(step.rows, then, before.p, now, step.p)
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held
-                    alone = _solved(there, K, C, step._replace(rows=rows), r, goal, kept)
+                    alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal, kept)
                     return alone._replace(p=alone.p + held, rows=wanted)
-                if step.solves == limit or wanted.equals(step.rows):
+                step = step.part(before, part)
+                if not pivots.springs and (step.solves >= limit or wanted.equals(step.rows)):
                     return step
-                step = step._replace(rows=pivots.next(step.rows, wanted, exact=True))
+                following = pivots.next(step.rows, wanted, True, step.p, K.vectors.largest(step.dq))
+                if following is None:
+                    return step
+                step = step._replace(rows=following)
     return None
 
 
 def _solved(
-    there: Linearization, K: Operator, C: csr_array | None, before: _Step, r: Floats, goal: LinearTolerance,
-    kept: KeptDirections | None,
+    there: Linearization, contact: ContactSystem, K: Operator, C: csr_array | None, before: _Step, r: Floats,
+    goal: LinearTolerance, kept: KeptDirections | None,
 ) -> _Step:  # fmt: skip
     """Return the step with the row set and from the pressures of one before, under the unbalanced forces r (n_q,)."""
-    linear = there.contact.linear(before.rows, before.p)
-    h = linear.load(r, there.contact.rows.B_T)
+    linear = contact.linear(before.rows, before.p)
+    h = linear.load(r, contact.rows.B_T)
     problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
     dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal, kept)
     return _Step(dq, linear.full(p), before.rows, before.solves + 1, before.applications + more)
