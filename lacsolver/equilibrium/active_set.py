@@ -54,7 +54,7 @@ _BLOCKS, _FALL = 3, 0.7
 #: goes on without springs, and of the last level, relative to that of a macro-element's own skin
 _STIFFER, _STIFF, _STIFFEST = 0.1, 0.1, 1e-12
 #: reduction of the residual in a solve with springs
-_LOOSE_WITH_SPRINGS = 1e-6
+LOOSE_WITH_SPRINGS = 1e-6
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
 
@@ -173,8 +173,8 @@ class Pivots:
     """Update of the active set: block principal pivoting, and where that makes no progress springs or Murty's rule.
 
     All violated rows are exchanged as long as their number falls within a few steps. Otherwise unilateral contact gets
-    springs, whose compliance `springs` falls from level to level; 0 without them. At each level rows are exchanged until
-    the set is that of the level. Other laws, and friction, take Murty's rule: only the first violated row is exchanged,
+    springs, whose compliance `springs` falls from level to level; 0 without them. At each level rows are exchanged
+    until the set is that of the level. Other laws, and friction, take Murty's rule: only the first violated row is exchanged,
     until fewer rows than ever before are violated.
 
     A set is solved inexactly when it is met for the first time, and only a limited number of times in all.
@@ -192,7 +192,7 @@ class Pivots:
     def begin(self, rows: RowSet) -> float:
         """Take up a set; return the tolerance it is first solved to: 0 (exactly), or a loose one."""
         if self.springs:
-            return _LOOSE_WITH_SPRINGS
+            return LOOSE_WITH_SPRINGS
         key = rows.state.tobytes()
         loose = key not in self._seen and self._loose > 0
         self._seen.add(key)

@@ -27,7 +27,7 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
+from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
@@ -49,6 +49,8 @@ _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 _WINDOW = 4
 #: reduction of the least merit in so many iterations below which a step may not increase the merit
 _SLOW = 0.8
+#: reduction of the merit in so many iterations, each with another set, above which the linear problem's set is found
+_WANDERS = 0.1
 #: weight of gaps in the merit function: stiffness of the body behind a macro-element, as a fraction of its skin's
 _GAP_WEIGHT = 0.1
 #: a search that does not make its least merit so much smaller in so many iterations is given up, in favour of a
@@ -65,7 +67,7 @@ _LOOSE, _LOOSE_OF_CONSTANT = 1e-4, 1e-3
 #: residual, relative to the tolerance, to which the linear system of a step that is to be the last is solved
 _LAST = 1e-4
 #: largest number of active sets of one linear problem; with friction, where no proof says that pivoting ends
-_MAX_SETS, _MAX_SETS_WITH_FRICTION = 20, 6
+_MAX_SETS, _MAX_SETS_WITH_FRICTION = 100, 6
 
 
 #: function for the linearisation at q; raises InadmissibleError
@@ -92,12 +94,14 @@ def newton_iterates(
     there = linearize(start.q) if predictor is None else predictor
     loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
     now, rows = _start(there, start, tolerance)
-    sets, merits, spent = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0
+    sets, wanders, vain, merits = _Sets(), False, False, [np.inf if predictor is not None else now.residual.merit]
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
+        wanders = not vain and (wanders or sets.wander(merits))
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
-        limit = min(most, tolerance.max_iterations - spent) if again else 1
+        limit = most if again or wanders else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
+        reduction = min(reduction, LOOSE_WITH_SPRINGS) if wanders else reduction
         goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
         first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
@@ -107,7 +111,7 @@ def newton_iterates(
             yield now._replace(iterate=now.iterate._replace(active=rows.active), exact=False, applications=0, solves=1)
             return
         now, there = then
-        spent += now.solves
+        vain = vain or step.solves >= _MAX_SETS  # the set of a linear problem is not found
         yield now
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
@@ -175,7 +179,7 @@ def _newton_step(
             while True:
                 before = step
                 step = _solved(there, pivots.softened(contact), K, C, step, there.r, goal, kept)
-                if step.solves == limit and not first:
+                if limit == 1 and not first:
                     return step
                 then, now = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
                 part, wanted = pivots.wanted(step.rows, then, before.p, now, step.p)
@@ -185,6 +189,8 @@ def _newton_step(
                     alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal, kept)
                     return alone._replace(p=alone.p + held, rows=wanted)
                 step = step.part(before, part)
+                if step.solves >= limit and pivots.springs:
+                    return _solved(there, contact, K, C, step._replace(rows=wanted), there.r, goal, kept)
                 if not pivots.springs and (step.solves >= limit or wanted.equals(step.rows)):
                     return step
                 following = pivots.next(step.rows, wanted, True, step.p, K.vectors.largest(step.dq))
@@ -276,13 +282,19 @@ class _Sets:
     def __init__(self) -> None:
         self._merit: dict[bytes, float] = {}
         self._last = b""
+        self._changes = 0
 
     def record(self, rows: RowSet, merit: float) -> float:
         """Record a set and its merit; return what the merit was when it was left for another one, inf if never."""
         key = rows.state.tobytes()
         before = self._merit.get(key, np.inf) if key != self._last else np.inf
+        self._changes = self._changes + 1 if key != self._last else 0
         self._merit[key], self._last = merit, key
         return before
+
+    def wander(self, merits: list[float]) -> bool:
+        """Return True if each of the last few steps changed the set, and their merits hardly fell."""
+        return self._changes > _WINDOW and min(merits[-_WINDOW:]) > _WANDERS * max(merits[-_WINDOW:])
 
 
 def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolerance) -> Residual:
