@@ -174,15 +174,15 @@ class Pivots:
 
     All violated rows are exchanged as long as their number falls within a few steps. Otherwise unilateral contact gets
     springs, whose compliance `springs` falls from level to level; 0 without them. At each level rows are exchanged
-    until the set is that of the level. Other laws, and friction, take Murty's rule: only the first violated row is exchanged,
-    until fewer rows than ever before are violated.
+    until the set is that of the level. Other laws, and friction, take Murty's rule: only the first violated row is
+    exchanged, until fewer rows than ever before are violated.
 
     A set is solved inexactly when it is met for the first time, and only a limited number of times in all.
     """
 
     def __init__(self, contact: ContactSystem, reduction: float = _LOOSE, *, convex: bool = True) -> None:
         self._skin = contact.skin_compliance if convex and contact.with_springs(0.0) is not None else None
-        self._least = np.inf
+        self._least, self._fewest = np.inf, np.inf
         self._reduction = reduction
         self._seen: set[bytes] = set()
         self._loose = _LOOSE_SOLVES
@@ -267,7 +267,7 @@ class Pivots:
 
     def _begin(self, springs: float) -> None:
         """Begin with springs of another level, or without them."""
-        self.springs, self._fewest, self._patience, self._tried = springs, np.inf, _BLOCKS, 0
+        self.springs, self._patience, self._tried, self._fewest = springs, _BLOCKS, 0, np.inf
 
     def _stiffened(self, wanted: RowSet, changes: int) -> RowSet:
         """Return the next set of this level; or make the springs stiffer, or leave them, once its set is found."""

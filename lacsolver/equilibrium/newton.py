@@ -181,8 +181,8 @@ def _newton_step(
                 step = _solved(there, pivots.softened(contact), K, C, step, there.r, goal, kept)
                 if limit == 1 and not first:
                     return step
-                then, now = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
-                part, wanted = pivots.wanted(step.rows, then, before.p, now, step.p)
+                then, after = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
+                part, wanted = pivots.wanted(step.rows, then, before.p, after, step.p)
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held

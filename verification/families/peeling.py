@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from lacmesh import Mesh
+from lacmesh.mesh import Floats
 from lacsolver import NotConvergedError
 from verification.meshes.plates import plates
 from verification.records import Case, Family, Outcome, at_most, equal, informative
@@ -72,15 +73,17 @@ def random_plates(seed: int) -> tuple[str, Mesh]:
     dim, count = (2 if draw.random() < 0.7 else 3), int(draw.integers(1, 5))
     table = count == 1 or draw.random() < 0.6
     axes, up, initial = "xyz"[:dim], "xyz"[dim - 1], str(draw.choice(["gap", "all", "none"], p=[0.5, 0.3, 0.2]))
-    width, height, length, boxes, counts, tables = draw.uniform(2, 5), 0.0, 14.0, [], [], []
+    width, height, length, tables = draw.uniform(2, 5), 0.0, 14.0, list[str]()
+    boxes, counts = list[tuple[Floats, Floats]](), list[tuple[int, ...]]()
     for k in range(1, count + 1):
         held = "clamped" if k == 1 and not table else str(draw.choice(["clamped", "guided", "loose"]))
         length = draw.uniform(6, 14) if held == "clamped" else length * draw.uniform(0.6, 0.99)
         thick, low = float(draw.choice([0.05, 0.1, 0.3, 0.8])), np.zeros(dim)
         low[0], low[-1] = 0.01 * k, height + (0.0 if draw.random() < 0.7 else draw.uniform(0, 0.3))
         high = low + np.array([length, *[width] * (dim - 2), thick])
-        height, cells = high[-1], (int(draw.integers(15, 70)), int(draw.integers(1, 3)))
-        cells = cells if dim == 2 else (int(draw.integers(8, 20)), int(draw.integers(2, 6)), 1)
+        height = high[-1]
+        ranges = ((15, 70), (1, 3)) if dim == 2 else ((8, 20), (2, 6), (1, 2))
+        cells = tuple(int(draw.integers(*ends)) for ends in ranges)
         boxes, counts = [*boxes, (low, high)], [*counts, cells]
         young = float(1e5 * 10 ** draw.uniform(-1, 1))
         tables.append(entry("material", groups=[f"plate{k}"], young=young, poisson=float(draw.uniform(0, 0.35))))
