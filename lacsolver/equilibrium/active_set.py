@@ -182,7 +182,7 @@ class Pivots:
 
     def __init__(self, contact: ContactSystem, reduction: float = _LOOSE, *, convex: bool = True) -> None:
         self._skin = contact.skin_compliance if convex and contact.with_springs(0.0) is not None else None
-        self._least, self._fewest = np.inf, np.inf
+        self._least, self._fewest, self._patience = np.inf, np.inf, _BLOCKS
         self._reduction = reduction
         self._seen: set[bytes] = set()
         self._loose = _LOOSE_SOLVES
