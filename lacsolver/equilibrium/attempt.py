@@ -81,8 +81,9 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     first = solver.max_iterations if constant else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
-        trials = _linear_iterates(step, extrapolated or now, tolerance)
-        ends = step.contact(now.q).with_springs(0.0) is not None  # such trials end by themselves
+        start = extrapolated or now
+        trials = _linear_iterates(step, start, tolerance)
+        ends = step.contact(start.q).with_springs(0.0) is not None  # such trials end by themselves
         return search(trials, replace(tolerance, max_iterations=sys.maxsize) if ends else tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
