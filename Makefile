@@ -28,7 +28,7 @@ QUICK := \
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install petsc demo test lint quick portable fuzz bench verify docs site wheel container clean
+.PHONY: help install petsc demo test lint quick noise fuzz bench verify docs site wheel container clean
 
 help: ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## /{printf "make %-9s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -81,8 +81,8 @@ lint: $(INSTALLED) ## style, types, import layers
 quick: $(INSTALLED) ## a choice of tests of every package, in less than a minute: for every change
 	$(PYTEST) -q -m "not slow" $(QUICK)
 
-portable: $(INSTALLED) ## the tests of the numbers as other processors compute them, a line for each (half an hour)
-	$(BIN)/python tools/portable.py
+noise: $(INSTALLED) ## the tests of make test with last bits as other processors have them, three times
+	for seed in 1 2 3; do NOISE_SEED=$$seed $(PYTEST) -q -m "not petsc and not slow" || exit 1; done
 
 fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
 	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz

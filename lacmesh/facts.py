@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sized
 from dataclasses import fields
 from html import escape
-from typing import Any
+from typing import Any, NoReturn
 
 #: most lines of a description, its title included
 _LINES = 10
@@ -36,14 +36,28 @@ class Described:
         return facts_html(self._title(), self._facts())
 
 
+class ByName(dict[str, Any]):
+    """Records by name; a name that does not exist is a KeyError that lists those that do.
+
+    >>> ByName(bore=1.0)["bolt"]
+    Traceback (most recent call last):
+    KeyError: "no 'bolt' here; there are: bore"
+    """
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise KeyError(f"no {name!r} here; there are: {listed(map(str, self)) or 'none'}")
+
+
 def brief(value: Any) -> str:
     """Return a few words for a value: an array by its shape, a long collection by its length.
 
     >>> brief(2.5), brief([1, 2]), brief(range(1000)), brief({"a": [1]})
     ('2.5', '[1, 2]', 'range of 1,000', 'a')
     """
-    if hasattr(value, "shape") and hasattr(value, "dtype") and value.shape:
-        return f"{value.dtype} {value.shape}"
+    if hasattr(value, "shape") and hasattr(value, "dtype"):
+        if value.shape:
+            return f"{value.dtype} {value.shape}"
+        value = value.item()
     if isinstance(value, (bool, int, str)) or value is None:
         return str(value)
     if isinstance(value, float):

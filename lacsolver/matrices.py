@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 from zipfile import BadZipFile
 
 import numpy as np
@@ -19,10 +20,14 @@ from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
 from lacmesh.records import dataclass
+from lacsolver.case import Case, read_case
+from lacsolver.case.value import Value, ValueLike
 from lacsolver.contact import Interface, Pairing, Zone, integrate
 from lacsolver.contact.interface import with_shear
 from lacsolver.numbering import selection, unknown_of_each
-from lacsolver.space.values import ScalarField
+from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.problem import build
+from lacsolver.problem.skin import mesh_of
 
 #: names of the arrays of B in a file, those of `scipy.sparse.save_npz`, and of the arrays beside it
 _CSR = ("data", "indices", "indptr", "shape")
@@ -135,24 +140,41 @@ class ContactMatrices(Described):
         return cls(**of_interface, macro=interface.zone.number, node=mesh.node_number, mesh=mesh, _interface=interface)
 
 
+@overload
+def contact_matrices(case: Case | str | Path, mesh: MeshLike | None = None, /) -> dict[str, ContactMatrices]: ...
+@overload
 def contact_matrices(
-    mesh: MeshLike,
-    slave: str,
-    master: str,
+    mesh: MeshLike, slave: str, master: str, *, hexa: str = ..., normals: str = ..., crease_angle: float | None = ...,
+    surface: str = ..., search_distance: float | None = ..., max_penetration: float | None = ..., measure: str = ...,
+    axisymmetric: bool = ..., thickness: float = ..., clearance: ValueLike = ..., t: float = ...,
+    x: Floats | None = ...,
+) -> ContactMatrices: ...  # fmt: skip
+def contact_matrices(
+    mesh: Any,
+    slave: Any = None,
+    master: str | None = None,
     *,
     hexa: str = "pyramid",
     normals: str = "facet",
     crease_angle: float | None = None,
     surface: str = "smooth",
     search_distance: float | None = None,
+    max_penetration: float | None = None,
+    measure: str = "reference",
     axisymmetric: bool = False,
-    clearance: ScalarField = 0.0,
+    thickness: float = 1.0,
+    clearance: ValueLike = 0.0,
+    t: float = 1.0,
     x: Floats | None = None,
-) -> ContactMatrices:
-    """Return the contact matrices of two groups of skin cells; a slave that is not cut is cut first (`hexa`).
+) -> Any:
+    """Return the contact matrices of two groups of skin cells, or those of a case, by the name of each contact and tie.
 
-    `x` (n_nodes of the cut mesh, 3): deformed coordinates of the nodes; None for those of the mesh. Other options as in
-    the case's [[contact]]. Raises GroupNotFoundError, CutError, DataError, RequestError.
+    `contact_matrices(case, mesh)`: as the case says, at the end of its steps; `mesh` is that of the case if None. They
+    are `assemble(case, mesh).contact`. `contact_matrices(mesh, slave, master)`: without a case; a slave that is not cut
+    is cut first (`hexa`). Options as in the case's [[contact]]: `clearance` is a number, a formula, a table of times or
+    a function of points (n, 3) and the time `t`. `axisymmetric`: areas are those of the full circle around the axis y;
+    `thickness` of a plane model. `x` (n_nodes of the cut mesh, 3): deformed coordinates of the nodes; None for those of
+    the mesh. Raises CaseError, GroupNotFoundError, CutError, DataError, ReadError, RequestError.
 
     >>> low = [[0, 0], [1, 0], [1, 1], [0, 1]]
     >>> up = [[0, 1], [1, 1], [1, 2], [0, 2]]
@@ -161,11 +183,43 @@ def contact_matrices(
     >>> made = contact_matrices(Mesh.create(low + up, cells, cell_groups=groups), "top", "bottom")
     >>> made.B.shape, made.coverage.tolist(), made.w.tolist()
     ((1, 24), [1.0], [1.0])
+    >>> [*contact_matrices("data/two_blocks.toml")]
+    ['joint']
     """
+    if isinstance(mesh, Case) or (isinstance(mesh, (str, Path)) and master is None):
+        case = mesh if isinstance(mesh, Case) else read_case(Path(mesh), matrices=True)
+        parts = build(case, mesh_of(case, slave), bodies=False)
+        return matrices_of(parts.pairs, parts.mesh, case.steps.last)
+    if not isinstance(slave, str) or master is None:
+        message = "contact_matrices takes a case and its mesh, or a mesh and the groups slave and master"
+        raise RequestError(f"{message}: contact_matrices(case, mesh), contact_matrices(mesh, slave, master)")
     mesh = lacmesh.cut_skin(as_mesh(mesh), slave, hexa=hexa).mesh
     zone = Zone.of(mesh, slave, master, surface=surface, crease_angle=crease_angle)
-    pairing = Pairing(normals, crease_angle, search_distance, axisymmetric=axisymmetric, clearance=clearance)
-    return ContactMatrices.of(integrate(zone, zone.slave.dim + 1, pairing, x=x), mesh)
+    pairing = Pairing(
+        normals, crease_angle, search_distance, max_penetration, axisymmetric, thickness, measure, _value(clearance)
+    )
+    return ContactMatrices.of(integrate(zone, zone.slave.dim + 1, pairing, x=x, t=t), mesh)
+
+
+def _value(clearance: ValueLike) -> Any:
+    """Return a clearance as a number or a function of points (n, 3) and time. Raises RequestError for a wrong one."""
+    if callable(clearance):
+        return clearance
+    try:
+        value = Value.of(clearance)
+    except ValueError as error:
+        raise RequestError(f"clearance: {error}") from None
+    return value.source if isinstance(value.source, float) else value
+
+
+def matrices_of(pairs: Iterable[ContactPair], mesh: Mesh, t: float) -> dict[str, ContactMatrices]:
+    """Return the matrices of pairs on the undeformed mesh, by their names, with the clearances at time t."""
+    matrices = {}
+    for pair in pairs:
+        zone = pair.zone
+        face = integrate(zone, zone.slave.dim + 1, pair.pairing, t=t, tie=pair.law.all_components)
+        matrices[pair.name] = ContactMatrices.of(face, mesh)
+    return matrices
 
 
 def read_matrices(path: str | Path) -> tuple[csr_array, dict[str, NDArray]]:

@@ -74,7 +74,13 @@ class RunResults(Described):
         row = next((k for k, t in enumerate(history["time"]) if same_time(t, time)), None)
         iterations = 0 if row is None else int(history["iterations"][row])
         mesh, fields = self._series.read(i, tuple(self.summary.get("contact", {})))
-        return Solution(mesh, time, iterations, lambda: fields, units=Units.of(self.summary.get("units")))
+        step: Mapping[str, Any] = next((one for one in self.summary["steps"] if same_time(one["time"], time)), {})
+        of_step = {
+            what: {name: np.array(values, dtype=float) for name, values in step.get(what, {}).items()}
+            for what in ("reactions", "probes")
+        }
+        units = Units.of(self.summary.get("units"))
+        return Solution(mesh, time, iterations, lambda: fields, units=units, _of_step=of_step)
 
     def report(self, path: str | Path) -> None:
         """Write the page of `lacsolver report` on the run. Raises RequestError, ReadError, WriteError."""

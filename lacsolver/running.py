@@ -34,6 +34,7 @@ from lacsolver.problem.problem import Problem, read_mesh
 from lacsolver.problem.resultants import Resultant, resultants
 from lacsolver.results.alternation import alternating
 from lacsolver.results.compression import most_compressed, softened, worse
+from lacsolver.results.dipping import dipped
 from lacsolver.results.faceted import faceted
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures, stress_ranges
@@ -41,7 +42,11 @@ from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.new_contact import closed_at_start, sliding_since_contact, turned_far
 from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
+from lacsolver.results.tied import turned_across_a_gap
 from lacsolver.results.whole import orders_of
+
+#: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
+_LEFT, _FELT = 0.05, 1e-4
 
 
 def run(
@@ -143,6 +148,11 @@ class RunOutput:
         #: motions of rigid bodies at the end of the last step, and the first warning of one that turns far
         self._rigid: Mapping[str, Floats] = {}
         self._turned = ""
+        #: interfaces of ties in finite kinematics, and the last warning of each that turns far across a gap
+        ties = [p for p in problem.joints if p.tie and p.pairing.turn is None and problem.kinematics.finite]
+        self._ties, self._apart = {pair.name: faces[pair.name] for pair in ties}, dict[str, str]()
+        #: the first warning of a macro-element whose edge dips into its master
+        self._dipped = ""
         self.results = Results(
             __version__,
             sizes=_sizes(problem),
@@ -176,6 +186,9 @@ class RunOutput:
         self._linear_solver = self._linear_solver or state.linear_solver
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
+        for name, face in self._ties.items():
+            self._apart[name] = turned_across_a_gap(problem, state, face) or self._apart.get(name, "")
+        self._dipped = self._dipped or next(dipped(problem, state), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         self._rigid = state.rigid
         stress = point_stress(problem, state)
@@ -223,7 +236,7 @@ class RunOutput:
             tried = error.state
             writer = self._writer or self._open()
             writer.finish(self.results, lambda: state_fields(self._problem, tried))
-            for message in self._softened():
+            for message in (*self._softened(), *filter(None, [self._dipped])):
                 warnings.warn(LacmeshWarning(message), stacklevel=4)
         elif self._writer is not None:
             self._writer.finish(self.results)
@@ -247,8 +260,9 @@ class RunOutput:
                 yield from scarcely_covered(pair, self._covered.get(pair.name, 0.0))
         yield from doubts(problem)
         yield from _doubtful_energy(problem.case, self.results)
+        yield from _doubtful_dissipation(self.results)
         yield from self._softened()
-        yield from filter(None, [self._way, self._turned])
+        yield from filter(None, [self._way, self._turned, self._dipped, *self._apart.values()])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)
@@ -296,6 +310,25 @@ def _doubtful_energy(case: Case, results: Results) -> Iterator[str]:
     if message is not None and case.dynamics is not None:
         skins = case.dynamics.massless == "skins"
         yield f"{message}; " + ("take smaller steps" if skins else 'take massless = "skins", or smaller steps')
+
+
+def _doubtful_dissipation(results: Results) -> Iterator[str]:
+    """Yield a warning if static steps are too long for the energy that friction takes, as the ledger of work shows.
+
+    What the plastic flow has taken is no error. Friction that takes little of the work is not looked at.
+    """
+    last = results.steps[-1] if results.steps else None
+    if last is None or last.work is None:
+        return
+    flow = 0.0 if last.plastic is None else last.plastic.dissipation[1]
+    taken, left = last.work.dissipation + flow, last.work.left - flow
+    felt = last.work.dissipation > _FELT * max(abs(last.work.external), last.work.strain)
+    if felt and abs(left) > _LEFT * taken:
+        by = "friction and plastic flow" if flow else "friction"
+        message = (
+            f"steps are too long for the energy that {by} takes: of {taken:.4g} by time {last.time:.6g}, the balance "
+        )
+        yield f"{message}of work leaves over {left:.4g} ({abs(left) / taken:.0%}); take more steps"
 
 
 def _sizes(problem: Problem) -> dict[str, int]:

@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import logging
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from lacmesh import __version__
 from lacmesh.errors import RequestError
-from lacmesh.facts import Described
+from lacmesh.facts import ByName, Described
 from lacmesh.mesh import Mesh, MeshLike
 from lacmesh.records import dataclass
 from lacsolver.bodies.small import weights
@@ -86,6 +87,7 @@ class Solution(Described):
     evaluate: Callable[[], Fields]
     _solved: tuple[Problem, State, int] | None = None
     units: Units = NO_UNITS
+    _of_step: Mapping[str, Mapping[str, NDArray[np.floating]]] = field(default_factory=lambda: defaultdict(dict))
 
     @classmethod
     def of(cls, problem: Problem, state: State, number: int = 1) -> Solution:
@@ -118,7 +120,17 @@ class Solution(Described):
     @property
     def contact(self) -> Mapping[str, ZoneFields]:
         """Fields of each contact and tie, by its name."""
-        return self.fields.zones
+        return ByName(self.fields.zones)
+
+    @property
+    def reactions(self) -> Mapping[str, NDArray[np.floating]]:
+        """Force (d,) of each prescribed displacement and rigid body on the bodies, by the name of its group."""
+        return ByName(self._of_step["reactions"] if self._solved is None else self.figures.reactions)
+
+    @property
+    def probes(self) -> Mapping[str, NDArray[np.floating]]:
+        """Displacement (d,) of each probe, by its name."""
+        return ByName(self._of_step["probes"] if self._solved is None else self.figures.probes)
 
     @property
     def pretension(self) -> Mapping[str, SectionForces]:

@@ -2,7 +2,8 @@
 
     K u + (contact) = f,    u = u0 at the `fixed` unknowns         and M for motion
 
-Contact is added by `lacsolver.contact_matrices`, and solved by `lacsolver.solve_contact` or by your own loop.
+The rows of contact are `contact["name"]`: B, G and w of each pair, as the case says. `lacsolver.solve_contact` solves
+contact on them, or your own loop.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from lacmesh.mesh import Ints, Mesh, MeshLike
 from lacmesh.records import dataclass
 from lacsolver.bodies.mass import assemble_mass, check_densities
 from lacsolver.case import Case, as_case
+from lacsolver.matrices import ContactMatrices, matrices_of
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.skin import mesh_of
 
@@ -35,6 +37,8 @@ class System(Described):
     >>> system = assemble("data/two_blocks.toml", t=0.5)
     >>> float(system.f.sum().round(6)), bool(system.u0.any())
     (-5.217593, False)
+    >>> system.contact["joint"].B.shape
+    (36, 1536)
     """
 
     problem: Problem
@@ -52,6 +56,11 @@ class System(Described):
     def dofs(self) -> Ints:
         """Indices (n_nodes, d) of the unknowns of each node."""
         return self.problem.space.dofs(np.arange(self.mesh.n_nodes))
+
+    @cached_property
+    def contact(self) -> dict[str, ContactMatrices]:
+        """Matrices B, G, w of each contact and tie in the undeformed configuration, by its name, at `time`."""
+        return matrices_of(self.problem.joints, self.mesh, self.time)
 
     @cached_property
     def M(self) -> csr_array:

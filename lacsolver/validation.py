@@ -21,7 +21,7 @@ from lacmesh.mesh import Mesh, MeshLike
 from lacmesh.records import dataclass
 from lacsolver.case import Case, CaseError, Issue, as_case
 from lacsolver.constraints import Constraints, equalities_of
-from lacsolver.constraints.equality_rows import EqualityRows
+from lacsolver.constraints.equality_rows import EqualityRows, Free
 from lacsolver.contact import Interface
 from lacsolver.distributed.launch import absence
 from lacsolver.linear import choose
@@ -34,7 +34,8 @@ from lacsolver.problem.overlap import check_overlap, start_of
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem, ProblemParts, build
 from lacsolver.problem.resultants import Resultant, each_load, resultants
-from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free
+from lacsolver.problem.rigid_modes import FreeMotion, describe, free_motions, still_free, unheld
+from lacsolver.problem.sectors import check_in_sector
 from lacsolver.problem.skin import mesh_of
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
@@ -186,6 +187,7 @@ def _zones(case: Case, parts: ProblemParts, validation: Validation) -> list[tupl
             faces.append((pair, face))
             check_overlap(pair, face, space)
             pair.check_facing(face)
+            check_in_sector(parts.case, pair, face, space)
             if parts.constraints is not None and parts.materials is not None:
                 check_hypothesis(case, pair, space, parts.constraints, parts.materials)
     return faces
@@ -232,14 +234,14 @@ def _look_at_motions(
     if not motions:
         return
     nothing = np.zeros(space.n_dof)
-    rows = [one.at(nothing, 0.0).C for one in equalities]
-    B = csr_array(vstack([csr_array((0, space.n_dof)), *rows, *(_paired_rows(joint, face) for joint, face in faces)]))
+    rows = [one.at(nothing, 0.0).C for one in equalities if not isinstance(one.law(0.0), Free)]
+    joined = csr_array(vstack([csr_array((0, space.n_dof)), *rows]))
+    B = csr_array(vstack([joined, *(_paired_rows(joint, face) for joint, face in faces)]))
     free = still_free(B, motions)
     if free:
-        said = "; ".join(describe(motion) for motion in free)
-        message = f"nothing holds a part of the model: {said}; add a displacement, a spring or a contact"
-        validation.problems.append(Issue(message))
+        validation.problems.append(Issue(unheld(free)))
     else:
+        motions = still_free(joined, motions) if rows else motions
         by_friction = _by_friction(space, faces, motions)
         words = [describe(motion) for motion in motions]
         validation.held = [*(w for w in words if w not in by_friction), *map(_FRICTION_ALONE.format, by_friction)]

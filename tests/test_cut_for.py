@@ -43,6 +43,12 @@ def test_inp_is_written_for_the_program(tmp_path, program, card, capsys):
     assert "macro-elements of slave 36" in " ".join(capsys.readouterr().out.split())
 
 
+def test_for_code_aster_a_note_says_who_cuts(tmp_path, capsys):
+    assert main(["cut", BLOCKS, "--slave", "slave", "-o", str(tmp_path / "out.med"), "--for", "aster"]) == 0
+    (note,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("note: ")]
+    assert "code_aster" in note and "DECOUPE_LAC" in note and BLOCKS in note
+
+
 @pytest.mark.parametrize("program", ["gmsh", "aster"])
 def test_other_files_may_be_for_a_program_too(tmp_path, program):
     target = tmp_path / "out.med"

@@ -159,6 +159,28 @@ def edges_of(mesh, cells):
 # ---- listing
 
 
+def test_parts_of_an_assembly_have_their_names(tmp_path, capsys):
+    """gmsh writes an assembly of two boxes; the names of its products are those that a CAD program would give."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        for x in (0, 3):
+            gmsh.model.occ.addBox(x, 0, 0, 1, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "assembly.step"))
+    finally:
+        gmsh.finalize()
+    text = (tmp_path / "assembly.step").read_text()
+    for k, name in ((1, "Base plate"), (2, "Upper block")):
+        text = re.sub(rf"'Open CASCADE STEP translator [\d.]+ 1\.{k}'", f"'{name}'", text)
+    (tmp_path / "assembly.step").write_text(text)
+    assert [s.name for s in list_cad(tmp_path / "assembly.step") if s.dim == 3] == ["Base plate", "Upper block"]
+    assert main(["mesh", str(tmp_path / "assembly.step"), "--list"]) == 0
+    assert re.search(r"1 +Base plate +Volume", capsys.readouterr().out)
+
+
 def test_a_step_file_is_listed_exactly():
     shapes = list_cad(LUG)
     assert [s.dim for s in shapes] == [3] * 2 + [2] * 20

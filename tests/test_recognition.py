@@ -148,7 +148,7 @@ def test_numbers_and_places_of_another_program():
         points = mesh.points[order].astype(np.float32).astype(float)
         mesh = Mesh.create(points, blocks, cell_groups=groups)
         assert recognise(mesh, "slave") is None
-        with pytest.warns(LacmeshWarning, match="macro-elements of an earlier cut, but .* --recognise"):
+        with pytest.warns(LacmeshWarning, match="macro-elements of an earlier cut without records.* --recognise"):
             assert cut_skin(mesh, "slave").n_macros > cut.n_macros
         found = recognise(mesh, "slave", certain=False)
         wanted = {frozenset(new[faces].tolist()) for faces in cut.faces_of_macro}
@@ -335,10 +335,10 @@ def test_one_of_two_zones(name, zone):
         assert recognise(without_records(mesh), zone).n_macros == macros
 
 
-def test_what_is_taken_for_a_cut_is_said():
+def test_what_looks_like_a_cut_is_cut_with_a_warning_unless_it_is_asked_for():
     mesh = without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh)
-    with pytest.warns(LacmeshWarning, match="the 20 faces of slave are taken for 4 macro-elements of .*--recut"):
-        assert cut_skin(mesh, "slave").mesh.n_cells == mesh.n_cells
+    with pytest.warns(LacmeshWarning, match="the 20 faces of slave look like 4 macro-elements of .*--recognise"):
+        assert cut_skin(mesh, "slave").n_macros == 20
     assert cut_skin(mesh, "slave", recognise=False).n_macros == 20
     assert cut_skin(mesh, "slave", recognise=True).n_macros == 4
 
@@ -372,7 +372,7 @@ def test_the_command_decides(tmp_path, capsys):
     lacmesh.write(tmp_path / "cut.vtu", cut)
     capsys.readouterr()
     assert main(["cut", str(tmp_path / "cut.vtu"), "--slave", "slave", "-o", str(tmp_path / "b.vtu")]) == 0
-    assert "the 20 faces of slave are taken for 4 macro-elements" in capsys.readouterr().err
+    assert "the 20 faces of slave look like 4 macro-elements" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("option", "macros"), [(None, 5), (False, 5), (True, 1)])
@@ -392,19 +392,29 @@ def test_a_skin_cut_in_part_is_said():
         assert recognise(mesh, ["slave", "loaded"]) is None
 
 
-def test_cutting_twice_does_nothing():
+def test_cutting_what_is_recognised_does_nothing():
     cut = cut_skin(two_blocks("TETRA4"), "slave")
-    with pytest.warns(LacmeshWarning, match="taken for 8 macro-elements of an earlier cut"):
-        again = cut_skin(without_records(cut.mesh), "slave")
+    again = cut_skin(without_records(cut.mesh), "slave", recognise=True)
     assert again.mesh.n_cells == cut.mesh.n_cells
     same(cut, again)
 
 
-def test_cutting_a_skin_that_is_half_cut_is_refused():
+def test_four_triangles_about_a_node_of_a_mesher_are_four_macro_elements():
+    """A square that a mesher has divided at its middle, in a mesh that was never cut, is no macro-element."""
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0], [0.5, 0.5, 1]]
+    faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+    mesh = Mesh.create(
+        points, [("TRIA3", faces), ("TETRA4", [[*face, 5] for face in faces])], cell_groups={"slave": range(4)}
+    )
+    with pytest.warns(LacmeshWarning, match="look like 1 macro-element"):
+        assert cut_skin(mesh, "slave").n_macros == 4
+    assert lacmesh.check(mesh, "slave").summary["macro_elements"] == 4
+
+
+def test_recognising_a_skin_that_is_half_cut_is_refused():
     cut = cut_skin(two_blocks("TETRA4", n=2, m=2), "slave")
-    with pytest.raises(CutError, match="was cut before") as caught:
-        cut_skin(without_records(cut.mesh), ["slave", "loaded"])
-    assert "--recut" in str(caught.value)
+    with pytest.raises(CutError, match="no earlier cut is recognised") as caught:
+        cut_skin(without_records(cut.mesh), ["slave", "loaded"], recognise=True)
     assert cut_skin(without_records(cut.mesh), ["slave", "loaded"], recognise=False).n_macros == 32
     loaded = cut.mesh.cell_groups["loaded"]
     assert set(caught.value.cells) == set(cut.mesh.cell_number[loaded].tolist())
@@ -533,10 +543,10 @@ def test_real_meshes(shared, name):
             same(cut, recognise(without_records(cut.mesh), specs))
 
 
-@pytest.mark.parametrize(("option", "macros"), [(None, 4), (True, 4), (False, 20)])
-def test_the_check_of_a_cut_with_records(option, macros):
+@pytest.mark.parametrize(("option", "with_records", "without"), [(None, 4, 20), (True, 4, 4), (False, 20, 20)])
+def test_the_check_of_a_cut_with_records(option, with_records, without):
     cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
-    for mesh in (cut.mesh, without_records(cut.mesh)):
+    for mesh, macros in ((cut.mesh, with_records), (without_records(cut.mesh), without)):
         found = lacmesh.check(mesh, "slave", recognise=option)
         assert found.summary["macro_elements"] == macros
-        assert ("no-internal-dof" in {f.rule for f in found}) == (macros == 20)
+        assert ("not-cut" in {f.rule for f in found}) == (macros == 20)

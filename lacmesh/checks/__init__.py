@@ -66,8 +66,8 @@ def check(
 
     >>> cells = [("TRIA3", [[0, 1, 2]]), ("SEG2", [[0, 1]])]
     >>> triangle = Mesh.create([[0, 0], [1, 0], [0, 1]], cells, cell_groups={"s": [1]})
-    >>> check(triangle, "s").errors[0].rule
-    'no-internal-dof'
+    >>> check(triangle, "s").rules
+    ('not-cut', 'bodies')
     """
     if pairs is not None:
         if slave is not None or master is not None:

@@ -111,7 +111,10 @@ def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
             message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
             message += "symmetry condition would constrain it"
         message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
-        yield subject.found("no-internal-dof", message, cells, group=side.group)
+        if macros.cut.any():
+            yield subject.found("no-internal-dof", message, cells, group=side.group)
+        else:
+            yield subject.found("not-cut", f"the skin is not cut yet: {message}", cells, group=side.group)
     if taken.any():
         cells = side.cells[macros.faces(taken)]
         message = f"every internal dof of {counted(int(taken.sum()), 'macro-element')} is constrained by "

@@ -30,7 +30,7 @@ class Finding(Described):
     >>> from lacmesh import check, read
     >>> finding = next(iter(check(read("data/two_blocks.msh"), "slave", "master")))
     >>> finding.rule, finding.severity, len(finding.cells)
-    ('no-internal-dof', 'error', 36)
+    ('not-cut', 'info', 36)
     """
 
     rule: str
@@ -66,7 +66,7 @@ class Findings(Described):
     >>> from lacmesh import check, read
     >>> findings = check(read("data/two_blocks.msh"), "slave", "master")
     >>> len(findings.errors), findings.rules, findings.summary["slave_faces"]
-    (1, ('no-internal-dof', 'bodies', 'gap'), 36)
+    (0, ('not-cut', 'bodies', 'gap'), 36)
     """
 
     findings: tuple[Finding, ...]

@@ -175,6 +175,7 @@ RULES: Mapping[str, Rule] = MappingProxyType(
             "integral",
             "lacmesh cut",
         ),
+        "not-cut": Rule("info", "a slave face that is not cut yet has no internal dof", "lacmesh cut"),
         "rim-dof": Rule(
             "warning",
             "a macro-element has internal dofs only on the boundary of the slave skin, where a symmetry condition "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -206,7 +207,10 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
             groups = f"{slave.group} / {master.group}"
             findings.append(subject.found("crack-front", message, nodes=front, group=groups))
         common = np.setdiff1d(common, front)
-        if len(common):
+        inside = closed.all(axis=1) & (subject.behind(slave) == 2)
+        if inside.any():
+            findings.append(_joined(subject, inside, common))
+        elif len(common):
             message = (
                 f"slave and master share {counted(len(common), 'node')} ({subject.node_numbers(common)}), where no gap "
                 "can open; double the nodes, or remove the faces that touch from one of the groups"
@@ -221,6 +225,20 @@ def check_sharing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
         message += "between them, or make one zone"
         findings.append(subject.found("zones-share-nodes", message, nodes=shared, group=slave.group))
     return findings, {}
+
+
+def _joined(subject: Subject, inside: NDArray[np.bool_], common: Ints) -> Finding:
+    """Report slave faces, a mask (f,), that master faces share inside a body, with the command that divides it."""
+    slave, master = subject.sides
+    message = (
+        f"bodies share {slave.counted(int(inside.sum()), 'with the master', 'with the master')}, where no gap can "
+    )
+    divide = " ".join(f"--faces {quote(name)}" for name in slave.names)
+    message += f"open; divide the mesh there: lacmesh split MESH {divide}, and take "
+    message += " and ".join(", ".join(f"{name}_{side}" for name in slave.names) for side in "ab")
+    return subject.found(
+        "shared-nodes", f"{message} as slave and master", nodes=common, group=f"{slave.group} / {master.group}"
+    )
 
 
 def _front(subject: Subject) -> Ints:

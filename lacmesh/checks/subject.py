@@ -269,7 +269,7 @@ def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> M
         faults = []
     elif is_cut(mesh) and not faults:
         own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
-    elif len(side):
+    elif (recognise or faults) and len(side):
         recognised_cut = find_macros(mesh, slave_skin(mesh, side.names))
         if recognised_cut.n_cut and (recognise or not recognised_cut.doubt):
             recognised = True

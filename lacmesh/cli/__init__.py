@@ -50,5 +50,6 @@ PROGRAM = Program(
     COMMANDS,
     _error_lines,
     "there is not enough memory for this mesh",
+    "info",
     collects=False,  # a short life of large arrays and no cycles: collecting would only cost time
 )

@@ -96,7 +96,7 @@ def _print_findings(findings: Findings, size: float) -> None:
         rows.add_row(name, value)
     out.print(rows)
     verdict = _count(findings, "error") if findings.errors else "no errors"
-    print(f"{verdict}, {_count(findings, 'warning')}")
+    print(f"{verdict}, {_count(findings, 'warning')}" + (", not cut yet" if findings.of_rule("not-cut") else ""))
 
 
 def _sentence(f: Finding, size: float) -> str:

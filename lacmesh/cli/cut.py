@@ -129,6 +129,8 @@ def run(args: argparse.Namespace) -> None:
         _print_summary(summary.result(), source, target, stage)
     elif done and not args.quiet:
         print(f"{source} is already cut on all of {', '.join(args.slave)}: written unchanged to {target}")
+    if args.program == "aster" and not args.quiet:
+        print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
     if report is not None and not args.quiet:
         print(f"report: {args.report}")
 

@@ -97,6 +97,7 @@ def _table(shapes: Sequence[CadShape], dim: int, of_bodies: bool) -> Any:
     """Table of the shapes of one dimension; columns without content are left out."""
     columns = {
         ("", "curve", "surface", "volume")[dim]: [str(s.tag) for s in shapes],
+        "name": [s.name for s in shapes],
         "type": [s.type for s in shapes],
         ("", "length", "area", "volume ")[dim]: [f"{s.measure:.5g}" for s in shapes],
         "centre": [_vector(s.centre, _largest(s.box)) for s in shapes],

@@ -87,20 +87,20 @@ def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
 
 
 def add_recognition_options(parser: argparse.ArgumentParser) -> None:
-    """Declare `--recut` and `--recognise`: are slave faces that look like those of an earlier cut taken for it?"""
+    """Declare `--recut` and `--recognise`: which slave faces are those of an earlier cut?"""
     either = parser.add_mutually_exclusive_group()
     either.add_argument(
         "--recut",
         dest="recognise",
         action="store_false",
         default=None,
-        help="treat the slave faces as not cut yet, without recognition of an earlier cut",
+        help="treat the slave faces as not cut yet, even where they have records of a cut",
     )
     either.add_argument(
         "--recognise",
         action="store_true",
         default=None,
-        help="recognise an earlier cut by the pattern of its faces alone, whatever the node numbers",
+        help="recognise an earlier cut without records by the pattern of its faces",
     )
 
 

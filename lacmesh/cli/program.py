@@ -21,6 +21,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
 from pathlib import Path
+from shlex import quote
 from typing import Any, NoReturn, TextIO
 
 from lacmesh import __version__
@@ -45,8 +46,8 @@ class Program:
     """A program called `name`; `commands`, in the order of the help, are modules of `package` (`import_` for
     `import`, which no module can be called).
 
-    `error_lines`: gives the lines of an error message; `too_large`: message for lack of memory. `collects`: whether the
-    collector of cycles runs.
+    `error_lines`: gives the lines of an error message; `too_large`: message for lack of memory. `of_file`: the command
+    to name where a file stands in the place of one. `collects`: whether the collector of cycles runs.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Program:
     commands: tuple[str, ...]
     error_lines: Callable[[LacmeshError, argparse.Namespace], Sequence[str]]
     too_large: str
+    of_file: str = ""
     collects: bool = True
 
     def main(self, argv: Sequence[str] | None = None) -> int:
@@ -97,7 +99,14 @@ class Program:
         named = tuple(argv[:1])  # a command comes first; else all are declared, for the help or the message
         with _signals():
             try:
-                self._parser(named if set(named) & set(self.commands) else self.commands).parse_args(argv, args)
+                parser = self._parser(named if set(named) & set(self.commands) else self.commands)
+                if not argv:
+                    parser.print_help()
+                    return 0
+                if self.of_file and named[0] not in self.commands and Path(named[0]).is_file():
+                    message = f"{named[0]} is a file, and a command comes first: {self.name} {self.of_file}"
+                    return self.fail([f"{message} {' '.join(map(quote, argv))}"], 2)
+                parser.parse_args(argv, args)
                 return self._run(args)
             except (KeyboardInterrupt, Terminated) as error:
                 return self.fail(*self.message(error, args))

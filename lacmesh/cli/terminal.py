@@ -38,6 +38,8 @@ class Stages:
             )
             self.task = self.bar.add_task("", total=len(self.names))
             tell(self.bar.console.print)
+        elif not args.quiet:
+            tell(on_stderr)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
@@ -58,6 +60,11 @@ class Stages:
     def spent(self) -> str:
         """Return the seconds of each stage, and the peak memory."""
         return ", ".join(f"{name} {seconds:.2f} s" for name, seconds in self.seconds.items()) + memory()
+
+
+def on_stderr(message: str) -> None:
+    """Print a message where no bar is shown, as in a pipe."""
+    print(message, file=sys.stderr, flush=True)
 
 
 def tell(say: Callable[[str], None]) -> None:

@@ -57,10 +57,9 @@ def cut_skin(
     in (0, 1).
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
-    faces all belong to a cut is returned unchanged; if its records are missing they are restored, and a LacmeshWarning
-    says which faces were recognised. `recognise` overrides this. None: faces with all the marks of a cut are recognised
-    (`lacmesh.recognise`). True: the pattern of the faces is sufficient; CutError if it is absent. False: all faces are
-    cut, whatever they look like, and existing records are replaced.
+    faces all have the records of a cut is returned unchanged. `recognise`: None: faces without records are cut, and a
+    LacmeshWarning names those that look cut. True: they are a cut whose records are restored, if they have its pattern;
+    CutError if not. False: all faces are cut, whatever they look like, and existing records are replaced.
     Raises CutError, GroupNotFoundError, RequestError.
 
     >>> cells = [("TRIA3", [[0, 2, 1]]), ("TETRA4", [[0, 1, 2, 3]])]

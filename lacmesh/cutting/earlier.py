@@ -92,33 +92,19 @@ def _uncovered(cut: Cut, faces: Ints) -> Ints:
 
 
 def _is_taken(mesh: Mesh, recognised: RecognisedCut, recognise: bool | None) -> bool:
-    """True if recognised macro-elements are taken for an earlier cut: all that are asked for, else those of no doubt.
+    """True if recognised macro-elements are to be taken for an earlier cut; a warning where they only look like one.
 
-    Raises CutError if they are not complete where they must be: half of the faces may not look cut by chance.
+    Raises CutError if they were asked for and are not complete.
     """
-    left, names = recognised.cells[recognised.left], ", ".join(recognised.names)
-    if recognise:
-        if not recognised.complete:
-            message = f"no earlier cut is recognised on {names} (cells {mesh.cell_names(left)} are in none)"
-            raise CutError(message, mesh.cell_number[left])
-        return True
-    n_faces, n_macros = len(recognised.cells), recognised.n_macros
-    faces = f"the {n_faces:,} face{'' if n_faces == 1 else 's'} of {names}"
-    macros = f"{n_macros:,} macro-element{'' if n_macros == 1 else 's'} of an earlier cut"
-    remark = ""
-    if recognised.mostly_cut and recognised.doubt == NOT_LAST:
-        remark = f"look like {macros}, but {NOT_LAST}: they are cut; --recognise (recognise=True) takes them for these"
-    elif recognised.complete and not recognised.doubt:
-        remark = (
-            f"are taken for {macros}, whose records are gone, and left as they are; --recut (recognise=False) cuts them"
-        )
-    elif recognised.mostly_cut and not recognised.doubt:
-        raise CutError(
-            f"this mesh was cut before (its records are gone), but not everywhere on {names} "
-            f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once, or --recut "
-            "(recognise=False) cuts this one",
-            mesh.cell_number[left],
-        )
-    if remark:
-        warnings.warn(f"{faces} {remark}", LacmeshWarning, stacklevel=4)
-    return recognised.complete and not recognised.doubt
+    names = ", ".join(recognised.names)
+    if recognise and not recognised.complete:
+        left = recognised.cells[recognised.left]
+        message = f"no earlier cut is recognised on {names} (cells {mesh.cell_names(left)} are in none)"
+        raise CutError(message, mesh.cell_number[left])
+    if not recognise and recognised.mostly_cut and recognised.doubt in ("", NOT_LAST):
+        n_faces, n_macros = len(recognised.cells), recognised.n_macros
+        message = f"the {n_faces:,} face{'' if n_faces == 1 else 's'} of {names} look like {n_macros:,} macro-element"
+        message += f"{'' if n_macros == 1 else 's'} of an earlier cut without records, and are cut again"
+        advice = "--recognise (recognise=True) takes them for these"
+        warnings.warn(f"{message}; {advice}", LacmeshWarning, stacklevel=4)
+    return bool(recognise)

@@ -9,6 +9,7 @@ What an array itself cannot hold (a name illegal in the format, rows of several 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Container, Iterable, Mapping
 from itertools import chain, count
 from typing import Any, NamedTuple
@@ -16,12 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
+from lacmesh.errors import listed
+from lacmesh.facts import listed as first_of
 from lacmesh.formats.notes import fitting, zone_names
-from lacmesh.mesh import Floats, Ints, Mesh, distinct
+from lacmesh.mesh import Floats, Ints, Mesh, Tag, distinct
 
 GROUP = "group:"
 CELL_NUMBER, NODE_NUMBER = "cell_number", "node_number"
+#: most tags that an array of integers may have to be tags, and arrays of integers that are no tags
+_MOST_TAGS = 1000
+_NO_TAGS = frozenset({"vtkGhostType", "vtkOriginalCellIds", "entity", "partition", *CELL_RECORDS})
 _NUMBER = {"cell": CELL_NUMBER, "node": NODE_NUMBER}
 
 
@@ -143,11 +150,53 @@ def assembled(
         more["file_order"] = np.argsort(place)
     for on, given in (groups or {}).items():
         more[f"{on}_groups"] = {**given, **more[f"{on}_groups"]}
+    if not noted and not more["cell_groups"] and CELL_NUMBER not in of_cells:  # lacmesh writes names of groups
+        dims = np.repeat([ALL_CELLS[kind].dim for kind in blocks], [len(nodes) for nodes in blocks.values()])
+        more["cell_groups"], more["group_tags"] = groups_of_tags(dims, more["cell_data"], said)
     known = {*more["cell_data"], *more["node_data"]}
     more["steps"] = {key: step for key, step in more.get("steps", {}).items() if key in known}
     if not more.get("zones"):
         more["zones"] = zone_names(more["cell_data"], more["cell_groups"])
     return fitting(Mesh.create(points, blocks.items(), **more))
+
+
+def groups_of_tags(
+    dims: Ints, data: Mapping[str, NDArray], said: list[str]
+) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
+    """Return groups of cells that have the same tag, an integer >= 0, and the dimension and tag of each group.
+
+    `dims` (n,): dimensions of the cells; `data`: arrays on them, of which those of few integers are tags. A group has
+    its number as its name; `2:5`, its dimension and number, where others have that number too.
+
+    >>> said = []
+    >>> groups_of_tags(np.array([3, 3, 2]), {"tags": np.array([1, 1, 7]), "size": np.array([0.5, 1, 2])}, said)[1]
+    {'7': ((2, 7),), '1': ((3, 1),)}
+    >>> said
+    ["no group has a name in this file: the tags 'tags' are groups, named by their numbers (7, 1)"]
+    """
+    found: list[tuple[str, Tag, Ints]] = []
+    for array, values in data.items():
+        if values.shape != dims.shape or values.dtype.kind not in "iu" or array in _NO_TAGS:
+            continue
+        least = 1 if ":" in array else 0  # 0 is no tag in the formats of meshio: medit:ref, nastran:ref, su2:tag
+        tags = np.unique(np.stack([dims, values], axis=1)[values >= least], axis=0)
+        if len(tags) <= min(_MOST_TAGS, max(1, len(dims) // 2)):
+            found += [(array, (d, t), np.flatnonzero((dims == d) & (values == t))) for d, t in tags.tolist()]
+    of_number = Counter(tag for _, (_, tag), _ in found)
+    of_tag = Counter(tag for _, tag, _ in found)
+    groups, group_tags = dict[str, Ints](), dict[str, tuple[Tag, ...]]()
+    for array, tag, cells in found:
+        name = (
+            str(tag[1]) if of_number[tag[1]] == 1 else f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
+        )
+        groups[name] = cells
+        if of_tag[tag] == 1 and tag[1] > 0:
+            group_tags[name] = (tag,)
+    if found:
+        arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in found)], "and")
+        message = f"no group has a name in this file: the tags {arrays} are groups, named by their numbers"
+        said.append(f"{message} ({first_of(groups, 10)})")
+    return groups, group_tags
 
 
 def _is_mark(values: NDArray) -> bool:

@@ -24,10 +24,12 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
+from lacmesh.formats import exodus
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
 from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.sidecar import without_records
+from lacmesh.formats.sniff import GMSH_CAN
 from lacmesh.formats.table import DEFAULT, Format, WriteOptions, format_of
 from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
@@ -63,9 +65,12 @@ def read(path: Path, name: str) -> Mesh:
     meshio = needed()
     if not path.is_file():
         raise ReadError(path, "cannot be read (No such file or directory)")
+    if name == "exodus":
+        return exodus.read(path)
     check_whole(path, name)
     heard: list[str] = []
-    given = _guarded(lambda: read_watched(meshio.read, path, name), lambda why: ReadError(path, why), heard)
+    way = f"; {GMSH_CAN}" if name == "nastran" else ""
+    given = _guarded(lambda: read_watched(meshio.read, path, name), lambda why: ReadError(path, why + way), heard)
     if name == "vtk":
         heard = [*map(_of_vtk, heard), *_colours(path)]
     said = "; ".join(heard)

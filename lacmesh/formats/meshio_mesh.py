@@ -6,6 +6,7 @@ meshio's readers give nodes in VTK's order, for cells of order above 2 in gmsh's
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CARRIED
-from lacmesh.errors import DataError, check_installed
+from lacmesh.errors import DataError, LacmeshWarning, check_installed
 from lacmesh.formats import notes
 from lacmesh.formats.arrays import GROUP, assembled, to_arrays
 from lacmesh.formats.msh.names import unnamed
@@ -119,7 +120,10 @@ def _from_meshio(given: Any) -> Mesh:
     node = {name: np.asarray(values) for name, values in given.point_data.items()}
     node_groups = {name: np.asarray(nodes) for name, nodes in given.point_sets.items()}
     arrays, more = (_native(cell), _native(node)), {"cell": groups, "node": node_groups}
-    return assembled(points, blocks, place, arrays, {"group_tags": tags, **fields}, noted, said, more)
+    mesh = assembled(points, blocks, place, arrays, {"group_tags": tags, **fields}, noted, said, more)
+    if said:
+        warnings.warn(LacmeshWarning("; ".join(said)), stacklevel=5)
+    return mesh
 
 
 def _blocks(given: Any) -> tuple[dict[str, Ints], Ints]:

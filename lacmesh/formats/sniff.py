@@ -15,6 +15,8 @@ from lacmesh.errors import ReadError
 from lacmesh.formats.table import FORMATS, OF_NAME, SUFFIXES, suffix_of
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+#: how to read what gmsh reads and lacmesh does not
+GMSH_CAN = "gmsh makes a .msh of it: gmsh -0 FILE -o mesh.msh"
 #: how many of a file's bytes are looked at
 HEAD = 4096
 #: Beginnings of what lacmesh does not read: the sentence's end.
@@ -25,6 +27,9 @@ _FOREIGN = (
     (b"\x1f\x8b", "a file packed by gzip"),
     (b"ISO-10303-21", "a STEP file, which is geometry: lacmesh mesh makes a mesh of it"),
     (b"%PDF", "a PDF file"),
+    (b"MFEM ", "a mesh of MFEM, which is not read; Mesh::PrintVTU of MFEM saves it as .vtu"),
+    (b"-1\n", f"a universal file (.unv), which is not read; {GMSH_CAN}"),
+    (b"-1\r\n", f"a universal file (.unv), which is not read; {GMSH_CAN}"),
 )
 #: Elements that VTK's XML files hold, and what can be done.
 _VTK = {

@@ -57,6 +57,7 @@ class CadShape:
 
     `normal`: out of the first body, where it is the same all over. `radius`: of circles, cylinders, spheres; negative
     where the body is outside (a bore). `bodies`: tags of the bodies that it bounds. `groups`: names of its groups.
+    `name`: that of the part in a STEP file, "" without one.
     """
 
     dim: int
@@ -69,6 +70,7 @@ class CadShape:
     radius: float | None = None
     bodies: tuple[int, ...] = ()
     groups: tuple[str, ...] = ()
+    name: str = ""
 
 
 @dataclass(frozen=True)

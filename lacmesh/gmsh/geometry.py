@@ -152,8 +152,11 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
             row = replace(row, normal=normal, radius=radius)
         box = gmsh.model.getBoundingBox(d, tag)
         listed.append(
-            replace(row, box=(_triple(box[:3]), _triple(box[3:])), bodies=bodies, groups=_groups(gmsh, d, tag))
-        )
+            replace(
+                row, box=(_triple(box[:3]), _triple(box[3:])), bodies=bodies, groups=_groups(gmsh, d, tag),
+                name=gmsh.model.getEntityName(d, tag).rpartition("/")[2],
+            )
+        )  # fmt: skip
     return listed
 
 

@@ -135,4 +135,4 @@ class _Reader(pickle.Unpickler):
 
 @functools.cache
 def _say_that_it_takes_time() -> None:
-    logging.getLogger("lacmesh").info("compiling what this needs: some seconds, the first time")
+    logging.getLogger("lacmesh").info("compiling what this needs, 10 to 50 s, once; lacmesh compile does it beforehand")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
 from lacmesh.surface.fit import correct
-from lacmesh.surface.maps import AFFINE, NEARLY_FLAT
+from lacmesh.surface.maps import AFFINE, NEARLY_FLAT, NormalMaps
 from lacmesh.surface.patches import Bools, Patches
 from lacmesh.surface.rules import FITTED, Placed
 from lacmesh.surface.search import Pairs, Reach
@@ -134,7 +134,7 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
 
 
 def place_lines(
-    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: Floats | None, radius: float | None
+    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: NormalMaps | None, radius: float | None
 ) -> Placed:
     """Place points on parts by rules `code` (gauss_points); weights include 2 pi r, r = `radius` + x, unless None."""
     first, piece, X, w = _rows(code % FITTED)
@@ -143,7 +143,7 @@ def place_lines(
     low, high = parts.ends[piece, 0], parts.ends[piece, 1]
     u = low + X * (high - low)
     x, d = _at(slave.G[fs], u)
-    n = _normals(d) if normals is None else _at(normals[fs], u)[0]
+    n = _normals(d) if normals is None else _at(normals.G[fm if normals.of_master else fs], u)[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         n = n / np.linalg.norm(n, axis=1, keepdims=True)
     um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))

@@ -8,7 +8,7 @@ is AFFINE (triangles with straight sides, parallelograms), BILINEAR (quadrangles
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,25 @@ FLAT = 1e-10
 #: by what iterations leave
 NEARLY_FLAT = 1e-5
 N_MONOMIALS = 9
+
+
+class NormalMaps(NamedTuple):
+    """Maps G (f, 9, 3) of normals that are not the slave faces' own, by slave face or, `of_master`, by master face."""
+
+    G: Floats
+    of_master: bool
+
+    @classmethod
+    def none(cls) -> NormalMaps:
+        """Return those of the slave faces' own normals."""
+        return cls(np.empty((0, 9, 3)), False)
+
+    @classmethod
+    def constant(cls, n: Floats) -> NormalMaps:
+        """Return those of one normal, n (f, 3), for all of a master's face."""
+        G = np.zeros((len(n), N_MONOMIALS, 3))
+        G[:, 0] = n
+        return cls(G, True)
 
 
 def monomials(X: Floats) -> Floats:

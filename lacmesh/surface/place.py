@@ -11,7 +11,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.curved import SegmentFace, in_plane
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, at
+from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at
 from lacmesh.surface.moments import Gauss, gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
@@ -32,12 +32,12 @@ def place(
     master: Patches,
     functions: Ints,
     bend: Floats,
-    H: Floats,
+    H: NormalMaps,
 ) -> Placed:
     """Place quadrature points on pieces, in the given `order`, by rules `code`.
 
     `functions` (pieces, 2): numbers of fitted functions of the slave face and of the master's. `bend` (pieces,): warp
-    of the slave face, or variation of its normals. `H` (f, 9, 3): maps of smoothed normals; (0, 9, 3) for true ones.
+    of the slave face, or variation of its normals. `H`: maps of normals, without any for the slave's true ones.
     """
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -115,15 +115,18 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
 
 
 @kernel(borrows=True)
-def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
-    """Unit normal of a face at (u, v), the true one, or the smoothed one if there are maps H; and the Jacobian."""
+def normal_at(H: Any, face: int, other: int, du: Any, dv: Any, u: float, v: float) -> Any:
+    """Unit normal of a face at (u, v) and the Jacobian: its true normal, or that of the maps H if there are any.
+
+    `other`: the master's face.
+    """
     n0 = du[1] * dv[2] - du[2] * dv[1]
     n1 = du[2] * dv[0] - du[0] * dv[2]
     n2 = du[0] * dv[1] - du[1] * dv[0]
     jacobian = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     size = jacobian
-    if len(H):
-        (n0, n1, n2), _, _ = at(H[face], CURVED, u, v)
+    if len(H.G):
+        (n0, n1, n2), _, _ = at(H.G[other if H.of_master else face], CURVED, u, v)
         size = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     return (n0 / size, n1 / size, n2 / size), jacobian
 
@@ -159,14 +162,14 @@ def _across(du: Any, dv: Any, e: Any) -> Any:
 
 @kernel(borrows=True)
 def _raised(
-    u: float, v: float, um: float, vm: float, weight: float, slave: Any, master: Any, e: Any, H: Any, f: int
+    u: float, v: float, um: float, vm: float, weight: float, slave: Any, master: Any, e: Any, H: Any, f: int, other: int
 ) -> Any:
     """Turn a point's values in the plane into those on the true slave face: (um, vm, weight, normal, gap, met).
 
-    The master point (um, vm) and the gap are found along the normal of the slave at (u, v).
+    The master point (um, vm) and the gap are found along the normal at (u, v); `f`, `other`: rows of the two faces.
     """
     x, du, dv = at(slave.G, slave.kind, u, v)
-    unit, jacobian = normal_at(H, f, du, dv, u, v)
+    unit, jacobian = normal_at(H, f, other, du, dv, u, v)
     hit, um, vm, gap = ray(master.G, master.kind, x, unit, um, vm)
     return um, vm, weight * jacobian / _across(du, dv, e), unit, gap, hit
 
@@ -209,7 +212,7 @@ def _place_all(
         slave, master = _side(s, slaves, slaves.y[s], functions[k, 0]), _side(m, masters, y_m, functions[k, 1])
         first, fitted = out.first[row], code[k] % AROUND >= FITTED
         straight = _is_straight(slave) and _is_straight(master)
-        flat = straight and len(H) == 0 and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
+        flat = straight and len(H.G) == 0 and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
         patch_s, patch_m = slave.patch, master.patch
         unit = (e[2, 0], e[2, 1], e[2, 2])
         _, c0, c1, c2 = mean_plane(y_m, masters.n[m])
@@ -244,8 +247,9 @@ def _place_all(
                 g, hit = c0 + c1 * p[j, 0] + c2 * p[j, 1], True
             else:
                 um, vm, w, unit, g, hit = _raised(
-                    xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i], slave, master, e, H, fs
-                )
+                    xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i], slave, master, e, H,
+                    fs, masters.face[m],
+                )  # fmt: skip
                 xi_master[i, 0], xi_master[i, 1], weight[i] = um, vm, w
             gap[i], met[i] = g, hit and abs(weight[i]) < np.inf and abs(g) < np.inf  # a folded face has no fit
             normal[i, 0], normal[i, 1], normal[i, 2] = unit

@@ -14,7 +14,7 @@ from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
 from lacmesh.surface.clip import clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
-from lacmesh.surface.maps import FLAT, coefficients
+from lacmesh.surface.maps import FLAT, NormalMaps, coefficients
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
@@ -23,7 +23,7 @@ from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, p
 from lacmesh.surface.search import Pairs, Reach, candidates
 from lacmesh.topology.skin import MAX_CORNERS
 
-NORMALS = ("facet", "smoothed")
+NORMALS = ("facet", "smoothed", "master")
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against the extent of what is there
 _BEYOND = 1e-9
 
@@ -72,9 +72,10 @@ def contact_points(
     """Compute the contact points of a slave surface against a master.
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
-    negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
+    negative one are left out. `normals`: `facet`, the slave's true normal; `smoothed`, nodal normals averaged over
     edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
-    takes as one shape). `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    takes as one shape); or `master`, the mean normal of the master's face, turned round. `axisymmetric`: about the y
+    axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
@@ -99,7 +100,7 @@ def contact_points(
     both = slave, master
     s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
     with np.errstate(over="ignore", invalid="ignore"):
-        H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
+        H = maps_of_normals(slave, master, normals, crease_angle)
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     if search_distance is None:
         search_distance = default_distance(slave, master, macro)
@@ -111,6 +112,15 @@ def contact_points(
     else:
         points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
     return replace(points, macro=macro[points.slave], gap=smooth_gap(points, slave, master))
+
+
+def maps_of_normals(slave: Surface, master: Surface, normals: str, crease_angle: float | None) -> NormalMaps | None:
+    """Return the maps of normals that are not the slave faces' own, None for those."""
+    if normals == "facet":
+        return None
+    if normals == "smoothed":
+        return NormalMaps(coefficients(slave, smoothed(slave, crease_angle)), False)
+    return NormalMaps.constant(-mean_normals(master)[0])
 
 
 def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:
@@ -228,12 +238,12 @@ def _on_faces(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: Floats | None,
+    H: NormalMaps | None,
     degree: int,
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
-    turned = np.zeros(len(slave)) if H is None else _turned(slave, H)
+    turned = _turned(slave, H)
     code = pair_rule(
         _side(slave, s, pieces.slave),
         _side(master, m, pieces.master),
@@ -245,15 +255,17 @@ def _on_faces(
     order, groups = _groups(slave, master, fs, fm, code)
     functions = np.stack([N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]], axis=1)
     bend = np.maximum(s.warp, turned)[fs]
-    placed = place(pieces, order, code, s, m, functions, bend, np.empty((0, 9, 3)) if H is None else H)
+    placed = place(pieces, order, code, s, m, functions, bend, NormalMaps.none() if H is None else H)
     groups[:, 3:] = placed.first[groups[:, 3:]]
     return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
 
 
-def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
-    """(f,): deviation of a face's interpolated normals, with maps H (f, 9, 3), from its own mean normal."""
+def _turned(slave: Surface, H: NormalMaps | None) -> NDArray[np.floating]:
+    """(f,): deviation of a slave face's normals, with maps H, from its own mean normal; 0 if all are along one line."""
+    if H is None or H.of_master:
+        return np.zeros(len(slave))
     normal, _ = mean_normals(slave)
-    return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
+    return np.asarray(np.maximum(np.abs(H.G[:, 1:]).max(axis=(1, 2)), np.abs(H.G[:, 0] - normal).max(axis=1)))
 
 
 def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
@@ -269,7 +281,7 @@ def _on_lines(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: Floats | None,
+    H: NormalMaps | None,
     radius: float | None,
     degree: int,
 ) -> ContactPoints:
@@ -277,7 +289,7 @@ def _on_lines(
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
     of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    smooth = np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs] > FLAT
+    smooth = _turned(slave, H)[fs] > FLAT
     count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])

@@ -28,7 +28,8 @@ def lacking(mesh: Mesh, dim: int, called: str = "the mesh") -> str:
     if not mesh.n_cells:
         return f"{called} has no {name}, nor any other cells"
     message = f"{called} has no {name}, only cells of type {', '.join(mesh.cells_by_type)}; where there are physical "
-    return f"{message}groups, gmsh saves their cells alone: add one of the {name}, or set Mesh.SaveAll = 1"
+    message += f"groups, gmsh saves their cells alone: add one of the {name}, or save as msh 4.1 with "
+    return f"{message}Mesh.SaveAll = 1 (msh 2.2 loses all groups then)"
 
 
 def faces_of(mesh: Mesh, cells: Ints) -> Faces:

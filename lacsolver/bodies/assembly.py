@@ -10,8 +10,8 @@ A law whose strain has the mean of its dilatation over the cell adds r g^T + g r
 and g_sa = int G_si L_ia dV (`MeanTerms`).
 
 Each thread owns some rows (nodes), goes through the cells that touch them in their order, and adds to its own rows
-only. So every entry is summed in one order whatever the number of threads, and the result is the same to the last bit;
-the price is that cells between two threads' nodes are computed by both. K is symmetric to the last bit.
+only. So every entry is summed in one order whatever the number of threads, and the result is the same to round-off;
+the price is that cells between two threads' nodes are computed by both. K is symmetric to round-off.
 """
 
 from __future__ import annotations

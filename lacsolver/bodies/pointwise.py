@@ -94,7 +94,7 @@ class DisplacedBodies:
             self.materials.check_finite()
 
     def internal_force(self) -> NDArray[np.floating]:
-        """Return the internal forces f_int (n_dof,), identical to the last bit for any number of threads."""
+        """Return the internal forces f_int (n_dof,), the same to round-off for any number of threads."""
         return self._summed(np.empty((0, self.space.dim, self.space.dim)))
 
     def tangent(self, out: NDArray[np.floating] | None = None) -> bsr_array:

@@ -332,7 +332,7 @@ def _settled(record: Any, case: Case) -> Any:
         changes["geometry"] = "current" if case.kinematics == "finite" else "reference"
     if isinstance(record, Equation) and record.name is None:
         changes["name"] = f"equation {1 + next(k for k, one in enumerate(case.equation) if one is record)}"
-    if isinstance(record, Output) and record.every is None:
+    if isinstance(record, Output) and record.every is None and record.times is None:
         changes["every"] = 1 if case.dynamics is None else max(1, round(len(case.steps.planned) / _OUTPUTS))
     return record.altered(**changes) if changes else record
 

@@ -55,8 +55,11 @@ def meant(line: str) -> str:
         return ""
     key, value = parts[1], parts[2]
     if re.fullmatch(r"[+-]?\d+(,\d+)+(\.\d*)?", value):
-        whole, point = value.replace(",", ""), value.replace(",", ".", 1)
-        return f"{key} = {value} has a comma, which no number of TOML has; write {whole} or {point}"
+        thousands = re.fullmatch(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?", value)  # 2,000 may be either, 2000,0 not
+        ways = [value.replace(",", "")] if thousands else []
+        ways += [value.replace(",", ".")] if value.count(",") == 1 and "." not in value else []
+        if ways:
+            return f"{key} = {value} has a comma, which no number of TOML has; write {' or '.join(ways)}"
     if re.fullmatch(r"[.~]*/?[A-Za-z_][\w./\\ -]*", value):
         return _word(key, value)
     if "\\" in value and value.startswith('"'):

@@ -114,7 +114,13 @@ class Material(Entry):
 _HEXA = Choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_NORMALS = Choice({"facet": "normals of the faces", "smoothed": "averaged at the nodes and interpolated"})
+_NORMALS = Choice(
+    {
+        "facet": "of the slave's faces, or of a plane master's",
+        "smoothed": "averaged at the nodes and interpolated",
+        "master": "of the master's faces",
+    }
+)
 _SURFACE = Choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
 
 
@@ -195,7 +201,7 @@ class Contact(PairEntry):
     constants: dict[str, float] | None = key(
         NUMBER_TABLE, "", "constants of a contact law that a Python program has added", None
     )
-    normals: str = key(_NORMALS, "", "normals of the slave", "facet")
+    normals: str = key(_NORMALS, "", "direction of contact", "facet")
     geometry: str = key(
         Choice({
             "reference": "undeformed configuration, paired once",

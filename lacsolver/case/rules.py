@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import inf, sqrt
+from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
@@ -95,7 +97,11 @@ def _pairs(case: Case) -> Iterator[Issue]:
         if slave is None:
             continue
         if slave == master:
-            yield record.wrong(f"is {master!r}, the slave itself; two skins meet, so give each a group", "master")
+            message = f"is {master!r}, the slave itself; two skins meet, so give each a group"
+            if record not in case.cyclic:
+                mesh = case.mesh.name if isinstance(case.mesh, Path) else "MESH"
+                message += f": lacmesh split {mesh} --faces {quote(master)} makes them of faces inside a body"
+            yield record.wrong(message, "master")
         if slave in slaves:
             yield record.wrong(f"is {slave!r}, the slave of an earlier one; join the masters in one group", "slave")
         if slave in rigid:

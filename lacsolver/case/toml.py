@@ -35,6 +35,8 @@ def written(value: Any) -> str:
         text = value.text if isinstance(value, Formula) else value.as_posix() if isinstance(value, PurePath) else value
         escaped = text.replace("\\", "\\\\").replace('"', '\\"')
         return f'"{"".join(c if c.isprintable() else _escape(c) for c in escaped)}"'
+    if isinstance(value, tuple) and len(value) == 1 and isinstance(value[0], Value):
+        return written(value[0])  # a rotation or a moment in a plane
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(written, value))}]"
     if isinstance(value, Mapping):

@@ -56,4 +56,5 @@ PROGRAM = Program(
     COMMANDS,
     _error_lines,
     'there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "multigrid"',
+    "run",
 )

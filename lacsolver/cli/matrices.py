@@ -5,18 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from lacmesh.cli.options import pending_output
 from lacmesh.cli.terminal import Stages
 from lacmesh.errors import RequestError, did_you_mean
 from lacsolver.cli.options import add_case, add_command
 from lacsolver.cli.ranks import check_alone
-
-if TYPE_CHECKING:
-    from lacmesh.mesh import Mesh
-    from lacsolver.case import Case
-    from lacsolver.matrices import ContactMatrices
 
 
 def add(commands: Any) -> None:
@@ -43,7 +38,7 @@ def run(args: argparse.Namespace) -> None:
     """Write the matrices of a case."""
     from lacmesh.cutting.records import is_cut
     from lacsolver.case import check_groups, read_case
-    from lacsolver.matrices import write_matrices
+    from lacsolver.matrices import contact_matrices, write_matrices
     from lacsolver.problem.roles import with_roles
     from lacsolver.problem.skin import mesh_of
 
@@ -62,7 +57,7 @@ def run(args: argparse.Namespace) -> None:
         for target in targets.values():
             for path in (target, *([target.with_suffix(".mtx")] if args.mtx else [])):
                 args.left = pending_output(path, force=args.force)
-        matrices_of = _integrated(case, mesh)
+        matrices_of = contact_matrices(case, mesh)
     with stage("write"):
         for name, matrices in matrices_of.items():
             rubs = any(record.name == name and record.has_friction for record in case.contact)
@@ -75,21 +70,6 @@ def run(args: argparse.Namespace) -> None:
         if not is_cut(mesh):
             print("the columns follow the nodes of the cut mesh; lacmesh cut writes that mesh")
         print(f"{args.case}: {stage.spent()}")
-
-
-def _integrated(case: Case, mesh: Mesh) -> dict[str, ContactMatrices]:
-    """Return the matrices of each contact and tie, with the clearance at the end of the steps."""
-    from lacsolver.contact import integrate
-    from lacsolver.matrices import ContactMatrices
-    from lacsolver.problem.problem import build
-
-    parts, matrices_of = build(case, mesh, bodies=False), {}
-    for pair in parts.pairs:
-        face = integrate(
-            pair.zone, pair.zone.slave.dim + 1, pair.pairing, t=case.steps.last, tie=pair.law.all_components
-        )
-        matrices_of[pair.name] = ContactMatrices.of(face, parts.mesh)
-    return matrices_of
 
 
 def places(zones: Iterable[str], output: Path) -> dict[str, Path]:

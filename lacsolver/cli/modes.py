@@ -107,6 +107,8 @@ def _figures(modes: NaturalModes, problem: Problem, state: Restart | None) -> It
     fractions = (modes.effective_masses.sum(axis=0) + modes.rigid_masses) / modes.mass
     parts = ", ".join(f"{part:.2%} along {axis}" for axis, part in zip(modes.axes, fractions, strict=True))
     yield "mass", f"{modes.mass:.6g}; effective in all of these modes: {parts}"
+    if modes.sectors:
+        yield "nodal diameters", f"0: all {modes.sectors} sectors of the ring move alike in these modes"
     if problem.joints:
         about = "of the undeformed bodies" if state is None else f"at t = {state.time:.9g}"
         closed = ", ".join(f"{name} {count:,}" for name, count in modes.held.items())

@@ -84,7 +84,7 @@ def _run(args: argparse.Namespace, ranks: Ranks) -> None:
     if not args.quiet:
         from lacsolver.cli.summary import print_summary
 
-        print_summary(results, folder.path, case.output.format)
+        print_summary(results, folder.path, case.output.format, axisymmetric=case.model == "axisymmetric")
     if args.plot is not None and ranks.rank == 0:
         _plot(folder, args)
     if args.report is not None and ranks.rank == 0:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 _MODES = 3
 
 
-def print_summary(results: Results, folder: Path, fields: str) -> None:
-    """Print the summary of a finished run; `fields`: the format of its fields."""
+def print_summary(results: Results, folder: Path, fields: str, *, axisymmetric: bool = False) -> None:
+    """Print the summary of a finished run; `fields`: the format of its fields; `axisymmetric`: the model is that."""
     rows = table("run", "")
     for name, value in _figures(results):
         rows.add_row(name, value)
@@ -35,25 +35,27 @@ def print_summary(results: Results, folder: Path, fields: str) -> None:
             rows.add_row("slave chosen", f"{slave}, with master {master}: {why}")
         if zone in results.adjusted:
             rows.add_row("slave nodes adjusted", adjusted_in_words(results.adjusted[zone]))
-        for name, value in _zone(figures):
+        for name, value in _zone(figures, axisymmetric):
             rows.add_row(name, value)
         if results.overlap.get(zone, 0.0) > 0:
             rows.add_row("deepest overlap at the start", f"{results.overlap[zone]:.6g}")
     if last:
         for name, value in _joints(last):
             rows.add_row(name, value)
-        add_resultants(rows, results.loads, last.time)
+        add_resultants(rows, results.loads, last.time, axisymmetric=axisymmetric)
     console().print(rows)
     opened = "results.med for Salome" if fields == "med" else "paraview_state.py for ParaView"
     print(f"results: {folder} (results.json, history.csv, {opened})")
 
 
-def add_resultants(rows: Any, loads: Sequence[Resultant], t: float) -> None:
+def add_resultants(rows: Any, loads: Sequence[Resultant], t: float, *, axisymmetric: bool = False) -> None:
     """Add the resultants of loads at time t to a table."""
     if loads:
         rows.add_section()
     for load in loads:
-        rows.add_row(f"resultant, t = {t:g}", f"{load.section} {load.where}: {_vector(np.array(load.force))}")
+        rows.add_row(
+            f"resultant, t = {t:g}", f"{load.section} {load.where}: {_force(np.array(load.force), axisymmetric)}"
+        )
 
 
 def adjusted_in_words(moved: Adjustment) -> str:
@@ -99,19 +101,21 @@ def _energies(steps: Sequence[StepFigures]) -> Iterator[tuple[str, str]]:
     yield "energy taken by", f"{taken} (of the largest)"
 
 
-def _zone(zone: ZoneFigures) -> Iterator[tuple[str, str]]:
+def _zone(zone: ZoneFigures, axisymmetric: bool) -> Iterator[tuple[str, str]]:
     yield "macro-elements", f"{zone.active:,} in contact, {zone.open:,} open, {zone.unpaired:,} without a master"
-    yield "pressure", _span(zone.pressure_min, zone.pressure_max)
+    mean = f", mean {zone.pressure_mean:.6g}" if np.isfinite(zone.pressure_mean) else ""
+    yield "pressure", _span(zone.pressure_min, zone.pressure_max) + mean
     yield "mean gaps", _span(zone.gap_min, zone.gap_max)
     yield "coverage", _span(zone.coverage_min, zone.coverage_max)
     yield "contact area", f"{zone.contact_area:.6g}"
-    yield "force on the slave", _vector(zone.resultant)
-    yield "its moment", _vector(zone.moment)
+    yield "force on the slave", _force(zone.resultant, axisymmetric)
+    if not axisymmetric:  # a ring has none
+        yield "its moment", _vector(zone.moment)
     if zone.friction is not None:
         rubbing = zone.friction
         states = f"{rubbing.sticking:,} macro-elements stick, {rubbing.sliding:,} slide"
         yield "friction", f"{states}; largest slip of the step {rubbing.slip_max:.6g}"
-        yield "friction on the slave", _vector(rubbing.friction)
+        yield "friction on the slave", _force(rubbing.friction, axisymmetric)
 
 
 def _joints(step: StepFigures) -> Iterator[tuple[str, str]]:
@@ -124,6 +128,14 @@ def _joints(step: StepFigures) -> Iterator[tuple[str, str]]:
             yield "", f"turned by {_vector(point.rotation)}; moment {_vector(point.moment)}"
     for name, force in step.equations.items():
         yield f"equation {name}", f"force {force:.6g}"
+
+
+def _force(force: Floats, axisymmetric: bool) -> str:
+    """Format a force; that on a ring is along the axis, and its radial part has no resultant, but an integral."""
+    if not axisymmetric:
+        return _vector(force)
+    radial, axial = _vector(force).split(", ")
+    return f"axial {axial}; radial integral {radial}"
 
 
 def _span(low: float, high: float) -> str:

@@ -77,7 +77,7 @@ def _print(case: Case, validation: Validation) -> None:
         records = getattr(case, name)
         for record in records if isinstance(records, tuple) else [records] if records else []:
             rows.add_row(name, said(record))
-    add_resultants(rows, validation.loads, case.steps.last)
+    add_resultants(rows, validation.loads, case.steps.last, axisymmetric=case.model == "axisymmetric")
     console().print(rows)
 
 

@@ -8,7 +8,7 @@ from collections import deque
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.cli.terminal import tell
+from lacmesh.cli.terminal import on_stderr, tell
 from lacsolver.results.step_table import step_columns, step_lines
 
 if TYPE_CHECKING:
@@ -52,6 +52,8 @@ class Watch:
         if self._live:
             self._live.start()
             tell(self._live.console.print)
+        elif not self._quiet:
+            tell(on_stderr)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

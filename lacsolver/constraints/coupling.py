@@ -6,8 +6,10 @@ prescribed,
 
     sum w_i u_i + (R(theta) - 1) d = u_P(t),    rho K^-1 sum w_i (R(theta) r_i) x (r_i + u_i) = 0
 
-which is linear in u at any angle; rho, the radius of gyration, makes them lengths. Where the point is moved and its
-rotation is free, R is that of the nodes.
+which is linear in u at any angle; rho, the radius of gyration, makes them lengths. The nodes turned by half a turn
+against R(theta) fulfil that too: where their own rotation is farther from R(theta) than a radian, a rotation on the way
+there, a radian farther than their own, takes its place. Where the point is moved and its rotation is free, R is that of
+the nodes.
 
 A rigid coupling of all components is a rigid body (`rigid`); of some components, under small kinematics, it is one
 equation for each of them at each node, a . u_i = a . (u_P + theta x (X_i - P)), which is eliminated (`equations`), with
@@ -33,7 +35,7 @@ from lacsolver.case.value import Value
 from lacsolver.constraints.equality_rows import EqualityAt
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rotation import turn
-from lacsolver.constraints.spread import Spread
+from lacsolver.constraints.spread import Spread, rotation_vector
 from lacsolver.contact.laws import Bilateral, ContactLaw
 from lacsolver.space.axes import cartesian
 from lacsolver.space.measure import nodal_measures
@@ -44,6 +46,8 @@ from lacsolver.space.sparse import sparse, sparse_blocks
 _AXES = "xyz"
 #: nodes up to which the derivative of spread moments and of R is a part of the tangent: it is dense
 MOST_NODES = 500
+#: largest angle (radians) between the rotation of the nodes and the one that their rows ask for
+_ON_THE_WAY = 1.0
 #: singular value of a rigid coupling's motions, relative to the largest, below which nodes do not follow one
 _STILL = 1e-9
 
@@ -173,6 +177,13 @@ class CouplingRows:
         """Indices of the displacements that are prescribed."""
         return np.array([k for k in range(self.motion.dim) if self.motion.moved[k] is not None], np.int64)
 
+    def carried(self, t: float) -> float:
+        """Return the largest displacement that the prescribed motions alone give a node at time t."""
+        s, theta = self.spread, self.motion.rotation(t)
+        straight = np.array([value.at(t) for value in self.motion.moved[: s.dim] if value is not None])
+        turned: Floats = np.zeros(1) if theta is None else np.linalg.norm((s.r - s.d) @ turn(theta).T, axis=1)
+        return float(np.linalg.norm(straight) + turned.max())
+
     @property
     def _turns_freely(self) -> bool:
         return bool(self.record.rotation is None and self.spread.d.any() and len(self.along))
@@ -184,7 +195,7 @@ class CouplingRows:
     def at(self, u: Floats, t: float) -> EqualityAt:
         """Return the rows at u (n_dof,) and time t."""
         s, theta = self.spread, self.motion.rotation(t)
-        R, K = s.polar(s.shape(u)) if theta is None else self._prescribed(theta)
+        R, K = s.polar(s.shape(u)) if theta is None else self._prescribed(theta, u)
         gaps, rows = self._displacements(u, t, theta, R, K)
         if theta is not None:
             turned = s.r @ R.T
@@ -203,9 +214,16 @@ class CouplingRows:
         F = p[: len(self.along)] @ self.motion.directions()[self.along]
         return on_nodes(s, s.tangent(F, np.zeros(3), s.shape(u)), self.n_dof)
 
-    def _prescribed(self, theta: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    def _prescribed(self, theta: Floats, u: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+        """Return R and K of the prescribed rotation, or of one that is on the way to it from that of the nodes."""
         s = self.spread
-        R = np.eye(3) + turn(theta) if s.finite else np.eye(3)
+        R: Floats = np.eye(3)
+        if s.finite:
+            R, own = R + turn(theta), s.polar(s.shape(u))[0]
+            way = rotation_vector(R @ own.T)
+            angle = float(np.linalg.norm(way))
+            if angle > _ON_THE_WAY:
+                R = own + turn(way * (_ON_THE_WAY / angle)) @ own
         turned = s.r @ R.T
         return R, s.inertia(turned.T @ (s.w[:, None] * turned))
 

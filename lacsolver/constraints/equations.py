@@ -26,6 +26,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
+from lacsolver.constraints.equality_rows import lengths
 from lacsolver.space.sparse import joined_columns, sparse
 
 #: a coefficient below this part of the largest of its equation is not divided by, as long as there is a choice
@@ -34,6 +35,9 @@ _SMALL = 0.1
 _SAME = 1e-10
 #: coefficients below this part of the largest are round-off
 _NOTHING = 1e-14
+#: an equation of which prescribed displacements leave less than this part follows from them: that much turns the axes
+#: that coordinates in single precision give, as those of many decks
+_PRESCRIBED = 1e-7
 #: round-off allowed in an equation between unknowns that are all prescribed
 _ROUNDING = 1e-9
 #: columns that are solved for at once
@@ -122,14 +126,20 @@ class EquationSystem:
 
 
 def stacked(equations: tuple[Equations, ...], T: csr_array) -> csr_array:
-    """Return A = [C T, E] (k, n_x) of all equations, each with columns for its further unknowns after those of T."""
-    C = csr_array(vstack([one.C for one in equations]) @ T)
+    """Return A = [C T, E] (k, n_x) of all equations, each with columns for its further unknowns after those of T.
+
+    An equation of which prescribed displacements and rigid bodies leave round-off alone has no coefficients.
+    """
+    C = csr_array(vstack([one.C for one in equations]))
     parts, n, first = [], sum(one.n_further for one in equations), 0
     for one in equations:
         E = coo_array((one.C.shape[0], 0)) if one.E is None else one.E.tocoo()
         parts.append(coo_array((E.data, (E.row, E.col + first)), shape=(one.C.shape[0], n)))
         first += one.n_further
-    return csr_array(hstack([C, vstack(parts)]))
+    A = csr_array(hstack([C @ T, vstack(parts)]))
+    given = csr_array(hstack([C, vstack(parts)]))
+    left = lengths(A) > _PRESCRIBED * lengths(given)
+    return csr_array(diags_array(left.astype(float)) @ A)
 
 
 def contradiction(

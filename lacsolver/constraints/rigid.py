@@ -81,6 +81,12 @@ class RigidBody:
         """Return the motions (m,) at time t, with 0 for the free ones."""
         return _values(self.moved, t)
 
+    def rotation(self, t: float) -> NDArray[np.floating] | None:
+        """Return the rotation vector (3,) that is prescribed at time t; None for free and for small rotations."""
+        if not self.turns or self.free[self._dim :].any():
+            return None
+        return self._in_space(self.held(t)[self._dim :])
+
     def force(self, t: float, motion: Floats | None = None) -> NDArray[np.floating]:
         """Return the forces (m,) at time t that are conjugate to changes of the motions, at `motion` (m,)."""
         f = _values(self.loads, t) + self.weight(t)

@@ -109,7 +109,7 @@ class Spread:
             return np.zeros(len(self.axes))
         if not self.finite:
             return np.linalg.solve(self.J, self._moment(self.r, self.moved(u)))
-        return _vector(self.polar(self.shape(u))[0])[self.axes]
+        return rotation_vector(self.polar(self.shape(u))[0])[self.axes]
 
     def point(self, u: Floats) -> NDArray[np.floating]:
         """Return the displacement (dim,) of the point at u (n_dof,)."""
@@ -161,7 +161,7 @@ class Spread:
         return (np.trace(S) * np.eye(3) - S)[np.ix_(self.axes, self.axes)]
 
 
-def _vector(R: Floats) -> NDArray[np.floating]:
+def rotation_vector(R: Floats) -> NDArray[np.floating]:
     """Return the rotation vector (3,) of a rotation R (3, 3), of an angle of at most pi."""
     axial = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     sine, cosine = np.linalg.norm(axial), (np.trace(R) - 1) / 2

@@ -40,7 +40,7 @@ from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.normals import normals_of, unit
 from lacsolver.contact.faces import by_type, dual_vectors, places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
-from lacsolver.contact.normals import NodalNormals, nodal_normals
+from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
 from lacsolver.contact.shear import frames, integrals
 from lacsolver.contact.zone import Zone
@@ -97,14 +97,15 @@ class _Directions(NamedTuple):
 
     J (points, 3, dim of the skins): tangents of the faces along their coordinates.
 
-    With smoothed normals `nodal`, and `size` (points,), that of their interpolation; else None and 1.
+    With other normals than those of the slave's faces `others`, and `size` (points,), that of their interpolation; else
+    None and 1.
     """
 
     n: Floats
     e: Floats
     c: Floats
     J: Floats
-    nodal: NodalNormals | None
+    others: OtherNormals | None
     size: Floats
 
 
@@ -146,7 +147,7 @@ def slip(
     the interface, None if they are left out; then D_T is B_T where the master has entered.
     """
     m, d = len(face.w), face.normal.shape[1]
-    at = _directions(face.zone, face.slave, anchors.slave, anchors.xi_slave, pairing, d)
+    at = _directions(face.zone, face.slave, face.master, anchors, pairing, d)
     y = _apart(face.slave, face.master, anchors)
     S = share.total(integrals(np.einsum("pas,ps->pa", at.e, y[:, :d]), anchors.macro, anchors.weight, m))
     w = share.total(np.bincount(anchors.macro, anchors.weight, m).astype(float))
@@ -186,7 +187,7 @@ def _since(
     """
     d = face.normal.shape[1]
     slave, master = face.zone.slave.at(before), face.zone.master.at(before)
-    e = _directions(face.zone, slave, points.slave, points.xi_slave, pairing, d).e
+    e = _directions(face.zone, slave, master, points, pairing, d).e
     J = tangents(master, points.master, points.xi_master)
     return -np.einsum("pas,ps->pa", e, _apart(slave, master, points)[:, :d]), e @ J[:, :d]
 
@@ -211,15 +212,15 @@ def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -
     arms = np.zeros((len(y), d - 1, d - 1, d))
     if d == 3:
         _add_spin(at, y, of_dn, arms)
-    if at.nodal is None:
+    if at.others is None:
         along = of_dn @ dual_vectors(at.J)[:, :d]
         arms -= along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
     weight = anchors.weight[:, None, None]
     D_T = macro_rows(anchors, slave, master, weight * at.e, m, weight[..., None] * arms)
-    if at.nodal is not None:
+    if at.others is not None:
         across = of_dn - np.einsum("pks,ps->pk", of_dn, at.n[:, :d])[..., None] * at.n[:, None, :d]
         q = weight * across / at.size[:, None, None]
-        D_T = csr_array(D_T + normal_rows(anchors, slave, master, at.nodal, q, m))
+        D_T = csr_array(D_T + normal_rows(anchors, slave, master, at.others, q, m))
     return D_T
 
 
@@ -235,16 +236,21 @@ def _add_spin(at: _Directions, y: Floats, of_dn: Floats, arms: Floats) -> None:
     arms += at.c[:, :, None, None] * spin[:, None]
 
 
-def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pairing, d: int) -> _Directions:
-    """Return the normals of a pairing, and the tangents, at points of a slave as it is deformed."""
+def _directions(
+    zone: Zone, slave: Surface, master: Surface, points: ContactPoints | Anchors, pairing: Pairing, d: int
+) -> _Directions:
+    """Return the normals of a pairing, and the tangents, at points of a slave as the skins are deformed."""
+    face, xi = points.slave, points.xi_slave
     J = tangents(slave, face, xi)
-    if pairing.normals == "facet":
-        n, nodal, size = unit(normals_of(J)), None, np.ones(len(face))
+    others = other_normals(slave, master, pairing.normals, pairing.crease_angle, d, skins_of(slave, master)[1])
+    if others is None:
+        H = unit(normals_of(J))
+    elif others.of_master:
+        H = others.n[points.master]
     else:
-        nodal = nodal_normals(slave, pairing.crease_angle, d, skins_of(slave, zone.master)[1])
         H = np.empty((len(face), 3))
         for rows, name, nodes in by_type(slave, face):
-            h = nodal.n[nodal.of_faces[face[rows], : nodes.shape[1]]]
+            h = others.n[others.of_faces[face[rows], : nodes.shape[1]]]
             H[rows] = np.einsum("pn,pns->ps", shape(name, xi[rows, : slave.dim]), h)
-        n, size = unit(H), np.linalg.norm(H, axis=1)
-    return _Directions(n, *frames(zone, face, xi, n, J), J, nodal, size)
+    n, size = unit(H), np.linalg.norm(H, axis=1)
+    return _Directions(n, *frames(zone, face, xi, n, J), J, others, size)

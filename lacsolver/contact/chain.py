@@ -1,8 +1,8 @@
 """Derivatives at one contact point, by the displacements of the nodes that it knows: kernels for loops over points.
 
 A contact point knows the nodes a of its slave face, with the shape functions N_a, the nodes b of its master face, with
-M_b, and with smoothed normals the normals h_a at the nodes of its slave face. Its slave coordinates are fixed, and its
-ray x + r n meets the master's face at xi_bar:
+M_b, and with smoothed normals the normals h_a at the nodes of its slave face, or the normal h of its master face. Its
+slave coordinates are fixed, and its ray x + r n meets the master's face at xi_bar:
 
     tau_b dxi_bar^b - n dr = dx + r dn - dx_bar         dx = N_a v_a, dx_bar = M_b v_b at fixed xi_bar
 
@@ -11,6 +11,7 @@ whose heights move with their faces, changes by dg = dr - (db_m/dxi^b) dxi_bar^b
 
     dn = -a^k (n . dv/dxi^k)                            the face's own normal, a^k the dual vectors of its tangents
     dn = P N_a dh_a,  P = (1 - n n^T) / |H|             smoothed, n = H / |H|, H = N_a h_a
+    dn = dh                                             that of the master's face, n = h
 
 and in the current measure the weight changes by dw/w = a^k . dv/dxi^k (+ v_r / r in axisymmetry). A point on the edge
 of a mortar segment, which moves by V (`edges`), has V in place of dw/w, and no other derivative.
@@ -41,8 +42,9 @@ class Skins(NamedTuple):
     """Both skins, with the numbers of nodes and normals that the local unknowns of a point are found by.
 
     `x` (n, 3): coordinates of the nodes of both skins; `type_s`, `type_m`: types of the faces; `nodes_s`, `nodes_m`
-    (faces, 9): their nodes; `normal_of` (slave faces, 9): rows of `normals` (k, 3), the smoothed normals, or (0, 9) and
-    (0, 3) where the faces have their own. `bases` (types, 9, 9): shape functions in monomials; `n_nodes` (types,).
+    (faces, 9): their nodes. `normal_of`: rows of `normals` (k, 3); (slave faces, 9) of smoothed normals, (master faces,
+    1) of those of the master's faces, (0, 9) where the slave's faces have their own. `bases` (types, 9, 9): shape
+    functions in monomials; `n_nodes` (types,).
     """
 
     x: Floats
@@ -190,6 +192,14 @@ def _inverse(tau: Any, n: Any, d: int) -> Any:
 
 
 @kernel(borrows=True)
+def n_normals(skins: Any, k_s: int) -> int:
+    """Return the number of normals that a point on a slave face with k_s nodes knows."""
+    if len(skins.normals) == 0:
+        return 0
+    return 1 if skins.normal_of.shape[1] == 1 else k_s
+
+
+@kernel(borrows=True)
 def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d: int, room: Any) -> None:
     """Write the shape functions at point p of slave face s and master face m, and the rows of its derivatives.
 
@@ -199,19 +209,22 @@ def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d
     sizes = (skins.n_nodes[type_s], skins.n_nodes[type_m])
     shapes(skins.bases, type_s, sizes[0], points.xi_s[p, 0], points.xi_s[p, 1], room.N_s, room.dN_s)
     shapes(skins.bases, type_m, sizes[1], points.xi_m[p, 0], points.xi_m[p, 1], room.N_m, room.dN_m)
-    smooth = len(skins.normals) > 0
-    room.rows[:, : d * (sizes[0] + sizes[1] + (sizes[0] if smooth else 0))] = 0.0
+    k_n = n_normals(skins, sizes[0])
+    room.rows[:, : d * (sizes[0] + sizes[1] + k_n)] = 0.0
     if len(points.edges.nu) > 0:
         _move(skins.bases, points.edges, p, types, sizes, d, room)
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
-    if points.current == 1 or not smooth:
+    if points.current == 1 or k_n == 0:
         dual = dual_of(tangents_of(skins.x, skins.nodes_s, s, sizes[0], room.dN_s), d)
         if points.current == 1:
             _stretch(skins, points.radial, s, sizes[0], d, dual, room)
-        if not smooth:
+        if k_n == 0:
             _turn(sizes[0], d, dual, n, room)
-    if smooth:
+    if k_n == 1:
+        for i in range(d):
+            room.rows[NORMAL + i, d * (sizes[0] + sizes[1]) + i] = 1.0
+    elif k_n > 1:
         _turn_smoothly(skins, s, sizes, d, n, room)
     _slide(skins, points, p, m, sizes, d, n, room)
 
@@ -296,7 +309,8 @@ def _slide(skins: Any, points: Any, p: Any, m: Any, sizes: Any, d: int, n: Any, 
     k_s, k_m = sizes
     rows = room.rows
     # dn acts on the slave's nodes, or on the normals
-    low, high = (0, d * k_s) if len(skins.normals) == 0 else (d * (k_s + k_m), d * (2 * k_s + k_m))
+    k_n = n_normals(skins, k_s)
+    low, high = (0, d * k_s) if k_n == 0 else (d * (k_s + k_m), d * (k_s + k_m + k_n))
     inverse = _inverse(tangents_of(skins.x, skins.nodes_m, m, k_m, room.dN_m), n, d)
     for k in range(d):
         of, at = (inverse[2], GAP) if k == d - 1 else (inverse[k], SLIDE + k)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools, RowState, Unilateral
 
-#: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
+#: slope, as a fraction of the stiffness of the skin, below which a tangent is none: a curve may begin without a slope
 _LEAST = 1e-6
 #: iterations for a point of the exponential; each at least squares the error
 _STEPS = 60
@@ -63,11 +63,19 @@ class Curved(Unilateral):
         return np.asarray(rows.pressure > rows.skin_stiffness * (rows.gap - self.reach))
 
     def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
-        """Return the tangent where the line through gap and pressure, as stiff as the skin, meets the curve."""
-        k = rows.skin_stiffness
-        gap = np.minimum(self.meeting(rows.pressure - k * rows.gap, k), self.reach)
-        slope = np.maximum(self.slope(gap), _LEAST * rows.skin_stiffness)
-        return gap + self.pressure(gap) / slope, 1 / slope
+        """Return the tangent where the line through gap and pressure, as stiff as the skin, meets the curve.
+
+        Where it does not, or the curve has no slope there, a row that is to hold a body is as stiff as the skin; with a
+        pressure it takes the chord to the point with that pressure.
+        """
+        k, pressure = rows.skin_stiffness, rows.pressure
+        gap = np.minimum(self.meeting(pressure - k * rows.gap, k), self.reach)
+        p, slope = self.pressure(gap), self.slope(gap)
+        flat = np.flatnonzero((slope < _LEAST * k) | (gap == self.reach))
+        slope[flat] = k[flat]
+        flat = flat[pressure[flat] > p[flat]]
+        slope[flat] = (pressure[flat] - p[flat]) / (gap[flat] - self.gap_of(pressure[flat]))
+        return gap + p / slope, 1 / slope
 
     def stored(self, rows: RowState) -> Floats:
         """Return the energy of the curve at the gap."""
@@ -113,7 +121,7 @@ class Exponential(Curved):
     `at_contact`: p0; `clearance`: c.
 
     >>> law = Exponential(at_contact=2.0, clearance=0.1)
-    >>> law.pressure(np.array([0.2, 0.1, 0.0])).tolist(), law.gap_of(np.array([2.0])).round(15).tolist()
+    >>> law.pressure(np.array([0.2, 0.1, 0.0])).round(12).tolist(), law.gap_of(np.array([2.0])).round(15).tolist()
     ([0.0, 0.0, 2.0], [0.0])
     """
 

@@ -24,7 +24,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.clip import project
 from lacmesh.surface.lines import meet
-from lacmesh.surface.maps import NEARLY_FLAT, at
+from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import normal_at
@@ -85,12 +85,12 @@ class _Placed(NamedTuple):
 
 
 def edges_of(
-    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, H: Floats | None, axisymmetric: bool
+    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, H: NormalMaps | None, axisymmetric: bool
 ) -> EdgePoints:
     """Return quadrature points on the segment edges whose contributions do not cancel between neighbours.
 
-    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `H` (f, 9, 3): maps of
-    smoothed normals, None for the faces' own.
+    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `H`: maps of normals, None
+    for the slave faces' own.
     """
     s, m = patches(slave), patches(master)
     a, b = _pairs(np.unique(face * np.int64(len(master)) + other), s, m, len(master))
@@ -98,7 +98,7 @@ def edges_of(
     if dim == 2:
         placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric)
     else:
-        placed = _in_space(s, m, a, b, counts, np.empty((0, 9, 3)) if H is None else H)
+        placed = _in_space(s, m, a, b, counts, NormalMaps.none() if H is None else H)
     return _kept(placed, s, m, slave, master)
 
 
@@ -132,8 +132,8 @@ def _count(p: Patches, face: Ints) -> Ints:
 def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth: bool) -> NDArray[np.bool_]:
     """Return a mask (pairs, 4) of the master patch's edges, by first corner, that do not cancel (corners in the plane).
 
-    These are edges on the boundary of the master; and all edges if the slave's normals differ from those of its plane,
-    or if the master is curved.
+    These are edges on the boundary of the master; and all edges if the normals are not those of the slave's plane, or
+    if the master is curved.
     """
     several = np.bincount(m.face, minlength=len(master)) > 1
     bent = smooth | (s.warp[s.face[a]] > NEARLY_FLAT) | several[m.face[b]]
@@ -142,7 +142,7 @@ def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth:
 
 
 def _in_plane(
-    s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], slave: Surface, H: Floats | None,
+    s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], slave: Surface, H: NormalMaps | None,
     axisymmetric: bool,
 ) -> _Placed:  # fmt: skip
     """Return the corners of the master that project into the inside of the slave's chord."""
@@ -153,8 +153,10 @@ def _in_plane(
     xi = _above(s.x[a, 0] + (there * s.area[a])[:, None] * e[:, 0], s, a, there, slave)
     tau, x = tangents(slave, face, xi)[:, :, 0], places(slave, face, xi)
     true = normals_of(tau[:, :, None])
-    n = true if H is None else np.stack([H[face, 0], H[face, 1], H[face, 3]], axis=1).transpose(0, 2, 1) @ _line(xi)
-    n = (n if H is None else n[..., 0]) / np.linalg.norm(n, axis=1).reshape(-1, 1)
+    n = true
+    if H is not None:
+        n = np.einsum("kms,km->ks", H.G[other if H.of_master else face][:, [0, 1, 3]], _line(xi))
+    n = n / np.linalg.norm(n, axis=1)[:, None]
     start = m.xi[b, corner, 0]
     u, distance, met = meet(m.G[other], x, n, start)
     share = np.eye(4)[corner]
@@ -174,8 +176,8 @@ def _in_plane(
 
 
 def _line(xi: Floats) -> NDArray[np.floating]:
-    """Return the monomials 1, u, u^2 of points on lines, (n, 3, 1)."""
-    return np.stack([np.ones(len(xi)), xi[:, 0], xi[:, 0] ** 2], axis=1)[..., None]
+    """Return the monomials 1, u, u^2 of points on lines, (n, 3)."""
+    return np.stack([np.ones(len(xi)), xi[:, 0], xi[:, 0] ** 2], axis=1)
 
 
 def _above(want: Floats, s: Patches, a: Ints, t: Floats, slave: Surface) -> NDArray[np.floating]:
@@ -191,7 +193,7 @@ def _above(want: Floats, s: Patches, a: Ints, t: Floats, slave: Surface) -> NDAr
     return xi
 
 
-def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], H: Floats) -> _Placed:
+def _in_space(s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], H: NormalMaps) -> _Placed:
     """Return Gauss points of the parts of the master's edges that project into the slave's patch."""
     low_high = np.zeros((len(a), 4, 2))
     _clip_edges(s, m, a, b, counts, low_high)
@@ -333,7 +335,7 @@ def _place_point(s: Any, m: Any, H: Any, i: int, p: Any, size: float, out: Any) 
     face, other = s.face[a], m.face[b]
     u, v, ratio = in_face(inverse(s.y[a], s.n[a], s.xi[a]), p[0], p[1])
     x, du, dv = at(s.G[face], s.kind[face], u, v)
-    unit, jacobian = normal_at(H, face, du, dv, u, v)
+    unit, jacobian = normal_at(H, face, other, du, dv, u, v)
     um = vm = 0.0
     for c in range(m.n[b]):
         um += out.share[i, c] * m.xi[b, c, 0]

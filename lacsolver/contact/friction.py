@@ -87,7 +87,7 @@ class States(NamedTuple):
         """
         slides = closed & ~sticks & bounds.any & ~bounds.rough & t.any(axis=1)
         sticks = closed & bounds.any & ~slides & (sticks | (not held))
-        return cls(closed, sticks, np.where(slides[:, None], unit(t), 0.0), np.zeros(len(closed), bool))
+        return cls(closed, sticks, np.where(slides[:, None], _directions(t), 0.0), np.zeros(len(closed), bool))
 
 
 class Solved(NamedTuple):
@@ -124,8 +124,8 @@ def _sticking(now: States, solved: Solved, bounds: Bounds) -> States:
     """Rule 1, for macro-elements that stick, or have no friction."""
     size = np.linalg.norm(solved.t, axis=1)
     opens = np.where(now.sticks & ~bounds.rough & (size > 0), False, ~solved.presses)
-    slides = now.sticks & ~opens & (size > bounds.at(solved.p)[0])
-    direction = np.where(slides[:, None], unit(solved.t), 0.0)
+    slides = now.sticks & ~opens & ~bounds.rough & (size > bounds.at(solved.p)[0])
+    direction = np.where(slides[:, None], _directions(solved.t), 0.0)
     return States(~opens, now.sticks & ~opens & ~slides, direction, now.turned)
 
 
@@ -137,7 +137,7 @@ def _sliding(now: States, solved: Solved, bounds: Bounds) -> States:
     turns = back & (np.linalg.norm(trial, axis=1) > b) & ~now.turned
     sticks = solved.presses & back & ~turns
     goes_on = np.where(turns[:, None], trial, solved.t + pull)
-    direction = np.where(np.any(goes_on, axis=1, keepdims=True), unit(goes_on), now.direction)
+    direction = np.where(np.any(goes_on, axis=1, keepdims=True), _directions(goes_on), now.direction)
     slides = solved.presses & ~sticks
     return States(solved.presses, sticks, np.where(slides[:, None], direction, 0.0), now.turned | (slides & turns))
 
@@ -146,8 +146,13 @@ def _closing(now: States, solved: Solved, bounds: Bounds) -> States:
     """Rules 0 and 3, for macro-elements that are open, or press without friction at the start."""
     asked = solved.stiffness * np.linalg.norm(solved.s, axis=1)
     slides = solved.presses & bounds.any & ~bounds.rough & (asked > bounds.at(solved.pressing)[0])
-    direction = np.where(slides[:, None], unit(solved.s), 0.0)
+    direction = np.where(slides[:, None], _directions(solved.s), 0.0)
     return States(solved.presses, solved.presses & bounds.any & ~slides, direction, now.turned)
+
+
+def _directions(v: Floats) -> NDArray[np.floating]:
+    """Return the directions of vectors (m, k), 0 for those without one; in the plane they are 1 and -1 exactly."""
+    return np.sign(v) if v.shape[1] == 1 else unit(v)
 
 
 def _column(mask: Bools, like: NDArray) -> Bools:

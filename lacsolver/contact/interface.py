@@ -24,6 +24,7 @@ from lacmesh.records import dataclass
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.maps import coefficients, measures
+from lacmesh.surface.normals import unit
 from lacmesh.surface.record import mean_normals
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.rows import macro_rows
@@ -97,7 +98,8 @@ class Interface:
 
     `B` (m, n_dof), or (d m, n_dof) for a tie, whose row d m + k is the jump along axis k; `G` (m,): integral of the
     gap, clearance included ((d m,) zeros for a tie); `w`: covered measure; `area`; `gap`: mean gap, integral of the gap
-    over w, NaN where nothing is covered; `centre`, `normal` (m, d); `length` (m,): size of each macro-element.
+    over w, NaN where nothing is covered; `centre`, `normal` (m, d): of the slave's faces, or the mean of the master's
+    where these are the direction of contact; `length` (m,): size of each macro-element.
     `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
     `slave`, `master`: the skins in this configuration, at time `t`. With friction, else None: `B_T` (m (d - 1), n_dof),
     the slip along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of the
@@ -175,6 +177,9 @@ def integrate(
         average = np.where(w > 0, integral / w, np.nan)
     G = np.zeros(dim * m) if tie else integral
     centre, normal, length = _places(zone, slave, dim)
+    if pairing.normals == "master":
+        along = share.total(integrals(n, points.macro, weight, m))
+        normal = np.where(w[:, None] > 0, unit(along), normal)
     face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t)
     return with_shear(face, share) if pairing.friction else face
 
@@ -221,6 +226,13 @@ def stretch(zone: Zone, slave: Surface, face: Ints, xi: Floats, axisymmetric: bo
     """Return the ratio of undeformed to deformed area (length in a plane) of the slave at points xi (n, 2) of faces."""
     before, after = (measures(coefficients(s), face, xi, s.dim, axisymmetric) for s in (zone.slave, slave))
     return np.asarray(np.divide(before, after, out=np.ones_like(after), where=after > 0))
+
+
+def dips(face: Interface, share: Share) -> NDArray[np.floating]:
+    """Return how far points of the slave are inside the master beyond the mean gap, over each macro-element's size."""
+    macro, out = face.points.macro, np.zeros(len(face.w))
+    np.maximum.at(out, macro, np.minimum(face.gap, 0.0)[macro] - face.distance)
+    return np.divide(share.total(out), face.length, out=np.zeros_like(out), where=face.length > 0)
 
 
 def _jump(slave: Surface, master: Surface, points: ContactPoints, weight: Floats, dim: int, m: int) -> csr_array:

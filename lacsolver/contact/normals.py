@@ -1,7 +1,11 @@
-"""Smoothed normals at the nodes of a slave skin, each once, and their derivative by the displacement.
+"""Normals of contact that are not those of the slave's faces, each once, and their derivative by the displacement.
 
-As in `lacmesh.surface.normals.smoothed`, the normal at a node of a face is the area-weighted mean of the normals of the
-faces that meet there, without those across a crease:
+*Of the master's faces* it is the mean normal N of each, that of its diagonals d_1, d_2 (of a triangle, two edges),
+turned round, n = -N: one direction for all points in front of a face, with dn = -a^k (n.dd_k), a^k the dual vectors of
+the d_k.
+
+*Smoothed*, at the nodes of the slave: as in `lacmesh.surface.normals.smoothed`, the normal at a node of a face is the
+area-weighted mean of the normals of the faces that meet there, without those across a crease:
 
     h = H / |H|,  H = sum_f A_f n_f,        dh = P sum_f (A_f dn_f + n_f dA_f),  P = (1 - h h^T) / |H|
 
@@ -21,24 +25,72 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
+from lacmesh.surface.maps import NormalMaps, coefficients
 from lacmesh.surface.normals import crease_pairs, normals_of, unit
+from lacmesh.surface.record import mean_normals
 from lacsolver.contact.faces import dual_vectors
 from lacsolver.space.sparse import sparse
 
+#: by number of corners: the chords of a face whose cross product has the direction of its mean normal
+_CHORDS = {
+    2: np.array([[-1.0, 1.0]]),
+    3: np.array([[-1.0, 0.0, 1.0], [1.0, -1.0, 0.0]]),
+    4: np.array([[-1.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]),
+}
 
-class NodalNormals(NamedTuple):
-    """Unit normals `n` (k, 3); `of_faces` (f, 9): those of each face's nodes, -1 beyond.
 
-    `derivative` (d k, d n): of their components, by the displacements of the n nodes of both skins.
+class OtherNormals(NamedTuple):
+    """Unit normals `n` (k, 3); `of_faces` (f, 9): those of each slave face's nodes, -1 beyond.
+
+    Or (f, 1): those of the master's faces. `derivative` (d k, d n): of their components, by the displacements of the n
+    nodes of both skins.
     """
 
     of_faces: Ints
     n: Floats
     derivative: csr_array
 
+    @property
+    def of_master(self) -> bool:
+        """True for one normal of each face of the master."""
+        return self.of_faces.shape[1] == 1
 
-def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> NodalNormals:
-    """Return the smoothed normals of a slave skin; `nodes` (n,): numbers of the nodes of both skins, ascending."""
+    def maps(self, slave: Surface) -> NormalMaps:
+        """Return the maps of the normals over the faces that they belong to."""
+        if self.of_master:
+            return NormalMaps.constant(self.n)
+        nodal = np.where((self.of_faces >= 0)[:, :, None], self.n[self.of_faces], 0.0)
+        return NormalMaps(coefficients(slave, nodal), False)
+
+
+def other_normals(
+    slave: Surface, master: Surface, normals: str, crease_angle: float | None, d: int, nodes: Ints
+) -> OtherNormals | None:
+    """Return the normals of a pairing that are not those of the slave's faces, None for those.
+
+    `normals`, `crease_angle`: as in `lacmesh.contact_points`; `nodes` (n,): those of both skins, ascending.
+    """
+    if normals == "facet":
+        return None
+    return face_normals(master, d, nodes) if normals == "master" else nodal_normals(slave, crease_angle, d, nodes)
+
+
+def face_normals(master: Surface, d: int, nodes: Ints) -> OtherNormals:
+    """Return the mean normals of the master's faces, turned round; `nodes` as in `other_normals`."""
+    n, k = -mean_normals(master)[0], len(master)
+    entries = []
+    for corners in np.unique(master.n_corners):
+        rows = np.flatnonzero(master.n_corners == corners)
+        of_face, chords = master.faces.nodes[rows, :corners], _CHORDS[corners]
+        dual = dual_vectors(np.einsum("ca,kas->ksc", chords, master.x[of_face]))[:, :d]
+        change = -np.einsum("ksc,ca->ksa", dual, chords)[..., None] * n[rows, None, None, :d]  # (faces, d, corners, d)
+        i, j = d * rows[:, None] + np.arange(d), d * np.searchsorted(nodes, of_face)[..., None] + np.arange(d)
+        entries.append((i[:, :, None, None], j[:, None], change))
+    return OtherNormals(np.arange(k)[:, None], n, sparse((d * k, d * len(nodes)), *entries))
+
+
+def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Ints) -> OtherNormals:
+    """Return the smoothed normals of a slave skin; `nodes` as in `other_normals`."""
     own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
     faces = []
     for name, rows, of_face in slave.by_type():
@@ -73,7 +125,7 @@ def _distinct(nodes: Ints, n_faces: Ints) -> tuple[Ints, Ints]:
     return out.reshape(nodes.shape), there[first]
 
 
-def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> NodalNormals:
+def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> OtherNormals:
     """Return the normals from sums over faces: rows (e,), nodes (e, b), terms (e, d), changes (e, d, b, d)."""
     H = np.zeros((k, d))
     for row, _, term, _ in parts:
@@ -88,7 +140,7 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
         entries.append((i[:, :, None, None], j[:, None], along))
     n = np.zeros((k, 3))
     n[:, :d] = h
-    return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
+    return OtherNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
 def _face_normals(name: str, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:

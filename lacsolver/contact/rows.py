@@ -26,7 +26,8 @@ from lacmesh.surface.maps import N_MONOMIALS, basis
 from lacmesh.surface.search import in_parts
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
-from lacsolver.contact.normals import NodalNormals
+from lacsolver.contact.normals import OtherNormals
+from lacsolver.space.sparse import sparse
 
 if TYPE_CHECKING:
     from lacsolver.contact.anchors import Anchors
@@ -112,20 +113,26 @@ def macro_rows(
 
 
 def normal_rows(
-    points: ContactPoints | Anchors, slave: Surface, master: Surface, normals: NodalNormals, q: Floats, n_macros: int
+    points: ContactPoints | Anchors, slave: Surface, master: Surface, normals: OtherNormals, q: Floats, n_macros: int
 ) -> csr_array:
     """Return a matrix (k n_macros, d n_nodes): rows sum q_p . dh(v) at points p of macro-elements, q (points, k, d).
 
-    dh = N_a dh_a is the change of the smoothed normals' interpolation.
+    dh = N_a dh_a is the change of the smoothed normals' interpolation, or dh that of the normal of the master's face.
     """
     skins, nodes = skins_of(slave, master)
-    runs, d = runs_of(points.slave, points.master, points.macro, n_macros), q.shape[2]
-    # normals in the place of the slave's nodes, and no nodes of the master
-    skins = skins._replace(nodes_s=normals.of_faces, n_nodes=np.where(np.arange(len(N_NODES)) > 0, N_NODES, 0))
-    skins = skins._replace(type_m=np.zeros_like(skins.type_m))
-    entries = pattern(normals.of_faces[runs.slave], runs.start, len(normals.n))
-    entries, value = _summed(points, runs, skins, entries, q, None)
-    A = on_unknowns(entries, value, np.arange(len(normals.n)), len(normals.n)) @ normals.derivative
+    k, d = q.shape[1:]
+    if normals.of_master:
+        i = k * points.macro[:, None] + np.arange(k)
+        j = d * normals.of_faces[points.master] + np.arange(d)
+        A = sparse((k * n_macros, d * len(normals.n)), (i[:, :, None], j[:, None], q)) @ normals.derivative
+    else:
+        runs = runs_of(points.slave, points.master, points.macro, n_macros)
+        # normals in the place of the slave's nodes, and no nodes of the master
+        skins = skins._replace(nodes_s=normals.of_faces, n_nodes=np.where(np.arange(len(N_NODES)) > 0, N_NODES, 0))
+        skins = skins._replace(type_m=np.zeros_like(skins.type_m))
+        entries = pattern(normals.of_faces[runs.slave], runs.start, len(normals.n))
+        entries, value = _summed(points, runs, skins, entries, q, None)
+        A = on_unknowns(entries, value, np.arange(len(normals.n)), len(normals.n)) @ normals.derivative
     place = (d * nodes[:, None] + np.arange(d)).ravel()
     return csr_array((A.data, place[A.indices], A.indptr), shape=(A.shape[0], d * slave.x.shape[0]))
 

@@ -13,9 +13,9 @@ With friction q = p n + t_alpha e_alpha stands in the place of p n, and its arm 
 
 One loop over the points, and over those of the edges, sums these for each run of points with the same two faces, as the
 matrix of an element is summed over its quadrature points, and adds the sums to sparse matrices: where forces are asked,
-those of the gaps come with them, since the chain of derivatives at a point is the same for both. With smoothed normals
-h(u) its columns are those of the nodes, then those of the normals: the latter are eliminated at the end, once for each
-normal, by dh/du (`normals`):
+those of the gaps come with them, since the chain of derivatives at a point is the same for both. With other normals
+h(u) than those of the slave's faces its columns are those of the nodes, then those of the normals: the latter are
+eliminated at the end, once for each normal, by dh/du (`normals`):
 
     K = A_u + A_h dh/du,      dG = g_u + g_h dh/du
 """
@@ -35,7 +35,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacmesh.surface import Surface
-from lacmesh.surface.maps import coefficients
+from lacmesh.surface.maps import NormalMaps
 from lacsolver.contact.chain import (
     GAP,
     MOST_UNKNOWNS,
@@ -46,12 +46,13 @@ from lacsolver.contact.chain import (
     MovingEdges,
     Skins,
     differentiate,
+    n_normals,
     new_room,
 )
 from lacsolver.contact.edges import edges_of
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.interface import Interface, Pairing, clearance, stretch
-from lacsolver.contact.normals import NodalNormals, nodal_normals
+from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import Runs, pattern, position, runs_of, skins_of
 from lacsolver.contact.shear import Tangents, frames
 from lacsolver.contact.tractions import Shear, add_slip, add_traction, asks
@@ -103,7 +104,7 @@ class Motion:
     """Points that the derivatives of an interface are summed over, those on moving edges included.
 
     `skins`: the nodes and normals that the points know; `nodes`: numbers of these nodes in the mesh, of `n_nodes`; `d`:
-    the dimension. `normals`: None if the slave's faces have their own. `along`: the points of each loop as those of
+    the dimension. `normals`: None for those of the slave's faces. `along`: the points of each loop as those of
     friction, None without.
     """
 
@@ -112,7 +113,7 @@ class Motion:
     n_nodes: int
     d: int
     loops: tuple[Loop, Loop]
-    normals: NodalNormals | None
+    normals: OtherNormals | None
     along: tuple[SlidingPoints, SlidingPoints] | None = None
 
     def gaps(self, fading: Floats | None = None) -> csr_array:
@@ -172,12 +173,13 @@ class Motion:
 
     @cached_property
     def _columns(self) -> NDArray[np.int64]:
-        """Nodes and normals that each run knows, normals numbered after the nodes, (runs of both loops, 18 or 27)."""
+        """Nodes and normals that each run knows, normals numbered after the nodes, (runs of both loops, 18 to 27)."""
         skins, parts = self.skins, [loop.runs for loop in self.loops]
         of_s, of_m = (np.concatenate([getattr(runs, side) for runs in parts]) for side in ("slave", "master"))
         known = [skins.nodes_s[of_s], skins.nodes_m[of_m]]
         if len(skins.normals):
-            known.append(np.where(skins.normal_of >= 0, skins.normal_of + len(self.nodes), -1)[of_s])
+            of = of_m if skins.normal_of.shape[1] == 1 else of_s
+            known.append(np.where(skins.normal_of >= 0, skins.normal_of + len(self.nodes), -1)[of])
         return np.concatenate(known, axis=1)
 
     @cached_property
@@ -234,11 +236,10 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     """Return what the derivatives of an interface are summed from; `slave`, `master`: its deformed skins."""
     points, m = face.points, len(face.w)
     skins, nodes = skins_of(slave, master)
-    normals, H = None, None
-    if pairing.normals == "smoothed":
-        normals = nodal_normals(slave, pairing.crease_angle, dim, nodes)
+    normals, H = other_normals(slave, master, pairing.normals, pairing.crease_angle, dim, nodes), None
+    if normals is not None:
         skins = skins._replace(normal_of=normals.of_faces, normals=normals.n)
-        H = coefficients(slave, np.where((normals.of_faces >= 0)[:, :, None], normals.n[normals.of_faces], 0.0))
+        H = normals.maps(slave)
     current = int(pairing.measure == "current")
     slope = np.empty((0, 2)) if master.height is None else master.height.slope(points.master, points.xi_master)
     inside = LoopPoints(
@@ -254,7 +255,7 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 
 
 def _edges(
-    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: Floats | None
+    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: NormalMaps | None
 ) -> tuple[Loop, SlidingPoints | None]:
     """Return the points on the moving edges of mortar segments, with the clearance there.
 
@@ -297,9 +298,10 @@ def _local(skins: Any, s: int, m: int, out: Any) -> Any:
         out[k_s + b] = skins.nodes_m[m, b]
     if len(skins.normals) == 0:
         return k_s, k_m, k_s + k_m
-    for a in range(k_s):
-        out[k_s + k_m + a] = len(skins.x) + skins.normal_of[s, a]
-    return k_s, k_m, 2 * k_s + k_m
+    k_n = n_normals(skins, k_s)
+    for a in range(k_n):
+        out[k_s + k_m + a] = len(skins.x) + (skins.normal_of[m, 0] if k_n == 1 else skins.normal_of[s, a])
+    return k_s, k_m, k_s + k_m + k_n
 
 
 @kernel
@@ -397,7 +399,8 @@ def _known(skins: Skins, types: Any, s: Ints, m: Ints) -> tuple[tuple[int, int, 
     k_s, k_m = skins.n_nodes[types[0]], skins.n_nodes[types[1]]
     known = [skins.nodes_s[s, :k_s], skins.nodes_m[m, :k_m]]
     if len(skins.normals):
-        known.append(len(skins.x) + skins.normal_of[s, :k_s])
+        of = m if skins.normal_of.shape[1] == 1 else s
+        known.append(len(skins.x) + skins.normal_of[of, : n_normals(skins, k_s)])
     nodes = np.concatenate(known, axis=1)
     return (k_s, k_m, nodes.shape[1]), nodes
 

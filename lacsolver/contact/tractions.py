@@ -193,8 +193,8 @@ def add_traction(
                 x, y, z = (1.0 if i == 0 else 0.0), (1.0 if i == 1 else 0.0), (1.0 if i == 2 else 0.0)
                 dt = ((dN[a, 0] * x, dN[a, 0] * y, dN[a, 0] * z), (dN[a, 1] * x, dN[a, 1] * y, dN[a, 1] * z))
                 _add_change(at, rows, d * a + i, dt, r, d, out)
-                if k > k_s + k_m:
-                    _add_change(at, rows, d * (k_s + k_m + a) + i, (none, none), r, d, out)
+        for j in range(d * (k_s + k_m), d * k):  # of the normals
+            _add_change(at, rows, j, (none, none), r, d, out)
     _add_to_nodes(out, force, sizes, d, room, K)
 
 

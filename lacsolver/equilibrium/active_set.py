@@ -7,8 +7,8 @@ K, B and D are constant here; `newton` is for those that change. This is a semi-
 p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear
 system gives the next q and p; closed rows under pressure stay closed, open rows that overlap are closed (this is the
 sign of p_m - c_m G_m / w_m, whatever c_m). Other contact laws say themselves which rows they close, and as what. It is
-block principal pivoting (Portugal, Judice and Vicente 1994). Systems are solved inexactly until an active set is met
-again, then to round-off.
+block principal pivoting (Portugal, Judice and Vicente 1994). With friction a set that returns is left to `splitting`,
+once it is solved to round-off. Systems are solved inexactly until an active set is met again, then to round-off.
 
 Where skins peel, block exchanges move the edge of contact by about one row in each step, or make no progress. Then the
 set is found on springs between the skins that get stiffer and stiffer (Hintermüller and Kunisch 2006): soft springs
@@ -23,6 +23,7 @@ so that no constant depends on units.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +31,11 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.equilibrium.search import Trial
+from lacsolver.equilibrium.splitting import split
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator, product
-from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.row_set import OUT, LinearRows, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -55,6 +56,9 @@ _BLOCKS, _FALL = 3, 0.7
 _STIFFER, _STIFF, _STIFFEST = 0.1, 0.1, 1e-12
 #: reduction of the residual in a solve with springs
 LOOSE_WITH_SPRINGS = 1e-6
+#: accuracy of gaps and pressures in a solve, relative to the tolerance: smaller ones are round-off. In thin bodies
+#: pressures within the tolerance carry a part of the load
+_ACCURACY = 1e-3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
 
@@ -79,15 +83,12 @@ def active_set_iterates(
     with friction in space along the directions that the first solve gives.
     """
     free = K.R if free is None else free
-    vectors = tolerance.vectors
+    vectors, accuracy = tolerance.vectors, replace(tolerance, tolerance=_ACCURACY * tolerance.tolerance)
     resistance = products(vectors, free, product(K, free, geometric))
-    q, p, _ = start
-    contact = contact_at(q)
+    (q, p, _), contact = start, contact_at(start.q)
     rows = contact.first_rows(start.active, p, held=not free.shape[1])
     p = np.where(rows.state, p, 0.0)
-    turned = False
-    convex = contact.rows.derivative is None
-    pivots = Pivots(contact, _LOOSE_WITH_FRICTION if contact.sheared else _LOOSE, convex=convex)
+    turned, pivots = False, Pivots(contact, convex=contact.rows.derivative is None)
     while True:
         before, then = Iterate(q, p, rows.active), contact
         if free.shape[1]:
@@ -96,10 +97,10 @@ def active_set_iterates(
         rows = rows.same(vectors.same)
         (linear, problem), applications = _system(K, f, geometric, pivots.softened(contact), rows, before), 0
         for reduction in (0.0 if contact.exact else pivots.begin(rows), 0.0):
-            goal = tolerance.linear(reduction, tolerance.moved)
+            goal = tolerance.linear(reduction)
             q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
-            part, wanted = pivots.wanted(rows, then, before.p, contact, p)
+            part, wanted = pivots.wanted(rows, then, before.p, contact, p, accuracy.gaps(contact.rows.B, q))
             if reduction == 0 or pivots.springs or not wanted.equals(rows):
                 break
             if linear.turns:
@@ -109,17 +110,19 @@ def active_set_iterates(
             q, p = before.q + part * (q - before.q), before.p + part * (p - before.p)
             contact = contact_at(q)
         exact = reduction == 0 and not pivots.springs
-        off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, exact)
-        gap = float(np.abs(contact.residuals(p, rows.active)).max(initial=0.0)) / tolerance.scale(q)
-        residual = Residual(off, gap)
+        at = Iterate(q, p, rows.active)
+        residual = _residual(K, geometric, contact, f, at, tolerance, exact)
         done = tolerance.fulfilled(residual, q) and not pivots.springs and not (exact and pivots.improves(rows, wanted))
-        again = done and linear.turns and not turned and gap > _TURNED * tolerance.tolerance
-        yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=exact and done and not again)
+        again = done and linear.turns and not turned and residual.gap > _TURNED * tolerance.tolerance
+        yield Trial(at, contact, residual, applications, exact=exact and done and not again)
         turned = turned or (again and reduction == 0)
-        following = wanted if done else pivots.next(rows, wanted, reduction == 0, p, tolerance.scale(q))
+        found = None
+        if exact and not done and pivots.cycles(rows):
+            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, pivots.tried)
+        following = wanted if done or found else pivots.next(rows, wanted, reduction == 0, p, tolerance.scale(q))
         if following is None:
             return
-        rows = following
+        p, rows = found or (p, following)
 
 
 def _system(
@@ -143,17 +146,18 @@ def close_rows_against_rigid_modes(
     """
     if not R.shape[1]:
         return rows
-    moves = contact.rows.D @ R
+    moves = (contact.rows.D @ R) / contact.rows.w[:, None]
     for _ in range(R.shape[1]):
         linear = contact.linear(rows, p)
-        free, loaded = _null_space((linear.rows.D @ R)[linear.active]), _null_space((linear.rows.B @ R)[linear.active])
+        w = linear.rows.w[:, None]
+        free, loaded = (_null_space((A @ R / w)[linear.active]) for A in (linear.rows.D, linear.rows.B))
         along = free @ (free.T @ (loaded @ (loaded.T @ load)))
         closing = moves @ along
-        open_rows = contact.enforceable & (rows.state == OUT) & ~contact.along_tangents
+        open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
         nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
         if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
             break
-        way = np.where(nearing, contact.G / np.where(nearing, closing, 1.0), np.inf)
+        way = np.where(nearing, contact.G / contact.rows.w / np.where(nearing, closing, 1.0), np.inf)
         resisted = 0.0 if resistance is None else along @ resistance @ along
         if resisted > 0 and along @ load < resisted * way.min():
             break
@@ -180,12 +184,12 @@ class Pivots:
     A set is solved inexactly when it is met for the first time, and only a limited number of times in all.
     """
 
-    def __init__(self, contact: ContactSystem, reduction: float = _LOOSE, *, convex: bool = True) -> None:
+    def __init__(self, contact: ContactSystem, *, convex: bool = True) -> None:
         self._skin = contact.skin_compliance if convex and contact.with_springs(0.0) is not None else None
         self._least, self._fewest, self._patience = np.inf, np.inf, _BLOCKS
-        self._reduction = reduction
-        self._seen: set[bytes] = set()
-        self._loose = _LOOSE_SOLVES
+        self._reduction, self._loose = _LOOSE_WITH_FRICTION if contact.sheared else _LOOSE, _LOOSE_SOLVES
+        self._seen, self._solved, self._before, self._splits = set[bytes](), set[bytes](), b"", bool(contact.sheared)
+        self.tried = np.zeros(len(contact.G), bool)
         self._begin(0.0)
         self._level, self._last = np.inf, _STIFF * (self._skin or 0.0)
 
@@ -198,6 +202,14 @@ class Pivots:
         self._seen.add(key)
         self._loose -= loose
         return self._reduction if loose else 0.0
+
+    def cycles(self, rows: RowSet) -> bool:
+        """Record a set that was solved to round-off; True, once, if it was before and others since, with friction."""
+        key = rows.state.tobytes()
+        again = self._splits and key in self._solved and key != self._before
+        self._solved.add(key)
+        self._before, self._splits = key, self._splits and not again
+        return again
 
     def improves(self, rows: RowSet, wanted: RowSet) -> bool:
         """Return True if fewer rows of an equilibrium ask for another state than of those before.
@@ -216,20 +228,24 @@ class Pivots:
         return contact if soft is None else soft
 
     def wanted(
-        self, rows: RowSet, before: ContactSystem, p_before: Floats, contact: ContactSystem, p: Floats
-    ) -> tuple[float, RowSet]:
+        self, rows: RowSet, before: ContactSystem, p_before: Floats, contact: ContactSystem, p: Floats,
+        allowed: Floats | float,
+    ) -> tuple[float, RowSet]:  # fmt: skip
         """Return the part of the last step to go, and the row set that is asked for there.
 
-        `before`, `contact`: the system before and after a solve with a row set, with pressures `p_before`, p (m,). With
-        springs a step that does not bring the number of violated rows down goes to the least energy on its way.
+        `before`, `contact`: the system before and after a solve with a row set, with pressures `p_before`, p (m,).
+        `allowed`: gaps, (m,) or of all rows, that may remain. With springs a step that does not bring the number of
+        violated rows down goes to the least energy on its way.
         """
+        self.tried |= rows.state != OUT
         soft = self.softened(contact)
-        wanted = soft.next_rows(rows, p)
+        wanted = soft.next_rows(rows, p, allowed)
         if not self.springs or self._patience > 0 or len(rows.changes(wanted)) < self._fewest:
             return 1.0, wanted
         part = soft.least_energy(before.G, p_before, p)
         there = soft.with_gaps(before.G + part * (contact.G - before.G))
-        return part, wanted if part == 1 else there.next_rows(RowSet.of(np.zeros(len(p), bool)), p)
+        none = np.zeros(len(p))
+        return part, wanted if part == 1 else there.next_rows(RowSet.of(none > 0), none, 0.0)
 
     def next(self, rows: RowSet, wanted: RowSet, exact: bool, p: Floats, moved: float) -> RowSet | None:
         """Return the next row set after a solve that asks for the set `wanted`; None if there is no equilibrium.
@@ -242,8 +258,10 @@ class Pivots:
         if not len(changes):
             self._patience -= exact
             return None if self._skin and self._patience < 0 else wanted
-        if not (exact or self._skin):
-            return wanted
+        if not self._skin:
+            if not exact:
+                return wanted
+            self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
         least = self._fewest * (_FALL if self._skin else 1.0)
         if len(changes) <= least and len(changes) < self._fewest:
             self._fewest, self._patience = len(changes), _BLOCKS
@@ -288,16 +306,19 @@ def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDAr
     return K.apply(q) if geometric is None else K.apply(q) + K.vectors.summed(geometric @ q)
 
 
-def _residual_of_forces(
-    K: Operator, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
+def _residual(
+    K: Operator, geometric: csr_array | None, contact: ContactSystem, f: Floats, at: Iterate,
     tolerance: ConvergenceTolerance, exact: bool,
-) -> float:  # fmt: skip
-    """Return the relative residual of the forces f - (K + C) q - B^T p."""
-    inner, contact = _internal_force(K, geometric, q), rows.B_T @ p
-    force = max(tolerance.vectors.largest(v) for v in (f, inner, contact))
+) -> Residual:  # fmt: skip
+    """Return the relative residuals of the forces f - (K + C) q - B^T p, and of gaps."""
+    q, p, active = at
+    inner, forces = _internal_force(K, geometric, q), contact.rows.B_T @ p
+    largest = tolerance.vectors.largest_of_body
+    force = np.maximum(np.maximum(largest(f), largest(inner)), largest(forces))
 
     def terms() -> ForceTerms:
         size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
-        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
+        return ForceTerms(np.abs(f) + size + abs(contact.rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
-    return equilibrium_residual(f - inner - contact, force, terms if exact else None, tolerance)
+    off = equilibrium_residual(f - inner - forces, force, terms if exact else None, tolerance, q)
+    return Residual(off, tolerance.relative_gap(contact.residuals(p, active), contact.rows.B, q))

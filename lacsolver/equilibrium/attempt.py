@@ -16,6 +16,7 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
+from lacsolver.equilibrium.carrying import least_friction
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
@@ -23,9 +24,10 @@ from lacsolver.equilibrium.search import Outcome, Trial, search
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.sectors import check_in_sector
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.coarse_start import coarse_start
-from lacsolver.saddle.tolerances import ConvergenceTolerance
+from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, sizes
 from lacsolver.space.space import Space
 
 #: damping of the second search for an equilibrium at its start, relative to the undeformed bodies' stiffness
@@ -138,7 +140,8 @@ def first_iterate(step: LoadStep) -> Iterate:
     for pair, face in zip(problem.joints, interfaces, strict=True):
         check_overlap(pair, face, problem.space)
         pair.check_facing(face)
-    step.model.check_held(step.closed_rows(q, contact.enforceable))
+        check_in_sector(problem.case, pair, face, problem.space)
+    step.model.check_held(step.closed_rows(q, contact.may_carry))
     closed = np.zeros(len(contact.G), bool)
     for pair, face, group in zip(problem.joints, interfaces, contact.pairs, strict=True):
         closed[group.rows] = _initial(pair, face)
@@ -195,37 +198,32 @@ def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, F
     # forces that are in balance leave that, in whatever direction they are
     largest = max(map(model.vectors.norm, along)) * model.vectors.norm(np.abs(load) + np.abs(carried))
     within = step.model.problem.case.solver.tolerance * largest
-    for k in np.flatnonzero(left > np.maximum(_UNCARRIED * whole, within)):
+    beyond = left > np.maximum(_UNCARRIED * whole, within)
+    if beyond.any() and model.problem.kinematics.linear:
+        # round-off of bodies within the model, which is all that is left without a load
+        near = np.clip(outcome.iterate.q, -model.length, model.length)
+        terms = model.vectors.summed(sizes(step.reference.K, near))
+        beyond &= left > ROUNDING * model.vectors.dots(np.abs(along), terms)
+    for k in np.flatnonzero(beyond):
         yield model.motions[k], along[k], load
 
 
 def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> str:
-    """Say what part of the pressure friction carries along a motion (n_q,) in which all slides, and what is asked.
+    """Return a sentence on the friction that a load (n_q,) asks for, along a motion (n_q,) that contact resists.
 
-    `load` (n_q,). '' where nothing slides, or something sticks in a state that is no equilibrium. Pressures and
-    tractions are the least that carry the load: those of a body that slides away say nothing.
+    "" where friction is not the reason that no equilibrium was found.
     """
-    contact, active, model = outcome.contact, outcome.iterate.active, step.model
+    model = step.model
+    if not outcome.contact.sheared:
+        return ""
     motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
-    met = max(outcome.residuals[-1]) <= model.problem.case.solver.tolerance
-    for group in contact.pairs:
-        if group.shear is None:
-            continue
-        shear, w = group.shear, contact.rows.w[group.rows]
-        closed = active[group.rows] & shear.vectors(contact.rows.B @ along).any(axis=1)
-        if not closed.any() or (shear.vectors(active)[closed].any() and not met):
-            continue
-        on, least = active.copy(), np.zeros(len(active))
-        shear.vectors(on)[closed] = True
-        least[on] = np.linalg.lstsq((contact.rows.B[on] @ motions.T).T, model.vectors.dots(motions, load))[0]
-        p, t = (least[group.rows] * w)[closed], (np.linalg.norm(shear.vectors(least), axis=1) * w)[closed]
-        carried = (shear.bounds.at(least[group.rows])[0] * w)[closed]
-        if p.sum() > 0:
-            return (
-                f"friction of {group.pair.name!r} carries {carried.sum() / np.maximum(p, 0).sum():.3f} of its "
-                f"pressure, and {t.sum() / p.sum():.3f} is asked; hold it, or raise friction"
-            )
-    return ""
+    asked = least_friction(outcome.contact, motions, model.vectors.dots(motions, load), along)
+    if asked is None:
+        return ""
+    return (
+        f"friction of {asked.pair!r} carries {asked.carries:.3f} of its pressure, and {asked.asks:.3f} is asked; "
+        "hold it, or raise friction"
+    )
 
 
 def _largest_node(space: Space, r: Floats) -> tuple[int, str]:

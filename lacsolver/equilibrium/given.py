@@ -29,7 +29,7 @@ from lacsolver.equilibrium.search import search
 from lacsolver.linear import SingularError
 from lacsolver.linear.vectors import WHOLE
 from lacsolver.results.state import Iterate
-from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.contact_system import ContactSystem, typical_measures
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.row_set import ShearRows
@@ -347,10 +347,11 @@ def _system(pairs: Sequence[_Pair], K: Operator, u: Floats, free: Ints) -> Conta
         G.append(np.pad(pair.G, (0, k * len(pair.G))))
         w.append(groups[-1].on_rows(pair.w))
         yields.append(np.repeat([float(pair.law.yields), 0.0], [len(pair.G), k * len(pair.G)]))
-    rows = Rows(csr_array(B[:, free]), np.concatenate(w))
+    measure, every = np.concatenate(w), np.ones(len(B.indptr) - 1, bool)
+    rows = Rows(csr_array(B[:, free]), measure, typical=typical_measures(measure, every, groups))
     moves = (np.diff(rows.B.indptr) > 0) | (np.concatenate(yields) > 0)
     gaps = np.concatenate(G) - B @ u
-    system = ContactSystem(rows, gaps, tuple(groups), np.ones(len(gaps), bool), moves, np.ones(len(gaps)))
+    system = ContactSystem(rows, gaps, tuple(groups), every, moves, np.ones(len(gaps)))
     return replace(system, skin_stiffness=system.skin_stiffness_of(K, rows))
 
 

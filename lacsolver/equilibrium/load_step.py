@@ -250,7 +250,8 @@ class LoadStep:
 class Linearization:
     """Forces and contact of a load step at q, and their derivatives, which are computed when they are asked for.
 
-    `r` (n_q,): residual of forces without contact; `size`: the largest force; `contact`: the contact system.
+    `r` (n_q,): residual of forces without contact; `size`: the largest force on the body of each unknown; `contact`:
+    the contact system.
     """
 
     def __init__(
@@ -260,7 +261,7 @@ class Linearization:
 
         `nodal`: the contact at u, on the unknowns of all nodes. Raises InadmissibleError where u inverts a cell.
         """
-        model, problem, constraints = step.model, step.model.problem, step.model.problem.constraints
+        model, constraints = step.model, step.model.problem.constraints
         self._step, self._q, self._u, self._nodal = step, q, u, nodal
         self._T = constraints.tangent(q, step.t)
         self._internal, self._load = step.internal_force(u), step.load(u)
@@ -272,7 +273,7 @@ class Linearization:
         self._inertial = np.zeros_like(q) if step.terms is None else step.terms.force(q)
         self.r = self._rigid - constraints.on_unknowns(self._unbalanced, self._T) - self._inertial
         nodal_forces, own_forces = (self._internal, self._load, self._unbalanced), (self._rigid, self._inertial)
-        self.size = max(*map(problem.space.largest, nodal_forces), *map(model.vectors.largest, own_forces))
+        self.size = model.largest_forces(nodal_forces, own_forces)
 
     @property
     def free(self) -> NDArray[np.floating]:
@@ -342,7 +343,7 @@ class Linearization:
         stiff = np.abs(model.vectors.summed(K.diagonal()))
         if model.problem.kinematics.linear:
             return ForceTerms(model.vectors.summed(sizes(K, self._q)) + beside, stiff)
-        largest = model.vectors.largest(self._q) + model.longest  # strains of about 1
+        largest = model.vectors.largest_of_body(self._q) + model.longest * model.vectors.size  # strains of about 1
         return ForceTerms(stiff * largest, stiff)
 
     @cached_property

@@ -9,7 +9,9 @@ and the signs of p and G give the next active set, as in `active_set`. A step is
 its merit is worse than those of the last few iterations. The merit function is a force: the largest unbalanced force,
 plus a fraction of the largest force that would close the remaining gaps, by c_m of each. An active set that is met
 again although the merit has not fallen indicates a cycle: then the linear problem is kept, and its active set found by
-block pivoting, which is finite, before anything is linearised again.
+block pivoting, which is finite, before anything is linearised again. With friction pivoting may cycle too, and then
+`splitting` finds the set; from the first cycle on, and where a search makes no progress, every linear problem is solved
+whole, and its step is taken in full: the merit may rise then for an iteration or two.
 
 Linear systems are solved inexactly, to a fraction of the nonlinear residual, so that the last iterations converge
 quadratically; the last one, whose step should reach the tolerance, to a small part of that.
@@ -29,13 +31,14 @@ from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
+from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator, product
-from lacsolver.saddle.row_set import RowSet
+from lacsolver.saddle.row_set import OUT, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ConvergenceTolerance, LinearTolerance, Residual, equilibrium_residual
@@ -94,29 +97,36 @@ def newton_iterates(
     there = linearize(start.q) if predictor is None else predictor
     loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
     now, rows = _start(there, start, tolerance)
-    sets, wanders, vain, merits = _Sets(), False, False, [np.inf if predictor is not None else now.residual.merit]
+    sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
+    wanders, vain = False, False
     while True:
         again = sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, and nothing is better
-        wanders = not vain and (wanders or sets.wander(merits))
+        if again and there.contact.sheared and not whole:
+            whole, merits = True, merits if damping else [np.inf]
+        wanders = not (vain or there.contact.sheared) and (wanders or sets.wander(merits))
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
-        limit = most if again or wanders else 1
+        limit = most if again or whole or wanders else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
         reduction = min(reduction, LOOSE_WITH_SPRINGS) if wanders else reduction
-        goal = tolerance.linear(reduction, tolerance.scale(now.iterate.q))
-        first = predictor is not None and len(merits) == 1 and bool(there.contact.sheared)
+        goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
+        first = predictor is not None and spent == 0 and bool(there.contact.sheared)
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
-        worst = np.inf if damping else _acceptable(merits)
+        worst = np.inf if damping or whole else _acceptable(merits)
         then = None if step is None else _line_search(linearize, now.iterate, step, tolerance, worst)
         if step is None or then is None:
             yield now._replace(iterate=now.iterate._replace(active=rows.active), exact=False, applications=0, solves=1)
             return
         now, there = then
+        spent += now.solves
         vain = vain or step.solves >= _MAX_SETS  # the set of a linear problem is not found
         yield now
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
-            return
-        rows = there.contact.next_rows(step.rows, now.iterate.p)
+            if damping or whole or not there.contact.sheared:
+                return
+            whole, merits = True, [np.inf]
+        contact, (q, p, _) = there.contact, now.iterate
+        rows = contact.next_rows(step.rows, p, tolerance.gaps(contact.rows.B, q))
 
 
 def _start(there: Linearization, start: Iterate, tolerance: ConvergenceTolerance) -> tuple[Trial, RowSet]:
@@ -174,30 +184,42 @@ def _newton_step(
             K = there.stiffness(damping, definite)
             C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
-            now = close_rows_against_rigid_modes(R, contact, rows, p, load, resistance).same(K.vectors.same)
-            step, pivots = _Step(np.zeros_like(there.r), p, now, 0, 0), Pivots(contact)
+            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact)
             while True:
-                before = step
-                step = _solved(there, pivots.softened(contact), K, C, step, there.r, goal, kept)
+                now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
+                before = step._replace(rows=now)
+                step = _solved(there, pivots.softened(contact), K, C, before, there.r, goal, kept)
                 if limit == 1 and not first:
                     return step
                 then, after = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
-                part, wanted = pivots.wanted(step.rows, then, before.p, after, step.p)
+                part, wanted = pivots.wanted(step.rows, then, before.p, after, step.p, goal.threshold(0.0))
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held
                     alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal, kept)
                     return alone._replace(p=alone.p + held, rows=wanted)
                 step = step.part(before, part)
+                if not pivots.springs and wanted.equals(step.rows):
+                    return step
                 if step.solves >= limit and pivots.springs:
                     return _solved(there, contact, K, C, step._replace(rows=wanted), there.r, goal, kept)
-                if not pivots.springs and (step.solves >= limit or wanted.equals(step.rows)):
-                    return step
+                if step.solves >= limit:
+                    found = None if limit == 1 or not contact.sheared else _split(there, K, step, wanted)
+                    if found is None:
+                        return step
+                    C = _total(there.geometric_stiffness(found[0]), there.change(K))
+                    return _solved(there, contact, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal, kept)
                 following = pivots.next(step.rows, wanted, True, step.p, K.vectors.largest(step.dq))
                 if following is None:
                     return step
                 step = step._replace(rows=following)
     return None
+
+
+def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tuple[Floats, RowSet] | None:
+    """Return pressures and the row set of a linear problem with friction for which pivoting found none, or None."""
+    rows = (step.rows.state != OUT) | (wanted.state != OUT)
+    return split(K, there.r, there.contact, there.free, rows)
 
 
 def _solved(
@@ -301,9 +323,9 @@ def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceToleran
     """Return the residuals of forces and gaps of an iterate."""
     contact, vectors = there.contact, tolerance.vectors
     forces = contact.rows.B_T @ at.p
-    largest = max(there.size, vectors.largest(forces))
+    largest = np.maximum(there.size, vectors.largest_of_body(forces))
     off, gaps = there.r - forces, contact.residuals(at.p, at.active)
     closing = contact.rows.B_T @ (contact.skin_stiffness * gaps)
     merit = vectors.largest(off) + _GAP_WEIGHT * vectors.largest(closing)
-    gap = float(np.abs(gaps).max(initial=0.0)) / tolerance.scale(at.q)
-    return Residual(equilibrium_residual(off, largest, there.terms, tolerance), gap, merit)
+    gap = tolerance.relative_gap(gaps, contact.rows.B, at.q)
+    return Residual(equilibrium_residual(off, largest, there.terms, tolerance, at.q), gap, merit)

@@ -5,6 +5,8 @@ u = u(q, t) is T q + u0(t), except for finite rotations of rigid bodies; T = du/
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,36 +14,39 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from lacmesh.errors import DataError, some
-from lacmesh.mesh import Floats
+from lacmesh.errors import DataError, LacmeshWarning, some
+from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.stabilization import Stabilization
-from lacsolver.linear import Matrix, SingularError
-from lacsolver.linear.vectors import WHOLE, SharedVectors, Vectors
+from lacsolver.linear import Matrix, SingularError, choose
+from lacsolver.linear.vectors import WHOLE, BodyVectors, SharedVectors, Vectors
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import (
     FreeMotion,
     body_names,
-    describe,
     free_motions,
     rigid_modes,
     still_free,
+    unheld,
 )
 from lacsolver.saddle.node_blocks import with_held
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.stiffness import FactorCache, NodalEmbedding, Stiffness, embed
+from lacsolver.space.sparse import joined_columns, sparse
 
 if TYPE_CHECKING:
     from lacsolver.saddle.shared_stiffness import SharedFactors
 
 #: how far a node may be across the axis of symmetry, relative to the bodies' extent
 _AXIS = 1e-9
+#: extent of a body, relative to the largest, from which on one scale of forces and displacements does for all
+_OF_ONE_SIZE = 1e-3
 
 
 @dataclass(eq=False)
@@ -108,9 +113,61 @@ class ReducedProblem:
     def vectors(self) -> Vectors:
         """Operations on vectors of the unknowns q."""
         share, c = self.problem.space.share, self.problem.constraints
-        if c.own is None:
-            return WHOLE
-        return SharedVectors(c.own, c.summed, share)
+        if c.own is not None:
+            return SharedVectors(c.own, c.summed, share)
+        modes = 0 if self._whole is None else self._whole.modes.shape[1]
+        direct = choose(self.problem.case.solver.backend, c.n_q, modes).direct
+        if self.body.max(initial=0) and not direct and self._extents.min() < _OF_ONE_SIZE:
+            message = f"a body has {self._extents.min():.1e} of the size of the largest one, and multigrid solves all"
+            message += " with one accuracy; take a direct [solver] backend, or a model of its own for the small body"
+            warnings.warn(LacmeshWarning(message), stacklevel=2)
+        return BodyVectors(self.body, self._extents) if direct and self.body.max(initial=0) > 0 else WHOLE
+
+    @cached_property
+    def _extents(self) -> Floats:
+        """Extent (n_q,) of the body of each unknown, relative to the largest; 1 for those of no node."""
+        space, n = self.problem.space, int(self.body.max(initial=-1)) + 2
+        first, last = np.full((n, 3), np.inf), np.full((n, 3), -np.inf)
+        place = self._body_of_dof[:: space.dim]
+        np.minimum.at(first, place, space.local.points)
+        np.maximum.at(last, place, space.local.points)
+        extent = np.linalg.norm(np.maximum(last - first, 0.0), axis=1)[:-1]
+        return np.where(extent > 0, extent / max(extent.max(initial=0.0), 1e-300), 1.0)[self.body]
+
+    @cached_property
+    def body(self) -> Ints:
+        """Number (n_q,) of the body that each unknown moves; bodies that have an unknown in common are one."""
+        return joined_columns(self._moved_bodies)
+
+    @cached_property
+    def _moved_bodies(self) -> csr_array:
+        """Matrix (n_bodies, n_q) with an entry where an unknown moves a node of a body."""
+        of_dof = np.repeat(self.problem.space.bodies, self.problem.space.dim)
+        on = np.flatnonzero(of_dof >= 0)
+        member = sparse((int(of_dof.max(initial=-1)) + 1, len(of_dof)), (of_dof[on], on, 1.0))
+        return csr_array(member @ abs(self.problem.constraints.T))
+
+    @cached_property
+    def _body_of_dof(self) -> Ints:
+        """Number (n_dof,) of the body of each displacement, as `body` counts; the one after the last for others."""
+        moved, n = self._moved_bodies, int(self.body.max(initial=-1)) + 1
+        some = np.flatnonzero(np.diff(moved.indptr))
+        number = np.full(moved.shape[0] + 1, n)
+        number[some] = self.body[moved.indices[moved.indptr[some]]]
+        return np.repeat(number[self.problem.space.bodies], self.problem.space.dim)
+
+    def largest_forces(self, nodal: Sequence[Floats], own: Sequence[Floats]) -> Floats | float:
+        """Return for each unknown the largest of some forces on its body, (n_q,); a number if all are one body.
+
+        nodal (n_dof,): forces on nodes, at supports as well; own (n_q,): forces on unknowns.
+        """
+        if not isinstance(self.vectors, BodyVectors):
+            return max(*map(self.problem.space.largest, nodal), *map(self.vectors.largest, own))
+        largest = np.zeros(int(self.body.max(initial=-1)) + 2)
+        for place, forces in ((self._body_of_dof, nodal), (self.body, own)):
+            for force in forces:
+                np.maximum.at(largest, place, np.abs(force))
+        return largest[self.body]
 
     @cached_property
     def factors(self) -> FactorCache | SharedFactors:
@@ -120,7 +177,7 @@ class ReducedProblem:
             from lacsolver.saddle.shared_stiffness import SharedFactors
 
             return SharedFactors(self.stabilization.R, solver.backend, constraints, self.vectors)
-        return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole)
+        return FactorCache(self.stabilization.R, solver.backend, self.problem.threads, self._whole, self.vectors)
 
     def reference(self, matrix: csr_array | None = None) -> Operator:
         """Return the stabilised K_q of the undeformed bodies plus a scheme's matrix (n_q, n_q), factorised.
@@ -241,8 +298,7 @@ class ReducedProblem:
             return
         free = still_free(rows, self.motions)
         if free:
-            motions = "; ".join(describe(motion) for motion in free)
-            raise DataError(f"nothing holds a part of the model: {motions}; add a displacement, a spring or a contact")
+            raise DataError(unheld(free))
 
     def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
         """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""

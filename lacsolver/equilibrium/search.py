@@ -43,19 +43,19 @@ class Trial(NamedTuple):
 class Outcome(NamedTuple):
     """Result of a search for equilibrium: `converged`, the last iterate, its contact rows, and residuals.
 
-    `residuals`: relative residuals (balance, gap) after each linear solve. `trials`: number of trials. `applications`:
-    number of applications of K^-1. `n_unchanged_sets`: number of last solves with the same active set. `recent`: of the
-    last iterations, the covered measure (m,) of each row, 0 where it is not paired, and the active set (m,).
+    `residuals`: relative residuals (balance, gap) after each linear solve. `applications`: number of applications of
+    K^-1. `n_unchanged_sets`: number of last solves with the same active set. `recent`: of the last iterations, the
+    covered measure (m,) of each row, 0 where it is not paired, and the active set (m,). `trials`: their number.
     """
 
     converged: bool
     iterate: Iterate
     contact: ContactSystem
     residuals: tuple[tuple[float, float], ...]
-    trials: int
     applications: int
     n_unchanged_sets: int = 0
     recent: tuple[tuple[Floats, Bools], ...] = ()
+    trials: int = 0
 
 
 def search(
@@ -83,5 +83,5 @@ def search(
         if converged or number >= tolerance.max_iterations:
             break
     return Outcome(
-        converged, trial.iterate, trial.contact, tuple(residuals), number, applications, unchanged, tuple(recent)
+        converged, trial.iterate, trial.contact, tuple(residuals), applications, unchanged, tuple(recent), number
     )

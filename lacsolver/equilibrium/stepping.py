@@ -13,7 +13,8 @@ from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
 from lacmesh.records import dataclass
 from lacsolver.case import Case
-from lacsolver.contact.interface import TOUCHING
+from lacsolver.constraints.coupling import CouplingRows
+from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, why
 from lacsolver.equilibrium.holding import holdings
@@ -23,6 +24,9 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.schemes import QuasiStatic, TimeScheme
 from lacsolver.equilibrium.search import Outcome
 from lacsolver.problem.problem import Problem
+from lacsolver.problem.rigid_modes import still_free
+from lacsolver.problem.sectors import leaves_sector
+from lacsolver.problem.turned import turned_too_far
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
     CONTACT,
@@ -82,10 +86,10 @@ class _Attempts:
     refined: int = 0
     residuals: list[float] = field(default_factory=list)
 
-    def add(self, outcome: Outcome, passed: str | None) -> None:
+    def add(self, outcome: Outcome, missed: str | None) -> None:
         self.iterations += len(outcome.residuals)
         self.residuals += [balance for balance, _ in outcome.residuals]
-        self.halvings += bool(passed) or not outcome.converged
+        self.halvings += bool(missed) or not outcome.converged
 
 
 def march(
@@ -111,7 +115,8 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned = start.step if start else StepState(), False
+    state, warned, left = start.step if start else StepState(), False, False
+    acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
         if kept is not None:
@@ -119,8 +124,13 @@ def march(
             kept[:] = [model]
         state = one.begin(model, state, times[0])
         for step, outcome, converged in _marched(model, state, times, progress):
+            left = left or _warn_of_sectors(step, outcome)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
+            acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
             yield converged
+    if not acted:
+        message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"
+        warnings.warn(LacmeshWarning(f"{message}, and all displacements are 0; add one"), stacklevel=2)
 
 
 def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:
@@ -159,13 +169,18 @@ def _marched(
         while target - state.time > _SAME * target:
             whole = target - state.time <= state.step_size * (1 + _SAME)
             step = LoadStep(model, target if whole else state.time + state.step_size, state)
+            far = turned_too_far(model.problem, None if state.iterate is None else state.time, step.t)
+            if far and attempts.halvings < steps.max_halvings:
+                attempts.halvings += 1
+                state = state.with_step_size((step.t - state.time) / 2)
+                continue
             outcome = attempt(step, attempts.halvings, progress)
-            passed = _passed(step, outcome) if outcome.converged else None
-            attempts.add(outcome, passed)
-            if passed or not outcome.converged:
+            missed = far or (_passed(step, outcome) if outcome.converged else None)
+            attempts.add(outcome, missed)
+            if missed or not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
                 if attempts.halvings > steps.max_halvings or state.step_size < least:
-                    message = passed or why(step, outcome)
+                    message = missed or why(step, outcome)
                     raise NotConvergedError(message, _state(step, outcome, attempts, state, last=False))
                 continue
             q, p, active = outcome.iterate
@@ -203,6 +218,17 @@ def _passed(step: LoadStep, outcome: Outcome) -> str | None:
     return None
 
 
+def _warn_of_sectors(step: LoadStep, outcome: Outcome) -> bool:
+    """Warn if slaves that move have left their sector; return True if it warned."""
+    problem, u = step.model.problem, step.u(outcome.iterate.q)
+    for pair, face in zip(problem.joints, step.interfaces(outcome.iterate.q), strict=True):
+        if pair.moving and (words := leaves_sector(problem.case, pair, face, problem.space, u)):
+            message = f"contact {pair.name!r} at time {step.t:.6g}: {words}"
+            warnings.warn(LacmeshWarning(message), stacklevel=3)
+            return True
+    return False
+
+
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
     """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
     now, model = outcome.iterate, step.model
@@ -211,7 +237,7 @@ def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
     else:
         known = ROUNDING * model.length
-    if not now.p.any() or moved > _CLEAR * known:
+    if not (now.p.any() and 0 < moved <= _CLEAR * known):
         return False
     message = f"at time {step.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
     message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"
@@ -281,7 +307,7 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     return State(
         step.t, step.u(q), reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
-        step.state.histories.materials, held, problem.space.largest(step.u0),
+        step.state.histories.materials, held, _prescribed(step),
         constraints.equation_forces(reaction, q, step.t) | rows, constraints.further(q, step.t),
         step.model.factors.note,
     )  # fmt: skip
@@ -305,6 +331,7 @@ def _zone(group: PairGroup, rows: RowState, covered: NDArray[np.bool_], space: S
     return ZoneState(
         pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
         np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,
+        dip=None if pair.tie else dips(face, space.share),
     )  # fmt: skip
 
 
@@ -327,10 +354,18 @@ def _zone_with_friction(
     return replace(zone, status=status, traction=traction, force=zone.force + force, friction=friction)
 
 
+def _prescribed(step: LoadStep) -> float:
+    """Return the largest displacement that is prescribed, also by the motion of a coupling."""
+    couplings = [rows for rows in step.model.problem.equalities if isinstance(rows, CouplingRows)]
+    return max(step.model.problem.space.largest(step.u0), *(rows.carried(step.t) for rows in couplings), 0.0)
+
+
 def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
     """Evaluate the rigid-body motions that only contact constrains, under finite kinematics on the deformed bodies."""
     model, (q, _, active) = step.model, outcome.iterate
-    if not model.motions or model.scheme.resists_rigid_motion:
+    joined = step.closed_rows(q, outcome.contact.may_carry & outcome.contact.of_equality)
+    motions = still_free(joined, model.motions) if joined.shape[0] else model.motions
+    if not motions or model.scheme.resists_rigid_motion:
         return ()
     space, u = model.problem.space, step.u(q)
     x = None
@@ -342,4 +377,4 @@ def _held(step: LoadStep, outcome: Outcome) -> tuple[Held, ...]:
         if group.law.compressive:  # without pressure, round-off alone decides which of them are active
             reached[group.rows] = face.touching
     closed = active | (reached & outcome.contact.enforceable)
-    return holdings(model.motions, step.closed_rows(q, closed), u, x=x)
+    return holdings(motions, step.closed_rows(q, closed), u, x=x)

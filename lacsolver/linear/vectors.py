@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.communicator import Communicator
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 
 
 class Vectors:
@@ -20,6 +20,9 @@ class Vectors:
     >>> WHOLE.norm(np.array([3.0, 4.0])), WHOLE.largest(np.array([3.0, -4.0]))
     (5.0, 4.0)
     """
+
+    #: extent of the body of each unknown, (n,), where there are several
+    size: Floats | float = 1.0
 
     def dots(self, A: Floats, x: Floats) -> NDArray[np.floating]:
         """Return the products (k,) of rows A (k, n) with x."""
@@ -33,6 +36,14 @@ class Vectors:
         """Return the largest magnitude of an entry, 0 for an empty vector."""
         return float(np.abs(x).max(initial=0.0))
 
+    def largest_of_body(self, x: Floats) -> Floats | float:
+        """Return for each unknown the largest magnitude of an entry at its body, (n,); a number if all are one body."""
+        return self.largest(x)
+
+    def norm_of_body(self, x: Floats) -> Floats | float:
+        """Return for each unknown the Euclidean norm of the entries at its body, (n,); a number if all are one body."""
+        return self.norm(x)
+
     def subtract(self, c: Floats, A: Floats, x: Floats) -> None:
         """Subtract c A from x in place, for rows A (k, n)."""
         x -= c @ A
@@ -44,6 +55,28 @@ class Vectors:
     def same(self, x: NDArray) -> NDArray:
         """Return an array that all processes compute, as the first one has it: their processors may round otherwise."""
         return x
+
+
+class BodyVectors(Vectors):
+    """Vectors of unknowns of several bodies: `body` (n,), the number of that of each, and `size` (n,), its extent.
+
+    >>> vectors = BodyVectors(np.array([0, 1, 0]), np.ones(3))
+    >>> vectors.largest_of_body(np.array([3.0, -1.0, 4.0])).tolist()
+    [4.0, 1.0, 4.0]
+    """
+
+    def __init__(self, body: Ints, size: Floats) -> None:
+        self.size, self._body, self._n = size, body, int(body.max(initial=-1)) + 1
+
+    def largest_of_body(self, x: Floats) -> Floats | float:
+        """Return for each unknown the largest magnitude of an entry at its body, (n,)."""
+        out = np.zeros(self._n)
+        np.maximum.at(out, self._body, np.abs(x))
+        return out[self._body]
+
+    def norm_of_body(self, x: Floats) -> Floats | float:
+        """Return for each unknown the Euclidean norm of the entries at its body, (n,)."""
+        return np.asarray(np.sqrt(np.bincount(self._body, np.square(x), self._n))[self._body])
 
 
 class SharedVectors(Vectors):

@@ -82,4 +82,5 @@ def _summary(modes: NaturalModes) -> dict[str, Any]:
         "unknowns": modes.unknowns,
         "closed_rows": modes.held,
         "time": modes.time,
+        "sectors": modes.sectors,
     }

@@ -190,7 +190,7 @@ class ContactPicture:
         figure = import_module("matplotlib.figure").Figure(size, dpi=_DPI, layout="constrained")
         figure.suptitle(_plain(self.heading), fontsize=12)
         left, right = figure.subfigures(1, 2, width_ratios=(_MODEL, wide * across))
-        self._draw_model(left.subplots(), (_MODEL, size[1] - 0.6), path)
+        self._draw_model(left, (_MODEL, size[1] - 0.6), path)
         axes = right.subplots(down, across, squeeze=False)
         for ax, (name, zone, view) in zip(axes.flat, panels, strict=False):
             if view is None:
@@ -252,11 +252,16 @@ class ContactPicture:
 
     # ---- the model
 
-    def _draw_model(self, axes: Any, inches: tuple[float, float], path: Path) -> None:
+    def _draw_model(self, figure: Any, inches: tuple[float, float], path: Path) -> None:
+        """Draw the model; a zoomed one in a plane once for each zone under pressure, since zones may be far apart."""
         x = self.mesh.points + self.times * self.u
         if self.mesh.dim == 2:
-            self._draw_plane(axes, x)
+            near = [pressed_window([zone], x) for zone in self.zones.values()] if self.zoom else []
+            windows = [window for window in near if window is not None] or near[:1] or [None]
+            for axes, window in zip(figure.subplots(len(windows), squeeze=False).flat, windows, strict=True):
+                self._draw_plane(axes, x, window, colours=window is windows[-1])
             return
+        axes = figure.subplots()
         without_frame(axes)
         size = (round(2 * _DPI * inches[0]), round(2 * _DPI * inches[1]))
         image = import_module("matplotlib.image").imread(io.BytesIO(self._rendered(x, size, path)))
@@ -276,8 +281,11 @@ class ContactPicture:
             ]
         return image_of(replace(scene, title="", legend=(), values=None, labels=tuple(labels)), size, path)
 
-    def _draw_plane(self, axes: Any, x: Floats) -> None:
-        """Draw the model in a plane: bodies, slave skins in their colours, arrows of shear."""
+    def _draw_plane(self, axes: Any, x: Floats, window: Floats | None, *, colours: bool) -> None:
+        """Draw the model in a plane: bodies, slave skins in their colours, arrows of shear.
+
+        `window` (2, 3): corners of what is shown, None for all; `colours`: add the scale of colours.
+        """
         surface = DrawnSurface.of(self.mesh)
         points = surface.points(x)
         draw_bodies(axes, surface, points, np.full(len(points), np.nan), self.scale)
@@ -290,11 +298,10 @@ class ContactPicture:
             self._add_plane_arrows(axes, zone, x)
         axes.set_aspect("equal", anchor="C")
         axes.autoscale()
-        window = pressed_window(self.zones.values(), x) if self.zoom else None
         if window is not None:
             axes.set(xlim=window[:, 0], ylim=window[:, 1])
         axes.set(xlabel=self.units.label("x", "length"), ylabel=self.units.label("y", "length"))
-        if not self.scale.states:
+        if colours and not self.scale.states:
             axes.figure.colorbar(
                 self.scale.bar, ax=axes, label=self.scale.label, location="bottom", fraction=0.05, aspect=40
             )

@@ -208,7 +208,7 @@ class Inertia:
 
 
 def _redistributed(space: Space, plain: csr_array, massless: Massless) -> csr_array:
-    """Return P^T M P (n_dof, n_dof) of a mass M, symmetric to the last bit, with its rows at own nodes alone.
+    """Return P^T M P (n_dof, n_dof) of a mass M, symmetric to round-off, with its rows at own nodes alone.
 
     With D the identity at nodes with mass and W = P - D: D M D + (X + X^T), X = W^T M (D + W / 2). W and the rows of M
     that W^T takes are at massless nodes, and the same on all processes.

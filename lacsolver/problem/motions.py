@@ -69,14 +69,34 @@ class FreeMotion:
 
 def describe(motion: FreeMotion) -> str:
     """Describe a motion in words: `'punch' moves along x`; bodies with the same motion are named together."""
+    return " while ".join(f"{who} {what} {how}" for who, what, how in _parts(motion))
+
+
+def _parts(motion: FreeMotion) -> list[tuple[str, str, str]]:
+    """Return the names of bodies that move alike, their verb, and their direction or axis, of each part of a motion."""
     alike: dict[tuple[str, str], list[str]] = {}
     for body, twist in zip(motion.bodies, motion.twists, strict=True):
         alike.setdefault(_words(motion, body, twist), []).append(body.name)
-    parts = []
-    for (verb, how), names in alike.items():
-        who = f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
-        parts.append(f"{who} {verb if len(names) == 1 else verb[:-1]} {how}")
-    return " while ".join(parts)
+    return [
+        (f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0],
+         verb if len(names) == 1 else verb[:-1], how)
+        for (verb, how), names in alike.items()
+    ]  # fmt: skip
+
+
+def unheld(motions: Sequence[FreeMotion]) -> str:
+    """Return the sentence on motions that nothing holds; those of the same bodies stand together, without places."""
+    ways: dict[str, list[str]] = {}
+    for motion in motions:
+        (who, verb, how), *others = _parts(motion)
+        if others:
+            who, verb, how = describe(motion), "", ""
+        ways.setdefault(who, []).append(
+            f" {verb} {how}" if len(motions) == 1 else f" {verb} {how.split(' through ')[0]}"
+        )
+    every = 6 if motions[0].space.dim == 3 else 3
+    clauses = [f"{who}{': every motion' if len(how) == every else ','.join(how)}".rstrip() for who, how in ways.items()]
+    return f"nothing holds a part of the model: {'; '.join(clauses)}; add a displacement, a spring or a contact"
 
 
 def plain_motions(space: Space, bodies: Sequence[Body], twists: Floats) -> Iterator[FreeMotion]:

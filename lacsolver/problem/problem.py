@@ -39,9 +39,9 @@ from lacsolver.problem.adjust import Adjustment, adjusted
 from lacsolver.problem.hypothesis import check_hypothesis
 from lacsolver.problem.laws import law_of
 from lacsolver.problem.pair import ContactPair
-from lacsolver.problem.roles import slaves_of, with_roles
+from lacsolver.problem.roles import directed, slaves_of, with_roles
 from lacsolver.problem.sections import with_sections
-from lacsolver.problem.skin import check_mesh, mesh_of, prepared
+from lacsolver.problem.skin import check_mesh, check_mesh_file, mesh_of, prepared
 from lacsolver.space.places import nodes_of, said, wrong
 from lacsolver.space.space import Space, check_dimension
 
@@ -222,7 +222,8 @@ def build(
         for record in records:
             with attempt(record.place):
                 same = next((pair for pair in pairs if pair.record == record), None)
-                parts.pairs.append(same or ContactPair.of(parts.space, record))
+                pair = same or ContactPair.of(parts.space, record)
+                parts.pairs.append(directed(pair, case, parts.mesh))
     return parts
 
 
@@ -294,6 +295,7 @@ def read_mesh(case: Case, distribution: Distribution = UNDIVIDED) -> Mesh:
     """Return the mesh of a case, or this process's part of it. Raises ReadError, RequestError, CutError."""
     if not isinstance(case.mesh, Path):
         return mesh_of(case)
+    check_mesh_file(case)
     whole = bool(case.cyclic) or any(joining(case))
     return distribution.read(case.mesh, case.skins, lambda mesh: slaves_of(case, mesh), whole)
 

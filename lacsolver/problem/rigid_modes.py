@@ -22,11 +22,11 @@ from lacmesh.topology.components import label_components
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rigid import moments
-from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions
+from lacsolver.problem.motions import Body, FreeMotion, describe, plain_motions, unheld
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import joined_columns, sparse
 
-__all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigid_modes", "still_free"]
+__all__ = ["Body", "FreeMotion", "body_names", "describe", "free_motions", "rigid_modes", "still_free", "unheld"]
 
 #: root mean square of a unit motion on the rows of its system, below which the motion is free
 _STOPPED = 1e-9

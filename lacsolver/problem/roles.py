@@ -9,23 +9,27 @@ mesh before its cut, relative, and coarser than round-off: units, numbering and 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.normals import CREASE_ANGLE, unit, weighted
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import find_owners
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors
+from lacsolver.problem.pair import ContactPair
 from lacsolver.space.places import wrong
 
 #: fewer faces of a slave than this, by dimension, may not keep a body from turning
@@ -34,6 +38,8 @@ FEW = {2: 2, 3: 3}
 _FREE = 0.01
 #: parts of a surface that are taken for the same; ratios of moduli and of sizes; angles between faces, in radian
 _PART, _RATIO, _ANGLE = 0.05, 1.1, 0.01
+#: angle between the faces of a plane, in radian, which rounded coordinates make
+_PLANE = 1e-4
 
 
 def with_roles(case: Case, mesh: Mesh) -> Case:
@@ -67,6 +73,47 @@ def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
     """Return the groups to be cut in a mesh, each with its kind of `hexa` cut. Raises as `with_roles`."""
     done = with_roles(case, mesh)
     return {record.slave: record.hexa for record in (*done.contact, *done.ties)}
+
+
+def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:
+    """Return a pair with the normals that are the direction of contact, of a case as `with_roles` gives it."""
+    record = pair.record
+    if not isinstance(record, Contact) or record.normals != "facet":
+        return pair
+    normals = "master" if _by_master(pair, case, mesh) else "facet"
+    return pair if normals == pair.pairing.normals else replace(pair, pairing=replace(pair.pairing, normals=normals))
+
+
+def _by_master(pair: ContactPair, case: Case, mesh: Mesh) -> bool:
+    """True if the master's normals are the better known ones.
+
+    It is plane and the slave is not. Or both are plane, and friction turns faces at the slave's edges as they deform:
+    then the master is stiffer.
+    """
+    record, zone = pair.record, pair.zone
+    if not _is_plane(zone.master, record.crease_angle):
+        return False
+    if not _is_plane(zone.slave, record.crease_angle):
+        return True
+    assert isinstance(record, Contact)
+    if not (pair.moving and pair.pairing.friction):
+        return False
+    slave, master = (_Side(case, mesh, name, record) for name in (record.slave, record.master))
+    return master.stiffness > slave.stiffness * _RATIO
+
+
+def _is_plane(skin: Surface, crease_angle: float | None) -> bool:
+    """True if a skin consists of planes that meet at creases."""
+    n, _ = mean_normals(skin)
+    for name, rows, nodes in skin.by_type():
+        own = unit(weighted(name, skin.x[nodes], np.array(CELLS[name].reference, dtype=float)))
+        if np.abs(own - n[rows, None]).max(initial=0.0) > _PLANE:
+            return False
+    face, k = np.nonzero(skin.neighbours >= 0)
+    one, other = n[face], n[skin.neighbours[face, k]]
+    crease = np.cos(np.radians(CREASE_ANGLE if crease_angle is None else crease_angle))
+    meets = (one * other).sum(axis=1) >= crease
+    return bool(np.abs(one - other)[meets].max(initial=0.0) <= _PLANE)
 
 
 def _chosen(case: Case, mesh: Mesh, record: Contact | Tie, taken: set[str]) -> Contact | Tie:
@@ -168,6 +215,11 @@ class _Side:
                 value[cells] = modulus
         young = value[self._parents]
         return float(np.average(young, weights=self._area)) if self._rigid() is None else np.inf
+
+    @property
+    def stiffness(self) -> float:
+        """Mean modulus behind the faces; infinite where no body is, or a rigid one, or the normal is not free."""
+        return self.young if self.behind and self.free > 0 else np.inf
 
     @property
     def free(self) -> float:

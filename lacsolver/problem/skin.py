@@ -4,25 +4,45 @@ from __future__ import annotations
 
 import warnings
 from collections import defaultdict
+from pathlib import Path
 
 import lacmesh
 from lacmesh.checks.rules import named
 from lacmesh.checks.spoiling import find_spoiling
 from lacmesh.cutting.records import Cut, is_cut
-from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, did_you_mean
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
 from lacsolver.case import Case, CaseError, Issue, Pretension
 from lacsolver.case.records import PairEntry
 from lacsolver.constraints.pretension import coincide, sides_of
 from lacsolver.problem.sections import with_sections
 
+#: suffixes of files that are meshes, for a file name that is misspelt
+_MESHES = (".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf")
+
 
 def mesh_of(case: Case, mesh: MeshLike | None = None) -> Mesh:
     """Return the mesh, or the one that a case names; a path is read. Raises ReadError, RequestError for none."""
+    if mesh is None:
+        check_mesh_file(case)
     mesh = case.mesh if mesh is None else mesh
     if mesh is None:
         raise RequestError("the case names no mesh: give one, as solve(case, mesh) or Case(mesh=...)")
     return as_mesh(mesh)
+
+
+def check_mesh_file(case: Case) -> None:
+    """Raise ReadError, with the line of the case, if the file that it names as its mesh does not exist."""
+    if not isinstance(case.mesh, Path) or case.path is None or case.mesh.exists():
+        return
+    folder, name = case.mesh.parent, case.mesh.name
+    if folder.is_dir():
+        meshes = [file.name for file in folder.iterdir() if file.suffix.lower() in (case.mesh.suffix.lower(), *_MESHES)]
+        advice = did_you_mean(name, meshes) if meshes else f"; {folder} has no mesh"
+    else:
+        advice = f"; the folder {folder} does not exist"
+    issue = case.wrong(f"is {name!r}, a file that does not exist{advice}", "mesh")
+    raise ReadError(case.path, issue.message, f"line {issue.line}")
 
 
 def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:

@@ -17,8 +17,8 @@ from lacsolver.problem.hypothesis import ALTERNATING, finer, judged
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, State
 
-#: difference of pressures from the mean of their neighbours', relative to their sum, above which they alternate
-_ALTERNATE = 0.3
+#: difference of pressures from the mean of their neighbours', relative to the pressures, above which they alternate
+_ALTERNATE = 0.15
 #: fewest macro-elements, with pressure or beside one that has, of which that can be said
 _FEWEST = 12
 
@@ -26,9 +26,9 @@ _FEWEST = 12
 def alternating(problem: Problem, state: State) -> Iterator[str]:
     """Yield a warning for each contact or tie of a converged state whose pressures alternate."""
     for joint, zone in zip(problem.joints, state.zones, strict=True):
-        part = roughness(joint.zone, zone.pressure)
+        part = 2 * roughness(joint.zone, zone.pressure)
         inside = _inside(joint.zone, zone.status >= CONTACT)
-        within = 0.0 if joint.tie else roughness(joint.zone, zone.pressure, inside)
+        within = 0.0 if joint.tie else 2 * roughness(joint.zone, zone.pressure, inside)
         if max(part, within) <= _ALTERNATE:
             continue
         face = joint.integrate(problem.space, state.u, state.time)
@@ -42,7 +42,10 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:
             message += f"{100 * within:.0f} % from the mean of their neighbours' inside the area of contact, which is "
-            yield f"{message}the mesh and not the contact; try slave and master exchanged, or finer meshes of both"
+            message += (
+                "the mesh and not the contact; quadratic cells lessen it, or slave and master exchanged, and the "
+            )
+            yield f"{message}recovered pressure evens it out"
 
 
 def roughness(zone: Zone, pressure: Floats, chosen: np.ndarray | None = None) -> float:

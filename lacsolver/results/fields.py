@@ -41,7 +41,7 @@ def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, state: State) ->
     slave, round_ = pair.zone.slave.at(pair.places(problem.space, state.u)), problem.space.model.axisymmetric
     nodal, mean = recover_pressure(
         slave, pair.zone.macro, zone.pressure, zone.status,
-        axisymmetric=round_, unilateral=pair.law.compressive,
+        axisymmetric=round_, unilateral=pair.law.compressive, coverage=zone.coverage,
     )  # fmt: skip
     bounds, shear = pair.bounds(problem.space, state.time), None
     if bounds is not None and zone.friction is not None:
@@ -49,6 +49,8 @@ def _zone(problem: Problem, pair: ContactPair, zone: ZoneState, state: State) ->
         pressures = zone.pressure, nodal
         from lacsolver.results.recovered_shear import recover_shear
 
-        shear = recover_shear(slave, pair.zone.macro, t, pressures, zone.status, bounds, axisymmetric=round_)
+        shear = recover_shear(
+            slave, pair.zone.macro, t, pressures, zone.status, bounds, axisymmetric=round_, coverage=zone.coverage
+        )
     undeformed = pair.zone.slave.at(problem.space.mesh.points)
     return ZoneFields.of(zone, undeformed, pair.zone.macro, pair.zone.number, mean, nodal, shear)

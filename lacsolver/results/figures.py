@@ -112,12 +112,14 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
     force = np.zeros_like(zone.force)
     force[slave] = zone.force[slave]
     pressure, gap = zone.pressure[paired], zone.gap[paired]
+    covered = (zone.area * zone.coverage)[zone.status >= CONTACT]
+    contact_area = float(covered.sum())
     return ZoneFigures(
         pressure_min=_least(pressure),
         pressure_max=-_least(-pressure),
         gap_min=_least(gap),
         gap_max=-_least(-gap),
-        contact_area=float((zone.area * zone.coverage)[zone.status >= CONTACT].sum()),
+        contact_area=contact_area,
         resultant=force.sum(axis=0),
         moment=moment(force, x),
         coverage_min=_least(zone.coverage),
@@ -126,6 +128,9 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
         open=int((zone.status == OPEN).sum()),
         unpaired=int((~paired).sum()),
         friction=None if zone.friction is None else _friction(zone, zone.friction),
+        pressure_mean=float(covered @ zone.pressure[zone.status >= CONTACT]) / contact_area
+        if contact_area > 0
+        else np.nan,
     )
 
 

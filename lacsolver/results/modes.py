@@ -17,7 +17,8 @@ class NaturalModes(Described):
     modes together; those of all modes of a model that nothing holds add up to its `mass`. `rigid`: each rigid-body
     mode in words, and `rigid_shapes` (r, n_nodes, dim) their shapes. `unknowns`: their number; `held`: number of
     contact rows that are held closed, by contact or tie. `time` of the state about which the model vibrates, None for
-    the undeformed bodies.
+    the undeformed bodies. `sectors`: number of sectors of the ring of which the model is one, 0 without [[cyclic]]: all
+    of them move alike in these modes, without nodal diameters, and only a motion along the axis has an effective mass.
     """
 
     frequencies: Floats
@@ -32,6 +33,7 @@ class NaturalModes(Described):
     unknowns: int
     held: dict[str, int]
     time: float | None = None
+    sectors: int = 0
 
     @property
     def count(self) -> int:

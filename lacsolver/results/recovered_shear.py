@@ -39,16 +39,20 @@ def recover_shear(
     bounds: Bounds,
     *,
     axisymmetric: bool = False,
+    coverage: Floats | None = None,
 ) -> NDArray[np.floating]:
     """Return a continuous traction of friction on the master at nodes (n_nodes, d), NaN off the slave's surface.
 
-    `surface`, `macro` (faces,) and `status` (n_macros,) as for `recover_pressure`; `shear` t_m (n_macros, d), vectors
-    of space; `pressure`: p_m (n_macros,), and the recovered one at nodes (n_nodes,); `bounds` of the macro-elements.
+    `surface`, `macro` (faces,), `status` and `coverage` (n_macros,) as for `recover_pressure`; `shear` t_m
+    (n_macros, d), vectors of space; `pressure`: p_m (n_macros,), and the recovered one at nodes (n_nodes,); `bounds`
+    of the macro-elements.
     """
     p_m, p = pressure
 
     def recovered(means: Floats, states: Ints, unilateral: bool) -> NDArray[np.floating]:
-        return recover_pressure(surface, macro, means, states, axisymmetric=axisymmetric, unilateral=unilateral)[0]
+        return recover_pressure(
+            surface, macro, means, states, axisymmetric=axisymmetric, unilateral=unilateral, coverage=coverage
+        )[0]
 
     plain = np.stack([recovered(means, status, False) for means in shear.T], axis=1)
     limit = _at_nodes(surface, macro, bounds, status >= CONTACT).at(np.where(np.isnan(p), 0.0, p))[0]

@@ -7,12 +7,15 @@ a parabola (in space a quadric) in coordinates s along the surface is fitted to 
     p(s) = sum of q_t s^t,   sum over the patch of w_m (mean_m(p) - p_m)^2 least,   t: 1, s, s s
 
 and the value at a node is the mean of the fits of its macro-elements. A patch is extended, ring by ring, until it has 6
-macro-elements in the plane and 16 in space; with fewer than 3 and 12, planes are fitted. Terms that the patch does not
-determine independently of those before them are left out. A linear pressure is reproduced exactly on plane faces.
+macro-elements in the plane and 16 in space, whose weights are worth at least 3 and 12 equal ones. With fewer than 3 and
+12, planes are fitted. Terms that the patch does not determine independently of those before them are left out. A linear
+pressure is reproduced exactly on plane faces.
 
-At the boundary of the slave p_m has errors of order h times the slope of p, which alternate and decrease to about a
-third from one macro-element to the next. The weights w_m are those of least squares for such errors: the area A_m, a
-ninth of it for the last macro-element but one, and a ninth of that for the last.
+At the rim, which is the boundary of the slave and of what the master covers, p_m has errors of order h times the slope
+of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are those of
+least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of that for
+the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a mean at the
+rim that is as near to the fit as the others has its whole area, and the patch is fitted again.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact
@@ -24,7 +27,9 @@ the means p_m. In space patches are larger then, 36 macro-elements, and weights 
 with var_g of the previous fit, since the mean of a square is the square of the mean plus the variance. The square of
 Hertz's pressure is a parabola. Finally, each connected part of the contact gets the force of its p_m: linear
 interpolation between nodes has less or more force than the root; missing force goes to the nodes shared with open
-macro-elements, excess force is taken from the last nodes in contact, and the rest is scaled.
+macro-elements, excess force is taken from the last nodes in contact. The rest is added where the fit misses the means
+by more than they scatter and than p changes within a macro-element: at sharp edges of a body, where the pressure has no
+bound. So it leaves the middle as it is. What no macro-element lacks is scaled onto all.
 
 The accuracy of this recovery, and errors that no recovery can correct, are described in docs/theory.md.
 """
@@ -59,8 +64,17 @@ _MANY_ROOTS = {1: 6, 2: 36}
 #: a term is left out if less than this fraction of its square is independent of the terms before it, and a direction if
 #: its variance is less than this fraction of the largest
 _THIN = 1e-2
-#: weight of the macro-elements at the boundary of the slave, and of their neighbours, relative to their area
+#: weight of the macro-elements at the rim, and of their neighbours, relative to their area
 _RIM = (1 / 81, 1 / 9)
+#: scatter squared, over the square of the change of p within a macro-element: weights at the rim count below the first
+#: value, and not above the second
+_SCATTERED = (0.05, 0.5)
+#: deviation from the fit squared, over the scatter squared: a mean is like the others below the first, and unlike above
+_UNLIKE = (4.0, 16.0)
+#: deviation from the mean, over its usual size: none of it is restored below the first value, all above the second
+_POOR = (1.0, 2.0)
+#: usual deviations from the mean, in scatters
+_USUAL = 1.5
 #: number of rings of macro-elements that are near the edge of contact
 _NEAR = 9
 #: number of fits of roots; largest factor by which the last nodes in contact are scaled
@@ -77,12 +91,14 @@ def recover_pressure(
     *,
     axisymmetric: bool = False,
     unilateral: bool = True,
+    coverage: Floats | None = None,
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return a continuous pressure of higher order at nodes (n_nodes,), and its mean over macro-elements (n_macros,).
 
     `surface`: the slave's faces; `macro` (faces,): macro-element of each face, negative for none; `pressure` p_m and
-    `status` (n_macros,). `unilateral`: nodal values are not negative, and forces are those of p_m. Raises ValueError
-    for shapes that do not agree.
+    `status` (n_macros,). `unilateral`: nodal values are not negative, and forces are those of p_m, on the `coverage`
+    (n_macros,) of each macro-element; by default all that are paired are covered. Raises ValueError for shapes that do
+    not agree.
 
     Between nodes the pressure is interpolated by the faces' shape functions. Nodes of no macro-element in contact have
     0, nodes off the slave's surface NaN; beyond the edge of contact the pressure falls to 0 in the next macro-element.
@@ -95,10 +111,10 @@ def recover_pressure(
     if pressure.ndim != 1 or status.shape != pressure.shape:
         raise ValueError(f"pressure and status must be (n_macros,), not {pressure.shape} and {status.shape}")
     ours = surface if (macro >= 0).all() else surface.take(np.flatnonzero(macro >= 0))
-    slave = _slave(ours, macro[macro >= 0], len(pressure), axisymmetric)
+    slave = _slave(ours, macro[macro >= 0], status == UNPAIRED, axisymmetric)
     contact = (status >= CONTACT) & (slave.area > 0)
     means = np.where(contact, pressure, 0.0)
-    p = _nodal_parabolas(slave, means, contact)
+    p, scatter = _nodal_parabolas(slave, means, contact)
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)
         edge = _beside(slave.touch, opened, 1) & contact
@@ -108,7 +124,8 @@ def recover_pressure(
         p = np.maximum(p, 0.0)
         if edge.any():
             p = np.where(near, _nodal_roots(slave, means, contact, edge), p)
-        p = _balanced(slave, p, means, contact, status != UNPAIRED, last, last & outer)
+        covered = slave.area * np.where(status == UNPAIRED, 0.0, 1.0 if coverage is None else coverage)
+        p = _balanced(slave, p, means, contact, covered, scatter, last, last & outer)
     nodal = np.full(len(surface.x), np.nan)
     nodal[slave.nodes] = p
     return nodal, slave.means @ p
@@ -118,8 +135,8 @@ class _Slave(NamedTuple):
     """A slave surface: its nodes (k,) at x (k, 3), and its n macro-elements, or the sets that they are merged to.
 
     `area` (n,); `centroid` (n, 3); `moment` (n, 3, 3): mean of d d with d from the centroid; `means` M (n, k): means of
-    nodal values; `touch` (k, n): 1 if the node belongs to a face of the macro-element; `weight` (n,) in fits; `dim` of
-    the surface.
+    nodal values; `touch` (k, n): 1 if the node belongs to a face of the macro-element; `trust` (n,): weight in fits
+    over the area; `dim` of the surface.
     """
 
     nodes: Ints
@@ -129,13 +146,13 @@ class _Slave(NamedTuple):
     moment: Floats
     means: csr_array
     touch: csr_array
-    weight: Floats
+    trust: Floats
     dim: int
 
 
-def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
-    """Compute the data of a surface for the fits. A macro-element without extent has an area and a weight of 0."""
-    rows, columns, values = [], [], []
+def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -> _Slave:
+    """Compute the data of a surface for the fits. A macro-element without extent has an area of 0."""
+    rows, columns, values, n = [], [], [], len(unpaired)
     area, first, second = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
     for name, faces, nodes in surface.by_type():
         X, w = rule(CELLS[name].family, _DEGREE[CELLS[name].order])
@@ -155,22 +172,29 @@ def _slave(surface: Surface, macro: Ints, n: int, axisymmetric: bool) -> _Slave:
     touch = _ones(coo_array((np.ones(len(m)), (k, m)), shape=(len(nodes), n)))
     centroid = first / size[:, None]
     moment = second / size[:, None, None] - _square(centroid)
-    weight = area * _trust(touch, surface, macro)
-    return _Slave(nodes, surface.x[nodes], area, centroid, moment, means, touch, weight, surface.dim)
+    trust = _trust(touch, surface, macro, unpaired)
+    return _Slave(nodes, surface.x[nodes], area, centroid, moment, means, touch, trust, surface.dim)
 
 
-def _trust(touch: csr_array, surface: Surface, macro: Ints) -> NDArray[np.floating]:
-    """Return the factors (n,) `_RIM` for macro-elements at the boundary and their neighbours, and 1 for the others."""
+def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> NDArray[np.floating]:
+    """Return the factors (n,) `_RIM` for macro-elements at the rim and their neighbours, and 1 for the others.
+
+    The rim is the boundary of the slave and that of the `unpaired` macro-elements.
+    """
     ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
-    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)])
+    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)]) | _beside(touch, unpaired, 1)
     steps = np.sum([~_beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
     return np.array([*_RIM, 1.0])[steps]
 
 
-def _nodal_parabolas(slave: _Slave, means: Floats, contact: Bools) -> NDArray[np.floating]:
-    """Return nodal values (k,) of parabolas fitted to the means in contact, 0 at nodes of no such macro-element."""
+def _nodal_parabolas(slave: _Slave, means: Floats, contact: Bools) -> tuple[NDArray[np.floating], Floats]:
+    """Return nodal values (k,) of parabolas fitted to the means in contact, and the scatter (n,) of the means.
+
+    Nodes of no such macro-element have 0.
+    """
     touch = _only(slave.touch, contact)
-    return _mean(touch, _fitted(slave, touch, means))
+    values, scatter = _fitted(slave, touch, means)
+    return _mean(touch, values), scatter
 
 
 def _nodal_roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> NDArray[np.floating]:
@@ -181,7 +205,7 @@ def _nodal_roots(slave: _Slave, means: Floats, contact: Bools, edge: Bools) -> N
     merged, W = _merged(slave, contact, edge)
     if len(merged.area) < _LEAST[slave.dim]:
         merged, W = _merged(slave, contact, np.zeros_like(edge))
-    q = _fitted(merged, merged.touch, W @ means, root=True)
+    q, _ = _fitted(merged, merged.touch, W @ means, root=True)
     return np.sqrt(np.maximum(_mean(merged.touch, q), 0.0))
 
 
@@ -201,25 +225,27 @@ def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_arr
     second = W @ (slave.moment + _square(slave.centroid)).reshape(-1, 9)
     merged = slave._replace(
         area=area, centroid=centroid, moment=second.reshape(-1, 3, 3) - _square(centroid), means=W @ slave.means,
-        touch=_ones(slave.touch @ shares.T), weight=area,
+        touch=_ones(slave.touch @ shares.T), trust=np.ones_like(area),
     )  # fmt: skip
     return merged, W
 
 
 def _balanced(
-    slave: _Slave, p: Floats, means: Floats, contact: Bools, paired: Bools, last: Bools, outer: Bools
-) -> NDArray[np.floating]:
+    slave: _Slave, p: Floats, means: Floats, contact: Bools, covered: Floats, scatter: Floats, last: Bools,
+    outer: Bools,
+) -> NDArray[np.floating]:  # fmt: skip
     """Correct nodal values p >= 0 (k,) so that each connected part of the contact has the force of its p_m.
 
-    Missing force is first given to the `outer` nodes (k,), up to the p_m next to them; then the `last` nodes are
-    scaled, within bounds; then all.
+    The force is that on the `covered` areas (n,). Missing force is first given to the `outer` nodes (k,), up to the
+    p_m next to them; then the `last` nodes are scaled, within bounds; then nodes where the fit misses the means by more
+    than their `scatter` (n,) are corrected; then all are scaled.
     """
     touch = _only(slave.touch, contact)
     part = joined_columns(touch)
     held = np.flatnonzero(np.diff(touch.indptr))
     of_node = part[touch.indices[touch.indptr[held]]]
-    integral = (slave.means.T @ np.where(paired, slave.area, 0.0))[held]
-    wanted, out = np.bincount(part, slave.area * means), p[held]
+    integral = (slave.means.T @ covered)[held]
+    wanted, out = np.bincount(part, covered * means), p[held]
 
     def lacking(share: Floats) -> NDArray[np.floating]:
         """Return the missing force of each part, (parts,), relative to the force of a share of the pressures."""
@@ -229,38 +255,103 @@ def _balanced(
 
     more = np.maximum(lacking(outer[held].astype(float)), 0.0)[of_node]
     out = out + np.where(outer[held], np.minimum(more, (touch @ means)[held]), 0.0)
-    for some, most in ((last[held], _MOST), (np.ones(len(held), dtype=bool), np.inf)):
-        factor = np.clip(1 + lacking(np.where(some, out, 0.0)), 1 / most, most)[of_node]
-        out = np.where(some, out * factor, out)
+    factor = np.clip(1 + lacking(np.where(last[held], out, 0.0)), 1 / _MOST, _MOST)[of_node]
+    out = np.where(last[held], out * factor, out)
     balanced = p.copy()
     balanced[held] = out
+    missed = _missed(slave, balanced, means, scatter)
+    missed = np.where(missed * np.sign(lacking(np.ones_like(out)))[part] > 0, missed, 0.0)
+    local = (touch @ (covered * missed))[held] / np.maximum((touch @ covered)[held], np.finfo(float).tiny)
+    local = np.maximum(local, -out)
+    out = out + np.minimum(np.abs(lacking(np.abs(local))), 1.0)[of_node] * local
+    balanced[held] = out * (1 + lacking(out))[of_node]
     return balanced
+
+
+def _missed(slave: _Slave, p: Floats, means: Floats, scatter: Floats) -> NDArray[np.floating]:
+    """Return by how much (n,) the means of nodal values p miss `means`, 0 where that is usual.
+
+    Usual are some times the `scatter` (n,), and the standard deviation of p at the nodes of the macro-element.
+    """
+    mean, count = slave.means @ p, np.maximum(slave.touch.sum(axis=0), 1)
+    square = slave.touch.T @ p**2 - 2 * mean * (slave.touch.T @ p)
+    usual = np.sqrt(np.maximum(square / count + mean**2, 0.0) + (_USUAL * scatter) ** 2)
+    return np.asarray((means - mean) * _between(np.abs(means - mean), usual, _POOR))
 
 
 # ---- fits
 
 
-def _fitted(slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False) -> NDArray[np.floating]:
+def _fitted(
+    slave: _Slave, touch: csr_array, means: Floats, *, root: bool = False
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Fit a parabola around each macro-element in `touch` to `means`, by its own means or those of its root.
 
-    Return its values at the nodes of its macro-element, in the order of `touch`.
+    Return its values at the nodes of its macro-element, in the order of `touch`, and the scatter of the means about it.
     """
-    patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim])
+    patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim], _LEAST[slave.dim], slave.trust)
     pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root) for k in range(0, patches.shape[0], _PIECE)]
-    q, x_bar, axis = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
+    q, x_bar, axis, scatter = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
     row, g = np.repeat(np.arange(len(slave.x)), np.diff(touch.indptr)), touch.indices
     s = np.einsum("rs,rsn->rn", slave.x[row] - x_bar[g], axis[g])
-    return np.asarray((_powers(s) * q[g]).sum(axis=1))
+    return np.asarray((_powers(s) * q[g]).sum(axis=1)), scatter
 
 
-def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> tuple[Floats, Floats, Floats]:
+def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> tuple[Floats, Floats, Floats, Floats]:
     """Fit the parabolas of some patches (k, n), in coordinates s = axis . (x - x_bar).
 
-    Return their coefficients (k, terms), x_bar (k, 3) and axis (k, 3, dim).
+    Return their coefficients (k, terms), x_bar (k, 3), axis (k, 3, dim) and the scatter (k,), 0 for roots.
     """
-    k, dim = patches.shape[0], slave.dim
-    row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
-    weight = slave.weight[g] / _summed(row, slave.weight[g], k)[row]
+    row, g = np.repeat(np.arange(patches.shape[0]), np.diff(patches.indptr)), patches.indices
+    given, trust = means[g], slave.trust[g]
+    basis = _basis(slave, patches, trust)
+    if root:
+        wanted = given**2
+        for _ in range(_TIMES):
+            value = np.sqrt(np.maximum(basis.values(basis.fit(wanted)), 0.0))
+            # a third of a step: longer steps may oscillate about the solution
+            wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
+        return basis.fit(wanted), basis.x_bar, basis.axis, np.zeros(patches.shape[0])
+    value = basis.values(basis.fit(given))
+    square = (given - value.mean(axis=1)) ** 2
+    scatter = _summed(row, basis.weight * square, patches.shape[0])
+    noisy = _between(scatter[row], 12 * value.var(axis=1), _SCATTERED)  # 12: of a linear p, from variance to change
+    like = 1 - _between(square, scatter[row], _UNLIKE)
+    basis = _basis(slave, patches, trust + (1 - trust) * noisy * like)
+    return basis.fit(given), basis.x_bar, basis.axis, np.sqrt(scatter)
+
+
+class _Basis(NamedTuple):
+    """Terms of the parabolas of k patches, with r macro-elements in all, of the patches `row` (r,).
+
+    `x_bar` (k, 3), `axis` (k, 3, dim); `points` (r, p, terms): at points of each macro-element, the mean of whose
+    values is that of the macro-element; `weight` (r,), with a sum of 1 in each patch; `inverse` (k, terms, terms) of
+    the normal equations.
+    """
+
+    row: Ints
+    x_bar: Floats
+    axis: Floats
+    points: Floats
+    weight: Floats
+    inverse: Floats
+
+    def fit(self, wanted: Floats) -> NDArray[np.floating]:
+        """Return the coefficients (k, terms) of the parabolas whose means are nearest to those `wanted` (r,)."""
+        right = _summed(self.row, (self.weight * wanted)[:, None] * self.points.mean(axis=1), len(self.x_bar))
+        return np.asarray(np.einsum("kij,kj->ki", self.inverse, right))
+
+    def values(self, q: Floats) -> NDArray[np.floating]:
+        """Return the values (r, p) of parabolas with coefficients q (k, terms) at the points."""
+        return np.asarray(np.einsum("rpt,rt->rp", self.points, q[self.row]))
+
+
+def _basis(slave: _Slave, patches: csr_array, trust: Floats) -> _Basis:
+    """Compute the terms of parabolas on some patches (k, n), whose macro-elements weigh `trust` (r,) of their area."""
+    k, dim, number = patches.shape[0], slave.dim, np.diff(patches.indptr)
+    row, g = np.repeat(np.arange(k), number), patches.indices
+    weight = slave.area[g] * trust
+    weight = weight / _summed(row, weight, k)[row]
     x_bar = _summed(row, weight[:, None] * slave.centroid[g], k)
     d = slave.centroid[g] - x_bar[row]
     axis = _axes(_summed(row, weight[:, None, None] * _square(d), k), dim)
@@ -269,22 +360,16 @@ def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> 
     off = np.swapaxes(np.sqrt(np.maximum(dim * size, 0.0))[:, None] * turn, 1, 2)
     middle = np.einsum("rs,rsn->rn", d, axis[row])[:, None]
     points = _powers(np.concatenate([middle - off, middle + off], axis=1))
-    mean = points.mean(axis=1)
-    few = np.diff(patches.indptr) < _LEAST[dim]
-    normal = _summed(row, weight[:, None, None] * _square(mean), k)
-    inverse = _inverse_of_independent(normal, np.where(few, 1 + dim, mean.shape[1]))
+    normal = _summed(row, weight[:, None, None] * _square(points.mean(axis=1)), k)
+    inverse = _inverse_of_independent(normal, np.where(number < _LEAST[dim], 1 + dim, points.shape[2]))
+    return _Basis(row, x_bar, axis, points, weight, inverse)
 
-    def fit(wanted: Floats) -> NDArray[np.floating]:
-        right = _summed(row, (weight * wanted)[:, None] * mean, k)
-        return np.asarray(np.einsum("kij,kj->ki", inverse, right))
 
-    given = means[g]
-    wanted = given**2 if root else given
-    for _ in range(_TIMES if root else 0):
-        value = np.sqrt(np.maximum(np.einsum("rpt,rt->rp", points, fit(wanted)[row]), 0.0))
-        # a third of a step: longer steps may oscillate about the solution
-        wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
-    return fit(wanted), x_bar, axis
+def _between(x: Floats, y: Floats, ends: tuple[float, float]) -> NDArray[np.floating]:
+    """Return 0 where x / y >= 0 is at most the first of the `ends`, 1 above the second, linear between; 0 / 0 is 0."""
+    low, high = ends
+    over = np.divide(x - low * y, (high - low) * y, out=np.where(x > 0, 1.0, 0.0), where=y > 0)
+    return np.asarray(np.clip(over, 0.0, 1.0))
 
 
 def _axes(spread: Floats, dim: int) -> NDArray[np.floating]:
@@ -320,12 +405,16 @@ def _inverse_of_independent(normal: Floats, most: Ints) -> NDArray[np.floating]:
 # ---- patches
 
 
-def _patches(touch: csr_array, many: int) -> csr_array:
-    """Return the patch of each macro-element in `touch`, (n, n), with as many rings as it takes to have enough."""
+def _patches(touch: csr_array, many: int, least: int, trust: Floats) -> csr_array:
+    """Return the patch of each macro-element in `touch`, (n, n), with as many rings as it takes to have enough.
+
+    Enough are `many`, if `trust` (n,) makes their effective number (Kish's) at least `least`.
+    """
     beside = _ones(touch.T @ touch)
     patch = beside
     for _ in range(_RINGS - 1):
-        small = np.diff(patch.indptr) < many
+        effective = (patch @ trust) ** 2 / np.maximum(patch @ trust**2, np.finfo(float).tiny)
+        small = (np.diff(patch.indptr) < many) | (effective < least)
         before, patch = patch.nnz, _ones(patch + _scaled(patch, small, 1.0) @ beside)
         if patch.nnz == before:  # no row is small, or those that are have all that is connected with them
             break

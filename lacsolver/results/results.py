@@ -47,10 +47,10 @@ class FrictionFigures(NamedTuple):
 class ZoneFigures(Described):
     """Figures of a zone at one time.
 
-    Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `contact_area`:
-    covered area of the macro-elements in contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the
-    contact forces on the slave, friction included. `active`, `open`, `unpaired`: numbers of macro-elements. `friction`:
-    figures of friction, None without it.
+    Minima and maxima of pressure and gap are over paired macro-elements, those of coverage over all. `pressure_mean`:
+    mean over the covered area of the macro-elements in contact. `contact_area`: covered area of the macro-elements in
+    contact. `resultant` (d,) and `moment` (3,) or (), about the origin, of the contact forces on the slave, friction
+    included. `active`, `open`, `unpaired`: numbers of macro-elements. `friction`: figures of friction, None without it.
 
     >>> from tempfile import TemporaryDirectory
     >>> import lacsolver as ls
@@ -74,6 +74,7 @@ class ZoneFigures(Described):
     open: int
     unpaired: int
     friction: FrictionFigures | None = None
+    pressure_mean: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

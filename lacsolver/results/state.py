@@ -150,6 +150,7 @@ class ZoneState(Described):
     the magnitude of the mean jump. `status`: CONTACT, SLIDES, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the
     measure that pressures refer to, with thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element.
     `force` (n_nodes, d): contact force on every node of slave and master. `friction`: None without it.
+    `dip` (n,): how far the slave is inside the master beyond the mean gap, of the macro-element's size; None of a tie.
     """
 
     name: str
@@ -164,6 +165,7 @@ class ZoneState(Described):
     normal: Floats
     force: Floats
     friction: ZoneFriction | None = None
+    dip: Floats | None = None
 
 
 class Held(NamedTuple):

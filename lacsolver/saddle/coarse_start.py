@@ -104,7 +104,7 @@ def _solved(
     for _ in range(_SETS):
         G, S = now.equations(p, active)
         problem = SaddleProblem(coarse.K, joined.rows, np.flatnonzero(active), f, G + joined.rows.B @ v, S)
-        v, p, *_ = solve_saddle(problem, v, p, tolerance.linear(_LOOSE, tolerance.moved))
+        v, p, *_ = solve_saddle(problem, v, p, tolerance.linear(_LOOSE))
         now = joined.with_gaps(joined.G - joined.rows.B @ v)
         before, active = active, now.next_active(active, p)
         if np.array_equal(before, active):

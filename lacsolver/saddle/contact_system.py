@@ -25,7 +25,7 @@ from scipy.sparse import csr_array, vstack
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
 from lacmesh.records import dataclass
-from lacsolver.constraints.equality_rows import moves
+from lacsolver.constraints.equality_rows import Free, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
@@ -73,7 +73,11 @@ class ContactSystem:
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
         """Return the stiffness (m,) of each row's skin, for rows along tangents the mean of their macro-element's."""
-        out = skin_stiffness(K, rows)
+        return self.alike(skin_stiffness(K, rows))
+
+    def alike(self, values: Floats) -> NDArray[np.floating]:
+        """Return values (m,), those of the tangents of each macro-element as their mean."""
+        out = values.copy()
         for shear in self.sheared:
             shear.vectors(out)[:] = shear.vectors(out).mean(axis=1, keepdims=True)
         return out
@@ -97,9 +101,13 @@ class ContactSystem:
             out[group.rows] = group.law.next_active(state)
         return self.enforceable & out
 
-    def next_rows(self, now: RowSet, p: Floats) -> RowSet:
-        """Return the row set that the laws and friction ask for after a solve with a set."""
-        active = self.next_active(now.active, p)
+    def next_rows(self, now: RowSet, p: Floats, allowed: Floats | float) -> RowSet:
+        """Return the row set that the laws and friction ask for after a solve with a set.
+
+        A row that fulfils its law to `allowed`, a length or (m,), stays open or closed, whatever its round-off.
+        """
+        fulfilled = np.abs(self.residuals(p, now.active)) <= allowed
+        active = self.enforceable & np.where(fulfilled, now.active, self.next_active(now.active, p))
         if not self.sheared:
             return RowSet.of(active)
 
@@ -168,6 +176,11 @@ class ContactSystem:
         """True for rows of equality, (m,)."""
         return mask_of(len(self.G), *(group.rows for group in self.equalities))
 
+    @cached_property
+    def may_carry(self) -> Bools:
+        """True for rows that may carry a force, (m,): enforceable ones that their law does not let go at this time."""
+        return self.enforceable & ~mask_of(len(self.G), *(g.rows for g in self.groups if isinstance(g.law, Free)))
+
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
         t, slip = shear.vectors(p), -shear.vectors(self._mean_gaps)
@@ -191,7 +204,7 @@ class ContactSystem:
             own, states = p[shear.normal], shear.states(after)
             pressed += int((own > 0).sum())
             leaving += int(((own > 0) & shear.sticks(before.active) & states.slides).sum())
-            sliding = shear.bounds.at(own)[0][:, None] * states.direction
+            sliding = np.where(states.slides, shear.bounds.at(own)[0], 0.0)[:, None] * states.direction
             shear.vectors(out)[:] = np.where(states.slides[:, None], sliding, shear.vectors(p))
         return out if leaving > pressed / 2 else None
 
@@ -225,6 +238,32 @@ class ContactSystem:
         for shear in self.sheared:
             shear.vectors(out)[:] = within(shear.vectors(p), shear.bounds.at(p[shear.normal])[0])
         return out
+
+    def lawful_rows(self, z: Floats) -> RowSet:
+        """Return the row set of z (m,) made `lawful`: rows that this opens, tractions that it shortens, and others."""
+        p = self.lawful(z)
+        active = self.start_active(self.one_sided & ~self.along_tangents & (p > 0))
+
+        def states(shear: ShearRows) -> States:
+            t, b = shear.vectors(z), shear.bounds.at(p[shear.normal])[0]
+            closed, beyond = active[shear.normal], np.linalg.norm(t, axis=1) > b
+            return States.of(closed, ~beyond, t, shear.bounds)
+
+        return self._row_set(active, states) if self.sheared else RowSet.of(active)
+
+    def of_macro_elements(self, rows: Bools) -> Bools:
+        """Return which rows (m,) can be solved, of macro-elements with some of these rows."""
+        out = rows.copy()
+        for shear in self.sheared:
+            any_row = rows[shear.normal] | shear.vectors(rows).any(axis=1)
+            out[shear.normal] = any_row
+            shear.vectors(out)[:] = any_row[:, None]
+        return self.enforceable & out
+
+    @cached_property
+    def one_sided(self) -> Bools:
+        """True for rows of laws without tension, (m,), and those along their tangents."""
+        return mask_of(len(self.G), *(group.every for group in self.groups if group.law.compressive))
 
     def equations(self, p: Floats, active: Bools) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return (G, S), (m,) each: the laws' equations at these gaps and pressures, D dq - S p = G for active rows."""
@@ -419,9 +458,19 @@ def contact_system(
     on = np.concatenate(covered)
     B = csr_array(vstack([csr_array((0, n)), *matrices]))
     w_or_1 = np.where(on, np.concatenate(w), 1.0)
+    typical = typical_measures(w_or_1, on, groups)
     moves = any(not (g.symmetric and g.since is None) for g in groups if isinstance(g, PairGroup))
-    made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None)
+    made = Rows(B, w_or_1, (lambda: _derivatives(groups, matrices, n)) if moves else None, typical)
     return ContactSystem(made, np.concatenate(G), tuple(groups), on, on, np.ones(len(on)))
+
+
+def typical_measures(w: Floats, covered: Bools, groups: Sequence[RowGroup]) -> NDArray[np.floating]:
+    """Return the mean measure (m,) of the covered rows of each row's group; w, `covered` (m,)."""
+    out = np.ones(len(w))
+    for group in groups:
+        own = w[group.every][covered[group.every]]
+        out[group.every] = own.mean() if len(own) else 1.0
+    return out
 
 
 def _derivatives(groups: Sequence[RowGroup], matrices: Sequence[csr_array], n: int) -> csr_array:

@@ -34,7 +34,7 @@ from lacsolver.linear import LinearError
 from lacsolver.linear.krylov import minimise
 from lacsolver.linear.regular import indefinite
 from lacsolver.linear.vectors import WHOLE
-from lacsolver.saddle.saddle import RANK_TOLERANCE, SaddleProblem, SaddleSolution, SchurPreconditioner
+from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.saddle.tolerances import LinearTolerance
 
 #: most directions of a restart cycle, all of which are stored; most iterations in all
@@ -72,7 +72,7 @@ def solve_coupled(problem: SaddleProblem, q: Floats, p: Floats, tolerance: Linea
     loose = tolerance.reduction * first
     loose_gaps, count, counted = tolerance.reduction * max(WHOLE.norm(r[n:]), loose), 0, 0
     while count < _MOST:
-        gap = tolerance.threshold(system.vectors.largest(x[:n]))
+        gap = float(tolerance.threshold(system.vectors.largest(x[:n])))
         excess = partial(system.excess, gap, _BALANCED * force, (loose, loose_gaps))
         if excess(r) <= 1:
             break
@@ -119,7 +119,7 @@ class _System:
         self.cycle = augmented or K.cycle
         if augmented is None:
             self.W = np.zeros_like(self.W)
-        modes, self.unconstrained = _split_rigid_modes(K.R, self.preconditioner.QD)
+        modes, self.unconstrained = K.R @ self.preconditioner.constrained, K.R @ self.preconditioner.free
         #: rigid-body modes that rows constrain, as search directions
         self.constrained = np.concatenate([modes.T, np.zeros((modes.shape[1], len(active)))], axis=1)
 
@@ -186,15 +186,3 @@ class _System:
         if not off <= _FAILED:
             message = f"multigrid with contact stopped at forces {off:.1e} off balance, after {count} V-cycles"
             raise LinearError(f"{message}; try a direct backend, and look for what is hardly held, or thin cells")
-
-
-def _split_rigid_modes(R: Floats, moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Split the rigid-body modes R (n, r) into those that the active rows constrain and the others, both orthonormal.
-
-    `moves` (a, r): the products D R of the rows with the modes.
-    """
-    if not moves.size:
-        return R[:, :0], R
-    _, size, V = np.linalg.svd(moves)
-    k = int((size > RANK_TOLERANCE * size[0]).sum())
-    return R @ V[:k].T, R @ V[k:].T

@@ -34,12 +34,14 @@ if TYPE_CHECKING:
 class Rows:
     """Matrices of contact rows: B (m, n), and w (m,), the measure that G is integrated over.
 
-    `derivative()`: returns D (m, n), -dG/dq, once it is needed; None if D is B.
+    `derivative()`: returns D (m, n), -dG/dq, once it is needed; None if D is B. `typical` (m,): mean measure of the
+    rows of the same pair, 1 for equalities.
     """
 
     B: csr_array
     w: NDArray[np.floating]
     derivative: Callable[[], csr_array] | None = None
+    typical: Floats | float = 1.0
 
     @cached_property
     def D(self) -> csr_array:
@@ -59,11 +61,11 @@ class Rows:
     def reduced(self, T: csr_array) -> Rows:
         """Return the rows on the unknowns q, with T = du/dq."""
         derivative = None if self.derivative is None else lambda: csr_array(self.D @ T)
-        return Rows(csr_array(self.B @ T), self.w, derivative)
+        return Rows(csr_array(self.B @ T), self.w, derivative, self.typical)
 
     def combined(self, combine: csr_array, turn: csr_array) -> Rows:
         """Return the rows with C^T B and R D in the places of B and D, for C `combine` and R `turn`, (m, m)."""
-        rows = Rows(csr_array(combine.T @ self.B), self.w, lambda: csr_array(turn @ self.D))
+        rows = Rows(csr_array(combine.T @ self.B), self.w, lambda: csr_array(turn @ self.D), self.typical)
         rows.__dict__["touched"] = self.touched
         return rows
 

@@ -66,7 +66,11 @@ class SchurPreconditioner:
     terms of pressures: the lumped preconditioner of Farhat and Roux (1991), with the scaling of the rows by D, which
     makes it that of the softer side. A row with compliance is in series with it. `size` (a,): b D^-1 b^T of each row b,
     the compliance of its skin; `stiffness` (a,): that of each row alone, force per gap integral, 1 / (size + S). `D`:
-    the rows D of A; `QB`, `QD` (a, r): products of the rows with the rigid-body modes R.
+    the rows D of A; `QB`, `QD` (a, r): products of the rows with the rigid-body modes R. `constrained`, `free` (r, k):
+    combinations of the modes that the rows constrain, and the others.
+
+    Motions and pressures are weighed so that neither units nor sizes count: the mean gap of a row has the weight of its
+    measure, relative to that of the other rows of its pair.
     """
 
     def __init__(self, problem: SaddleProblem) -> None:
@@ -83,8 +87,11 @@ class SchurPreconditioner:
             self.gram = factor_of(csc_array(gram + diags_array(np.where(self.size > 0, REGULAR * self.size, 1.0))))
         soft = self.size + problem.S
         self.stiffness = 1 / np.where(soft > 0, soft, 1.0)
+        self.weight = 1 / (rows.w * rows.typical)[active]
         self.QB, self.QD = B @ K.R, self.D @ K.R
-        self.inverse = pseudo_inverse(self.QB.T @ self.QD)
+        self.constrained, self.free = constrained_motions(self.QD / rows.w[active, None])
+        V = self.constrained
+        self._inverse = V @ np.linalg.pinv((self.QB @ V).T @ (self.weight[:, None] * (self.QD @ V))) @ V.T
 
     def pressures(self, gap: Floats) -> NDArray[np.floating]:
         """Return the approximate pressures (a,) that open gaps by `gap` (a,)."""
@@ -95,7 +102,11 @@ class SchurPreconditioner:
 
     def balancing(self, load: Floats) -> NDArray[np.floating]:
         """Return pressures (a,) that balance a load (r,) along the rigid-body modes."""
-        return np.asarray(self.QD @ (self.inverse @ load))
+        return np.asarray(self.weight * (self.QD @ (self._inverse @ load)))
+
+    def motion(self, gap: Floats) -> NDArray[np.floating]:
+        """Return the amplitudes (r,) of the rigid-body modes that best close gaps (a,)."""
+        return np.asarray(self._inverse @ (self.QB.T @ (self.weight * gap)))
 
 
 def scaled(A: csr_array, d: Floats) -> csr_array:
@@ -104,10 +115,13 @@ def scaled(A: csr_array, d: Floats) -> csr_array:
     return csr_array((values, A.indices, A.indptr), shape=A.shape)
 
 
-def pseudo_inverse(A: Floats) -> NDArray[np.floating]:
-    """Return the pseudo-inverse of A (r, r)."""
-    if not A.size:
-        return np.zeros(A.shape)
-    U, size, V = np.linalg.svd(A)
-    kept = size > RANK_TOLERANCE**2 * size.max()
-    return np.asarray((V[kept].T / size[kept]) @ U[:, kept].T)
+def constrained_motions(moves: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return combinations (r, k) of rigid-body modes that rows constrain, and the others (r, r - k), orthonormal.
+
+    `moves` (a, r): the mean gaps that the modes close in each row; those of the combinations are orthonormal.
+    """
+    if not moves.size:
+        return np.zeros((moves.shape[1], 0)), np.eye(moves.shape[1])
+    _, size, V = np.linalg.svd(np.linalg.qr(moves, mode="r"))
+    k = int((size > RANK_TOLERANCE * size[0]).sum())
+    return V[:k].T / size[:k], V[k:].T

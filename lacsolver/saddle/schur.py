@@ -22,11 +22,12 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, Ints
 from lacsolver.linear.accuracy import backward_error
 from lacsolver.linear.krylov import minimise
+from lacsolver.linear.vectors import Vectors
 from lacsolver.saddle.coupled import solve_coupled
 from lacsolver.saddle.kept_directions import Direction, KeptDirections
 from lacsolver.saddle.saddle import SaddleProblem, SaddleSolution, SchurPreconditioner
 from lacsolver.saddle.stiffness import Stiffness
-from lacsolver.saddle.tolerances import LinearTolerance
+from lacsolver.saddle.tolerances import ROUNDING, LinearTolerance, largest_of_rows
 
 #: largest number of applications without a decrease: residuals stagnate while motions of little resistance are found
 _PATIENCE = 40
@@ -34,6 +35,8 @@ _PATIENCE = 40
 _MOST = 400
 #: backward error (`linear.accuracy`) of forces in balance, a few units of round-off, and most corrections to reach it
 _BALANCED, _CORRECTIONS = 2e-15, 3
+#: backward error of forces on each body: those on a small body are a part of all that round-off hides
+_BALANCED_ALONE = 1e-13
 #: a cycle that leaves more than this fraction of the residual has reached round-off
 _SLOW = 0.5
 
@@ -61,20 +64,21 @@ def solve_saddle(
         now = then if less < left else now
         if not less < _SLOW * left:
             break
-    return SaddleSolution(now.q, now.p, applications, _relative(now.r[: loop.n], loop.unit[: loop.n]))
+    return SaddleSolution(now.q, now.p, applications, _relative(now.r[: loop.n], loop.rows.w[loop.active]))
 
 
 class _Balanced(NamedTuple):
     """An iterate in balance: unknowns q (n,), pressures p (m,), forces s of `bent`; residual r of gaps and of s.
 
-    `force`: largest force of loads and contact; `applications`: number of solves with K for the balance.
+    `force`: largest force of loads and contact on the body of each unknown; `applications`: number of solves with K
+    for the balance.
     """
 
     q: NDArray[np.floating]
     p: NDArray[np.floating]
     s: NDArray[np.floating]
     r: NDArray[np.floating]
-    force: float
+    force: Floats | float
     applications: int
 
 
@@ -96,10 +100,19 @@ def in_balance(
     scale = 1 / np.sqrt(np.abs(K.scaling))
     for count in range(most):
         r = f - K.apply(q)
-        if backward_error(scale, q, r, terms) <= _BALANCED:
+        if _is_balanced(K.vectors, scale, q, r, terms):
             return q, count
         q = q + K.solve(r)
     return q, most
+
+
+def _is_balanced(vectors: Vectors, scale: Floats, q: Floats, r: Floats, terms: Floats) -> bool:
+    """True if K q = f to round-off, in all and on each body; `scale` (n,): D^-1/2, see `linear.accuracy`."""
+    if backward_error(scale, q, r, terms) > _BALANCED:
+        return False
+    size = vectors.norm_of_body(q / scale) + vectors.norm_of_body(terms * scale)
+    left = vectors.norm_of_body(r * scale)
+    return bool(np.all(left <= _BALANCED_ALONE * np.maximum(size, ROUNDING * np.max(size))))
 
 
 class _SchurLoop:
@@ -122,8 +135,10 @@ class _SchurLoop:
         self.C = csr_array((0, len(start))) if geometric is None else geometric[self.bent]
         self.preconditioner = SchurPreconditioner(problem)
         self.D = self.preconditioner.D
-        stiff = np.abs(K.scaling[self.bent]) if len(self.bent) else np.empty(0)
-        self.unit = np.concatenate([rows.w[active], stiff])  # residuals divided by it are lengths
+        size = np.broadcast_to(K.vectors.size, start.shape)
+        stiff = np.abs(K.scaling * size)[self.bent] if len(self.bent) else np.empty(0)
+        # residuals divided by it are lengths, relative to the size of the bodies
+        self.unit = np.concatenate([rows.w[active] * largest_of_rows(rows.B[active], K.vectors.size), stiff])
         self.QB = self.preconditioner.QB
         self.QD = np.concatenate([self.preconditioner.QD, self.C @ K.R])
 
@@ -177,7 +192,7 @@ class _SchurLoop:
 
     def motion(self, r: Floats) -> NDArray[np.floating]:
         """Return the amplitudes (r,) of the rigid-body modes that best close the gaps of a residual."""
-        return np.asarray(self.preconditioner.inverse @ (self.QB.T @ r[: self.n]))
+        return self.preconditioner.motion(r[: self.n])
 
     def residual(self, q: Floats, p: Floats, s: Floats) -> NDArray[np.floating]:
         """Return the residual of gaps, and the difference between the forces of `bent` and s."""
@@ -192,14 +207,18 @@ class _SchurLoop:
         q, count = in_balance(self.K, self.f - contact - bending, terms, q)
         if self.K.R.shape[1]:
             q = q - self.K.R @ self.motion(self.residual(q, p, s))
-        force = max(self.vectors.largest(v) for v in (self.problem.f, contact))
+        force = np.maximum(self.vectors.largest_of_body(self.problem.f), self.vectors.largest_of_body(contact))
         return _Balanced(q, p, s, self.residual(q, p, s), force, count)
 
     def threshold(self, now: _Balanced, tolerance: LinearTolerance) -> NDArray[np.floating]:
         """Return the tolerance of each residual: for gaps a length times the measure, for forces a part of `force`."""
-        forces = np.full(len(self.bent), max(tolerance.relative * now.force, 1e-300))
-        gap = max(tolerance.threshold(self.vectors.largest(now.q)), 1e-300)
-        return np.concatenate([gap * self.unit[: self.n], forces])
+        forces = np.broadcast_to(np.maximum(tolerance.relative * now.force, 1e-300), now.q.shape)[self.bent]
+        gap = np.maximum(tolerance.at(self.active).threshold(self._moved(now.q)), 1e-300)
+        return np.concatenate([gap * self.rows.w[self.active], forces])
+
+    def _moved(self, q: Floats) -> Floats | float:
+        """Return the largest displacement of the bodies of each active row, (a,); a number if all are one body."""
+        return largest_of_rows(self.rows.B[self.active], self.vectors.largest_of_body(q))
 
     def improved(self, now: _Balanced, allowed: Floats, limit: int) -> tuple[_Balanced, int]:
         """Return a better iterate, in balance, and the number of directions that it took.

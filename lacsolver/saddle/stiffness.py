@@ -20,6 +20,7 @@ from scipy.sparse import bsr_array, csr_array, diags_array
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacsolver.linear import Analysis, Backend, Factor, Matrix, analyse, choose
+from lacsolver.linear.vectors import Vectors
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix
 from lacsolver.saddle.operator import Operator
 
@@ -58,11 +59,11 @@ class Stiffness(Operator):
 
     def __init__(
         self, matrix: Matrix, factor: Factor, R: NDArray[np.floating], whole: NodalEmbedding | None = None,
-        spring: NDArray[np.floating] | None = None,
+        spring: NDArray[np.floating] | None = None, vectors: Vectors | None = None,
     ) -> None:  # fmt: skip
         super().__init__(matrix, R, spring)
         self.factor, self.whole = factor, whole
-        self.iterative, self.vectors = factor.iterative, factor.vectors
+        self.iterative, self.vectors = factor.iterative, vectors or factor.vectors
 
     @cached_property
     def scaling(self) -> NDArray[np.floating]:
@@ -123,13 +124,14 @@ class FactorCache:
 
     A direct backend keeps the analysis of an unchanged pattern and releases the factor before; multigrid keeps its
     hierarchy until it is stale. R (n, r): rigid-body modes that springs at r unknowns fix. `whole`: embedding in whole
-    nodes, for multigrid.
+    nodes, for multigrid. `vectors`: operations on the unknowns of a direct backend, None for those of its factor.
     """
 
     def __init__(
-        self, R: NDArray[np.floating], backend: str = "auto", threads: int = 1, whole: NodalEmbedding | None = None
-    ) -> None:
-        self._R, self._backend, self._threads, self._whole = R, backend, threads, whole
+        self, R: NDArray[np.floating], backend: str = "auto", threads: int = 1, whole: NodalEmbedding | None = None,
+        vectors: Vectors | None = None,
+    ) -> None:  # fmt: skip
+        self._R, self._backend, self._threads, self._whole, self._vectors = R, backend, threads, whole, vectors
         self._analyses: dict[bool, Analysis] = {}
         self._last: MultigridFactor | None = None
         self._note = ""
@@ -168,7 +170,7 @@ class FactorCache:
         spring = self._springs(K.diagonal())
         regular = K if spring is None else csr_array(K + diags_array(spring))
         if whole is None:
-            return Stiffness(K, self._analysed(regular, definite), self._R, None, spring)
+            return Stiffness(K, self._analysed(regular, definite), self._R, None, spring, self._vectors)
         on_nodes = bsr_array(embed(regular, whole.free, whole.n_dof).tobsr((whole.block, whole.block)))
         return Stiffness(K, self._preconditioned(on_nodes, whole), self._R, whole, spring)
 

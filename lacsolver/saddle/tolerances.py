@@ -1,7 +1,7 @@
 """Residuals of an equilibrium and their tolerances.
 
-Gaps are compared with the largest displacement, forces with the largest force, or with the round-off of the sums that
-they come from, so that no tolerance depends on units.
+Gaps are compared with the largest displacement, forces with the largest force, of the bodies that they act on, or with
+the round-off of the sums that they come from, so that no tolerance depends on units or on what else is in the model.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
-from lacsolver.linear.vectors import WHOLE, Vectors
+from lacsolver.linear.vectors import WHOLE, BodyVectors, Vectors
 
 #: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from
 ROUNDING = 1e-14
@@ -40,11 +40,15 @@ class LinearTolerance(NamedTuple):
     reduction: float
     relative: float
     absolute: float
-    moved: float
+    moved: Floats | float
 
-    def threshold(self, largest: float) -> float:
-        """Return the lower limit of the residual of gaps, a length, for the largest unknown."""
-        return max(self.relative * max(largest, self.moved), self.absolute)
+    def threshold(self, largest: Floats | float) -> NDArray[np.floating]:
+        """Return the lower limit of the residual of gaps, a length, for the largest unknown, or one for each row."""
+        return np.maximum(self.relative * np.maximum(largest, self.moved), self.absolute)
+
+    def at(self, rows: Ints) -> LinearTolerance:
+        """Return the tolerance of some rows."""
+        return self if isinstance(self.moved, float) else self._replace(moved=self.moved[rows])
 
 
 @dataclass(frozen=True)
@@ -70,13 +74,36 @@ class ConvergenceTolerance:
         """Return the gap that may remain at q (n,): the tolerance times the scale, or round-off."""
         return max(self.tolerance * self.scale(q), ROUNDING * max(self.scale(q), self.length))
 
+    def relative_gap(self, gaps: Floats, B: csr_array, q: Floats) -> float:
+        """Return the largest of some gaps (m,), lengths, relative to the scale of the bodies of their rows B (m, n).
+
+        It is that of all if round-off allows no less, and `threshold` is of the scale of all.
+        """
+        return float((np.abs(gaps) / self.gaps(B, q)).max(initial=0.0)) * self.threshold(q) / self.scale(q)
+
+    def gaps(self, B: csr_array, q: Floats) -> NDArray[np.floating]:
+        """Return the gap that may remain in each row of B (m, n) at q (n,), (m,), or of all rows if that is one."""
+        return np.maximum(self.tolerance * self.of_rows(B, q), ROUNDING * max(self.scale(q), self.length))
+
+    def of_rows(self, B: csr_array, q: Floats) -> Floats | float:
+        """Return the scale of gaps at q (n,) for each row of B (m, n): that of its bodies, of all if they are one."""
+        own = self.vectors.largest_of_body(q)
+        return self.scale(q) if isinstance(own, float) else largest_of_rows(B, own)
+
     def fulfilled(self, residual: Residual, q: Floats) -> bool:
         """True if a state is an equilibrium, to the tolerance or to the round-off of coordinates."""
         return residual.balance <= self.tolerance and residual.gap <= self.threshold(q) / self.scale(q)
 
-    def linear(self, reduction: float, moved: float) -> LinearTolerance:
-        """Return the tolerance of a linear solve, with a reduction and the scale `moved` of gaps."""
-        return LinearTolerance(reduction, 1e-3 * self.tolerance, 1e-4 * ROUNDING * self.length, moved)
+    def linear(self, reduction: float, moved: Floats | float | None = None) -> LinearTolerance:
+        """Return the tolerance of a linear solve, with a reduction and the scale `moved` of gaps, (m,) or of all rows.
+
+        By default it is that of prescribed displacements, which several bodies do not have in common.
+        """
+        several = isinstance(self.vectors, BodyVectors)
+        least = 1e-4 * ROUNDING * max(self.length, several * self.moved)
+        if moved is None:
+            moved = 0.0 if several else self.moved
+        return LinearTolerance(reduction, 1e-3 * self.tolerance, least, moved)
 
 
 class ForceTerms(NamedTuple):
@@ -88,7 +115,16 @@ class ForceTerms(NamedTuple):
     def rounding(self, vectors: Vectors = WHOLE) -> NDArray[np.floating]:
         """Return the round-off of each sum of forces (n,), ROUNDING D^1/2 max |D^-1/2 size|, with D the diagonal."""
         scale = np.sqrt(np.where(self.K > 0, self.K, 1.0))
-        return ROUNDING * vectors.largest(self.size / scale) * scale
+        return np.asarray(ROUNDING * vectors.largest_of_body(self.size / scale) * scale)
+
+
+def largest_of_rows(B: csr_array, values: Floats | float) -> Floats | float:
+    """Return the largest of values (n,) >= 0 at the entries of each row of B (m, n), (m,); a number if that is one."""
+    if isinstance(values, float):
+        return values
+    out = np.zeros(B.shape[0])
+    np.maximum.at(out, np.repeat(np.arange(len(out)), np.diff(B.indptr)), values[B.indices])
+    return out
 
 
 def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
@@ -103,14 +139,17 @@ def sizes(K: csr_array, q: Floats) -> NDArray[np.floating]:
 
 
 def equilibrium_residual(
-    r: Floats, force: float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance
+    r: Floats, force: Floats | float, terms: Callable[[], ForceTerms] | None, tolerance: ConvergenceTolerance, q: Floats
 ) -> float:
-    """Return the residual of the force balance relative to the largest `force`, or to the round-off of the sums.
+    """Return the residual of the force balance relative to the largest `force` on the body of each unknown.
 
-    r (n,): residual of each sum of forces. `terms()`: terms of the sums, computed only if the tolerance is not met;
-    None if the sums are exact.
+    Relative to the round-off of the sums, where that is more. r (n,): residual of each sum of forces at q (n,).
+    `terms()`: terms of the sums, computed only if the tolerance is not met; None if the sums are exact.
     """
-    vectors, off = tolerance.vectors, tolerance.vectors.largest(r) / max(force, 1e-300)
+    vectors = tolerance.vectors
+    off = vectors.largest(r / np.maximum(force, 1e-300))
     if terms is not None and off > tolerance.tolerance:
-        off = vectors.largest(r / np.maximum(force, terms().rounding(vectors) / tolerance.tolerance))
+        summed = terms()
+        least = np.maximum(summed.rounding(vectors), ROUNDING * tolerance.scale(q) * summed.K)
+        off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
     return off

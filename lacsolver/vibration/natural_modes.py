@@ -8,12 +8,13 @@ supports, springs and these rows leave free.
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import DataError, RequestError
+from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.mesh import Floats, MeshLike
 from lacsolver.case import Case, Dynamics, as_case
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -72,8 +73,8 @@ def natural_modes(
     if system.count < 1:
         raise DataError("nothing can vibrate: all displacements are prescribed, or those of rigid bodies")
     omega2, Q = system.lowest(count, _factor(lin, system))
-    along = _translations(inertia)
-    toward = np.asarray(inertia.tangent(lin.q, lin.t).T @ (inertia.M @ along))
+    along, alike = _translations(inertia, np.eye(problem.space.dim)), _alike(problem.case)
+    toward = np.asarray(inertia.tangent(lin.q, lin.t).T @ (inertia.M @ _translations(inertia, alike)))
     whole = np.sum(along * (inertia.M @ along), axis=0)
     shapes, modal, effective = _told(lin, Q, toward)
     rigid_shapes, _, rigid_effective = _told(lin, system.R, toward)
@@ -81,6 +82,7 @@ def natural_modes(
         np.sqrt(omega2) / (2 * np.pi), shapes, modal, effective,
         tuple(describe(motion) for motion in lin.rigid), rigid_shapes, rigid_effective.sum(axis=0),
         _axes(problem.space), float(whole[0]), problem.constraints.n_q, lin.held, None if at is None else at.time,
+        _sectors(problem.case),
     )  # fmt: skip
 
 
@@ -108,11 +110,33 @@ def _inertia(problem: Problem, mass: str) -> Inertia:
     return Inertia.of(problem.space, problem.materials, problem.constraints, (), how, finite)
 
 
-def _translations(inertia: Inertia) -> NDArray[np.floating]:
-    """Return the displacements (n_w, axes) of nodes and points if the whole model is moved by 1 along each axis."""
+def _translations(inertia: Inertia, along: Floats) -> NDArray[np.floating]:
+    """Return the displacements (n_w, axes) of nodes and points if all move by `along` (dim, dim) for each axis."""
     space = inertia.space
     chosen = ["xyz".index(axis) for axis in _axes(space)]
-    return np.tile(np.eye(space.dim)[:, chosen], (inertia.M.shape[0] // space.dim, 1))
+    return np.tile(along[:, chosen], (inertia.M.shape[0] // space.dim, 1))
+
+
+def _alike(case: Case) -> NDArray[np.floating]:
+    """Return the mean motion (dim, dim) of all sectors of a case if one moves by 1 along each axis: that along theirs.
+
+    Sectors that move alike move in directions that turn with them, and their motions across the axis add up to zero.
+    """
+    dim, out = 3 if case.model == "3d" else 2, np.eye(3)
+    for record in case.cyclic:
+        axis = np.array(record.axis) / np.linalg.norm(record.axis)
+        out = np.outer(axis, axis @ out)
+    return out[:dim, :dim]
+
+
+def _sectors(case: Case) -> int:
+    """Return the number of sectors of a case, 0 without; warn that modes with nodal diameters are left out."""
+    number = max((record.sectors for record in case.cyclic), default=0)
+    if number:
+        message = f"modes of a sector are those in which all {number} sectors move alike, without nodal diameters; the"
+        message += f" modes with 1 to {number // 2} of them, often the lowest of a ring, are left out: model the whole"
+        warnings.warn(LacmeshWarning(f"{message} ring for these"), stacklevel=3)
+    return number
 
 
 def _told(

@@ -42,7 +42,6 @@ def _lines(mesh: Raw) -> None:
 
 #: what is wrong, content, command, words: `lacmesh check` and the limits of `lacmesh cut` say no
 VERDICTS: list[tuple[str, bytes, tuple[str, ...], str]] = [
-    ("check: not cut yet", GOOD, (*CHECK, "SLAVE"), "is not usable for LAC: 1 error .no-internal-dof"),
     ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE"), "no-parent"),
     ("check: a slave group of volumes", GOOD, (*CHECK, "BODY"), "wrong-dimension"),
     ("check: a cell is inverted", _edited(_inside_out), (*CHECK, "SLAVE"), "inverted-cell"),

@@ -11,19 +11,29 @@ from tests.checks.blocks import cut_blocks, two_blocks
 from tests.checks.corpus import at, changed, defect, reversed_group, without_records
 
 
-@defect("no-internal-dof")
+@defect("not-cut")
 def a_mesh_that_is_not_cut():
     return two_blocks("TETRA4")
 
 
-@defect("no-internal-dof", slave="slave", master=None)
+@defect("not-cut", slave="slave", master=None)
 def a_single_face_that_is_not_cut():
     return two_blocks("QUAD4", n=1)
 
 
 @defect("rim-dof")
 def macro_elements_with_dofs_on_the_rim_only():
-    mesh = two_blocks("HEXA8", n=2)
+    return macro_elements_of_one_face(2)
+
+
+@defect("no-internal-dof", also=("rim-dof",))
+def a_macro_element_of_one_face_inside_the_skin():
+    return macro_elements_of_one_face(3)
+
+
+def macro_elements_of_one_face(n):
+    """Records of a cut in which each slave face, of n in a row, is a macro-element."""
+    mesh = two_blocks("HEXA8", n=n)
     faces = mesh.cell_groups["slave"]
     macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
     macro[faces], zone[faces], child[faces] = np.arange(len(faces)), 0, 1
@@ -37,7 +47,7 @@ def internal_dofs_that_are_held():
     return changed(mesh, groups={"held": set(mesh.cell_groups["slave"][:6].tolist())})
 
 
-@defect("recognised")
+@defect("recognised", recognise=True)
 def a_cut_without_records():
     return without_records(cut_blocks("HEXA20", "hexa"))
 

@@ -206,7 +206,7 @@ def plane_slaves_that_cross():
     return cut_skin(mesh, "slave").mesh
 
 
-@defect("crack-front", slave="G_a", master="G_b", also=["no-internal-dof"])
+@defect("crack-front", slave="G_a", master="G_b", also=["not-cut"])
 def a_crack_that_ends_inside():
     points = [[x, y] for y in (0, 1, 2) for x in (0, 1, 2)]
     quads = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]
@@ -222,6 +222,16 @@ def a_node_on_both_sides():
     )
     blocks = tuple(block_._replace(nodes=np.where(block_.nodes == b, a, block_.nodes)) for block_ in mesh.blocks)
     return replace(mesh, blocks=blocks)
+
+
+@defect("shared-nodes", also=("interface",))
+def bodies_that_share_their_faces():
+    """Two rows of cells that were meshed as one body, with a group of its middle edges for each side."""
+    points = [[x, y] for y in (0, 1, 2) for x in (0, 1, 2)]
+    quads = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]
+    edges = [[3, 4], [4, 5], [4, 3], [5, 4]]
+    groups = {"slave": [4, 5], "master": [6, 7]}
+    return Mesh.create(points, [("QUAD4", quads), ("SEG2", edges)], cell_groups=groups)
 
 
 def _nodes(mesh, group):

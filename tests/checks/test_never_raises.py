@@ -182,7 +182,7 @@ def test_a_part_that_fails_says_so_and_the_others_go_on(monkeypatch):
 
     monkeypatch.setattr("lacmesh.checks.skins.check_shape", broken)
     found = check(two_blocks(), "slave", "master")
-    assert "not-checked" in found.rules and "no-internal-dof" in found.rules
+    assert "not-checked" in found.rules and "not-cut" in found.rules
     assert "by nothing" in found.of_rule("not-checked")[0].message
 
 

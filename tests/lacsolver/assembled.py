@@ -1,4 +1,4 @@
-"""Forces, tangent, energy and stress of bodies at finite strains at a displacement, each by one call."""
+"""Forces, tangent, energy and stress of bodies at finite strains, each by one call; whether two of these agree."""
 
 from __future__ import annotations
 
@@ -34,3 +34,11 @@ def cauchy_stress(space, materials, u, **options):
 def first_piola(space, materials, u, **options):
     """Return the first Piola stress P_si (cells, points, 3, 3) of each block."""
     return DisplacedBodies(space, materials, u, **options).evaluated(lambda P, F: P)
+
+
+def agree(one, other):
+    """True if two arrays or sparse matrices agree to round-off, relative to the largest entry.
+
+    Their last bits may depend on the number of threads: numpy has other loops for other layouts of an array.
+    """
+    return bool(abs(one - other).max() <= 1e-14 * abs(other).max())

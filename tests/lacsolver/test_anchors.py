@@ -122,7 +122,9 @@ def test_without_anchors_slip_is_that_since_the_last_state(pair, normals):
     size = np.abs(there.S).max()
     np.testing.assert_allclose(none.S, there.S, atol=1e-3 * size if normals == "facet" else 0.1 * size)
     face = case.at(x)
-    assert abs(slip(Anchors.none(), face, case.pairing, case.before).D_T - face.B_T).max() == 0
+    assert (
+        abs(slip(Anchors.none(), face, case.pairing, case.before).D_T - face.B_T).max() <= 1e-14 * abs(face.B_T).max()
+    )
     turned = x @ rotation(case.dim, 1.4).T
     np.testing.assert_allclose(case.slip(turned, Anchors.none()).S, none.S, atol=1e-14)
     some = renewed(case.anchors, case.at(x), np.zeros(case.zone.n_macros, bool))

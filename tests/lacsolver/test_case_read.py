@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import string
 import tomllib
-from dataclasses import MISSING
+from dataclasses import MISSING, replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lacmesh
+import lacsolver as ls
 from lacmesh.errors import LacmeshError, ReadError
 from lacsolver.case import Case, CaseError, parse_case, read_case
 from lacsolver.case.entry import same
@@ -21,6 +22,7 @@ from lacsolver.case.schema import records
 from lacsolver.cli import main
 from tests.lacsolver.case_mistakes import MISTAKES
 from tests.lacsolver.case_texts import FINITE, PLANE, SMALL, STRAIN, VALID
+from tests.lacsolver.key_cases import CASES
 from tests.viewing import DATA
 
 
@@ -200,12 +202,13 @@ ux = [[1, 0],
             "axis = [0.0, 1., 0.0]\n",
             "axis: 1. is no number of TOML, which wants digits",
         ),
+        ("x = 2000,0\n", "x = 2000,0 has a comma, which no number of TOML has; write 2000.0"),
         ("x = 1,000\n", "x = 1,000 has a comma, which no number of TOML has; write 1000 or 1.000"),
         ("thickness = None\n", "thickness = None is no TOML; leave the key out"),
         ("mesh = ../my blocks.msh\n", 'write mesh = "../my blocks.msh"'),
         ('mesh = "C:\\work\\m.msh"\n', "mesh: a backslash in double quotes begins a code"),
     ],
-    ids=range(25),
+    ids=range(26),
 )
 def test_no_toml(text, said):
     with pytest.raises(ReadError) as error:
@@ -323,3 +326,40 @@ def test_a_case_with_one_value_replaced(text, data):
     error = told("\n".join(lines))
     if isinstance(error, CaseError):
         assert error.problems
+
+
+# ---- a case that is written
+
+
+def rewritten(case, folder):
+    """The case of the file that a case is written into, and its text."""
+    case.write(folder / "again.toml")
+    return read_case(folder / "again.toml"), (folder / "again.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("path", sorted(DATA.rglob("*.toml")), ids=lambda path: path.stem)
+def test_a_case_file_goes_to_a_case_and_back(path, tmp_path):
+    case = read_case(path)
+    again, text = rewritten(case, tmp_path)
+    assert replace(again, mesh=case.mesh) == case and rewritten(again, tmp_path)[1] == text
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_key_goes_to_a_file_and_back(name, tmp_path):
+    case = parse_case(CASES[name].text, tmp_path / "case.toml")
+    again, text = rewritten(case, tmp_path)
+    assert again == case and rewritten(again, tmp_path)[1] == text
+
+
+IN_PLANE = {
+    "coupling": [ls.Coupling(group="top", rotation=2.0)],
+    "rigid": [ls.Rigid(group="top", rotation=[[0.0, 0.0], [1.0, 0.5]]), ls.Rigid(group="low", moment="3 * t")],
+    "output": ls.Output(times=[0.5, 1.0]),
+}
+
+
+@pytest.mark.parametrize("name", IN_PLANE)
+def test_rotations_of_plane_cases_and_times_go_to_a_file_and_back(name, tmp_path):
+    material = [ls.Material(young=1.0, poisson=0.0)]
+    case = ls.Case(mesh=tmp_path / "a.msh", model="plane_strain", material=material, **{name: IN_PLANE[name]})
+    assert rewritten(case, tmp_path)[0] == case

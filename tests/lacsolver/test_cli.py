@@ -141,6 +141,30 @@ def test_the_summary_tells_friction_and_what_joints_carry(folder, capsys):
     assert "equation level force" in printed and stick + slide == zone["active"] > 0
 
 
+def test_the_summary_of_a_ring_has_an_axial_force_and_no_moment(folder, capsys):
+    (folder / "case.toml").write_text(GOOD.replace("plane_strain", "axisymmetric"))
+    assert main(["run", "case.toml"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    axial, radial = (f"{results(folder / 'case')['contact']['joint']['resultant'][k]:.6g}" for k in (1, 0))
+    assert f"force on the slave axial {axial}; radial integral " in printed and "its moment" not in printed
+    assert "resultant, t = 1 pressure top: axial -" in printed and radial != axial
+
+
+def test_the_summary_has_the_mean_pressure(folder, capsys):
+    assert main(["run", "case.toml"]) == 0
+    assert "pressure 1 to 1, mean 1 " in " ".join(capsys.readouterr().out.split())
+    assert results(folder / "case")["contact"]["joint"]["pressure_mean"] == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("program", ["lacmesh", "lacsolver"])
+def test_a_bare_command_prints_its_help(program, capsys):
+    from lacmesh.cli import main as lacmesh
+
+    assert {"lacmesh": lacmesh, "lacsolver": main}[program]([]) == 0
+    out = capsys.readouterr()
+    assert out.out.startswith(f"usage: {program} ") and "COMMAND" in out.out and out.err == ""
+
+
 def test_every_step_has_a_line(folder, capsys):
     (folder / "case.toml").write_text(GOOD + "[steps]\ncount = 4\n")
     assert main(["run", "case.toml"]) == 0

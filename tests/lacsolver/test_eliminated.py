@@ -18,6 +18,7 @@ from lacsolver.case import (
     Equation,
     Material,
     Pressure,
+    Rigid,
     Solver,
     Steps,
     Traction,
@@ -257,3 +258,30 @@ def test_a_restart_goes_on_with_equations(tmp_path):
     again = run(case, create_output(tmp_path / "again"), start=start)
     assert again.steps[-1].equations == pytest.approx(whole.steps[-1].equations, rel=1e-9)
     assert list(whole.steps[-1].equations) == ["right"] and whole.steps[-1].equations["right"] > 0
+
+
+def on_the_side(space, case):
+    """Equations uy = 0 at the nodes at x = 2."""
+    node = np.flatnonzero(np.isclose(space.mesh.points[:, 0], 2.0))
+    rows = np.arange(len(node))
+    C = coo_array((np.ones(len(node)), (rows, 2 * node + 1)), shape=(len(node), space.n_dof)).tocsr()
+    yield Equations("side", C, lambda t: np.zeros(len(node)), lambda i: f"equation {i}", may_follow=True)
+
+
+@pytest.mark.parametrize("tilt, moves", [(6e-17, True), (4e-8, True), (1e-6, False), (0.1, False)])
+def test_round_off_of_an_axis_is_no_equation(tilt, moves, equations):
+    """The side may move along an axis alone, which is x but for round-off of double or of single precision, or not."""
+    equations(on_the_side)
+    axis = Displacement(group="right", ux=0.0, axes={"x": [-tilt, 1.0]})
+    _, state = solved(made(displacement=[FIXED, axis], pressure=Pressure(group="right", value=-1.0)))
+    assert (np.abs(state.u).max() > 5e-3) == moves
+
+
+def test_round_off_of_a_moment_arm_is_no_equation(equations):
+    """A rigid side turns about its middle by the moment: equations uy = 0 at its nodes ask nothing of it."""
+    equations(on_the_side)
+    for x in (2.0, np.nextafter(2.0, 3.0)):
+        side = Rigid(group="right", ux=0.0, uy=0.0, moment=1.0, centre=[x, 0.5])
+        problem, state = solved(made(rigid=side))
+        assert problem.constraints.n_q == problem.constraints.plain.n_q
+        assert state.rigid["right"][2] > 0.01

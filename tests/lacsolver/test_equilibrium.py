@@ -8,6 +8,7 @@ import pytest
 import lacsolver.equilibrium.active_set
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
+from lacsolver.saddle.row_set import RowSet
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
 from tests.lacsolver.systems import System, complementarity, contact, enumerated, saddle, solve_active_set, system
@@ -110,6 +111,27 @@ def test_rows_that_say_the_same_twice(seed):
     outcome = found(twice, start(twice, "random", seed))
     assert outcome.converged and (outcome.iterate.p >= -1e-10).all()
     np.testing.assert_allclose(outcome.iterate.p.reshape(2, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
+
+
+@pytest.mark.parametrize("seed", [0, 23, 26])
+def test_rows_that_say_the_same_eight_times(seed):
+    """An open row whose twin is closed has a gap of round-off, which closes it no more."""
+    s = system(seed, n=8, m=4)
+    _, p = enumerated(s, *masks(4))
+    B = np.tile(s.B, (8, 1))
+    many = s._replace(B=B, D=B, w=np.tile(s.w, 8), G=np.tile(s.G, 8))
+    outcome = found(many, start(many, "random", seed))
+    assert outcome.converged and (outcome.iterate.p >= -1e-10).all() and len(outcome.residuals) <= 15
+    np.testing.assert_allclose(outcome.iterate.p.reshape(8, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-20])
+def test_round_off_opens_and_closes_no_row(size):
+    s = system(1, n=12, m=4)._replace(G=size * np.array([1.0, -1.0, 1e-15, -1e-15]))
+    at, p = contact(s)(np.zeros(12)), size * np.array([1e-15, 1.0, -1.0, -1e-15])
+    for before, after in (([0, 0, 0, 0], [0, 1, 0, 0]), ([1, 1, 1, 1], [1, 1, 0, 1])):
+        rows = at.next_rows(RowSet.of(np.array(before, bool)), p, 1e-12 * size)
+        assert rows.active.tolist() == [bool(one) for one in after]
 
 
 def floating(seed, stiff):

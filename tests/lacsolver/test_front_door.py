@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from scipy.sparse.linalg import splu
 
 import lacmesh
 import lacsolver as ls
-from lacmesh.errors import DataError, LacmeshError, ReadError, RequestError
+from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError
 from lacsolver.contact.laws import Bilateral, Unilateral
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
@@ -80,6 +82,25 @@ def test_a_solution_has_the_figures_and_fields_of_its_state(mesh, solution):
     assert (contact.status == 1).all() and solution.time == 1.0 and solution.iterations >= 1
 
 
+def test_reactions_probes_and_contacts_are_found_by_name(tmp_path):
+    """In equilibrium with the load; a solution that is read from its folder has the same."""
+    done = ls.run("data/two_blocks.toml", tmp_path / "results")
+    read, solved = ls.read_results(tmp_path / "results").solution(), ls.solve("data/two_blocks.toml")
+    for one in (read, solved):
+        assert one.reactions["bottom"][2] == pytest.approx(10.435185, rel=1e-6)
+        assert sum(one.reactions.values())[:2] == pytest.approx([0, 0], abs=1e-9)
+        assert one.probes["corner"] == pytest.approx(done.steps[-1].probes["corner"], rel=1e-12, abs=1e-15)
+        for of, there in ((one.reactions, "bottom"), (one.probes, "corner"), (one.contact, "joint")):
+            with pytest.raises(KeyError, match=f"no 'xyz' here; there are: .*{there}"):
+                of["xyz"]
+
+
+def test_figures_of_a_plane_contact_are_described():
+    """The moment of a plane model is one number."""
+    zone = disc()[1].figures.contact["slave"]
+    assert "moment" in repr(zone) and float(zone.moment) == zone.moment
+
+
 def test_stress_in_cells_is_the_mean_of_each_and_von_mises_that_of_a_bar():
     bar = lacmesh.Mesh.create(
         [[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1]],
@@ -129,6 +150,11 @@ def test_march_yields_every_step_and_paths_are_taken(tmp_path):
         (
             lambda: ls.assemble(case_of(), "data/two_blocks.msh", t=-1),
             "the steps, which begin at 0, not -1",
+        ),
+        (lambda: ls.contact_matrices(lacmesh.read("data/two_blocks.msh")), "takes a case and its mesh, or a mesh and"),
+        (
+            lambda: ls.contact_matrices("data/two_blocks.msh", "slave", "master", clearance="0.02*("),
+            "clearance: the value is no formula",
         ),
         (lambda: lacmesh.Mesh.from_pyvista(3), "takes the data sets of pyvista, not int"),
     ],
@@ -235,6 +261,47 @@ def test_solve_contact_with_the_solver_of_another_program_and_in_any_numbering()
         u0=system.u0[order],
     )  # fmt: skip
     assert np.allclose(turned.u[place], found.u, atol=1e-12)
+
+
+@pytest.mark.parametrize("clearance", [0.0, "0.01 * (1 - x) * t"])
+def test_matrices_of_a_case_are_those_of_its_solution(clearance):
+    """A ball on a block: the areas are those of full circles, since the case says so."""
+    case, _ = disc()
+    contact = ls.Contact(slave="slave", master="master", clearance=clearance)
+    case = replace(case, model="axisymmetric", contact=[contact])
+    solution, system = ls.solve(case), ls.assemble(case)
+    pair = system.contact["slave"]
+    given = {"fixed": system.fixed, "u0": system.u0}
+    made = ls.solve_contact(system.K, system.f, pair.B, pair.G, **given)
+    assert np.allclose(made.u, solution.u.ravel(), atol=1e-12)
+    assert np.allclose(made.pressure, solution.contact["slave"].pressure, atol=1e-11)
+    of_case = ls.contact_matrices(case)["slave"]
+    options = {"axisymmetric": True, "clearance": clearance}
+    of_mesh = ls.contact_matrices("data/disc_on_block.msh", "slave", "master", **options)
+    for other in (of_case, of_mesh):
+        assert np.allclose(other.G, pair.G, atol=1e-15) and np.allclose((other.B - pair.B).data, 0, atol=1e-15)
+
+
+def test_contact_matrices_take_a_case_file_without_materials(tmp_path):
+    text = f'mesh = "{Path("data/two_blocks.msh").resolve()}"\nmodel = "3d"\n'
+    text += '[[contact]]\nname = "joint"\nslave = "slave"\nmaster = "master"\nclearance = [[0.0, 0.0], [1.0, 0.5]]\n'
+    path = tmp_path / "case.toml"
+    path.write_text(text, encoding="utf-8")
+    matrices = ls.contact_matrices(path)
+    assert [*matrices] == ["joint"] and np.allclose(matrices["joint"].G / matrices["joint"].w, 0.5)
+    options = {"clearance": [[0.0, 0.0], [1.0, 0.5]], "t": 0.5, "thickness": 2.0}
+    half = ls.contact_matrices("data/two_blocks.msh", "slave", "master", **options)
+    assert np.allclose(half.G / half.w, 0.25) and np.isclose(half.w.sum(), 2 * matrices["joint"].w.sum())
+
+
+@pytest.mark.parametrize("change", [{}, {"solver": ls.Solver(backend="superlu")}], ids=["first", "again"])
+def test_a_case_in_which_nothing_acts_is_a_warning(mesh, change):
+    with pytest.warns(LacmeshWarning, match="nothing acts on the bodies"):
+        unloaded = ls.solve(case_of(0.0, **change), mesh)
+    assert not unloaded.u.any()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ls.solve(replace(case_of(0.0), contact=[ls.Contact(slave="slave", master="master", clearance=-1e-3)]), mesh)
 
 
 def test_laws_of_given_rows_and_several_pairs():

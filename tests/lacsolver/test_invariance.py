@@ -9,7 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from tests.lacsolver.invariant_cases import CASES, brought_back, compared, figures
+from lacmesh.errors import LacmeshWarning
+from tests.lacsolver.invariant_cases import CASES as PLAIN
+from tests.lacsolver.invariant_cases import brought_back, compared, figures
+from tests.lacsolver.joined_cases import JOINED, OF_TWO_SIZES, solved_stacks, two_sizes
 from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
@@ -19,10 +22,13 @@ EXACT, ROUNDING = 1e-9, 1e-15
 CELL, SIZE = 0.2, 2.0
 #: factors of lengths and of stresses; forces change by both
 UNITS = ((1e-6, 1e-12), (1e6, 1e12))
+#: units of length alone, and of forces alone
+ONE_UNIT = ((1e-3, 1.0), (1e3, 1.0), (1e-6, 1.0), (1.0, 1e9))
 FAR = (1e7, 1e3)
 #: directions of a shift; an axisymmetric model moves along its axis
 AWAY = {"axisymmetric": np.array([0.0, 1.0, 0.0]), "3d": np.array([1.0, -0.7, 0.4])}
-MODELS = pytest.mark.parametrize("name", CASES)
+CASES = PLAIN | JOINED
+MODELS = pytest.mark.parametrize("name", PLAIN)
 
 
 @cache
@@ -41,9 +47,46 @@ def check(name, world, allowed=EXACT, one=None, iterations=True):
     assert same or not iterations
 
 
-@pytest.mark.parametrize(("name", "length", "stress"), each_option((name, *units) for name in CASES for units in UNITS))
+@pytest.mark.parametrize(("name", "length", "stress"), each_option((name, *units) for name in PLAIN for units in UNITS))
 def test_in_other_units(name, length, stress):
     check(name, replace(CASES[name].world, length=length, stress=stress))
+
+
+@pytest.mark.parametrize(
+    ("name", "length", "stress"), each_option((name, *units) for name in JOINED for units in (*ONE_UNIT, *UNITS))
+)
+def test_joined_in_other_units(name, length, stress):
+    check(name, replace(CASES[name].world, length=length, stress=stress))
+
+
+@pytest.mark.parametrize("name", [name for name in JOINED if name != "rubbing in space"])
+def test_joined_and_turned(name):
+    """Tangents of friction in space depend on the axes of the mesh, which tells where faces of a macro-element bend."""
+    check(name, replace(CASES[name].world, turn=turned(CASES[name])), iterations=False)
+
+
+#: the round-off of its coordinates limits the small one of some
+RATIOS = [
+    (name, ratio)
+    for ratio in (1e4, 1e5, 1e6)
+    for name in OF_TWO_SIZES
+    if (name, ratio) != ("hung in space, finite", 1e6)
+]
+
+
+@pytest.mark.parametrize(("name", "ratio"), each_option(RATIOS))
+def test_contacts_of_two_sizes_in_one_model(name, ratio):
+    """Each is as in a model of its own, to the round-off of the coordinates of the small one."""
+    together, *alone = two_sizes(name, ratio)
+    for zone, own in zip(together.zones, alone, strict=True):
+        assert (zone.status == own.zones[0].status).all()
+        far = np.abs(zone.pressure - own.zones[0].pressure).max()
+        assert far <= max(1e-8, 3e-14 * ratio) * own.zones[0].pressure.max()
+
+
+def test_multigrid_warns_of_bodies_that_are_much_smaller_than_others():
+    with pytest.warns(LacmeshWarning, match="of the largest one, and multigrid solves all with one accuracy"):
+        solved_stacks("pushed", (1.0, 1e-4), (0, 1), 'backend = "multigrid"\n')
 
 
 def options_of(row):
@@ -53,7 +96,7 @@ def options_of(row):
     return case.model, case.finite, (case.model, "smoothed" in text), "* (x - " in text
 
 
-@pytest.mark.parametrize(("name", "far"), each_option(itertools.product(CASES, FAR), of=options_of))
+@pytest.mark.parametrize(("name", "far"), each_option(itertools.product(PLAIN, FAR), of=options_of))
 def test_somewhere_else(name, far):
     """Compared with the model whose coordinates are rounded as they are there, where it stands."""
     case = CASES[name]

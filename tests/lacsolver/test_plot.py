@@ -427,6 +427,19 @@ def test_a_zoomed_picture_ends_where_the_skin_does(pressed, tmp_path):
     assert near == whole
 
 
+def test_two_zoomed_contacts_have_a_frame_each(disc, tmp_path):
+    """Two contacts at the ends of a body, far apart: each frame is as small as the contact is."""
+    solution = ls.read_results(disc).solution()
+    fields, zone = solution.fields, solution.contact["joint"]
+    far = replace(zone, pressure=zone.pressure[::-1].copy())  # the other end of the skin is pressed
+    two = replace(solution, evaluate=lambda: replace(fields, zones={"joint": zone, "far": far}))
+    drawn = ContactPicture.of(two.mesh, two.fields, "pressure", (), Units.of(None), zoom=True)
+    x = zone.surface.x + drawn.u
+    frames = [ax for ax in drawn.figure(tmp_path / "p.png").axes if ax.get_ylabel() == "y"]
+    for ax, one in zip(frames, (zone, far), strict=True):
+        assert np.allclose([ax.get_xlim(), ax.get_ylim()], pressed_window([one], x).T[:2])
+
+
 def test_without_pressure_a_zoomed_picture_shows_everything(disc):
     zone = ls.read_results(disc).solution().contact["joint"]
     none = replace(zone, pressure=0 * zone.pressure)

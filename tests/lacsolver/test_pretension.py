@@ -13,6 +13,7 @@ import lacmesh
 import lacsolver as ls
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
 from lacsolver.case import (
     Case,
     CaseError,
@@ -144,6 +145,38 @@ def test_a_force_without_a_lock_stays(halves):
     np.testing.assert_allclose([bolt.force for bolt, *_ in steps], 40, rtol=1e-10)
     np.testing.assert_allclose([-f for _, f, *_ in steps], [40, 30, 20, 10], rtol=1e-9)
     np.testing.assert_allclose([bolt.shortening for bolt, *_ in steps], [0.16, 0.14, 0.12, 0.1], rtol=1e-10)
+
+
+@pytest.mark.parametrize("geometry", ["reference", "current"])
+@pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
+def test_a_locked_bolt_is_tightened_over_a_gap(kind, geometry):
+    """The lid comes down by the gap of 0.01 before it is clamped; what is clamped is shorter by that."""
+    mesh, gap = joint(kind), 0.01
+    points = mesh.points.copy()
+    points[mesh.nodes_on(mesh.cell_groups["master"]), mesh.space_dim - 1] += gap
+    mesh = replace(mesh, points=points)
+    case = tightened(mesh, force=[[0, 0], [1, 10]], lock=1.0)
+    steps = marched(replace(case, contact=replace(case.contact[0], geometry=geometry)), mesh)
+    np.testing.assert_allclose(steps[0][0].shortening, 10 * (2 / E + (2 - gap) / E) + gap, rtol=1e-3)
+    k_bolt, k_clamped = E / 2, E / (2 - gap)
+    pulled = np.array([0, 10, 20]) * k_bolt / (k_bolt + k_clamped)
+    np.testing.assert_allclose([bolt.force for bolt, *_ in steps[:2]], 10 + pulled[:2], rtol=1e-9)
+    np.testing.assert_allclose([-f for _, f, *_ in steps[:2]], pulled[:2] + 10 - [0, 10], atol=1e-8)
+
+
+def test_two_sections_in_one_shank_are_refused():
+    """Before their lock nothing holds the part between them: two forces cannot both be that of the shank."""
+    bolt = block((1, 1, 3), (0, 0, 0), (1, 1, 3), "HEXA8")
+    groups = {"foot": skin(*bolt, level(2, 0)), "end": skin(*bolt, level(2, 3))}
+    mesh = join([(*bolt, {**groups, **{f"s{k}": inner(*bolt, level(2, k)) for k in (1, 2)}})])
+    case = Case(
+        model="3d", material=Material(young=E, poisson=0.0),
+        displacement=[Displacement(group=name, ux=0, uy=0, uz=0) for name in ("foot", "end")],
+        pretension=[Pretension(group=f"s{k}", force=[[0, 0], [1, 5.0 + 3 * k]], lock=1.0) for k in (1, 2)],
+        steps=Steps(end=2.0, count=2),
+    )  # fmt: skip
+    with pytest.raises(DataError, match=r"nothing holds a part of the model: the body .* moves along z"):
+        ls.solve(case, mesh)
 
 
 def test_the_lock_holds_after_a_cutback_and_a_restart(tmp_path):

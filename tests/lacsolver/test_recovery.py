@@ -1,8 +1,11 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import lacsolver
 from lacmesh import Mesh, Surface, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import rule
@@ -233,6 +236,59 @@ def test_wrong_shares_at_the_edge_in_the_plane_do_not_matter(edge, off, shift):
     assert mean.sum() == pytest.approx(p.sum())
     right, _ = recover_pressure(row_of(n), np.arange(n), hertz_means(edge, n), status)
     assert made == pytest.approx(right, abs=1e-12)
+
+
+# ---- edges of bodies, and means that scatter
+
+
+def test_what_the_rim_lacks_stays_at_the_rim():
+    """Even in the middle, with a peak at both ends that no parabola follows, as under the edges of a stiff hub."""
+    p = np.full(16, 50.0)
+    p[[0, 1, 2, -3, -2, -1]] = 160, 45, 60, 60, 45, 160
+    made, mean = recover_pressure(row_of(16), np.arange(16), p, np.full(16, CONTACT))
+    assert mean.sum() == pytest.approx(p.sum(), rel=1e-12)
+    assert made[6:11] == pytest.approx(50, rel=0.02)
+    assert made[[0, -1]].min() > 100
+
+
+def test_the_rim_is_also_where_the_master_ends():
+    """Faces beyond the master do not let the last ones that it covers, half, count as much as the others."""
+    p, status, coverage = np.zeros(16), np.full(16, CONTACT), np.ones(16)
+    p[:13] = 50.0
+    p[10:13] = 60, 45, 200
+    status[13:], coverage[12], coverage[13:] = UNPAIRED, 0.5, 0.0
+    made, mean = recover_pressure(row_of(16), np.arange(16), p, status, coverage=coverage)
+    assert mean @ coverage == pytest.approx(p @ coverage, rel=1e-12)
+    assert made[2:10] == pytest.approx(50, rel=0.03)
+
+
+def test_means_that_scatter_are_averaged():
+    """Random means about 1: at the rim of a skin in space the recovered pressure is as near to 1 as inside."""
+    _, surface, macro, n = slave_of("TETRA4", 6)
+    random, off = np.random.default_rng(1), []
+    for _ in range(6):
+        nodal, _ = recover_pressure(surface, macro, 1 + 0.2 * random.uniform(-1, 1, n), np.full(n, CONTACT))
+        off.append(nodal[on_surface(surface)] - 1)
+    assert np.sqrt(np.mean(np.square(off))) < 0.6 * 0.2 / np.sqrt(3)
+
+
+def test_the_last_bits_of_means_do_not_matter():
+    _, surface, macro, n = slave_of("TETRA4", 5)
+    random = np.random.default_rng(2)
+    for p in (np.ones(n), 1 + 0.3 * random.uniform(-1, 1, n), 1 + np.arange(n) / n):
+        one, other = (recover_pressure(surface, macro, q, np.full(n, CONTACT))[0]
+                      for q in (p, p * (1 + 1e-14 * random.uniform(-1, 1, n))))  # fmt: skip
+        np.testing.assert_allclose(one, other, rtol=1e-11)
+        scaled, _ = recover_pressure(surface, macro, 1e9 * p, np.full(n, CONTACT))
+        np.testing.assert_allclose(scaled, 1e9 * one, rtol=1e-11)
+
+
+def test_the_press_fit_of_data_is_even():
+    """Its p_m alternate from 3 to 117, where Lame's pressure is 63.46 everywhere."""
+    fields = lacsolver.solve(Path(__file__).parents[2] / "data" / "press_fit.toml").contact["fit"]
+    wrong = np.sqrt(np.average((fields.recovered / 63.46 - 1) ** 2, weights=fields.area))
+    assert wrong < 0.05
+    assert fields.recovered @ fields.area == pytest.approx(fields.pressure @ fields.area, rel=1e-6)  # flat faces
 
 
 def test_wrong_shapes_are_refused():

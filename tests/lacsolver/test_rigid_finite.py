@@ -119,9 +119,9 @@ def test_at_rest_the_map_is_that_of_small_kinematics(model):
     _, small, _ = constraints_of(model, sections, "small")
     _, finite, _ = constraints_of(model, sections)
     q = np.zeros(small.n_q)
-    assert abs(finite.T - small.T).max() == 0
-    assert abs(finite.tangent(q, 0.0) - small.T).max() < 1e-16
-    np.testing.assert_array_equal(finite.force(1.0, q), small.force(1.0))
+    assert abs(finite.T - small.T).max() < 1e-15
+    assert abs(finite.tangent(q, 0.0) - small.T).max() < 1e-15
+    np.testing.assert_allclose(finite.force(1.0, q), small.force(1.0), rtol=1e-14)
     q = np.random.default_rng(0).normal(size=small.n_q)
     assert small.tangent(q, 1.0) is small.T
     assert small.turning(q, 1.0, np.ones(small.T.shape[0])) is None

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lacsolver.case import CaseError, parse_case
+from lacsolver.case import Case, CaseError, Contact, Displacement, Material, Pressure, Steps, parse_case
 from lacsolver.contact.curves import Exponential, Table
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
+from tests.checks.blocks import block as grid
+from tests.checks.blocks import join, skin
 from tests.lacsolver.contact_cases import HEAD, JOINT, SLIDING, held
 from tests.lacsolver.patch_meshes import stack
 from tests.samples import each_option
@@ -162,3 +164,41 @@ def test_a_stiffness_that_falls_to_nothing_is_refused():
     problem = Problem.of(parse_case(text), stack("QUAD4", "QUAD4", 2, counts=(3, 3), even=True))
     with pytest.raises(CaseError, match="contact: stiffness is 0 at t = 1; it must be > 0"):
         list(march(problem))
+
+
+#: a table with a soft toe, which falls on it once
+GAP_LAWS = {
+    "exponential": ({"law": "exponential", "pressure_at_contact": 2.0, "clearance_at_zero": 0.01}, [5, 0, 0, 5]),
+    "table": ({"law": "table", "pressures": ((0.0, 0.0), (1e-3, 0.01), (50.0, 0.02))}, [5]),
+}
+
+
+@pytest.mark.parametrize("name", GAP_LAWS)
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_a_block_comes_down_over_a_gap_and_again_after_it_was_let_go(name, kinematics):
+    """Nothing but contact holds it down, and where the curve begins it has no slope."""
+    low, high = grid((2, 2), (0, 0), (1, 1), "QUAD4"), grid((3, 2), (0, 1.05), (1, 2.05), "QUAD4")
+
+    def at(cells, y):
+        return skin(*cells, lambda x: np.isclose(x[..., 1], y))
+
+    left = skin(*high, lambda x: np.isclose(x[..., 0], 0))
+    mesh = join([
+        (*low, {"base": at(low, 0), "m": at(low, 1)}),
+        (*high, {"s": at(high, 1.05), "top": at(high, 2.05), "left": left}),
+    ])  # fmt: skip
+    law, loads = GAP_LAWS[name]
+    times = [float(t) for t in range(1, len(loads) + 1)]
+    case = Case(
+        mesh=mesh, model="plane_strain", kinematics=kinematics, steps=Steps(times=times),
+        material=Material(young=1000.0, poisson=0.0, law="elastic" if kinematics == "small" else "neo_hookean"),
+        contact=Contact(slave="s", master="m", geometry="current", **law),
+        displacement=[Displacement(group="base", ux=0, uy=0), Displacement(group="left", ux=0)],
+        pressure=Pressure(group="top", value=[[0, 0], *zip(times, loads, strict=True)]),
+    )  # fmt: skip
+    problem = Problem.of(case)
+    states = list(march(problem))
+    for state, p in zip(states, loads, strict=True):
+        np.testing.assert_allclose(state.zones[0].pressure, p, atol=1e-7)
+        if p:
+            np.testing.assert_allclose(state.zones[0].gap, problem.joints[0].law.gap_of(np.array([p]))[0], rtol=1e-6)

@@ -24,7 +24,7 @@ from tests.samples import each_option
 
 #: of a central difference
 STEP, EXACT = 1e-6, 1e-8
-MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed")
+MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
 #: (slave, master, dimension): straight faces
 STRAIGHT = [("QUAD4", "TRIA3", 2), ("TRIA3", "QUAD4", 2), ("TETRA4", "TETRA4", 3), ("HEXA8", "PENTA6 triangle", 3)]
 #: faces of any shape

@@ -71,16 +71,16 @@ def not_cut(patch):
 
 def stiff_normal(patch):
     """The tangent takes normals for fixed: they are taken at the nodes, where their derivative is left out."""
-    nodal, motion = tangent.nodal_normals, tangent.motion_of
+    others, motion = tangent.other_normals, tangent.motion_of
 
     def fixed(*given):
-        right = nodal(*given)
+        right = others(*given)
         return right._replace(derivative=csr_array(right.derivative.shape))
 
     def at_nodes(face, slave, master, pairing, dim):
         return motion(face, slave, master, replace(pairing, normals="smoothed"), dim)
 
-    patch.setattr(tangent, "nodal_normals", fixed)
+    patch.setattr(tangent, "other_normals", fixed)
     patch.setattr("lacsolver.contact.tangent.motion_of", at_nodes)
 
 

@@ -65,7 +65,7 @@ def test_the_spheres_are_round(make, model, part):
         assert (side * (x[nodes, -1] + np.sqrt(0.5)) > -1e-9).all()
     M = assemble_mass(space, Materials.of(space, Elastic(young=1.0, poisson=0.0, density=1.0)))
     assert M.sum() / space.dim == pytest.approx(part * 4 / 3 * np.pi, rel=5e-4)
-    assert {error.rule for error in check(mesh, "slave", "wall").errors} <= {"no-internal-dof"}  # not cut yet
+    assert {error.rule for error in check(mesh, "slave", "wall").errors} == set()
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ from verification.families import (
     friction_cattaneo,
     friction_cost,
     friction_inf_sup,
+    friction_lids,
     friction_motion,
     friction_moving,
     friction_patch,
@@ -26,6 +27,7 @@ _PROBLEMS = (
     friction_motion,
     friction_published,
     friction_bank,
+    friction_lids,
     friction_cost,
 )
 FAMILY = Family(

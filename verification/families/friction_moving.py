@@ -3,12 +3,16 @@ slides, t is mu p to rounding, no step is cut back. A ring on a turning hub that
 or to and fro ten times, and ten cycles of shear that stick leave nothing behind: slip is counted from where sticking
 began, without drift. A wheel rolls freely on a plane, without a force of friction.
 
+**Direction.** Faces of a slave are at an angle to a plane master: the last ones of a soft block that is dragged on a
+table, and those of a round body in a groove. The forces have the direction of the master's normal.
+
 **Ledger.** A half-cylinder is dragged over a block of rubber: the work of the supports is what bodies store and what
 friction takes.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from functools import partial
 
@@ -17,7 +21,7 @@ from numpy.typing import NDArray
 
 from verification.meshes import friction as meshes
 from verification.meshes.blocks import nodes_of
-from verification.meshes.sliding import ironing_2d
+from verification.meshes.sliding import in_groove, ironing_2d, on_table
 from verification.meshes.stacks import stack
 from verification.records import Case, Outcome, at_most, equal, informative
 from verification.solving import balanced, case_text, entry, solve
@@ -199,6 +203,49 @@ def solve_ledger(steps: int = 96, friction: float = 0.3, part: float = 0.01, *, 
     )  # fmt: skip
 
 
+# ---- the direction of contact
+
+
+def solve_on_table(friction: float, n: int = 20, *, levels: int) -> Outcome:
+    """A soft block that is pressed on a rigid table and dragged by its length. Press in two steps, drag in ten."""
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["block"], law="neo_hookean", young=100.0, poisson=0.3),
+        entry("contact", slave="underside", master="table", friction=friction),
+        entry("rigid", group="table"),
+        entry("displacement", group="top", ux=[[1.0, 0.0], [2.0, 1.0]], uy=[[0.0, 0.0], [1.0, -0.03], [2.0, -0.03]]),
+        entry("steps", times=[0.5, 1.0, *(1 + (k + 1) / 10 for k in range(10))]),
+        kinematics="finite",
+    )
+    one = solve(text, on_table(n))
+    fx, fy = one.zone.force[nodes_of(one.problem.space.mesh, "underside")].sum(axis=0)
+    source = "Coulomb's law: all slides"
+    return Outcome(
+        (
+            equal("horizontal over vertical force", abs(fx / fy), friction, 0.01 * friction, source=source,
+                  reason="the last faces are at an angle to the table"),
+            *balanced([one]),
+        )
+    )  # fmt: skip
+
+
+def solve_in_groove(slave: str, geometry: str, n: int = 16, *, levels: int) -> Outcome:
+    """A round body in a groove of 90 degrees, without friction, under its weight."""
+    text = case_text(
+        "plane_strain",
+        entry("material", young=210e3, poisson=0.3),
+        entry("contact", slave=slave, master="flank" if slave == "round" else "round", geometry=geometry),
+        entry("displacement", group="base", ux=0.0, uy=0.0),
+        entry("displacement", group="axis", ux=0.0),
+        entry("body_force", groups=["ball"], fy=-1.0),
+    )
+    one = solve(text, in_groove(n))
+    fx, fy = one.zone.force[nodes_of(one.problem.space.mesh, "round")].sum(axis=0)
+    source, reason = "the flank is at 45 degrees", "faces of the round body are at an angle to the flank"
+    ratio = equal("sideways over downward force", abs(fx / fy), 1.0, 0.015, source=source, reason=reason)
+    return Outcome((ratio, *balanced([one])))
+
+
 def cases(family: str) -> Iterator[Case]:
     """A block that is pulled, a ring that is carried, blocks that stick."""
     for cell in ("QUAD4", "QUAD8"):
@@ -218,5 +265,13 @@ def cases(family: str) -> Iterator[Case]:
     for cell in ("QUAD4", "QUAD8"):
         solve = partial(solve_wheel, cell)
         yield Case(family, f"rolls-{cell}", f"a wheel of {cell} that rolls on a plane", solve, {"full": 1}, 15.0)
+    for friction in (0.1, 0.3, 0.5):
+        solve = partial(solve_on_table, friction)
+        suite = "quick" if friction == 0.5 else "full"
+        yield Case(family, f"on-table-{friction}", "a block dragged on a rigid table", solve, {suite: 1}, 10.0)
+    for slave, geometry in itertools.product(("round", "flank"), ("reference", "current")):
+        description = f"a round body in a groove, {'it' if slave == 'round' else 'the flank'} is the slave"
+        solve = partial(solve_in_groove, slave, geometry)
+        yield Case(family, f"in-groove-{slave}-{geometry}", description, solve, {"quick": 1}, 5.0)
     description = "a half-cylinder dragged over rubber: where the work goes"
     yield Case(family, "ledger", description, partial(solve_ledger), {"full": 1}, 60.0)

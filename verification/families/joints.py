@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from verification.families import joints_constraints, joints_plastic, joints_split
+from verification.families import joints_constraints, joints_plastic, joints_split, joints_units
 from verification.records import Family
 
 NAME = "joints"
 
-_PROBLEMS = (joints_split, joints_plastic, joints_constraints)
+_PROBLEMS = (joints_split, joints_plastic, joints_constraints, joints_units)
 FAMILY = Family(
     NAME,
     "Joints",

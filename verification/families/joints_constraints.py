@@ -1,10 +1,12 @@
 """**Couplings.** *spread*: a force and a moment at a point, spread over a side by weights, have their resultant and
 moment. *pulled*: a body that is pulled through a distributing coupling strains as under the same tractions. *turned*: a
-body whose side is turned by a large angle, by a coupling alone, is turned as a whole, without strain.
+body whose side is turned by a large angle, by a coupling alone, in steps or at once, is turned as a whole, without
+strain.
 
 **Sectors.** *ring*: a sector with sides that match against the whole ring, under a load without any other symmetry.
 *growth*: an even growth, across sides that do not match. *disc*: a rotating disc by sectors against the exact solution,
-matching and not. *fit*: a press fit by sectors, whose contact touches the sides, against Lame.
+matching and not. *fit*: a press fit by sectors, whose contact touches the sides, against Lame. A quarter has sides
+along the axes, as its supports in cylindrical axes have there but for round-off.
 """
 
 from __future__ import annotations
@@ -79,9 +81,9 @@ def solve_pulled(cell: str, kinematics: str, *, levels: int) -> Outcome:
     return Outcome((at_most("difference of the displacements", error, SOLVED, source=source),))
 
 
-def solve_turned(cell: str, weights: str | None = None, *, levels: int) -> Outcome:
-    """A block of a cell type, held by one side alone, which is turned by large angles. The body turns as a whole,
-    without energy.
+def solve_turned(cell: str, weights: str | None = None, count: int = 4, *, levels: int) -> Outcome:
+    """A block of a cell type, held by one side alone, which is turned by large angles in `count` steps. The body turns
+    as a whole, without energy.
     """
     dim, point, _, _ = _loads(cell)
     theta = [1.5, -1.2, 0.9] if dim == 3 else 2.5
@@ -91,7 +93,7 @@ def solve_turned(cell: str, weights: str | None = None, *, levels: int) -> Outco
         entry(
             "coupling", group=f"{'xyz'[dim - 1]}1", at=point.tolist(), rotation=theta, weights=weights, **moved
         ),
-        entry("steps", count=4), fixed=False,
+        entry("steps", count=count), fixed=False,
     )  # fmt: skip
     one = solve(text, _block(cell))
     arm = one.mesh.points.copy()
@@ -210,9 +212,9 @@ def _disc_text(exact: Disc) -> str:
     )
 
 
-def solve_fit(cell: str, skew: float, *, levels: int) -> Outcome:
-    """A sixth of a press fit, in cells of one type; `skew`: of the sides. The pressure of contact on finer and finer
-    meshes: its slave ends at the sides of the sector.
+def solve_fit(cell: str, skew: float, sectors: int = SECTORS, *, levels: int) -> Outcome:
+    """One of `sectors` of a press fit, in cells of one type; `skew`: of the sides. The pressure of contact on finer
+    and finer meshes: its slave ends at the sides of the sector.
     """
     within, around = (Shell("plane_stress", *radii, 100.0, 0.3) for radii in ((1.0, 1.5), (1.5, 2.0)))
     exact = Fit(within, around, interference=0.01)
@@ -220,13 +222,13 @@ def solve_fit(cell: str, skew: float, *, levels: int) -> Outcome:
         "plane_stress",
         entry("material", young=100.0, poisson=0.3),
         entry("contact", slave="slave", master="master", clearance=-0.01),
-        _cyclic(),
+        _cyclic(sectors),
         *(_axes(entry("displacement", group=g, uy=0.0), 2) for g in ("inner", "outer")),
     )
     solutions = []
     for k in range(levels):
         n = 3 * 2**k
-        one = solve(text, fitted(cell, n, (1.0, 1.5, 2.0), SECTORS, skew=skew))
+        one = solve(text, fitted(cell, n, (1.0, 1.5, 2.0), sectors, skew=skew))
         zone = next(zone for zone in one.state.zones if not zone.tie)
         error = float(np.abs(zone.pressure / exact.between - 1).max())
         solutions.append(LevelSolution(one, 1 / n, {"p": error}))
@@ -236,8 +238,8 @@ def solve_fit(cell: str, skew: float, *, levels: int) -> Outcome:
     )
 
 
-def _cyclic() -> str:
-    return entry("cyclic", slave="a", master="b", sectors=SECTORS)
+def _cyclic(sectors: int = SECTORS) -> str:
+    return entry("cyclic", slave="a", master="b", sectors=sectors)
 
 
 def _axes(table: str, dim: int) -> str:
@@ -269,6 +271,10 @@ def cases(family: str) -> Iterator[Case]:
             yield Case(
                 family, f"turned-by-{called}-{cell}", f"a large rotation, {called} weights, {cell}", turned, levels, 2.0
             )
+        at_once = partial(solve_turned, cell, None, 1)
+        yield Case(family, f"turned-at-once-{cell}", f"a large rotation in one step, {cell}", at_once, levels, 2.0)
+    quarter, levels = partial(solve_fit, "QUAD4", 0.0, 4), {"quick": 3, "full": 3}
+    yield Case(family, "fit-quarter-QUAD4", "a press fit, a quarter between the axes, QUAD4", quarter, levels, 4.0)
     for cell in ("TRIA3", "QUAD4", "TRIA6", "QUAD8", "QUAD9"):
         for skew in (0.0, 0.2):
             sides = "matching" if not skew else "other"

@@ -7,6 +7,9 @@ that between the circles that their nodes lie on (the family `curved`). With qua
 
 The problem of code_aster's ssnp173a (spheres of radii 20, 30 and 40, pressure inside) is also solved on meshes of the
 size of its own, irregular as these are: what is judged there is the worst macro-element.
+
+A hub that is shorter than its shaft presses it with its edges, where the pressure has no bound, and evenly between
+them. There the recovered pressure has the mean of p_m: what it lacks at the edges is not made up for in the middle.
 """
 
 from __future__ import annotations
@@ -25,9 +28,9 @@ from lacmesh.report.charts import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import nodes_of
-from verification.meshes.rings import octant, pair, ring
+from verification.meshes.rings import octant, pair, ring, sleeve
 from verification.profiles import pressures
-from verification.records import Case, Family, Outcome, Published, Result, equal, informative, rate
+from verification.records import Case, Family, Outcome, Published, Result, at_most, equal, informative, rate
 from verification.solving import LevelSolution, Solved, balanced, case_text, convergence, entry, solve
 
 Floats = NDArray[np.floating]
@@ -154,6 +157,42 @@ def _displacement(solved: Solved, exact: Fit, body: Literal["within", "around"],
     )
 
 
+#: half the length of a hub; its part that counts as the middle
+_HUB, _MIDDLE = 10.0, 0.5
+#: by cells: cells along the hub's half, and around a quarter of it
+_HUBS = {"TRIA6": (20, 1), "QUAD8": (12, 1), "HEXA8": (12, 8), "TETRA10": (8, 6)}
+
+
+def solve_hub(cell: str, slave: Literal["within", "around"], *, levels: int) -> Outcome:
+    """A hub upon a shaft of twice its length, on the last of so many meshes."""
+    solved = solve(*hub(cell, slave, levels - 1))
+    fields, axial = solved.fields.zones["slave"], CELLS[cell].dim == 2
+    middle = np.abs(fields.centre[:, 1 if axial else 2]) < _MIDDLE * _HUB
+    p_m, recovered = (float(p[middle] @ fields.area[middle]) for p in (fields.pressure, fields.recovered))
+    off = at_most(
+        "recovered pressure in the middle, error of its mean", abs(recovered / p_m - 1), 0.005,
+        source="equilibrium: the mean of p_m is the force", reason="edges have their own share of the force",
+    )  # fmt: skip
+    return Outcome((off, *balanced([solved])))
+
+
+def hub(cell: str, slave: Literal["within", "around"], level: int) -> tuple[str, Mesh]:
+    """The case of a hub upon a longer shaft, and its mesh, with twice as many cells along each side a level."""
+    axial = CELLS[cell].dim == 2
+    along, around = (n << level for n in _HUBS[cell])
+    turns = ((), ()) if axial else ((around + 1,), (around,))
+    shaft = sleeve(cell, (3, *turns[0], 2 * along + 1), (10.0, 20.0), 2 * _HUB)
+    ring_ = sleeve(cell, (4, *turns[1], along), (20.0, 35.0), _HUB)
+    planes = {"middle": "y" if axial else "z"} | ({} if axial else {"x0": "x", "y0": "y"})
+    text = case_text(
+        "axisymmetric" if axial else "3d",
+        entry("material", young=210000.0, poisson=0.3),
+        entry("contact", slave="slave", master="master", clearance=-0.02),
+        *(entry("displacement", group=group, **{f"u{axis}": 0.0}) for group, axis in planes.items()),
+    )
+    return text, pair(shaft, ring_, slave=slave)
+
+
 def _constant(value: float) -> ExactField:
     def values(x: Floats) -> Floats:
         return np.full((len(x), 1), value)
@@ -262,6 +301,13 @@ def _cases() -> Iterator[Case]:
         given = PressFit(cell, counts=((1, 3), (1, 4)))
         description = f"Spheres under pressure, an octant of {cell}"
         yield _case(f"octant-{cell}", description, given, {"full": 3, "all": 4}, seconds)
+    for cell in _HUBS:
+        for slave in ("within", "around") if CELLS[cell].dim == 2 else ("around",):
+            description = f"A hub upon a longer shaft, {cell}, the slave {slave}"
+            solve_it = partial(solve_hub, cell, slave)
+            yield Case(
+                FAMILY_NAME, f"hub-{cell}-{slave}", description, solve_it, {"quick": 1, "full": 1, "all": 2}, 4.0
+            )
 
 
 def _converging(name: str, description: str, given: PressFit) -> Case:

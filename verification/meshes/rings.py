@@ -27,6 +27,8 @@ Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 #: sides of the block of a ring in its plane: radius, then angle from the axis x
 _RING = {"x0": "low", "x1": "high", "y1": "x0"}
+#: sides of the block of a tube, radius first
+_FACES_OF_TUBE = {"x0": "low", "x1": "high"}
 #: sides of a block of an octant: two angles, then radius
 _FACES = {"z0": "low", "z1": "high"}
 #: a quadrangle split along its other diagonal
@@ -72,6 +74,27 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: 
             if name not in ("x1", "y1"):  # the seams
                 merged[cell, _turned(name, turn)].append(own[nodes])
     return assembled(place, {key: np.concatenate(nodes) for key, nodes in merged.items()}, 3)
+
+
+def sleeve(kind: str, counts: Sequence[int], radii: Sequence[float], length: float) -> Mesh:
+    """A thick tube about its axis, from its plane of symmetry up to its `length`: a quarter of it in space, its section
+    (axisymmetric, the axis is y) in a plane. `counts` along the radius(, around) and along the axis.
+
+    Groups: low, high (the faces), middle (the plane of symmetry), and x0, y0 in space.
+    """
+    if CELLS[kind].dim == 2:
+        flat = boxed(kind, *grid(counts, (radii[0], 0.0), (radii[1], length)), (radii[0], 0.0), (radii[1], length))
+        return joined([(flat, {**_FACES_OF_TUBE, "y0": "middle"})], keep=True)
+    low, high = (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length)
+
+    def around(x: Floats) -> Floats:
+        r, angle, z = x.T
+        points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+        points[np.abs(points) < 1e-12 * radii[1]] = 0.0
+        return points
+
+    names = {**_FACES_OF_TUBE, "y1": "x0", "z0": "middle"}
+    return bent(joined([(boxed(kind, *grid(counts, low, high), low, high), names)], keep=True), around)
 
 
 def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:

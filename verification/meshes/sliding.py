@@ -122,3 +122,49 @@ def _crowned(x: Floats, y: Floats, z: Floats) -> NDArray[np.bool_]:
 def _around(x0: float, y0: float, radius: float) -> Where:
     """Condition that holds for points on a circle."""
     return lambda x, y: np.isclose(np.hypot(x - x0, y - y0), radius)
+
+
+def on_table(n: int) -> Mesh:
+    """Return a unit block of n x n QUAD4 on one face of a rigid table: `block`, `underside`, `top`, `table`."""
+    x, quads, k = _grid(n, n)
+    lines = np.concatenate([_along(k[0]), _along(k[-1][::-1]), [[len(x) + 1, len(x)]]])
+    groups = {"block": n * n, "underside": n, "top": n, "table": 1}
+    return _grouped(np.concatenate([x + np.array([1.0, 0.0]), [[0.0, 0.0], [4.0, 0.0]]]), quads, lines, groups)
+
+
+def in_groove(n: int) -> Mesh:
+    """Return half of a round body, n faces to a quarter, in a groove of 90 degrees: `round`, `flank` are its skins.
+
+    `ball` and `seat`: the bodies; `axis`: their lines of symmetry; `base`: below the seat.
+    """
+    s, quads, k = _grid(2 * n, 5)
+    angle, r = np.pi * (s[:, 0] - 0.5), 10.0 - 6.0 * s[:, 1]
+    ball = np.stack([r * np.cos(angle), 10 * np.sqrt(2) + r * np.sin(angle)], axis=1)
+    q, more, j = _grid(13, 8)
+    seat = np.stack([25 * q[:, 0], -20 + (20 + 25 * q[:, 0]) * q[:, 1]], axis=1)
+    j = j + len(ball)
+    parts = [k[0], j[-1][::-1], k[::-1, 0], k[:, -1], j[::-1, 0], j[0]]
+    lines = np.concatenate([_along(part) for part in parts])
+    groups = {"ball": len(quads), "seat": len(more), "round": 2 * n, "flank": 13, "axis": 18, "base": 13}
+    turned = quads[:, ::-1]  # the angle and the radius run clockwise
+    return _grouped(np.concatenate([ball, seat]), np.concatenate([turned, more + len(ball)]), lines, groups)
+
+
+def _grid(n: int, m: int) -> tuple[Floats, NDArray[np.int64], NDArray[np.int64]]:
+    """Return points of the unit square, n x m QUAD4 between them, and the points' numbers (m + 1, n + 1)."""
+    s, t = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, m + 1))
+    k = np.arange((n + 1) * (m + 1)).reshape(m + 1, n + 1)
+    quads = np.stack([k[:-1, :-1], k[:-1, 1:], k[1:, 1:], k[1:, :-1]], axis=-1).reshape(-1, 4)
+    return np.stack([s, t], axis=-1).reshape(-1, 2), quads, k
+
+
+def _along(nodes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the segments between nodes that follow one another."""
+    return np.stack([nodes[:-1], nodes[1:]], axis=1)
+
+
+def _grouped(x: Floats, quads: NDArray[np.int64], lines: NDArray[np.int64], groups: dict[str, int]) -> Mesh:
+    """Return a mesh of quadrangles and segments, with groups of so many cells one after the other."""
+    ends = np.cumsum(list(groups.values()))
+    cells = {name: np.arange(end - count, end) for (name, count), end in zip(groups.items(), ends, strict=True)}
+    return Mesh.create(x, [("QUAD4", quads), ("SEG2", lines)], cell_groups=cells)

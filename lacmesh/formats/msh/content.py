@@ -40,7 +40,7 @@ class Content:
     further physical group: number, the cell's number, dimension and tag of the group.
 
     `node_rows`: the nodes that are read, None for all. `links`: slave, master, affine map, node numbers (m, 2).
-    `elements_at`: where the elements begin.
+    `elements_at`: where the elements begin. `n_partitions`: parts of the whole mesh, 0 where the file has no number.
     """
 
     source: MshBytes
@@ -57,3 +57,4 @@ class Content:
     notes: Notes = field(default_factory=Notes)
     nodes_at: int = 0
     elements_at: int = 0
+    n_partitions: int = 0

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.msh import fields as msh_fields
@@ -75,9 +77,32 @@ def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
     for about, names in (("what a mesh has no place for is left out", dropped), ("unknown sections", unknown)):
         if names:
             said.append(f"{name}: {about}: {', '.join(names)}")
+    said += [f"{name}: {message}" for message in (_part(content), _lost(content)) if message]
     if "Elements" not in seen:
         said.append(f"{name}: the file has no section $Elements, so no cells")
     return content, said
+
+
+def _part(content: Content) -> str:
+    """Return a sentence about a file that has one part of a mesh that gmsh divided; "" for a whole mesh.
+
+    msh 2.2 does not give the number of parts, and a whole mesh has cells of several, or of none.
+    """
+    parts = {int(p) for piece in content.pieces for p in np.unique(piece.partition)} if content.pieces else set()
+    there, n = sorted(parts - {-1}), content.n_partitions
+    if not there or (len(there) >= n if n else -1 in parts or len(there) > 1):
+        return ""
+    of = f" of {n}" if n else ""
+    what = f"partition {there[0]}{of} alone" if len(there) == 1 else f"{len(there)} partitions{of}"
+    return f"it has {what}, a part of a mesh that gmsh divided; save the whole mesh: Mesh.PartitionSplitMeshFiles = 0"
+
+
+def _lost(content: Content) -> str:
+    """Return a sentence about a file of msh 2.2 whose groups have no cells, as with Mesh.SaveAll; "" for others."""
+    physical = [piece.physical for piece in content.pieces if piece.physical is not None]
+    if not content.names or not physical or any(tags.any() for tags in physical):
+        return ""
+    return "no cell is in any of its groups, as gmsh saves msh 2.2 with Mesh.SaveAll = 1; save as msh 4.1"
 
 
 def _reader2(source: MshBytes) -> Reader2:

@@ -77,7 +77,7 @@ class Reader4:
         numbers.done()
 
     def _read_parts(self, numbers: Numbers) -> None:
-        _, ghosts = _counts(numbers, 2)
+        self.content.n_partitions, ghosts = _counts(numbers, 2)
         numbers.ints(2 * ghosts)
         for dim, n in enumerate(_counts(numbers, 4)):
             for _ in range(n):

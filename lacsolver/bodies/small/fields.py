@@ -96,7 +96,7 @@ def internal_force(
 ) -> NDArray[np.floating]:
     """Return f_int (n_dof,), the nodal forces of the stress of u (n_dof,).
 
-    The result is the same to the last bit for any number of threads.
+    The result is the same to round-off for any number of threads.
 
     Raises RequestError for a law of finite strains.
     """

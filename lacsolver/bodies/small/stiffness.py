@@ -31,7 +31,7 @@ from lacsolver.space.space import Space
 def assemble_stiffness(space: Space, materials: Materials, threads: int = 1) -> bsr_array:
     """Return K (n_dof, n_dof), symmetric, in dim x dim blocks, with the pattern `space.pattern` (shared, not copied).
 
-    The result is the same to the last bit for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a
+    The result is the same to round-off for any number of threads. `K.tocsr()` and `K.tocsc()` convert it for a
     solver. Raises RequestError for a law of finite strains.
 
     >>> from lacmesh import Mesh

@@ -2,7 +2,7 @@
 
 The smoother is Chebyshev's polynomial of the fourth kind on the blocks of the diagonal (Lottes 2023, algorithm 2.3),
 the same before and after the coarse correction, so that the cycle is symmetric and positive definite. It consists of
-products with the matrix only: each row is summed by one thread in one order, and the result is the same to the last bit
+products with the matrix only: each row is summed by one thread in one order, and the result is the same to round-off
 for any number of threads. Single precision halves the memory and its traffic. Its round-off leaves 1e-7 of noise on a
 correction, which is rough and thus weighs 1e-14 times the condition number in energy; the iteration around the cycle is
 in double precision. Matrix and residual are scaled first, so that units do not matter. The coarsest level is solved in

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,9 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import ENERGIES
 from tests.lacsolver.friction.test_output import rubbed
 from tests.lacsolver.friction.test_sliding import block_on_block
+
+# few steps leave over much of the energy that friction takes, as they should say
+pytestmark = pytest.mark.filterwarnings("ignore:steps are too long for the energy")
 
 
 def states_of(case, mesh):
@@ -136,3 +140,18 @@ def test_friction_takes_the_energy_of_a_thrown_block():
     assert 0.9 < energies["friction"] / (0.5 * 1000.0 * 0.5) < 1.0  # the block sways for a while
     assert abs(energies["contact"]) < 0.05 * energies["friction"]
     assert state.step.work is None
+
+
+def test_too_long_steps_are_warned_of_once_at_the_end(tmp_path):
+    """A block that is pressed onto another, and moved to and fro: in four steps the ledger leaves over half."""
+    case, mesh = rubbed("plane_strain", "small")
+    for count, warned in ((4, 1), (128, 0)):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            results = ls.run(replace(case, steps=Steps(count=count)), tmp_path / str(count), mesh=mesh)
+        words = [str(one.message) for one in caught if "too long" in str(one.message)]
+        work = results.steps[-1].work
+        assert len(words) == warned == (abs(work.left) > 0.05 * work.dissipation)
+        if words:
+            left = f"{work.left:.4g} ({abs(work.left) / work.dissipation:.0%})"
+            assert f"leaves over {left}; take more steps" in words[0] and words[0] in results.message

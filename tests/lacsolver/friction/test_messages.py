@@ -63,7 +63,7 @@ def test_a_block_slides_away_in_space(along, part):
     with pytest.raises(NotConvergedError, match=r"'upper' slides along x: friction of 'joint' carries 0.300") as caught:
         ls.solve(case, mesh)
     asked = float(str(caught.value).split(" is asked")[0].split()[-1])
-    assert asked == pytest.approx(MU * part, rel=0.02)
+    assert asked == pytest.approx(MU * part, abs=6e-4)  # the digits that are printed
 
 
 def test_a_pad_that_leaves_its_master_is_no_equilibrium():
@@ -105,7 +105,7 @@ def test_bodies_that_meet_and_slide_in_one_step(tmp_path):
 
 @pytest.mark.parametrize(("angle", "count"), [(0.4, 0), (1.0, 1), (2 * np.pi, 1)])
 def test_a_hub_that_turns_far_in_a_step_is_warned_of(tmp_path, angle, count):
-    """Slip is the chord of the way: 4 % short at half a radian, none after a turn."""
+    """Slip is the chord of the way: 4 % short at half a radian; a step that turns by more than a quarter is halved."""
     mesh = ring_on_hub("QUAD4", 12)
     outer = np.flatnonzero(np.linalg.norm(mesh.points, axis=1) > 1.49)
     case = Case(
@@ -118,7 +118,8 @@ def test_a_hub_that_turns_far_in_a_step_is_warned_of(tmp_path, angle, count):
         warnings.simplefilter("always", LacmeshWarning)
         ls.run(case, tmp_path / "hub", mesh=replace(mesh, node_groups={"outer": outer}))
     told = [str(one.message) for one in caught if "straight lines" in str(one.message)]
-    assert len(told) == count and all(f"'master' turns by {angle:.3g} radians in the step" in one for one in told)
+    turned = min(angle, np.pi / 2)
+    assert len(told) == count and all(f"'master' turns by {turned:.3g} radians in the step" in one for one in told)
 
 
 def test_a_slip_that_is_prescribed_everywhere_is_refused():

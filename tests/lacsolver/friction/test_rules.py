@@ -22,7 +22,7 @@ def solved(p, t, s=(0.0,), presses=None, pressing=0.0):
 
 def after(now, what, bounds=None):
     then = next_states(now, what, bounds or coulomb(0.5, 1))
-    return bool(then.closed[0]), bool(then.sticks[0]), then.direction[0].tolist(), bool(then.turned[0])
+    return bool(then.closed[0]), bool(then.sticks[0]), then.direction[0].round(12).tolist(), bool(then.turned[0])
 
 
 STICKS, OPEN = states(sticks=True), states(closed=False)

@@ -1,0 +1,265 @@
+"""Reading Exodus II, by netCDF4: cells, element blocks, side sets, node sets, numbers, and fields of the first time.
+
+meshio writes the format, and reads neither blocks nor side sets. Blocks and sets have the names of the file, or else
+their numbers. Faces of side sets become cells. Source: Schoof and Yarberry, EXODUS II, SAND92-2137, 4.5 to 4.9.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Container, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS, Facet
+from lacmesh.errors import LacmeshWarning, ReadError, check_installed
+from lacmesh.formats.arrays import CELL_NUMBER, NODE_NUMBER, assembled
+from lacmesh.mesh import Floats, Ints, Mesh, distinct
+from lacmesh.topology.skin import label_rows
+
+#: beginnings of the names of element types -> family
+_FAMILIES = {
+    "HEX": "HEXA", "TET": "TETRA", "WED": "PENTA", "PYR": "PYRAM", "QUAD": "QUAD", "SHELL": "QUAD", "TRI": "TRIA",
+    "BAR": "SEG", "BEAM": "SEG", "TRUSS": "SEG", "EDGE": "SEG", "ROD": "SEG", "SPHERE": "POI", "CIRCLE": "POI",
+    "NODE": "POI", "POINT": "POI",
+}  # fmt: skip
+#: corners whose middle each node after the corners is, sorted, in the order of the format
+_MIDDLES = {
+    "SEG": ["01"],
+    "TRIA": ["01", "12", "02", "012"],
+    "QUAD": ["01", "12", "23", "03", "0123"],
+    "TETRA": ["01", "12", "02", "03", "13", "23"],
+    "PYRAM": ["01", "12", "23", "03", "04", "14", "24", "34", "0123"],
+    "PENTA": ["01", "12", "02", "03", "14", "25", "34", "45", "35", "0134", "1245", "0235"],
+    "HEXA": [
+        *("01", "12", "23", "03", "04", "15", "26", "37", "45", "56", "67", "47", "01234567"),
+        *("0123", "4567", "0347", "1256", "0145", "2367"),
+    ],
+}
+#: corners of each side, in the order of the format
+_SIDES = {
+    "SEG": ["0", "1"],
+    "TRIA": ["01", "12", "02"],
+    "QUAD": ["01", "12", "23", "03"],
+    "TETRA": ["013", "123", "023", "012"],
+    "PYRAM": ["014", "124", "234", "034", "0123"],
+    "PENTA": ["0134", "1245", "0235", "012", "345"],
+    "HEXA": ["0145", "1256", "2367", "0347", "0123", "4567"],
+}
+
+
+#: names of fields of vectors: the same name with these endings
+_VECTORS = (("X", "Y", "Z"), ("X", "Y"), ("_R", "_Z"))
+
+
+def read(path: Path) -> Mesh:
+    """Read a file. Raises ReadError, and RequestError where netCDF4 is missing; warns of what is left out."""
+    check_installed("netCDF4", "io")
+    import netCDF4
+
+    said: list[str] = []
+    try:
+        with netCDF4.Dataset(path) as file:
+            file.set_auto_mask(False)
+            mesh = _mesh(path, file, said)
+    except (OSError, KeyError, IndexError, ValueError, TypeError, AttributeError, RuntimeError) as error:
+        raise ReadError(path, f"is no whole Exodus file ({type(error).__name__}: {error})") from None
+    if said:
+        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=3)
+    return mesh
+
+
+class _Part(NamedTuple):
+    """Cells of one type, with their nodes (k, n) in lacmesh's order. `sides`: element types of sides of shells."""
+
+    type: str
+    nodes: Ints
+    shell: bool = False
+
+
+def _mesh(path: Path, file: Any, said: list[str]) -> Mesh:
+    points = _points(file)
+    blocks = [_block(path, file, name, len(points)) for name in _numbered(file, "connect")]
+    if not blocks:
+        raise ReadError(path, "has no element blocks")
+    starts = np.cumsum([0, *(len(block.nodes) for block in blocks)])
+    bounds = pairwise(starts.tolist())
+    groups = {name: np.arange(*ab) for name, ab in zip(_names(file, "eb", len(blocks), {}), bounds, strict=True)}
+    faces, sets = _side_sets(path, file, blocks, starts, groups)
+    for name, members in sets.items():
+        groups[name] = np.union1d(groups.get(name, members), members)
+    sets_of_nodes = [_indices(path, file[name][:], len(points), name) for name in _numbered(file, "node_ns")]
+    node_groups = dict(zip(_names(file, "ns", len(sets_of_nodes), {}), sets_of_nodes, strict=True))
+    cell, node = _fields(file, starts, sum(len(face.nodes) for face in faces), said)
+    cell |= _numbers(file, "elem_num_map", CELL_NUMBER, starts[-1], sum(len(face.nodes) for face in faces))
+    node |= _numbers(file, "node_num_map", NODE_NUMBER, len(points), 0)
+    by_type, place = _by_type([*blocks, *faces])
+    index = np.argsort(place)
+    more: dict[str, dict[str, Ints]] = {
+        "cell": {name: np.sort(index[cells]) for name, cells in groups.items()},
+        "node": node_groups,
+    }
+    return assembled(points, by_type, place, (cell, node), {}, {}, said, more)
+
+
+def _by_type(parts: list[_Part]) -> tuple[dict[str, Ints], Ints]:
+    """Return the nodes by type, and the position in the file of each of these cells."""
+    rows: dict[str, list[Ints]] = {}
+    place: dict[str, list[Ints]] = {}
+    first = 0
+    for part in parts:
+        rows.setdefault(part.type, []).append(part.nodes)
+        place.setdefault(part.type, []).append(np.arange(first, first + len(part.nodes)))
+        first += len(part.nodes)
+    order = np.concatenate([one for of_type in place.values() for one in of_type])
+    return {kind: np.concatenate(of_type) for kind, of_type in rows.items()}, order
+
+
+def _points(file: Any) -> Floats:
+    """Return the coordinates (n, 3), which stand together or by axis."""
+    n = len(file.dimensions["num_nodes"])
+    if "coord" in file.variables:
+        return np.pad(file["coord"][:].T.astype(float), ((0, 0), (0, 3 - len(file["coord"]))))
+    axes = [file[f"coord{a}"][:] if f"coord{a}" in file.variables else np.zeros(n) for a in "xyz"]
+    return np.stack(axes, axis=1).astype(float)
+
+
+def _numbered(file: Any, stem: str) -> list[str]:
+    """Return the names of variables stem1, stem2 ..., in the order of their numbers."""
+    found = [name for name in file.variables if re.fullmatch(rf"{stem}\d+", name)]
+    return sorted(found, key=lambda name: int(name.removeprefix(stem)))
+
+
+def _block(path: Path, file: Any, name: str, n_points: int) -> _Part:
+    """Return the cells of an element block. Raises ReadError for types that are not read."""
+    variable = file[name]
+    given, title = _indices(path, variable[:], n_points, name), str(variable.elem_type).strip("\0 ").upper()
+    family = next((ours for theirs, ours in _FAMILIES.items() if title.startswith(theirs)), "")
+    if title.startswith("SHELL") and given.shape[1] in (3, 6, 7):
+        family = "TRIA"
+    kind = f"{family}{given.shape[1]}"
+    if kind not in CELLS:
+        raise ReadError(path, f"has cells of type {title} with {given.shape[1]} nodes, which are not read", name)
+    cell = CELLS[kind]
+    theirs = [*((str(k),) for k in range(cell.n_corners)), *map(tuple, _MIDDLES.get(family, ()))]
+    order = [theirs.index(tuple(map(str, corners))) for corners in map(sorted, cell.corners_of_node)]
+    shell = cell.dim == 2 and len(file.dimensions["num_dim"]) == 3
+    return _Part(kind, given[:, order], shell)
+
+
+def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
+    """Return indices from 0 of numbers from 1 to n. Raises ReadError for others."""
+    indices = np.asarray(numbers).astype(np.int64) - 1
+    if indices.size and (indices.min() < 0 or indices.max() >= n):
+        raise ReadError(path, f"names {numbers.max()} of {n} nodes or elements", name)
+    return indices
+
+
+def _names(file: Any, stem: str, n: int, taken: Container[str]) -> list[str]:
+    """Return names of n blocks or sets; a number for one without a name, with what it is of where that is taken."""
+    names = [""] * n
+    if f"{stem}_names" in file.variables:
+        rows = file[f"{stem}_names"][:]
+        names = [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
+    ids = file[f"{stem}_prop1"][:].tolist() if f"{stem}_prop1" in file.variables else range(1, n + 1)
+    what = {"eb": "block", "ss": "side set", "ns": "node set"}[stem]
+    plain = [name or str(number) for name, number in zip(names, ids, strict=True)]
+    return [f"{what} {one}" if not name and one in taken else one for name, one in zip(names, plain, strict=True)]
+
+
+def _side_sets(
+    path: Path, file: Any, blocks: list[_Part], starts: Ints, taken: Container[str]
+) -> tuple[list[_Part], dict[str, Ints]]:
+    """Return the faces of side sets, each once, and the cells of each set, in the order of the file; faces are last."""
+    numbered = _numbered(file, "elem_ss")
+    names = _names(file, "ss", len(numbered), taken)
+    whole: dict[str, list[Ints]] = {name: [] for name in names}
+    rows: dict[str, list[tuple[str, Ints]]] = {}
+    for name, variable in zip(names, numbered, strict=True):
+        elements = _indices(path, file[variable][:], starts[-1], variable)
+        sides = np.asarray(file[variable.replace("elem_", "side_")][:]).astype(np.int64)
+        of_block = np.searchsorted(starts, elements, side="right") - 1
+        for block, side in np.unique(np.stack([of_block, sides], axis=1), axis=0).tolist():
+            here = elements[(of_block == block) & (sides == side)]
+            part = blocks[block]
+            if part.shell and side <= 2:  # the two faces of a shell are the shell itself
+                whole[name].append(here)
+                continue
+            facet = _facet(path, part, side - 2 * part.shell, variable)
+            rows.setdefault(facet.type, []).append((name, part.nodes[here - starts[block]][:, list(facet.nodes)]))
+    faces, first = [], int(starts[-1])
+    for kind, parts in rows.items():
+        nodes = np.concatenate([part for _, part in parts])
+        label = label_rows(np.sort(nodes[:, : CELLS[kind].n_corners], axis=1))[0]
+        _, kept, label = np.unique(label, return_index=True, return_inverse=True)
+        for (name, _), members in zip(parts, np.split(label, np.cumsum([len(p) for _, p in parts])[:-1]), strict=True):
+            whole[name].append(first + members)
+        faces.append(_Part(kind, nodes[kept]))
+        first += len(kept)
+    none = np.empty(0, np.int64)
+    return faces, {name: np.unique(np.concatenate([none, *cells])) for name, cells in whole.items()}
+
+
+def _facet(path: Path, part: _Part, side: int, variable: str) -> Facet:
+    """Return the facet of a type of cells that is a side of the format, counted from 1."""
+    cell = CELLS[part.type]
+    sides = _SIDES.get(cell.family, ())
+    if not 1 <= side <= len(sides):
+        raise ReadError(path, f"names side {side} of a {part.type}", variable)
+    corners = set(map(int, sides[side - 1]))
+    return next(f for f in cell.facets if set(f.nodes[: len(corners)]) == corners)
+
+
+def _numbers(file: Any, map_name: str, key: str, n: int, further: int) -> dict[str, NDArray]:
+    """Return the numbers of nodes or elements that the file gives, those of further cells after them; none if odd."""
+    numbers = np.asarray(file[map_name][:]).astype(np.int64) if map_name in file.variables else np.empty(0, np.int64)
+    if len(numbers) != n or not n or numbers.min() < 1 or not distinct(numbers):
+        return {}
+    return {key: np.concatenate([numbers, numbers.max() + 1 + np.arange(further)])}
+
+
+def _fields(file: Any, starts: Ints, further: int, said: list[str]) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Return the fields on cells, NaN where a block has none, and on nodes, at the first time of the file."""
+    node = {
+        name: file[f"vals_nod_var{k}"][0].astype(float)
+        for k, name in enumerate(_texts(file, "name_nod_var"), start=1)
+        if f"vals_nod_var{k}" in file.variables and len(file[f"vals_nod_var{k}"])
+    }
+    cell = {}
+    for k, name in enumerate(_texts(file, "name_elem_var"), start=1):
+        cell[name] = np.full(starts[-1] + further, np.nan)
+        for b, (first, last) in enumerate(pairwise(starts.tolist()), start=1):
+            if f"vals_elem_var{k}eb{b}" in file.variables and len(file[f"vals_elem_var{k}eb{b}"]):
+                cell[name][first:last] = file[f"vals_elem_var{k}eb{b}"][0]
+    if (node or cell) and len(file.dimensions.get("time_step", ())) > 1:
+        said.append("fields are read at the first time alone")
+    return _vectors(cell), _vectors(node)
+
+
+def _texts(file: Any, name: str) -> list[str]:
+    rows = file[name][:] if name in file.variables else ()
+    return [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
+
+
+def _stem(names: Sequence[str]) -> str:
+    """Return the name of a vector, of whose components the last letters differ."""
+    return names[0][:-1].rstrip("_")
+
+
+def _vectors(fields: dict[str, NDArray]) -> dict[str, NDArray]:
+    """Return fields with those put together whose names are one name with X, Y, Z, or _R, _Z, after it."""
+    out, used = dict[str, NDArray](), set[str]()
+    for name, values in fields.items():
+        ways = ([name.removesuffix(ends[0]) + end for end in ends] for ends in _VECTORS if name.endswith(ends[0]))
+        names = next((way for way in ways if set(way) <= fields.keys() - used), [])
+        if len(names) > 1:
+            out[_stem(names)] = np.stack([fields[one] for one in names], axis=1)
+            used.update(names)
+        elif name not in used:
+            out[name] = values
+    return out
