@@ -25,9 +25,9 @@ def test_leaves_part_in_one_step_with_finite_kinematics(count, most):
 
 
 @pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")  # of stiff plates with fine faces
-@pytest.mark.parametrize("first", [0, 4])
-def test_random_stacks_have_an_equilibrium(first):
-    lost, halved, *_ = peeling.solve_bank(first, levels=3).results
+@pytest.mark.parametrize("first, count", [(0, 3), (4, 3), (15, 1)])  # 15: tensions within the tolerance carry 1 %
+def test_random_stacks_have_an_equilibrium(first, count):
+    lost, halved, *_ = peeling.solve_bank(first, levels=count).results
     assert lost.passed and halved.passed
 
 
