@@ -7,10 +7,14 @@ K, B and D are constant here; `newton` is for those that change. This is a semi-
 p_m - c_m G_m / w_m) = 0 (32), (33): some rows are held closed, G_m = 0, the others are open, p_m = 0, and one linear
 system gives the next q and p; closed rows under pressure stay closed, open rows that overlap are closed (this is the
 sign of p_m - c_m G_m / w_m, whatever c_m). Other contact laws say themselves which rows they close, and as what. It is
-block principal pivoting (Portugal, Judice and Vicente 1994), which is made finite by Murty's rule, one exchange at a
-time, the first row first, where block exchanges make no progress. With friction, where that is no proof, a set that
-returns is left to `splitting`, once it is solved to round-off. Systems are solved inexactly until an active set is
-met again, then to round-off.
+block principal pivoting (Portugal, Judice and Vicente 1994). With friction a set that returns is left to `splitting`,
+once it is solved to round-off. Systems are solved inexactly until an active set is met again, then to round-off.
+
+Where skins peel, block exchanges move the edge of contact by about one row in each step, or make no progress. Then the
+set is found on springs between the skins that get stiffer and stiffer (Hintermüller and Kunisch 2006): soft springs
+carry over many rows, and the set of one stiffness is near that of the next. Skins on springs have an energy that is
+convex and smooth, and each step goes to its least value along the way to the next solution, so that it ends. With
+friction, and other laws, Murty's rule takes their place: one exchange at a time, the first row first.
 
 c_m = w_m (b K b^T) / (b b^T)^2 with b the row of B: the stiffness of the macro-element's own skin, stress per length,
 so that no constant depends on units.
@@ -19,6 +23,7 @@ so that no constant depends on units.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +36,6 @@ from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.operator import Operator, product
-from lacsolver.saddle.row_group import Rows
 from lacsolver.saddle.row_set import OUT, LinearRows, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -44,8 +48,17 @@ _LOOSE, _LOOSE_SOLVES = 0.2, 16
 _TURNED = 1e-3
 #: reduction with friction, where the size of a traction decides: at 1e-2 slender bodies, as belts, slide to and fro
 _LOOSE_WITH_FRICTION = 3e-4
-#: block exchanges allowed while the number of violated rows does not fall, before Murty's single exchange
-_BLOCKS = 3
+#: block exchanges allowed while the number of violated rows does not fall, before springs or Murty's single exchange;
+#: fraction of the fewest so far that counts as a fall, before springs
+_BLOCKS, _FALL = 3, 0.7
+#: factor from the compliance of one level of springs to the next; compliance of the first level below which pivoting
+#: goes on without springs, and of the last level, relative to that of a macro-element's own skin
+_STIFFER, _STIFF, _STIFFEST = 0.1, 0.1, 1e-12
+#: reduction of the residual in a solve with springs
+LOOSE_WITH_SPRINGS = 1e-6
+#: accuracy of gaps and pressures in a solve, relative to the tolerance: smaller ones are round-off. In thin bodies
+#: pressures within the tolerance carry a part of the load
+_ACCURACY = 1e-3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
 
@@ -70,43 +83,46 @@ def active_set_iterates(
     with friction in space along the directions that the first solve gives.
     """
     free = K.R if free is None else free
-    vectors = tolerance.vectors
+    vectors, accuracy = tolerance.vectors, replace(tolerance, tolerance=_ACCURACY * tolerance.tolerance)
     resistance = products(vectors, free, product(K, free, geometric))
-    q, p, _ = start
-    contact = contact_at(q)
+    (q, p, _), contact = start, contact_at(start.q)
     rows = contact.first_rows(start.active, p, held=not free.shape[1])
     p = np.where(rows.state, p, 0.0)
-    turned, unsplit, tried = False, True, np.zeros(len(p), bool)
-    pivots = Pivots(_LOOSE_WITH_FRICTION if contact.sheared else _LOOSE)
+    turned, pivots = False, Pivots(contact, convex=contact.rows.derivative is None)
     while True:
+        before, then = Iterate(q, p, rows.active), contact
         if free.shape[1]:
             load = vectors.dots(free.T, f - _internal_force(K, geometric, q))
             rows = close_rows_against_rigid_modes(free, contact, rows, p, load, resistance)
         rows = rows.same(vectors.same)
-        (linear, problem), applications = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active)), 0
+        (linear, problem), applications = _system(K, f, geometric, pivots.softened(contact), rows, before), 0
         for reduction in (0.0 if contact.exact else pivots.begin(rows), 0.0):
             goal = tolerance.linear(reduction)
             q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
-            wanted = contact.next_rows(rows, p, tolerance.gaps(contact.rows.B, q))
-            if reduction == 0 or not wanted.equals(rows):
+            part, wanted = pivots.wanted(rows, then, before.p, contact, p, accuracy.gaps(contact.rows.B, q))
+            if reduction == 0 or pivots.springs or not wanted.equals(rows):
                 break
             if linear.turns:
                 rows = wanted
                 linear, problem = _system(K, f, geometric, contact, rows, Iterate(q, p, rows.active))
-        off = _residual_of_forces(K, geometric, contact.rows, f, q, p, tolerance, reduction == 0)
-        gap = tolerance.relative_gap(contact.residuals(p, rows.active), contact.rows.B, q)
-        residual = Residual(off, gap)
-        done = tolerance.fulfilled(residual, q)
-        again = done and linear.turns and not turned and gap > _TURNED * tolerance.tolerance
-        yield Trial(Iterate(q, p, rows.active), contact, residual, applications, exact=reduction == 0 and not again)
+        if part < 1:
+            q, p = before.q + part * (q - before.q), before.p + part * (p - before.p)
+            contact = contact_at(q)
+        exact = reduction == 0 and not pivots.springs
+        at = Iterate(q, p, rows.active)
+        residual = _residual(K, geometric, contact, f, at, tolerance, exact)
+        done = tolerance.fulfilled(residual, q) and not pivots.springs and not (exact and pivots.improves(rows, wanted))
+        again = done and linear.turns and not turned and residual.gap > _TURNED * tolerance.tolerance
+        yield Trial(at, contact, residual, applications, exact=exact and done and not again)
         turned = turned or (again and reduction == 0)
-        tried |= rows.state != OUT
         found = None
-        if unsplit and not done and reduction == 0 and contact.sheared and pivots.record_exact(rows):
-            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, tried)
-            unsplit = False
-        p, rows = found or (p, wanted if done else pivots.next(rows, wanted, reduction == 0))
+        if exact and not done and pivots.cycles(rows):
+            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, pivots.tried)
+        following = wanted if done or found else pivots.next(rows, wanted, reduction == 0, p, tolerance.scale(q))
+        if following is None:
+            return
+        p, rows = found or (p, following)
 
 
 def _system(
@@ -158,48 +174,131 @@ def _null_space(A: Floats) -> NDArray[np.floating]:
 
 
 class Pivots:
-    """Update of the active set by block principal pivoting, made finite by Murty's rule.
+    """Update of the active set: block principal pivoting, and where that makes no progress springs or Murty's rule.
 
-    All violated rows are exchanged as long as their number falls within a few steps; otherwise only the first one is,
-    until fewer rows than ever before are violated. A set is solved inexactly when it is met for the first time, and
-    only a limited number of times in all.
+    All violated rows are exchanged as long as their number falls within a few steps. Otherwise unilateral contact gets
+    springs, whose compliance `springs` falls from level to level; 0 without them. At each level rows are exchanged
+    until the set is that of the level. Other laws, and friction, take Murty's rule: only the first violated row is
+    exchanged, until fewer rows than ever before are violated.
+
+    A set is solved inexactly when it is met for the first time, and only a limited number of times in all.
     """
 
-    def __init__(self, reduction: float = _LOOSE) -> None:
-        self._reduction = reduction
-        self._seen: set[bytes] = set()
-        self._solved, self._last = set[bytes](), b""
-        self._fewest, self._patience, self._loose = np.inf, _BLOCKS, _LOOSE_SOLVES
+    def __init__(self, contact: ContactSystem, *, convex: bool = True) -> None:
+        self._skin = contact.skin_compliance if convex and contact.with_springs(0.0) is not None else None
+        self._least, self._fewest, self._patience = np.inf, np.inf, _BLOCKS
+        self._reduction, self._loose = _LOOSE_WITH_FRICTION if contact.sheared else _LOOSE, _LOOSE_SOLVES
+        self._seen, self._solved, self._before, self._splits = set[bytes](), set[bytes](), b"", bool(contact.sheared)
+        self.tried = np.zeros(len(contact.G), bool)
+        self._begin(0.0)
+        self._level, self._last = np.inf, _STIFF * (self._skin or 0.0)
 
     def begin(self, rows: RowSet) -> float:
         """Take up a set; return the tolerance it is first solved to: 0 (exactly), or a loose one."""
+        if self.springs:
+            return LOOSE_WITH_SPRINGS
         key = rows.state.tobytes()
         loose = key not in self._seen and self._loose > 0
         self._seen.add(key)
         self._loose -= loose
         return self._reduction if loose else 0.0
 
-    def record_exact(self, rows: RowSet) -> bool:
-        """Record a set that was solved to round-off; return True if it was before, and others since then."""
+    def cycles(self, rows: RowSet) -> bool:
+        """Record a set that was solved to round-off; True, once, if it was before and others since, with friction."""
         key = rows.state.tobytes()
-        again = key in self._solved and key != self._last
+        again = self._splits and key in self._solved and key != self._before
         self._solved.add(key)
-        self._last = key
+        self._before, self._splits = key, self._splits and not again
         return again
 
-    def next(self, rows: RowSet, wanted: RowSet, exact: bool) -> RowSet:
-        """Return the next row set after a solve that asks for the set `wanted`."""
+    def improves(self, rows: RowSet, wanted: RowSet) -> bool:
+        """Return True if fewer rows of an equilibrium ask for another state than of those before.
+
+        An equilibrium to the tolerance may have rows in tension, as this is small compared with the stiffness of skins;
+        of thin bodies it may carry a part of the load.
+        """
+        changes = len(rows.changes(wanted)) if self._skin else 0
+        better = 0 < changes < self._least
+        self._least = min(self._least, changes)
+        return better
+
+    def softened(self, contact: ContactSystem) -> ContactSystem:
+        """Return a contact system with the springs of this level."""
+        soft = contact.with_springs(self.springs) if self.springs else None
+        return contact if soft is None else soft
+
+    def wanted(
+        self, rows: RowSet, before: ContactSystem, p_before: Floats, contact: ContactSystem, p: Floats,
+        allowed: Floats | float,
+    ) -> tuple[float, RowSet]:  # fmt: skip
+        """Return the part of the last step to go, and the row set that is asked for there.
+
+        `before`, `contact`: the system before and after a solve with a row set, with pressures `p_before`, p (m,).
+        `allowed`: gaps, (m,) or of all rows, that may remain. With springs a step that does not bring the number of
+        violated rows down goes to the least energy on its way.
+        """
+        self.tried |= rows.state != OUT
+        soft = self.softened(contact)
+        wanted = soft.next_rows(rows, p, allowed)
+        if not self.springs or self._patience > 0 or len(rows.changes(wanted)) < self._fewest:
+            return 1.0, wanted
+        part = soft.least_energy(before.G, p_before, p)
+        there = soft.with_gaps(before.G + part * (contact.G - before.G))
+        none = np.zeros(len(p))
+        return part, wanted if part == 1 else there.next_rows(RowSet.of(none > 0), none, 0.0)
+
+    def next(self, rows: RowSet, wanted: RowSet, exact: bool, p: Floats, moved: float) -> RowSet | None:
+        """Return the next row set after a solve that asks for the set `wanted`; None if there is no equilibrium.
+
+        p (m,): pressures of the solve; `moved`: largest displacement.
+        """
         changes = rows.changes(wanted)
-        if not exact or not len(changes):
-            return wanted
-        self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
-        if len(changes) < self._fewest:
+        if self.springs:
+            return self._stiffened(wanted, len(changes))
+        if not len(changes):
+            self._patience -= exact
+            return None if self._skin and self._patience < 0 else wanted
+        if not self._skin:
+            if not exact:
+                return wanted
+            self._loose = 0  # from here on the numbers of changes are compared, which needs exact solves
+        least = self._fewest * (_FALL if self._skin else 1.0)
+        if len(changes) <= least and len(changes) < self._fewest:
             self._fewest, self._patience = len(changes), _BLOCKS
-            return wanted
-        if self._patience > 0:
+        elif self._patience > 0:
             self._patience -= 1
+        elif not self._skin:
+            return rows.exchanged(wanted, int(changes[0]))
+        elif p.any():
+            return self._with_springs(wanted, p, moved)
+        return wanted
+
+    def _with_springs(self, wanted: RowSet, p: Floats, moved: float) -> RowSet | None:
+        """Begin with springs, which give as much as the bodies move under the mean pressure, or go on with them."""
+        assert self._skin is not None
+        self._level = min(self._level * _STIFFER, moved / float(np.abs(p[p != 0]).mean()))
+        if self._level < _STIFFEST * self._skin:
+            return None
+        self._loose = 0
+        self._begin(self._level)
+        return wanted
+
+    def _begin(self, springs: float) -> None:
+        """Begin with springs of another level, or without them."""
+        self.springs, self._patience, self._tried, self._fewest = springs, _BLOCKS, 0, np.inf
+
+    def _stiffened(self, wanted: RowSet, changes: int) -> RowSet:
+        """Return the next set of this level; or make the springs stiffer, or leave them, once its set is found."""
+        self._patience = _BLOCKS if changes < self._fewest else max(self._patience - 1, 0)
+        self._fewest, self._tried = min(self._fewest, changes), self._tried + 1
+        stiffer = self.springs * _STIFFER
+        if changes > (stiffer >= self._last):
             return wanted
-        return rows.exchanged(wanted, int(changes[0]))
+        self._level = self.springs
+        if stiffer < self._last or (self._tried == 1 and not changes):
+            self._last, stiffer = min(self._last, stiffer), 0.0
+        self._begin(stiffer)
+        return wanted
 
 
 def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDArray[np.floating]:
@@ -207,17 +306,19 @@ def _internal_force(K: Operator, geometric: csr_array | None, q: Floats) -> NDAr
     return K.apply(q) if geometric is None else K.apply(q) + K.vectors.summed(geometric @ q)
 
 
-def _residual_of_forces(
-    K: Operator, geometric: csr_array | None, rows: Rows, f: Floats, q: Floats, p: Floats,
+def _residual(
+    K: Operator, geometric: csr_array | None, contact: ContactSystem, f: Floats, at: Iterate,
     tolerance: ConvergenceTolerance, exact: bool,
-) -> float:  # fmt: skip
-    """Return the relative residual of the forces f - (K + C) q - B^T p."""
-    inner, contact = _internal_force(K, geometric, q), rows.B_T @ p
+) -> Residual:  # fmt: skip
+    """Return the relative residuals of the forces f - (K + C) q - B^T p, and of gaps."""
+    q, p, active = at
+    inner, forces = _internal_force(K, geometric, q), contact.rows.B_T @ p
     largest = tolerance.vectors.largest_of_body
-    force = np.maximum(np.maximum(largest(f), largest(inner)), largest(contact))
+    force = np.maximum(np.maximum(largest(f), largest(inner)), largest(forces))
 
     def terms() -> ForceTerms:
         size = K.vectors.summed(sizes(K.K, q) + (0.0 if geometric is None else sizes(geometric, q)))
-        return ForceTerms(np.abs(f) + size + abs(rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
+        return ForceTerms(np.abs(f) + size + abs(contact.rows.B_T) @ np.abs(p), K.vectors.summed(K.K.diagonal()))
 
-    return equilibrium_residual(f - inner - contact, force, terms if exact else None, tolerance, q)
+    off = equilibrium_residual(f - inner - forces, force, terms if exact else None, tolerance, q)
+    return Residual(off, tolerance.relative_gap(contact.residuals(p, active), contact.rows.B, q))

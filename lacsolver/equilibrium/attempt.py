@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -80,7 +81,10 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     first = solver.max_iterations if constant else first  # there is no second search
     now, extrapolated = state.iterate or first_iterate(step), model.scheme.predict(state, step.t)
     if model.linear:
-        return search(_linear_iterates(step, extrapolated or now, tolerance), tolerance, report)
+        start = extrapolated or now
+        trials = _linear_iterates(step, start, tolerance)
+        ends = step.contact(start.q).with_springs(0.0) is not None  # such trials end by themselves
+        return search(trials, replace(tolerance, max_iterations=sys.maxsize) if ends else tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
             if not (state.histories.materials and _turns_round(step, extrapolated, now, tolerance)):
@@ -89,7 +93,7 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
         outcome = newton(now, first, predictor=_predictor(step, now))
     if outcome.converged or constant:
         return outcome
-    left = both - len(outcome.residuals)
+    left = both - outcome.trials
     again = newton(now, left, predictor=_predictor(step, now), damping=_DAMPING)
     return again._replace(
         residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
@@ -192,6 +196,9 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     message += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
     what, advice = alternating(outcome, problem.space)
     message += f"; in the last iterations {what}" if what else ""
+    if step.model.linear and not outcome.contact.sheared:  # sets are tried until none is left, in steps of any size
+        held = "look whether the loads tip a body over that only contact holds, or prescribed displacements squeeze one"
+        return f"{message}; {advice or held}"
     message += f"; {advice}; or" if advice else ";"
     return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
 

@@ -157,12 +157,12 @@ def _fulfilled(contact: ContactSystem, active: Bools, p: Floats, q: Floats, tole
 def _closed_rows(
     kept: KeptColumns, f: Floats, contact: ContactSystem, start: tuple[Floats, Bools], threshold: float
 ) -> tuple[Floats, Floats, Bools] | None:
-    """Return pressures (m,), amplitudes (r,) and the active set (m,); None if it has too many rows.
+    """Return pressures (m,), amplitudes (r,) and the active set (m,); None if it has too many rows, or takes springs.
 
     `contact`: the system at the displacements that are in balance with the pressures of `start`.
     """
     p, rows = start[0], RowSet.of(start[1])
-    R, pivots = kept.K.R, Pivots()
+    R, pivots = kept.K.R, Pivots(contact)
     before = np.flatnonzero(p)
     gap = contact.G - kept.columns(before) @ p[before]  # without pressures
     a: Floats = np.zeros(R.shape[1])
@@ -179,7 +179,10 @@ def _closed_rows(
         wanted = contact.next_rows(rows, p, threshold)
         if wanted.equals(rows) and np.abs(contact.residuals(p, active)).max(initial=0.0) <= threshold:
             break
-        rows = pivots.next(rows, wanted, exact=True)
+        following = pivots.next(rows, wanted, True, p, np.inf)
+        if following is None or pivots.springs:
+            return None
+        rows = following
     return p, a, active
 
 

@@ -29,12 +29,13 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.equilibrium.active_set import Pivots, close_rows_against_rigid_modes
+from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes
 from lacsolver.equilibrium.search import Trial
 from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
 from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
+from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.operator import Operator, product
 from lacsolver.saddle.row_set import OUT, RowSet
@@ -51,6 +52,8 @@ _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
 _WINDOW = 4
 #: reduction of the least merit in so many iterations below which a step may not increase the merit
 _SLOW = 0.8
+#: reduction of the merit in so many iterations, each with another set, above which the linear problem's set is found
+_WANDERS = 0.1
 #: weight of gaps in the merit function: stiffness of the body behind a macro-element, as a fraction of its skin's
 _GAP_WEIGHT = 0.1
 #: a search that does not make its least merit so much smaller in so many iterations is given up, in favour of a
@@ -69,7 +72,7 @@ _LAST = 1e-4
 #: merit with which a set comes back, over that with which it was left, above which it is one of a cycle
 _BETTER = 0.5
 #: largest number of active sets of one linear problem; with friction, where no proof says that pivoting ends
-_MAX_SETS, _MAX_SETS_WITH_FRICTION = 20, 6
+_MAX_SETS, _MAX_SETS_WITH_FRICTION = 100, 6
 
 
 #: function for the linearisation at q; raises InadmissibleError
@@ -97,13 +100,16 @@ def newton_iterates(
     loose, kept = (_LOOSE_OF_CONSTANT, KeptDirections()) if constant else (_LOOSE, None)
     now, rows = _start(there, start, tolerance)
     sets, merits, spent, whole = _Sets(), [np.inf if predictor is not None else now.residual.merit], 0, False
+    wanders, vain = False, False
     while True:
         again = _BETTER * sets.record(rows, now.residual.merit) <= now.residual.merit  # it comes back, hardly better
         if again and there.contact.sheared and not whole:
             whole, merits = True, merits if damping else [np.inf]
+        wanders = not (vain or there.contact.sheared) and (wanders or sets.wander(merits))
         most = _MAX_SETS_WITH_FRICTION if there.contact.sheared else _MAX_SETS
-        limit = min(most, tolerance.max_iterations - spent) if again or whole else 1
+        limit = most if again or whole or wanders else 1
         reduction = 0.0 if there.contact.exact else _reduction(now.residual, loose, tolerance.tolerance)
+        reduction = min(reduction, LOOSE_WITH_SPRINGS) if wanders else reduction
         goal = tolerance.linear(reduction, tolerance.of_rows(there.contact.rows.B, now.iterate.q))
         first = predictor is not None and spent == 0 and bool(there.contact.sheared)
         step = _newton_step(there, now.iterate.p, rows, goal, _damping_of(damping, merits), limit, first, kept)
@@ -114,6 +120,7 @@ def newton_iterates(
             return
         now, there = then
         spent += now.solves
+        vain = vain or step.solves >= _MAX_SETS  # the set of a linear problem is not found
         yield now
         merits.append(now.residual.merit)
         if _circling(merits) if damping else _hopeless(merits):
@@ -156,6 +163,12 @@ class _Step(NamedTuple):
     solves: int
     applications: int
 
+    def part(self, before: _Step, part: float) -> _Step:
+        """Return the step at a part of the way from one before."""
+        if part == 1:
+            return self
+        return self._replace(dq=before.dq + part * (self.dq - before.dq), p=before.p + part * (self.p - before.p))
+
 
 def _newton_step(
     there: Linearization, p: Floats, rows: RowSet, goal: LinearTolerance, damping: float, limit: int, first: bool,
@@ -173,28 +186,35 @@ def _newton_step(
             K = there.stiffness(damping, definite)
             C = _total(there.geometric_stiffness(p), there.change(K))
             resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
-            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots()
+            step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact)
             while True:
                 now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
-                step = _solved(there, K, C, step._replace(rows=now), there.r, goal, kept)
+                before = step._replace(rows=now)
+                step = _solved(there, pivots.softened(contact), K, C, before, there.r, goal, kept)
                 if limit == 1 and not first:
                     return step
-                then = contact.with_gaps(contact.G - contact.rows.D @ step.dq)
-                wanted = then.next_rows(step.rows, step.p, goal.threshold(0.0))
+                then, after = (contact.with_gaps(contact.G - contact.rows.D @ one.dq) for one in (before, step))
+                part, wanted = pivots.wanted(step.rows, then, before.p, after, step.p, goal.threshold(0.0))
                 if first and (let_go := _let_go(there, p, step, wanted)) is not None:
                     rows, held = let_go
                     r = there.r - contact.rows.B_T @ held
-                    alone = _solved(there, K, C, step._replace(rows=rows), r, goal, kept)
+                    alone = _solved(there, contact, K, C, step._replace(rows=rows), r, goal, kept)
                     return alone._replace(p=alone.p + held, rows=wanted)
-                if wanted.equals(step.rows):
+                step = step.part(before, part)
+                if not pivots.springs and wanted.equals(step.rows):
                     return step
-                if step.solves == limit:
+                if step.solves >= limit and pivots.springs:
+                    return _solved(there, contact, K, C, step._replace(rows=wanted), there.r, goal, kept)
+                if step.solves >= limit:
                     found = None if limit == 1 or not contact.sheared else _split(there, K, step, wanted)
                     if found is None:
                         return step
                     C = _total(there.geometric_stiffness(found[0]), there.change(K))
-                    return _solved(there, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal, kept)
-                step = step._replace(rows=pivots.next(step.rows, wanted, exact=True))
+                    return _solved(there, contact, K, C, step._replace(p=found[0], rows=found[1]), there.r, goal, kept)
+                following = pivots.next(step.rows, wanted, True, step.p, K.vectors.largest(step.dq))
+                if following is None:
+                    return step
+                step = step._replace(rows=following)
     return None
 
 
@@ -205,12 +225,12 @@ def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tu
 
 
 def _solved(
-    there: Linearization, K: Operator, C: csr_array | None, before: _Step, r: Floats, goal: LinearTolerance,
-    kept: KeptDirections | None,
+    there: Linearization, contact: ContactSystem, K: Operator, C: csr_array | None, before: _Step, r: Floats,
+    goal: LinearTolerance, kept: KeptDirections | None,
 ) -> _Step:  # fmt: skip
     """Return the step with the row set and from the pressures of one before, under the unbalanced forces r (n_q,)."""
-    linear = there.contact.linear(before.rows, before.p)
-    h = linear.load(r, there.contact.rows.B_T)
+    linear = contact.linear(before.rows, before.p)
+    h = linear.load(r, contact.rows.B_T)
     problem = SaddleProblem(K, linear.rows, linear.active, h, linear.G, linear.S, C)
     dq, p, more, _ = solve_saddle(problem, np.zeros_like(h), linear.reduced(before.p), goal, kept)
     return _Step(dq, linear.full(p), before.rows, before.solves + 1, before.applications + more)
@@ -286,13 +306,19 @@ class _Sets:
     def __init__(self) -> None:
         self._merit: dict[bytes, float] = {}
         self._last = b""
+        self._changes = 0
 
     def record(self, rows: RowSet, merit: float) -> float:
         """Record a set and its merit; return what the merit was when it was left for another one, inf if never."""
         key = rows.state.tobytes()
         before = self._merit.get(key, np.inf) if key != self._last else np.inf
+        self._changes = self._changes + 1 if key != self._last else 0
         self._merit[key], self._last = merit, key
         return before
+
+    def wander(self, merits: list[float]) -> bool:
+        """Return True if each of the last few steps changed the set, and their merits hardly fell."""
+        return self._changes > _WINDOW and min(merits[-_WINDOW:]) > _WANDERS * max(merits[-_WINDOW:])
 
 
 def residual_of(there: Linearization, at: Iterate, tolerance: ConvergenceTolerance) -> Residual:

@@ -45,7 +45,7 @@ class Outcome(NamedTuple):
 
     `residuals`: relative residuals (balance, gap) after each linear solve. `applications`: number of applications of
     K^-1. `n_unchanged_sets`: number of last solves with the same active set. `recent`: of the last iterations, the
-    covered measure (m,) of each row, 0 where it is not paired, and the active set (m,).
+    covered measure (m,) of each row, 0 where it is not paired, and the active set (m,). `trials`: their number.
     """
 
     converged: bool
@@ -55,16 +55,21 @@ class Outcome(NamedTuple):
     applications: int
     n_unchanged_sets: int = 0
     recent: tuple[tuple[Floats, Bools], ...] = ()
+    trials: int = 0
 
 
 def search(
     trials: Iterable[Trial], tolerance: ConvergenceTolerance, report: IterationCallback | None = None
 ) -> Outcome:
-    """Take trials until one is an equilibrium, until there are no more, or up to the largest number of iterations."""
+    """Take trials until one is an equilibrium, until there are no more, or up to the largest number of iterations.
+
+    The active sets of one linear problem count as one iteration there.
+    """
     residuals: list[tuple[float, float]] = []
     converged, applications, unchanged, before = False, 0, 0, None
     recent: deque[tuple[Floats, Bools]] = deque(maxlen=_RECENT)
-    for trial in trials:
+    number = 0
+    for number, trial in enumerate(trials, 1):
         closed = trial.iterate.active
         now = trial.residual.balance, trial.residual.gap
         residuals += [*[residuals[-1] if residuals else now] * (trial.solves - 1), now]
@@ -75,6 +80,8 @@ def search(
         if report is not None:
             report(len(residuals), int((closed & ~trial.contact.along_tangents).sum()), *residuals[-1])
         converged = trial.exact and tolerance.fulfilled(trial.residual, trial.iterate.q)
-        if converged or len(residuals) >= tolerance.max_iterations:
+        if converged or number >= tolerance.max_iterations:
             break
-    return Outcome(converged, trial.iterate, trial.contact, tuple(residuals), applications, unchanged, tuple(recent))
+    return Outcome(
+        converged, trial.iterate, trial.contact, tuple(residuals), applications, unchanged, tuple(recent), number
+    )

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
@@ -28,7 +29,7 @@ from lacsolver.constraints.equality_rows import Free, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
-from lacsolver.contact.laws import Bools, ContactLaw, RowState
+from lacsolver.contact.laws import Bools, ContactLaw, RowState, Unilateral
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import Histories
 from lacsolver.saddle.operator import Operator
@@ -296,6 +297,45 @@ class ContactSystem:
         G, S = self.equations(p, rows.active)
         slides = [Slides.of(shear, rows, p, self.G) for shear in self.sheared]
         return combined(LinearRows(self.rows, np.flatnonzero(rows.active), G, S), slides, Rows.combined)
+
+    def with_springs(self, compliance: float) -> ContactSystem | None:
+        """Return these rows with springs of a compliance, length per stress, between skins in unilateral contact.
+
+        None with friction, and where some rows obey a law that is not linear: they have no energy that springs keep.
+        """
+        groups = []
+        for group in self.groups:
+            law = group.law
+            if group.shear is not None or (law.compressive and type(law) is not Unilateral):
+                return None
+            if isinstance(law, Unilateral):
+                law = replace(law, compliance=law.compliance + compliance)
+            groups.append(replace(group, law=law))
+        return replace(self, groups=tuple(groups))
+
+    @cached_property
+    def skin_compliance(self) -> float:
+        """Compliance of the skins of a macro-element, length per stress: the median."""
+        return float(np.median(1 / self.skin_stiffness[self.enforceable])) if self.enforceable.any() else 0.0
+
+    def least_energy(self, G: Floats, p_before: Floats, p: Floats) -> float:
+        """Return the part, at most 1, of a step at which the energy of bodies and springs is least.
+
+        The step is from gap integrals G (m,) and pressures `p_before` (m,) to those of this system and p (m,), with
+        forces in balance at both ends. The slope of the energy is dG . (p - p(G)), with the pressures p of the balance
+        and those of the springs, and it does not fall.
+        """
+        on = self.enforceable & mask_of(len(G), *(group.rows for group in self.groups if group.law.compressive))
+        S = self.equations(p_before, on)[1][on]
+        dG, dp = (self.G - G)[on], (p - p_before)[on]
+
+        def slope(part: float) -> float:
+            springs = np.maximum(-(G[on] + part * dG) / S, 0.0)
+            return float(dG @ (p_before[on] + part * dp - springs))
+
+        if not slope(0.0) < 0 < slope(1.0):
+            return 1.0
+        return float(brentq(slope, 0.0, 1.0))
 
     def commit(self, p: Floats, active: Bools) -> tuple[Floats, ...]:
         """Return the history of each pair's law and friction at the end of a step."""

@@ -22,6 +22,7 @@ MODULES = {
     "joints": "joints",
     "sliding": "sliding",
     "punches": "punches",
+    "peeling": "peeling",
     "impact": "impact",
     "scaling": "scaling",
     "distributed": "distributed",

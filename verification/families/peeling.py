@@ -1,0 +1,209 @@
+"""Thin plates that part: strips bent apart, a heavy strip lifted off a table, leaf springs, and a bank of plates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from lacmesh import Mesh
+from lacmesh.mesh import Floats
+from lacsolver import NotConvergedError
+from verification.meshes.plates import plates
+from verification.records import Case, Family, Outcome, at_most, equal, informative
+from verification.solving import Solved, balanced, case_text, entry, model_of, solve
+
+_CONVEX = "small strains without friction: one equilibrium, of a convex problem"
+_FEW = "a system is a solution with one active set; the edge of contact passes over many faces"
+#: the heavy strip: Young's modulus, weight for each length, height that its end is lifted by, and its thickness 1
+_YOUNG, _WEIGHT, _LIFT = 2e5, 0.01, 0.2
+
+
+def strips() -> tuple[str, Mesh]:
+    """Two strips, the lower one pushed up at its start: of 30 faces one stays closed."""
+    lower, upper = ((0.0, 0.0), (75.0, 5.0)), ((0.0, 5.0), (150.0, 10.0))
+    boxes = [(np.array(low), np.array(high)) for low, high in (lower, upper)]
+    text = case_text(
+        "plane_strain",
+        entry("material", young=210000.0, poisson=0.3),
+        entry("contact", slave="over1", master="under2"),
+        *(entry("displacement", group=f"start{k}", ux=0.0) for k in (1, 2)),
+        entry("displacement", at=[0.0, 0.0], uy=10.0),
+        entry("displacement", at=[150.0, 5.0], uy=0.0),
+    )
+    return text, plates(boxes, [(30, 1), (61, 1)], table=False)
+
+
+def lifted() -> tuple[str, Mesh]:
+    """A heavy strip of 240 QUAD8 on a table, lifted at its end."""
+    text = case_text(
+        "plane_strain",
+        entry("material", groups=["plate1"], young=_YOUNG, poisson=0.0),
+        entry("contact", slave="under1", master="table"),
+        entry("rigid", group="table"),
+        entry("body_force", groups=["plate1"], fy=-_WEIGHT),
+        entry("displacement", at=[120.0, 0.0], uy=_LIFT),
+        entry("displacement", at=[0.0, 0.0], ux=0.0),
+    )
+    return text, plates([(np.array([0.0, 0.0]), np.array([120.0, 1.0]))], [(240, 1)], table=True, kind="QUAD8")
+
+
+def leaves(count: int, finite: bool) -> tuple[str, Mesh]:
+    """Leaves clamped at their start on one another, of 85 faces each, the highest pressed down at its end."""
+    boxes = [(np.array([0.0, 2.0 * k]), np.array([100.0, 2.0 * (k + 1)])) for k in range(count)]
+    geometry = "current" if finite else "reference"
+    text = case_text(
+        "plane_strain",
+        entry("material", law="neo_hookean" if finite else "elastic", young=2e5, poisson=0.3),
+        *(entry("contact", slave=f"over{k}", master=f"under{k + 1}", geometry=geometry) for k in range(1, count)),
+        *(entry("displacement", group=f"start{k}", ux=0.0, uy=0.0) for k in range(1, count + 1)),
+        entry("displacement", at=[100.0, 2.0 * count], uy=-8.0),
+        kinematics="finite" if finite else "small",
+    )
+    return text, plates(boxes, [(85, 1)] * count, table=False)
+
+
+def random_plates(seed: int) -> tuple[str, Mesh]:
+    """A case, as text, and its mesh: a random stack of one to four plates that has an equilibrium.
+
+    Plates are clamped, guided at their start, or loose; each of the last two lies wholly over the one below.
+    """
+    draw = np.random.default_rng([43, seed])
+    dim, count = (2 if draw.random() < 0.7 else 3), int(draw.integers(1, 5))
+    table = count == 1 or draw.random() < 0.6
+    axes, up, initial = "xyz"[:dim], "xyz"[dim - 1], str(draw.choice(["gap", "all", "none"], p=[0.5, 0.3, 0.2]))
+    width, height, length, tables = draw.uniform(2, 5), 0.0, 14.0, list[str]()
+    boxes, counts = list[tuple[Floats, Floats]](), list[tuple[int, ...]]()
+    for k in range(1, count + 1):
+        held = "clamped" if k == 1 and not table else str(draw.choice(["clamped", "guided", "loose"]))
+        length = draw.uniform(6, 14) if held == "clamped" else length * draw.uniform(0.6, 0.99)
+        thick, low = float(draw.choice([0.05, 0.1, 0.3, 0.8])), np.zeros(dim)
+        low[0], low[-1] = 0.01 * k, height + (0.0 if draw.random() < 0.7 else draw.uniform(0, 0.3))
+        high = low + np.array([length, *[width] * (dim - 2), thick])
+        height = high[-1]
+        ranges = ((15, 70), (1, 3)) if dim == 2 else ((8, 20), (2, 6), (1, 2))
+        cells = tuple(int(draw.integers(*ends)) for ends in ranges)
+        boxes, counts = [*boxes, (low, high)], [*counts, cells]
+        young = float(1e5 * 10 ** draw.uniform(-1, 1))
+        tables.append(entry("material", groups=[f"plate{k}"], young=young, poisson=float(draw.uniform(0, 0.35))))
+        if held == "loose":
+            tables.append(entry("displacement", at=low.tolist(), **dict.fromkeys((f"u{a}" for a in axes[:-1]), 0.0)))
+        else:
+            on = axes if held == "clamped" else axes[:1]
+            tables.append(entry("displacement", group=f"start{k}", **dict.fromkeys((f"u{a}" for a in on), 0.0)))
+        corner = [float(high[0]), *low[1:].tolist()]
+        if dim == 3 and held != "clamped":
+            tables.append(entry("displacement", at=corner, uy=0.0))
+        weight = young * thick**3 / 12 * 8 / length**4 * 10 ** draw.uniform(-2, 1)  # it bends by 0.01 to 10 alone
+        tables.append(entry("body_force", groups=[f"plate{k}"], **{f"f{up}": float(-weight / thick)}))
+        for _ in range(int(draw.integers(0, 3)) if held != "loose" else 0):
+            place = low + (high - low) * np.array([draw.integers(1, n + 1) / n for n in cells[:-1]] + [1.0])
+            force = weight * length * (width if dim == 3 else 1.0) * draw.uniform(-1, 1 if held == "clamped" else 0)
+            tables.append(entry("force", at=place.tolist(), **{f"f{up}": float(force)}))
+        if draw.random() < 0.25:
+            lift = draw.uniform(-0.05 if held == "clamped" and k > 1 else 0.0, 0.4)
+            place = np.array([high[0], *low[1:-1], high[-1]])
+            tables.append(entry("displacement", at=place.tolist(), **{f"u{up}": float(lift)}))
+        if k > 1 or table:
+            below = f"over{k - 1}" if k > 1 else "table"
+            skins = (f"under{k}", below) if k == 1 or draw.random() < 0.5 else (below, f"under{k}")
+            tables.append(entry("contact", slave=skins[0], master=skins[1], initial=initial))
+    tables += [entry("rigid", group="table")] if table else []
+    return case_text(model_of(dim), *tables), plates(boxes, counts, table=table)
+
+
+def solve_strips(*, levels: int) -> Outcome:
+    """Part two strips."""
+    solved = solve(*strips())
+    force = float(solved.zone.pressure @ solved.zone.area)
+    return Outcome(
+        (
+            equal(
+                "force between the strips",
+                force,
+                44.4763,
+                1e-4,
+                source="Murty's rule alone, on the same mesh",
+                reason="digits of the source",
+            ),
+            at_most("systems", solved.iterations, 25, source=_CONVEX, reason=_FEW),
+            at_most("halved steps", solved.halvings, 0, source=_CONVEX),
+            *balanced([solved]),
+        )
+    )
+
+
+def solve_lifted(*, levels: int) -> Outcome:
+    """Lift a heavy strip; a beam without shear: l = (24 E I H / q)^(1/4), force q l / 2."""
+    solved = solve(*lifted())
+    length = (24 * _YOUNG / 12 * _LIFT / _WEIGHT) ** 0.25
+    force = 120.0 * _WEIGHT - float(solved.zone.pressure @ solved.zone.area)
+    source = "a beam without shear lifted off a table, in closed form"
+    coarse = "shear, and the edge of contact within a face"
+    return Outcome(
+        (
+            equal("lifting force over that of a beam", force / (_WEIGHT * length / 2), 1.0, 1e-3, source=source,
+                  reason=coarse),
+            at_most("systems", solved.iterations, 60, source=_CONVEX, reason=_FEW),
+            at_most("halved steps", solved.halvings, 0, source=_CONVEX),
+            *balanced([solved]),
+        )
+    )  # fmt: skip
+
+
+def solve_leaves(count: int, finite: bool, most: int, *, levels: int) -> Outcome:
+    """Press on a leaf spring."""
+    solved = solve(*leaves(count, finite))
+    return Outcome(
+        (
+            at_most("systems", solved.iterations, most, source=_CONVEX if not finite else "", reason=_FEW),
+            at_most("halved steps", solved.halvings, 0, source="one step serves where one equilibrium is sought"),
+            *balanced([solved]),
+        )
+    )
+
+
+def solve_bank(first: int = 0, *, levels: int) -> Outcome:
+    """Solve so many random stacks of plates: number `first`, `first` + 1, ..."""
+    solutions: list[Solved] = []
+    lost = 0
+    for number in range(first, first + levels):
+        try:
+            solutions.append(solve(*random_plates(number)))
+        except NotConvergedError:
+            lost += 1
+    each = [own.iterations for own in solutions]
+    return Outcome(
+        (
+            at_most("runs that end without an equilibrium", lost, 0, source=_CONVEX),
+            at_most("halved steps", sum(own.halvings for own in solutions), 0, source=_CONVEX),
+            informative("systems, mean", float(np.mean(each)), reason="beside the largest"),
+            informative("systems, largest", max(each), reason="of all stacks"),
+        )
+    )
+
+
+def _cases() -> Iterator[Case]:
+    yield Case("peeling", "strips", "two strips, 30 faces", partial(solve_strips), {"quick": 1}, 1.0)
+    yield Case("peeling", "lifted", "a heavy strip, 240 faces", partial(solve_lifted), {"full": 1}, 2.0)
+    for name, count, finite, most in (
+        ("leaves_2", 2, False, 40), ("leaves_3", 3, False, 80), ("leaves_2_finite", 2, True, 100),
+        ("leaves_3_finite", 3, True, 160),
+    ):  # fmt: skip
+        kinematics = "finite" if finite else "small"
+        what = f"{count} leaves, 85 faces each, {kinematics} kinematics"
+        yield Case("peeling", name, what, partial(solve_leaves, count, finite, most), {"full": 1}, 10.0)
+    for k in range(3):
+        what = f"random stacks {100 * k} to {100 * k + 99}"
+        yield Case("peeling", f"bank_{k + 1}", what, partial(solve_bank, 100 * k), {"full": 100}, 60.0)
+
+
+TEXT = """
+Thin plates part from one another or from a table, so that the edge of contact passes over most of their faces. Bodies
+are soft against bending and stiff in their skins, which is hard on the search for the closed faces: without help its
+edge moves by about one face in each linear system. Strips, a strip lifted off a table, leaf springs, and 300 random
+stacks of one to four plates, in the plane and in space, under weight and point forces, closed or apart at the start.
+"""
+
+FAMILY = Family("peeling", "Peeling", TEXT, tuple(_cases()))
