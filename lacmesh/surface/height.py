@@ -57,14 +57,14 @@ class Height:
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
-        return values(self._map, face, xi)[:, 0]
+        return values(self.map, face, xi)[:, 0]
 
     def slope(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n, 2): derivatives of the heights by the faces' reference coordinates; the second is 0 on segments."""
-        return slopes(self._map, face, xi, 2)[:, 0]
+        return slopes(self.map, face, xi, 2)[:, 0]
 
     @cached_property
-    def _map(self) -> NDArray[np.floating]:
+    def map(self) -> NDArray[np.floating]:
         """(f, 9, 1): coefficients of the heights, 0 for faces of types without."""
         G = np.zeros((len(self.type), N_MONOMIALS, 1))
         for linear, quadratic in QUADRATIC.items():

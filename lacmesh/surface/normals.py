@@ -1,5 +1,10 @@
 """Normals of a surface: the true one at a point of a face, or interpolated nodal ones ("smoothed").
 
+Over a face with the tangents t_k and their dual vectors a^k, the smooth surface has a height b along the face's own
+normal N (`height`), and so the normal
+
+    n = m / |m|,   m = N - a^k db/dxi^k
+
 A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
 3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
 """
@@ -15,6 +20,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
+from lacmesh.surface.maps import coefficients
 from lacmesh.surface.record import Surface
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
@@ -40,6 +46,38 @@ def unit(v: Floats) -> NDArray[np.floating]:
     return np.divide(v, size, out=np.zeros_like(v), where=size > 0)
 
 
+def dual_vectors(J: Floats) -> NDArray[np.floating]:
+    """Return the dual vectors of tangents J (..., 3, 1 or 2), of that shape; 0 where a face is degenerate."""
+    N = normals_of(J)
+    crossed = J if J.shape[-1] == 1 else np.stack([np.cross(J[..., 1], N), np.cross(N, J[..., 0])], axis=-1)
+    area = (N * N).sum(axis=-1)[..., None, None]
+    return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)
+
+
+def smooth_normals(J: Floats, slope: Floats) -> NDArray[np.floating]:
+    """(..., 3): unit normals of the smooth surface over faces with tangents J (..., 3, k).
+
+    `slope` (..., k): derivatives of its height by the faces' reference coordinates.
+    """
+    return unit(unit(normals_of(J)) - (dual_vectors(J) * slope[..., None, :]).sum(axis=-1))
+
+
+def normal_maps(surface: Surface, normals: str, crease_angle: float | None) -> Floats:
+    """Return the maps that the normals of a surface follow from, beside the faces themselves.
+
+    (f, 9, 3): of `smoothed` normals. (f, 9, 1): of the heights of the smooth surface, to which the normals belong.
+    (0, 9, 3): none, as the faces are the surface.
+    """
+    if normals == "smoothed":
+        return coefficients(surface, smoothed(surface, crease_angle))
+    return np.empty((0, 9, 3)) if surface.height is None else surface.height.map
+
+
+def turning(maps: Floats) -> NDArray[np.bool_]:
+    """(f,): True for faces whose normals are not the faces' own, by their `normal_maps`, which are not empty."""
+    return (maps[:, 1:] != 0).any(axis=(1, 2)) if maps.shape[2] == 1 else np.ones(len(maps), bool)
+
+
 def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
     """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0.
 
@@ -52,12 +90,21 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
         x = surface.x[nodes]
         X, w = rule(CELLS[name].family, 4)
         area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
-        there = weighted(name, x, np.array(CELLS[name].reference))
-        own[rows, : nodes.shape[1]] = there
-    own = unit(own)
+        own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, x))
     total = _gather(surface, own, np.linalg.norm(area, axis=1), crease_angle)
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
+
+
+def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats, Floats]:
+    """Return the tangents at the nodes of faces of one type, (k, n, 3, dim), and the slopes of the height (k, n, dim).
+
+    `rows` (k,): the faces; `x` (k, n, 3): their nodes.
+    """
+    X, dim = np.array(CELLS[name].reference, dtype=float), CELLS[name].dim
+    J = jacobian(name, x, X[:, :dim])
+    slope = surface.slopes(np.repeat(rows, len(X)), np.tile(np.pad(X, ((0, 0), (0, 2 - X.shape[1]))), (len(rows), 1)))
+    return J, slope.reshape(len(rows), len(X), dim)
 
 
 def _gather(surface: Surface, own: Floats, area: Floats, crease_angle: float | None) -> Floats:

@@ -14,8 +14,8 @@ from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
 from lacmesh.surface.clip import clip
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
-from lacmesh.surface.maps import FLAT, coefficients
-from lacmesh.surface.normals import smoothed
+from lacmesh.surface.maps import FLAT
+from lacmesh.surface.normals import normal_maps
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
@@ -72,9 +72,9 @@ def contact_points(
     """Compute the contact points of a slave surface against a master.
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
-    negative one are left out. `normals`: `facet`, the slave's true normal, or `smoothed`, nodal normals averaged over
-    edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
-    takes as one shape). `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
+    negative one are left out. `normals`: `facet`, the slave's true normal, which is that of the smooth surface where
+    faces have heights; or `smoothed`, nodal normals averaged over edges with an angle below `crease_angle` degrees
+    (None: 40, and over any edge between faces that the slave's height takes as one shape). `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
@@ -99,7 +99,7 @@ def contact_points(
     both = slave, master
     s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
     with np.errstate(over="ignore", invalid="ignore"):
-        H = coefficients(slave, smoothed(slave, crease_angle)) if normals == "smoothed" else None
+        H = normal_maps(slave, normals, crease_angle)
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     if search_distance is None:
         search_distance = default_distance(slave, master, macro)
@@ -228,12 +228,12 @@ def _on_faces(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: Floats | None,
+    H: Floats,
     degree: int,
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
     fs, fm = s.face[pieces.slave], m.face[pieces.master]
-    turned = np.zeros(len(slave)) if H is None else _turned(slave, H)
+    turned = _turned(slave, H)
     code = pair_rule(
         _side(slave, s, pieces.slave),
         _side(master, m, pieces.master),
@@ -245,13 +245,18 @@ def _on_faces(
     order, groups = _groups(slave, master, fs, fm, code)
     functions = np.stack([N_FUNCTIONS[slave.faces.type[fs]], N_FUNCTIONS[master.faces.type[fm]]], axis=1)
     bend = np.maximum(s.warp, turned)[fs]
-    placed = place(pieces, order, code, s, m, functions, bend, np.empty((0, 9, 3)) if H is None else H)
+    placed = place(pieces, order, code, s, m, functions, bend, H)
     groups[:, 3:] = placed.first[groups[:, 3:]]
     return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
 
 
 def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
-    """(f,): deviation of a face's interpolated normals, with maps H (f, 9, 3), from its own mean normal."""
+    """(f,): deviation of a face's smoothed normals, with maps H (f, 9, 3), from its own mean normal; 0 without them.
+
+    Those of a height change with it over a face, for which the degree of the height is exact.
+    """
+    if not len(H) or H.shape[2] == 1:
+        return np.zeros(len(slave))
     normal, _ = mean_normals(slave)
     return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
 
@@ -269,7 +274,7 @@ def _on_lines(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: Floats | None,
+    H: Floats,
     radius: float | None,
     degree: int,
 ) -> ContactPoints:
@@ -277,7 +282,7 @@ def _on_lines(
     parts = clip_lines(pairs, s, m, reach)
     fs, fm = s.face[parts.slave], m.face[parts.master]
     of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    smooth = np.zeros(len(fs), bool) if H is None else _turned(slave, H)[fs] > FLAT
+    smooth = _turned(slave, H)[fs] > FLAT
     count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
     order, groups = _groups(slave, master, fs, fm, count)
     parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])

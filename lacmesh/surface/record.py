@@ -96,6 +96,11 @@ class Surface(Described):
         """(n,): heights of the smooth surface, outward, over reference points xi (n, 2) of faces (n,)."""
         return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
 
+    def slopes(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
+        """(n, dim): derivatives of these heights by the faces' reference coordinates."""
+        shape = len(face), self.dim
+        return np.zeros(shape) if self.height is None else self.height.slope(face, xi)[:, : self.dim]
+
     def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
         """Iterate over the faces type by type: (type, rows, nodes (k, n_nodes of the type))."""
         for code in codes(self.faces.type):

@@ -37,8 +37,8 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.normals import normals_of, unit
-from lacsolver.contact.faces import by_type, dual_vectors, places, tangents
+from lacmesh.surface.normals import dual_vectors, normals_of, smooth_normals, unit
+from lacsolver.contact.faces import by_type, places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import NodalNormals, nodal_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
@@ -212,8 +212,10 @@ def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -
     if d == 3:
         _add_spin(at, y, of_dn, arms)
     if at.nodal is None:
-        along = of_dn @ dual_vectors(at.J)[:, :d]
-        arms -= along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
+        dual, N = dual_vectors(at.J), unit(normals_of(at.J))
+        along, out = of_dn @ dual[:, :d], np.einsum("psa,ps->pa", dual, at.n)
+        leans = out[:, :, None] * (of_dn @ N[:, :d, None]).transpose(0, 2, 1)
+        arms += leans[..., None] * N[:, None, None, :d] - along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
     weight = anchors.weight[:, None, None]
     D_T = macro_rows(anchors, slave, master, weight * at.e, m, weight[..., None] * arms)
     if at.nodal is not None:
@@ -239,7 +241,7 @@ def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pai
     """Return the normals of a pairing, and the tangents, at points of a slave as it is deformed."""
     J = tangents(slave, face, xi)
     if pairing.normals == "facet":
-        n, nodal, size = unit(normals_of(J)), None, np.ones(len(face))
+        n, nodal, size = smooth_normals(J, slave.slopes(face, xi)), None, np.ones(len(face))
     else:
         nodal = nodal_normals(slave, pairing.crease_angle, d, skins_of(slave, zone.master)[1])
         H = np.empty((len(face), 3))

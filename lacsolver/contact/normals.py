@@ -21,8 +21,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
-from lacmesh.surface.normals import crease_pairs, normals_of, unit
-from lacsolver.contact.faces import dual_vectors
+from lacmesh.surface.normals import at_nodes, crease_pairs, dual_vectors, normals_of, smooth_normals, unit
 from lacsolver.space.sparse import sparse
 
 
@@ -42,7 +41,7 @@ def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Int
     own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
     faces = []
     for name, rows, of_face in slave.by_type():
-        normal, term, change = _face_normals(name, slave.x[of_face], d)
+        normal, term, change = _face_normals(name, *at_nodes(slave, name, rows, slave.x[of_face]), slave.x[of_face], d)
         faces.append((rows, of_face, term, change))
         own[rows, : of_face.shape[1], :d], position[rows] = normal, np.arange(len(rows))
     at, other = crease_pairs(slave, own, crease_angle)
@@ -91,16 +90,18 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
     return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
-def _face_normals(name: str, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
+def _face_normals(name: str, J: Floats, slope: Floats, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
     """Return unit normals n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and A n.
 
-    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b.
+    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b. `J`,
+    `slope`: tangents and slopes of the height at the nodes; n changes as in `chain`.
     """
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
-    J = np.einsum("abc,kbs->kasc", dN, x)
-    n = unit(normals_of(J))[..., :d]
-    dual = dual_vectors(J.reshape(-1, 3, J.shape[3])).reshape(J.shape)[:, :, :d]
-    dn = -(dual @ dN.transpose(0, 2, 1))[..., None] * n[:, :, None, None, :]
+    n, N = smooth_normals(J, slope)[..., :d], unit(normals_of(J))[..., :d]
+    c = -dual_vectors(J)[..., :d, :] @ dN.transpose(0, 2, 1)
+    out, leans = -(n[..., None] * c).sum(axis=2), N - (N * n).sum(axis=2, keepdims=True) * n
+    c += n[..., None] * out[:, :, None]
+    dn = c[..., None] * n[:, :, None, None, :] + (leans[..., None] * out[:, :, None])[..., None] * N[:, :, None, None]
     A, dA = _areas(name, x, d)
     change = A[:, None, None, None, None] * dn + n[..., None, None] * dA[:, None, None]
     return n, A[:, None, None] * n, change
