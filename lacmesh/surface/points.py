@@ -251,12 +251,11 @@ def _on_faces(
 
 
 def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
-    """(f,): deviation of a face's smoothed normals, with maps H (f, 9, 3), from its own mean normal; 0 without them.
-
-    Those of a height change with it over a face, for which the degree of the height is exact.
-    """
-    if not len(H) or H.shape[2] == 1:
+    """(f,): deviation of a face's normals from its own mean normal; H: `normals.normal_maps`."""
+    if not len(H):
         return np.zeros(len(slave))
+    if H.shape[2] == 1:
+        return np.asarray(np.abs(H[:, 1:, 0]).max(axis=1) / np.maximum(slave.size, 1e-300))
     normal, _ = mean_normals(slave)
     return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
 
