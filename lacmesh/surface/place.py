@@ -137,12 +137,10 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
 @kernel(borrows=True)
 def _has_own_normals(H: Any, face: int) -> Any:
     """True if the normals of a face are its own; H: `normals.normal_maps`."""
-    if len(H) and H.shape[2] == 1:
-        for k in range(1, H.shape[1]):
-            if H[face, k, 0] != 0.0:
-                return False
-        return True
-    return len(H) == 0
+    own = len(H) == 0 or H.shape[2] == 1
+    for k in range(1, H.shape[1] if len(H) else 0):
+        own = own and H[face, k, 0] == 0.0
+    return own
 
 
 @kernel(borrows=True)

@@ -74,8 +74,9 @@ def contact_points(
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
     negative one are left out. `normals`: `facet`, the slave's true normal, which is that of the smooth surface where
     faces have heights; or `smoothed`, nodal normals averaged over edges with an angle below `crease_angle` degrees
-    (None: 40, and over any edge between faces that the slave's height takes as one shape). `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
-    `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
+    (None: 40, and over any edge between faces that the slave's height takes as one shape). `axisymmetric`: about the y
+    axis, x >= 0 the radius; weights include 2 pi x. `degree` (4 at most): degree of polynomials on plane faces that are
+    integrated exactly besides the shape functions.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
     normal, by default `default_distance`; and behind it, where bodies overlap, up to `max_penetration`, by default the

@@ -26,7 +26,7 @@ from lacmesh.topology.skin import (
     Faces,
     find_owners,
 )
-from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
+from lacmesh.topology.winding import is_inverted, relative_listing, turned_over
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9
@@ -90,7 +90,7 @@ class Surface(Described):
 
     def turned_over(self, rows: Ints) -> Surface:
         """Return the surface with some rows of faces flipped, and without heights."""
-        return replace(self, faces=_turned_over(self.faces, rows), height=None)
+        return replace(self, faces=turned_over(self.faces, rows), height=None)
 
     def heights(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights of the smooth surface, outward, over reference points xi (n, 2) of faces (n,)."""
@@ -158,17 +158,7 @@ def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
     """Flip the faces with a normal that points into the only cell behind them."""
     back = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= is_inverted(mesh, parents.cell, plane=True)
-    return _turned_over(faces, parents.face[back])
-
-
-def _turned_over(faces: Faces, rows: Ints) -> Faces:
-    """Flip some rows of the faces."""
-    nodes = faces.nodes.copy()
-    for code in codes(faces.type[rows]):
-        some = rows[faces.type[rows] == code]
-        order = REVERSED[FACE_TYPES[code]]
-        nodes[some[:, None], np.arange(len(order))] = faces.nodes[some[:, None], order]
-    return Faces(faces.type, nodes)
+    return turned_over(faces, parents.face[back])
 
 
 def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:

@@ -95,10 +95,7 @@ def edges_of(
     s, m = patches(slave), patches(master)
     a, b = _pairs(np.unique(face * np.int64(len(master)) + other), s, m, len(master))
     counts = _counting(s, m, a, b, master, turning(H)[s.face[a]] if len(H) else np.zeros(len(a), bool))
-    if dim == 2:
-        placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric)
-    else:
-        placed = _in_space(s, m, a, b, counts, H)
+    placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric) if dim == 2 else _in_space(s, m, a, b, counts, H)
     return _kept(placed, s, m, slave, master)
 
 

@@ -23,7 +23,9 @@ OPTIONS = list(itertools.product([*PAIRS, ("QUAD4", "QUAD8", 2)], MEASURES, NORM
 class Anchored:
     """A zone with anchors from one deformed state; `slip` in others."""
 
-    def __init__(self, pair, measure="reference", normals="facet", counts=(2, 3), margin=0.15, surface="smooth", **options):
+    def __init__(
+        self, pair, measure="reference", normals="facet", counts=(2, 3), margin=0.15, surface="smooth", **options
+    ):
         mesh, self.zone = wavy(*pair, gap=0.1, counts=counts, margin=margin, surface=surface)
         self.dim, self.rng = pair[2], np.random.default_rng(4)
         self.pairing = Pairing(search_distance=0.6, normals=normals, measure=measure, friction=True, **options)
