@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
-from lacmesh.smooth.parents import Parents, inverse, parents_of
+from lacmesh.smooth.parents import Parents, are_straight, by_corners, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
@@ -24,7 +24,7 @@ from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
-_LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
+_LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC if CELLS[name].order == 1])
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
 _OVER = 5
 #: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
@@ -67,6 +67,8 @@ def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smoot
     """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
     there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
+    there[parents.of[~are_straight(surface)]] = False
+    parents = parents._replace(faces=by_corners(parents.faces))
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[faces.faces.distinct_nodes])
@@ -93,31 +95,32 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
         return None
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
-    value = _of_faces(smooth.parents, surface, over)
+    value = _of_faces(smooth.parents, surface, over, smooth.rows)
     doubt = np.zeros(len(over))
     doubt[smooth.rows] = smooth.doubt
     of = smooth.parents.of
     return Height(surface.faces.type, value, taken[of] if (taken >= 0).any() else None, doubt[of])
 
 
-def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
+def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:
     """(f, 9): heights over the faces at the nodes of their quadratic types, from those `over` (p, 5) their parents.
 
-    The children of a warped quadrangle do not lie on it: their distance from it is added, and their points are
-    projected into it by inverting its map.
+    The children of a warped quadrangle do not lie on it, nor do mid-nodes exactly: their distance from it is added, and
+    their points are projected into it by inverting its map. `linear`: rows of the parents that have heights.
     """
     value = np.zeros((len(surface), N_HEIGHTS))
     kind, mother = surface.faces.type, parents.faces.faces.type[parents.of]
     normal = mean_normals(surface)[0]
-    cut = np.bincount(parents.of)[parents.of] > 1
-    for code in np.unique(kind[np.isin(kind, _LINEAR)]):
+    mine = mask_of(len(over), linear)[parents.of]
+    apart = (np.bincount(parents.of)[parents.of] > 1) | ~np.isin(kind, _LINEAR)
+    for code in np.unique(kind[mine]):
         name = FACE_TYPES[code]
         nodes = np.array(CELLS[QUADRATIC[name]].reference)
-        n = CELLS[name].n_corners
-        whole = np.flatnonzero((kind == code) & ~cut)
+        n = CELLS[name].n_nodes
+        whole = np.flatnonzero(mine & (kind == code) & ~apart)
         value[whole, n : len(nodes)] = over[parents.of[whole], : len(nodes) - n]
-        for other in np.unique(mother[cut & (kind == code)]):
-            rows, parent = np.flatnonzero(cut & (kind == code) & (mother == other)), FACE_TYPES[other]
+        for other in np.unique(mother[mine & apart & (kind == code)]):
+            rows, parent = np.flatnonzero(mine & apart & (kind == code) & (mother == other)), FACE_TYPES[other]
             N, dim = shape(name, nodes), CELLS[parent].dim
             x = np.einsum("kn,pns->pks", N, surface.x[surface.faces.nodes[rows, :n]]).reshape(-1, 3)
             ring = surface.x[parents.faces.faces.nodes[parents.of[rows], : CELLS[parent].n_corners]]

@@ -6,8 +6,8 @@ face,
     b(xi) = sum_i N_i(xi) b_i,
 
 with N_i the functions of SEG3, TRIA6 and QUAD9. It is 0 at the corners, which lie on the skin, except at those that a
-cut has put inside a face of the original mesh. The heights b_i are computed by `lacmesh.smooth`; faces of quadratic
-types are curved themselves and have no height.
+cut has put inside a face of the original mesh. The heights b_i are computed by `lacmesh.smooth`. Faces of quadratic
+types are curved themselves and have no height, unless they are straight.
 """
 
 from __future__ import annotations
@@ -23,8 +23,13 @@ from lacmesh.records import dataclass
 from lacmesh.surface.maps import N_MONOMIALS, basis, slopes, values
 from lacmesh.topology.skin import TYPE_CODE
 
-#: the quadratic type whose functions carry the height of a linear one
-QUADRATIC = {"SEG2": "SEG3", "TRIA3": "TRIA6", "QUAD4": "QUAD9"}
+#: the quadratic type whose functions carry the height of a face
+QUADRATIC = {
+    "SEG2": "SEG3", "SEG3": "SEG3", "TRIA3": "TRIA6", "TRIA6": "TRIA6", "TRIA7": "TRIA6", "QUAD4": "QUAD9",
+    "QUAD8": "QUAD9", "QUAD9": "QUAD9",
+}  # fmt: skip
+#: types with heights in both directions
+_QUADRANGLES = [TYPE_CODE[name] for name, quadratic in QUADRATIC.items() if quadratic == "QUAD9"]
 #: most nodes of such a type
 N_HEIGHTS = 9
 
@@ -47,7 +52,7 @@ class Height:
     @property
     def degree(self) -> int:
         """Degree of the heights as polynomials in the plane of a face."""
-        return 4 if (self.type == TYPE_CODE["QUAD4"]).any() else 2
+        return 4 if np.isin(self.type, _QUADRANGLES).any() else 2
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
@@ -65,9 +70,9 @@ class Height:
 
     @cached_property
     def map(self) -> NDArray[np.floating]:
-        """(f, 9, 1): coefficients of the heights, 0 for faces of types without."""
+        """(f, 9, 1): coefficients of the heights."""
         G = np.zeros((len(self.type), N_MONOMIALS, 1))
-        for linear, quadratic in QUADRATIC.items():
-            rows, C = self.type == TYPE_CODE[linear], basis(TYPE_CODE[quadratic])
+        for name, quadratic in QUADRATIC.items():
+            rows, C = self.type == TYPE_CODE[name], basis(TYPE_CODE[quadratic])
             G[rows, :, 0] = self.value[rows, : C.shape[1]] @ C.T
         return G
