@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
-from lacmesh.reference.shapes import shape
+from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
@@ -20,7 +21,7 @@ from lacmesh.smooth.parents import Parents, are_straight, by_corners, inverse, p
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
-from lacmesh.surface.normals import CREASE_ANGLE
+from lacmesh.surface.normals import CREASE_ANGLE, normals_of, unit
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
@@ -66,7 +67,7 @@ class Smooth:
 def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
     """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
-    there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
+    there = (mean_normals(parents.faces)[0] != 0).any(axis=1)  # else it has no extent, or places that are no numbers
     there[parents.of[~are_straight(surface)]] = False
     parents = parents._replace(faces=by_corners(parents.faces))
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
@@ -95,11 +96,34 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
         return None
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
-    value = _of_faces(smooth.parents, surface, over, smooth.rows)
+    height = Height(surface.faces.type, _of_faces(smooth.parents, surface, over, smooth.rows))
     doubt = np.zeros(len(over))
     doubt[smooth.rows] = smooth.doubt
     of = smooth.parents.of
-    return Height(surface.faces.type, value, taken[of] if (taken >= 0).any() else None, doubt[of])
+    lean = _leans(smooth, surface, height.slopes_at_nodes)
+    return replace(height, lean=lean, taken=taken[of] if (taken >= 0).any() else None, doubt=doubt[of])
+
+
+def _leans(smooth: Smooth, surface: Surface, of_heights: Floats) -> Floats:
+    """(f, 9, 2): slopes of the smooth surface's normals to the faces, at the nodes of their quadratic types.
+
+    Those of exact shapes where faces lie on one, `of_heights` elsewhere.
+    """
+    lean = of_heights.copy()
+    for one in smooth.sought.found:
+        if one.shape.kind == "plane":
+            continue
+        mine = mask_of(len(smooth.parents.faces), smooth.rows[one.faces])[smooth.parents.of]
+        for code in np.unique(surface.faces.type[mine]):
+            rows, name = np.flatnonzero(mine & (surface.faces.type == code)), FACE_TYPES[code]
+            X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
+            x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
+            J = jacobian(name, x, X)
+            at = np.einsum("kn,pns->pks", shape(name, X), x)
+            n = one.shape.distance(at.reshape(-1, 3))[1].reshape(at.shape)
+            share = (n * unit(normals_of(J))).sum(axis=2)
+            lean[rows, : len(X), : X.shape[1]] = -np.einsum("pks,pksd->pkd", n, J) / share[..., None]
+    return lean
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:

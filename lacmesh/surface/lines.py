@@ -167,7 +167,7 @@ def normals_at(H: Floats, face: Ints, d: Floats, u: Floats) -> NDArray[np.floati
         if len(H) and H.shape[2] == 3:
             n = _at(H[face], u)[0]
         elif len(H):
-            n = n - _at(H[face], u)[1] * d / np.linalg.norm(d, axis=1, keepdims=True)
+            n = n - _at(H[face], u)[0][:, :1] * d / np.linalg.norm(d, axis=1, keepdims=True)
         return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 

@@ -1,9 +1,10 @@
 """Normals of a surface: the true one at a point of a face, or interpolated nodal ones ("smoothed").
 
-Over a face with the tangents t_k and their dual vectors a^k, the smooth surface has a height b along the face's own
-normal N (`height`), and so the normal
+Over a face with the normal N, the tangents t_k and their dual vectors a^k, the smooth surface (`height`) has the normal
 
-    n = m / |m|,   m = N - a^k db/dxi^k
+    n = m / |m|,   m = N - a^k s_k
+
+with slopes s_k: db/dxi^k for a height b along N, or those of the exact shape, -n.t_k / n.N.
 
 A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
 3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
@@ -20,6 +21,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
+from lacmesh.surface.height import padded_nodes
 from lacmesh.surface.maps import coefficients
 from lacmesh.surface.record import Surface
 
@@ -54,28 +56,28 @@ def dual_vectors(J: Floats) -> NDArray[np.floating]:
     return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)
 
 
-def smooth_normals(J: Floats, slope: Floats) -> NDArray[np.floating]:
+def smooth_normals(J: Floats, lean: Floats) -> NDArray[np.floating]:
     """(..., 3): unit normals of the smooth surface over faces with tangents J (..., 3, k).
 
-    `slope` (..., k): derivatives of its height by the faces' reference coordinates.
+    `lean` (..., k): its slopes to the faces.
     """
-    return unit(unit(normals_of(J)) - (dual_vectors(J) * slope[..., None, :]).sum(axis=-1))
+    return unit(unit(normals_of(J)) - (dual_vectors(J) * lean[..., None, :]).sum(axis=-1))
 
 
 def normal_maps(surface: Surface, normals: str, crease_angle: float | None) -> Floats:
     """Return the maps that the normals of a surface follow from, beside the faces themselves.
 
-    (f, 9, 3): of `smoothed` normals. (f, 9, 1): of the heights of the smooth surface, to which the normals belong.
-    (0, 9, 3): none, as the faces are the surface.
+    (f, 9, 3): of `smoothed` normals. (f, 9, 2): of the slopes of the smooth surface to the faces. (0, 9, 3): none, as
+    the faces are the surface.
     """
     if normals == "smoothed":
         return coefficients(surface, smoothed(surface, crease_angle))
-    return np.empty((0, 9, 3)) if surface.height is None else surface.height.map
+    return np.empty((0, 9, 3)) if surface.height is None else surface.height.leans
 
 
 def turning(maps: Floats) -> NDArray[np.bool_]:
     """(f,): True for faces whose normals are not the faces' own, by their `normal_maps`, which are not empty."""
-    return (maps[:, 1:] != 0).any(axis=(1, 2)) if maps.shape[2] == 1 else np.ones(len(maps), bool)
+    return (maps != 0).any(axis=(1, 2)) if maps.shape[2] == 2 else np.ones(len(maps), bool)
 
 
 def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
@@ -97,14 +99,13 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
 
 
 def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats, Floats]:
-    """Return the tangents at the nodes of faces of one type, (k, n, 3, dim), and the slopes of the height (k, n, dim).
+    """Return the tangents at the nodes of faces of one type, (k, n, 3, dim), and the slopes of normals (k, n, dim).
 
     `rows` (k,): the faces; `x` (k, n, 3): their nodes.
     """
-    X, dim = np.array(CELLS[name].reference, dtype=float), CELLS[name].dim
-    J = jacobian(name, x, X[:, :dim])
-    slope = surface.slopes(np.repeat(rows, len(X)), np.tile(np.pad(X, ((0, 0), (0, 2 - X.shape[1]))), (len(rows), 1)))
-    return J, slope.reshape(len(rows), len(X), dim)
+    X, dim = padded_nodes(name), CELLS[name].dim
+    lean = surface.leans(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
+    return jacobian(name, x, X[:, :dim]), lean.reshape(len(rows), len(X), dim)
 
 
 def _gather(surface: Surface, own: Floats, area: Floats, crease_angle: float | None) -> Floats:

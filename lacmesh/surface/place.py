@@ -125,7 +125,7 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
     if len(H) and H.shape[2] == 3:
         (n0, n1, n2), _, _ = at(H[face], CURVED, u, v)
     elif len(H):
-        _, bu, bv = curved(H[face], 0, u, v)
+        bu, bv = curved(H[face], 0, u, v)[0], curved(H[face], 1, u, v)[0]
         t0, t1, t2 = bu * dv[0] - bv * du[0], bu * dv[1] - bv * du[1], bu * dv[2] - bv * du[2]
         m0, m1, m2 = n0 / jacobian, n1 / jacobian, n2 / jacobian
         n0, n1, n2 = n0 - (t1 * m2 - t2 * m1), n1 - (t2 * m0 - t0 * m2), n2 - (t0 * m1 - t1 * m0)
@@ -137,9 +137,9 @@ def normal_at(H: Any, face: int, du: Any, dv: Any, u: float, v: float) -> Any:
 @kernel(borrows=True)
 def _has_own_normals(H: Any, face: int) -> Any:
     """True if the normals of a face are its own; H: `normals.normal_maps`."""
-    own = len(H) == 0 or H.shape[2] == 1
-    for k in range(1, H.shape[1] if len(H) else 0):
-        own = own and H[face, k, 0] == 0.0
+    own = len(H) == 0 or H.shape[2] == 2
+    for k in range(H.shape[1] if len(H) else 0):
+        own = own and H[face, k, 0] == 0.0 and H[face, k, 1] == 0.0
     return own
 
 

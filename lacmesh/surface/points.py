@@ -255,8 +255,8 @@ def _turned(slave: Surface, H: Floats) -> NDArray[np.floating]:
     """(f,): deviation of a face's normals from its own mean normal; H: `normals.normal_maps`."""
     if not len(H):
         return np.zeros(len(slave))
-    if H.shape[2] == 1:
-        return np.asarray(np.abs(H[:, 1:, 0]).max(axis=1) / np.maximum(slave.size, 1e-300))
+    if H.shape[2] == 2:
+        return np.asarray(np.abs(H).max(axis=(1, 2)) / np.maximum(slave.size, 1e-300))
     normal, _ = mean_normals(slave)
     return np.asarray(np.maximum(np.abs(H[:, 1:]).max(axis=(1, 2)), np.abs(H[:, 0] - normal).max(axis=1)))
 

@@ -15,6 +15,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.records import dataclass
 from lacmesh.surface.height import Height
+from lacmesh.surface.maps import values
 from lacmesh.topology.edges import neighbours
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of
 from lacmesh.topology.skin import (
@@ -96,10 +97,10 @@ class Surface(Described):
         """(n,): heights of the smooth surface, outward, over reference points xi (n, 2) of faces (n,)."""
         return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
 
-    def slopes(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
-        """(n, dim): derivatives of these heights by the faces' reference coordinates."""
+    def leans(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
+        """(n, dim): slopes of the normals of the smooth surface to the faces there (`Height.lean`)."""
         shape = len(face), self.dim
-        return np.zeros(shape) if self.height is None else self.height.slope(face, xi)[:, : self.dim]
+        return np.zeros(shape) if self.height is None else values(self.height.leans, face, xi)[:, : self.dim]
 
     def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
         """Iterate over the faces type by type: (type, rows, nodes (k, n_nodes of the type))."""

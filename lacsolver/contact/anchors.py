@@ -241,7 +241,7 @@ def _directions(zone: Zone, slave: Surface, face: Ints, xi: Floats, pairing: Pai
     """Return the normals of a pairing, and the tangents, at points of a slave as it is deformed."""
     J = tangents(slave, face, xi)
     if pairing.normals == "facet":
-        n, nodal, size = smooth_normals(J, slave.slopes(face, xi)), None, np.ones(len(face))
+        n, nodal, size = smooth_normals(J, slave.leans(face, xi)), None, np.ones(len(face))
     else:
         nodal = nodal_normals(slave, pairing.crease_angle, d, skins_of(slave, zone.master)[1])
         H = np.empty((len(face), 3))

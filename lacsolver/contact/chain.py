@@ -12,7 +12,7 @@ whose heights move with their faces, changes by dg = dr - (db_m/dxi^b) dxi_bar^b
     dn = -a^k (N . dv/dxi^k)                            the face's own normal N, a^k the dual vectors of its tangents
     dn = P N_a dh_a,  P = (1 - n n^T) / |H|             smoothed, n = H / |H|, H = N_a h_a
 
-That of a smooth surface, n along N - a^k db_s/dxi^k, leans on the face's own and moves with it at fixed slopes of b_s:
+That of a smooth surface, n along N - a^k s_k, leans on the face's own and moves with it at fixed slopes s_k:
 
     dn = c_k (n . dv/dxi^k) - (n . c_k) (N - (N . n) n) (N . dv/dxi^k) - n (n . c_k) (n . dv/dxi^k),  c_k = -a^k
 

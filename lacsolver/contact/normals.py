@@ -90,14 +90,14 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> No
     return NodalNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
-def _face_normals(name: str, J: Floats, slope: Floats, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
+def _face_normals(name: str, J: Floats, lean: Floats, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
     """Return unit normals n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and A n.
 
     A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b. `J`,
-    `slope`: tangents and slopes of the height at the nodes; n changes as in `chain`.
+    `lean`: tangents and slopes of the normals at the nodes; n changes as in `chain`.
     """
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
-    n, N = smooth_normals(J, slope)[..., :d], unit(normals_of(J))[..., :d]
+    n, N = smooth_normals(J, lean)[..., :d], unit(normals_of(J))[..., :d]
     c = -dual_vectors(J)[..., :d, :] @ dN.transpose(0, 2, 1)
     out, leans = -(n[..., None] * c).sum(axis=2), N - (N * n).sum(axis=2, keepdims=True) * n
     c += n[..., None] * out[:, :, None]

@@ -52,6 +52,25 @@ def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: fl
     return bent(joined([(flat, _RING)], keep=True), around)
 
 
+def sleeve(
+    kind: str, counts: Sequence[int], radii: Sequence[float], long: float, *, slope: float = 0.0, jitter: float = 0.0,
+    seed: int = 0,
+) -> Mesh:  # fmt: skip
+    """A quarter of a sleeve about the axis z, of cells of a type in space, `counts` along the radius, around and along.
+
+    `slope`: growth of each radius along the axis, over the radius at z = 0: faces are cones. `jitter` as in `ring`.
+    Groups: low, high (the faces).
+    """
+
+    def around(x: Floats) -> Floats:
+        r, angle, z = x.T
+        r = r * (1 + slope * z)
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+    flat = _patch(kind, counts, (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, long), jitter=jitter, seed=seed)
+    return bent(joined([(flat, {"x0": "low", "x1": "high"})]), around)
+
+
 def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
     """An eighth of a thick sphere of cells of a type in space, `counts` of hexahedra: along the radius, and along each
     of the two sides of its three parts. Groups: low, high (the faces), x0, y0, z0.
