@@ -114,7 +114,9 @@ class Material(Entry):
 _HEXA = Choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
-_NORMALS = Choice({"facet": "normals of the faces", "smoothed": "averaged at the nodes and interpolated"})
+_NORMALS = Choice(
+    {"facet": "normals of the faces, or of the smooth surface", "smoothed": "averaged at the nodes and interpolated"}
+)
 _SURFACE = Choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})
 
 
