@@ -230,7 +230,7 @@ def test_cylinders_are_found_and_their_gap_is_that_of_the_model(pin):
 @pytest.mark.gmsh
 @pytest.mark.vtk
 def test_faces_and_smooth_are_as_the_page_says(pin):
-    """Twice as many macro-elements press, a quarter of all as with TETRA10, at half the pressure, with the same force."""
+    """Twice as many macro-elements press, a quarter of all as with TETRA10, at half the pressure, force alike."""
     folder, _ = pin
     told = [json.loads((folder / name / "results.json").read_text()) for name in ("faces", "smooth")]
     faces, smooth = (one["contact"]["eye"] for one in told)
