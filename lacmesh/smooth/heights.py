@@ -97,33 +97,38 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
     height = Height(surface.faces.type, _of_faces(smooth.parents, surface, over, smooth.rows))
+    value, lean = _of_shapes(smooth, surface, height)
     doubt = np.zeros(len(over))
     doubt[smooth.rows] = smooth.doubt
     of = smooth.parents.of
-    lean = _leans(smooth, surface, height.slopes_at_nodes)
-    return replace(height, lean=lean, taken=taken[of] if (taken >= 0).any() else None, doubt=doubt[of])
+    return replace(height, value=value, lean=lean, taken=taken[of] if (taken >= 0).any() else None, doubt=doubt[of])
 
 
-def _leans(smooth: Smooth, surface: Surface, of_heights: Floats) -> Floats:
-    """(f, 9, 2): slopes of the smooth surface's normals to the faces, at the nodes of their quadratic types.
+def _of_shapes(smooth: Smooth, surface: Surface, height: Height) -> tuple[Floats, Floats]:
+    """(f, 9): heights, and (f, 9, 2): slopes of the smooth surface's normals, at the nodes of the quadratic types.
 
-    Those of exact shapes where faces lie on one, `of_heights` elsewhere.
+    Those of exact shapes where faces lie on one, of `height` elsewhere. Faces that a cut has made have the distances
+    of the shape from their own nodes, along its normals: the quadratic over their parent misses these by h^4.
     """
-    lean = of_heights.copy()
+    value, lean = height.value.copy(), height.slopes_at_nodes
+    of = smooth.parents.of
+    cut = np.bincount(of)[of] > 1
     for one in smooth.sought.found:
         if one.shape.kind == "plane":
             continue
-        mine = mask_of(len(smooth.parents.faces), smooth.rows[one.faces])[smooth.parents.of]
+        mine = mask_of(len(smooth.parents.faces), smooth.rows[one.faces])[of]
         for code in np.unique(surface.faces.type[mine]):
             rows, name = np.flatnonzero(mine & (surface.faces.type == code)), FACE_TYPES[code]
             X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
             x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
             J = jacobian(name, x, X)
             at = np.einsum("kn,pns->pks", shape(name, X), x)
-            n = one.shape.distance(at.reshape(-1, 3))[1].reshape(at.shape)
+            f, n = (k.reshape(len(rows), len(X), -1) for k in one.shape.distance(at.reshape(-1, 3)))
             share = (n * unit(normals_of(J))).sum(axis=2)
             lean[rows, : len(X), : X.shape[1]] = -np.einsum("pks,pksd->pkd", n, J) / share[..., None]
-    return lean
+            child = cut[rows]
+            value[rows[child], : len(X)] = -f[child, :, 0] * np.sign(share[child])
+    return value, lean
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:

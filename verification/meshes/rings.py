@@ -52,25 +52,6 @@ def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: fl
     return bent(joined([(flat, _RING)], keep=True), around)
 
 
-def sleeve(
-    kind: str, counts: Sequence[int], radii: Sequence[float], long: float, *, slope: float = 0.0, jitter: float = 0.0,
-    seed: int = 0,
-) -> Mesh:  # fmt: skip
-    """A quarter of a sleeve about the axis z, of cells of a type in space, `counts` along the radius, around and along.
-
-    `slope`: growth of each radius along the axis, over the radius at z = 0: faces are cones. `jitter` as in `ring`.
-    Groups: low, high (the faces).
-    """
-
-    def around(x: Floats) -> Floats:
-        r, angle, z = x.T
-        r = r * (1 + slope * z)
-        return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
-
-    flat = _patch(kind, counts, (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, long), jitter=jitter, seed=seed)
-    return bent(joined([(flat, {"x0": "low", "x1": "high"})]), around)
-
-
 def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
     """An eighth of a thick sphere of cells of a type in space, `counts` of hexahedra: along the radius, and along each
     of the two sides of its three parts. Groups: low, high (the faces), x0, y0, z0.
@@ -95,25 +76,30 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: 
     return assembled(place, {key: np.concatenate(nodes) for key, nodes in merged.items()}, 3)
 
 
-def sleeve(kind: str, counts: Sequence[int], radii: Sequence[float], length: float) -> Mesh:
+def sleeve(
+    kind: str, counts: Sequence[int], radii: Sequence[float], length: float, *, slope: float = 0.0, jitter: float = 0.0,
+    seed: int = 0,
+) -> Mesh:  # fmt: skip
     """A thick tube about its axis, from its plane of symmetry up to its `length`: a quarter of it in space, its section
     (axisymmetric, the axis is y) in a plane. `counts` along the radius(, around) and along the axis.
 
-    Groups: low, high (the faces), middle (the plane of symmetry), and x0, y0 in space.
+    `slope`: growth of each radius along the axis, over the radius at its start: faces are cones, in space. `jitter` as
+    in `ring`. Groups: low, high (the faces), middle (the plane of symmetry), and x0, y0 in space.
     """
     if CELLS[kind].dim == 2:
-        flat = boxed(kind, *grid(counts, (radii[0], 0.0), (radii[1], length)), (radii[0], 0.0), (radii[1], length))
+        flat = _patch(kind, counts, (radii[0], 0.0), (radii[1], length), jitter=jitter, seed=seed)
         return joined([(flat, {**_FACES_OF_TUBE, "y0": "middle"})], keep=True)
-    low, high = (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length)
+    flat = _patch(kind, counts, (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length), jitter=jitter, seed=seed)
 
     def around(x: Floats) -> Floats:
         r, angle, z = x.T
+        r = r * (1 + slope * z)
         points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
         points[np.abs(points) < 1e-12 * radii[1]] = 0.0
         return points
 
     names = {**_FACES_OF_TUBE, "y1": "x0", "z0": "middle"}
-    return bent(joined([(boxed(kind, *grid(counts, low, high), low, high), names)], keep=True), around)
+    return bent(joined([(flat, names)], keep=True), around)
 
 
 def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:
