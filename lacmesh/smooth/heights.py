@@ -29,7 +29,7 @@ _LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC if CELLS[name].order =
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
 _OVER = 5
 #: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
-_ROUNDING = 1e-6
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smoot
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[faces.faces.distinct_nodes])
     x = faces.x - origin
-    angle = CREASE_ANGLE + _ROUNDING if crease_angle is None else crease_angle
+    angle = CREASE_ANGLE + ROUNDING if crease_angle is None else crease_angle
     few = shapes_of_few(faces, x, angle) if crease_angle is None else ()
     taken = numbers_of(few, len(faces))
     return Smooth(parents, rows, origin, find_shapes(SmoothPatches.of(faces, angle, x, taken), angle, few), taken)
