@@ -99,7 +99,7 @@ def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
     way = np.zeros_like(new.points)
     for nodes, ways in zip(new_nodes, ways_to_surface(mesh, [nodes.on for nodes in new_nodes]), strict=True):
         way[nodes.ids[:, 0]] = ways
-    touched = np.flatnonzero(_of_cells(new, way.any(axis=1)))
+    touched = np.flatnonzero(_of_cells(new, (way != 0).any(axis=1)))
     least = np.minimum(validity_of(new, touched), _LEAST)
     straight = np.zeros(len(touched), bool)
     while True:
@@ -108,8 +108,8 @@ def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
         if not spoilt.any():
             break
         straight |= spoilt
-        for _, _, nodes in new.select(touched[spoilt]):
-            way[nodes] = 0.0
+        for _, _, spoiling in new.select(touched[spoilt]):
+            way[spoiling] = 0.0
     if straight.any():
         cells = touched[straight & (new.cell_dim[touched] == new.dim)]
         message = (

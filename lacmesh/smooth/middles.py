@@ -44,7 +44,7 @@ class _Middles(NamedTuple):
 
     def take(self, rows: Ints) -> _Middles:
         """Return some of them."""
-        return _Middles(*(values[rows] for values in self))
+        return _Middles(self.corners[rows], self.x[rows], self.height[rows], self.normal[rows], self.shape[rows])
 
 
 def ways_to_surface(mesh: Mesh, corners: list[Ints]) -> list[NDArray[np.floating]]:
