@@ -97,38 +97,67 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
     height = Height(surface.faces.type, _of_faces(smooth.parents, surface, over, smooth.rows))
-    value, lean = _of_shapes(smooth, surface, height)
+    value, lean = _of_surface(smooth, surface, height)
     doubt = np.zeros(len(over))
     doubt[smooth.rows] = smooth.doubt
     of = smooth.parents.of
     return replace(height, value=value, lean=lean, taken=taken[of] if (taken >= 0).any() else None, doubt=doubt[of])
 
 
-def _of_shapes(smooth: Smooth, surface: Surface, height: Height) -> tuple[Floats, Floats]:
+def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Floats, Floats]:
     """(f, 9): heights, and (f, 9, 2): slopes of the smooth surface's normals, at the nodes of the quadratic types.
 
-    Those of exact shapes where faces lie on one, of `height` elsewhere. Faces that a cut has made have the distances
-    of the shape from their own nodes, along its normals: the quadratic over their parent misses these by h^4.
+    The normals are those of exact shapes and of fits, where faces have one, else those of `height`. Faces that a cut
+    has made have the distances of an exact shape from their own nodes, along its normals: the quadratic over their
+    parent misses these by h^4.
     """
     value, lean = height.value.copy(), height.slopes_at_nodes
-    of = smooth.parents.of
-    cut = np.bincount(of)[of] > 1
-    for one in smooth.sought.found:
-        if one.shape.kind == "plane":
-            continue
-        mine = mask_of(len(smooth.parents.faces), smooth.rows[one.faces])[of]
-        for code in np.unique(surface.faces.type[mine]):
-            rows, name = np.flatnonzero(mine & (surface.faces.type == code)), FACE_TYPES[code]
-            X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
-            x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
-            J = jacobian(name, x, X)
+    of, found = smooth.parents.of, smooth.sought.found
+    cut, source = np.bincount(of)[of] > 1, _sources(smooth)[of]
+    for number, code in np.unique(np.stack([source, surface.faces.type], axis=1)[source >= 0], axis=0):
+        rows, name = np.flatnonzero((source == number) & (surface.faces.type == code)), FACE_TYPES[code]
+        X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
+        x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
+        J = jacobian(name, x, X)
+        if number == len(found):
+            n = _fitted_normals(smooth, rows, name, X)
+        else:
             at = np.einsum("kn,pns->pks", shape(name, X), x)
-            f, n = (k.reshape(len(rows), len(X), -1) for k in one.shape.distance(at.reshape(-1, 3)))
-            share = (n * unit(normals_of(J))).sum(axis=2)
-            lean[rows, : len(X), : X.shape[1]] = -np.einsum("pks,pksd->pkd", n, J) / share[..., None]
-            child = cut[rows]
-            value[rows[child], : len(X)] = -f[child, :, 0] * np.sign(share[child])
+            f, n = (k.reshape(len(rows), len(X), -1) for k in found[number].shape.distance(at.reshape(-1, 3)))
+            out = -f[..., 0] * np.sign((n * normals_of(J)).sum(axis=2))
+            value[rows[cut[rows]], : len(X)] = out[cut[rows]]
+        share = (n * unit(normals_of(J))).sum(axis=2)
+        lean[rows, : len(X), : X.shape[1]] = -np.einsum("pks,pksd->pkd", n, J) / share[..., None]
     return value, lean
+
+
+def _sources(smooth: Smooth) -> Ints:
+    """(p,): the number of the curved shape that each parent is on; their number for one with fits; -1 for others."""
+    whole, fits = smooth.sought.whole, smooth.sought.fits
+    fitted = smooth.sought.free & (fits.known[whole.node] | (whole.node < 0)).all(axis=1)
+    out = np.full(len(smooth.parents.faces), -1)
+    out[smooth.rows[fitted]] = len(smooth.sought.found)
+    for number, one in enumerate(smooth.sought.found):
+        if one.shape.kind != "plane":
+            out[smooth.rows[one.faces]] = number
+    return out
+
+
+def _fitted_normals(smooth: Smooth, rows: Ints, name: str, X: Floats) -> NDArray[np.floating]:
+    """(p, k, 3): normals at points X (k, dim) of faces (p,) of a type, interpolated from fits at parents' corners."""
+    parents, whole = smooth.parents, smooth.sought.whole
+    mother = parents.of[rows]
+    corner = whole.node[np.searchsorted(smooth.rows, mother)]
+    out = np.zeros((len(rows), len(X), 3))
+    kind = parents.faces.faces.type[mother]
+    for code in np.unique(kind):
+        some, parent = np.flatnonzero(kind == code), CELLS[FACE_TYPES[code]]
+        place = np.einsum(
+            "kn,pnd->pkd", shape(CELLS[name].linear, X), parents.corner[rows[some], : CELLS[name].n_corners]
+        )
+        N = shape(parent.name, place.reshape(-1, 2)[:, : parent.dim]).reshape(len(some), len(X), -1)
+        out[some] = np.einsum("pkn,pns->pks", N, smooth.sought.fits.normal[corner[some, : parent.n_corners]])
+    return out
 
 
 def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:

@@ -22,6 +22,7 @@ FITS = [
     MovedFit("TETRA4", counts=COARSE, normals="smoothed"),
     MovedFit("TETRA4", counts=COARSE, slave="around"),
     MovedFit("HEXA8", counts=COARSE, slope=0.3),
+    MovedFit("TETRA4", counts=((2, 9, 3), (2, 8, 2)), oval=0.7),
 ]
 
 
@@ -33,9 +34,9 @@ def test_a_motion_that_changes_nothing_changes_no_pressure(given):
     p, force = still.zone.pressure, still.zone.force[nodes_of(still.mesh, "slave")].sum(axis=0)
     for clearance, motion in given.motions().values():
         moved = solve(given.case(clearance, motion), mesh)
-        np.testing.assert_allclose(moved.zone.pressure, p, atol=5e-3 * p.mean())
+        np.testing.assert_allclose(moved.zone.pressure, p, atol=given.allowed * p.mean())
         there = moved.zone.force[nodes_of(moved.mesh, "slave")].sum(axis=0)
-        np.testing.assert_allclose(there, force, atol=1e-3 * np.abs(force).max())
+        np.testing.assert_allclose(there, force, atol=0.2 * given.allowed * np.abs(force).max())
         assert max(moved.balance.force, moved.balance.moment) < 1e-12
 
 
