@@ -188,7 +188,7 @@ def test_edges_at_which_a_skin_turns_by_more_than_the_crease_angle_stay_straight
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_cell_that_curved_edges_would_turn_inside_out_keeps_straight_ones(dim):
+def test_a_cell_that_curved_edges_would_make_invalid_keeps_straight_ones(dim):
     """The hole of a ring goes into a layer of cells that is thinner than the arcs are high; this is warned of once."""
     kind = {2: "QUAD4", 3: "HEXA8"}[dim]
     mesh = rings({"kind": kind, "n": 10, "radii": [1.0, 1.03, 2.0], "heights": [0.0, 0.5][: dim - 1]}, dim=dim)

@@ -1,7 +1,7 @@
 """Elevate the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
 
 New nodes lie at the middle of edges, faces and cells, on the cell's own map if it is quadratic already; on the curved
-skin of a body they lie on its smooth surface (`lacmesh.smooth`), unless a cell would be turned inside out. Edges and
+skin of a body they lie on its smooth surface (`lacmesh.smooth`), unless a cell would become invalid. Edges and
 faces are identified by their corners, so that the mesh stays conforming; an edge that has a mid-node already keeps it.
 """
 

@@ -1,7 +1,7 @@
 """The middles of edges and faces on the outer skin of a mesh's bodies, moved onto the smooth surface.
 
 An edge lies in two faces of the skin. Where these go over into each other it has one way to the surface, that of the
-exact shape or of the fit that it is on. At a crease, or between two exact shapes, it goes onto both surfaces: the rim
+exact shape or of the fit that it is on. At a crease, or between two exact shapes, it goes onto both surfaces: the end
 of a cylinder onto the circle in which it meets the plane of its end.
 """
 

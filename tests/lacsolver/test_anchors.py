@@ -96,7 +96,7 @@ def rotation(dim, angle):
 
 @pytest.mark.parametrize("pair", PAIRS, ids=str)
 def test_where_the_anchors_are_slip_is_that_of_the_rows(pair):
-    """Of faces with their own normals."""
+    """On faces with their own normals."""
     case = Anchored(pair, surface="faces")
     there, face = case.slip(case.before), case.at(case.before)
     np.testing.assert_allclose((there.D_T - face.B_T).toarray(), 0, atol=1e-13 * np.abs(face.B_T).max())

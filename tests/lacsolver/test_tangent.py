@@ -146,7 +146,7 @@ def test_heights_over_straight_faces(pair, options, smooth, fine_rules):
 
 @every(STRAIGHT, normals=("facet",))
 def test_rules_of_a_few_points_over_normals_that_turn(pair, options):
-    """Of the rules themselves the derivatives miss the difference between two that share an edge."""
+    """Rules of a few points leave their derivatives off by what they are themselves."""
     assert Deformed(*pair, options).errors().max() <= 1e-6
 
 

@@ -24,7 +24,7 @@ from verification.records import Case, Family, Outcome, Result, at_most
 from verification.solving import Solved, balanced, case_text, entry, model_of, solve
 
 #: displacement along each axis, a number or a formula
-Motion = tuple[float | str, float | str, float | str]
+Formulas = tuple[float | str, float | str, float | str]
 
 FAMILY_NAME = "moved-fits"
 RADII, LONG = (0.5, 1.0, 1.75), 0.6
@@ -33,8 +33,8 @@ INTERFERENCE = 1e-3
 _FAR = 5.0
 #: how far p_m may be from those of the fit that is not moved, of their mean: on exact shapes, and on fits
 _ALLOWED, _OF_FITS = 0.005, 0.12
-_AROUND: Motion = (f"{-_FAR * INTERFERENCE} * y", f"{_FAR * INTERFERENCE} * x", 0.0)
-_ALONG: Motion = (0.0, 0.0, _FAR * INTERFERENCE)
+_AROUND: Formulas = (f"{-_FAR * INTERFERENCE} * y", f"{_FAR * INTERFERENCE} * x", 0.0)
+_ALONG: Formulas = (0.0, 0.0, _FAR * INTERFERENCE)
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class MovedFit:
 
     @property
     def allowed(self) -> float:
-        """How far p_m may be from those of the fit that is not moved, of their mean."""
+        """The largest change of p_m that a motion may make, of their mean."""
         return _ALLOWED if self.oval == 1 else _OF_FITS
 
     @property
@@ -78,7 +78,7 @@ class MovedFit:
                 parts.append(sleeve(kind, counts, radii, LONG, slope=self.slope, jitter=0.15, seed=k))
         return bent(pair(parts[0], parts[1], slave=self.slave), lambda x: x * [1.0, self.oval, 1.0])
 
-    def case(self, clearance: float, motion: Motion = (0.0, 0.0, 0.0)) -> str:
+    def case(self, clearance: float, motion: Formulas = (0.0, 0.0, 0.0)) -> str:
         """The case, as TOML, with a clearance and the motion of the hub, which its outer face has."""
         names = [f"u{axis}" for axis in "xyz"[: self.dim]]
         return case_text(
@@ -89,10 +89,10 @@ class MovedFit:
             entry("displacement", group="outer", **dict(zip(names, motion, strict=False))),
         )
 
-    def motions(self) -> Mapping[str, tuple[float, Motion]]:
+    def motions(self) -> Mapping[str, tuple[float, Formulas]]:
         """The motions of the hub by name, each with the clearance that it has beside it."""
         if self.slope:
-            pressed: Motion = (0.0, 0.0, INTERFERENCE / self.sine)
+            pressed: Formulas = (0.0, 0.0, INTERFERENCE / self.sine)
             return {"pressed along the axis": (0.0, pressed), "turned": (-INTERFERENCE, _AROUND)}
         along = {"moved along the axis": (-INTERFERENCE, _ALONG)} if self.dim == 3 else {}
         if self.oval != 1:
