@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lacmesh import Mesh, cut_skin, raise_order
+from lacmesh import Mesh, cut_skin, raise_order, read
 from lacmesh.cells import CELLS
-from lacmesh.errors import CutError, RequestError
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.quality import validity_of
 from tests import properties
-from tests.meshes import cell_with_faces, facets_of, random_mesh
+from tests.coarse_rings import rings
+from tests.meshes import box, cell_with_faces, facets_of, random_mesh
+from verification.meshes.blocks import bent, nodes_of
+from verification.meshes.rings import octant, ring, sleeve
+from verification.solving import solve
 
+DATA = Path(__file__).resolve().parents[1] / "data"
 TARGETS = {
     "2": {"TRIA3": "TRIA6", "QUAD4": "QUAD8", "TETRA4": "TETRA10", "HEXA8": "HEXA20", "PENTA6": "PENTA15",
           "PYRAM5": "PYRAM13", "SEG2": "SEG3", "POI1": "POI1"},
@@ -118,3 +125,84 @@ def test_new_nodes_take_the_entity_of_the_lowest_cell_they_lie_on():
     raised = raise_order(mesh, "2-full")
     new = raised.node_data["entity"][8:].tolist()
     assert new.count([2, 9]) == 5 and new.count([3, 1]) == 14
+
+
+# ---- curved skins
+
+
+ORDERS = ("2", "2-full")
+
+
+def both(mesh, order="2"):
+    """The mesh with new nodes on its smooth surface, and the ways that they have there from the middles."""
+    smooth, straight = (raise_order(mesh, order, surface=surface) for surface in ("smooth", "faces"))
+    assert [(b.type, b.nodes.tolist()) for b in smooth.blocks] == [(b.type, b.nodes.tolist()) for b in straight.blocks]
+    return smooth, smooth.points - straight.points
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6"])
+def test_new_nodes_lie_on_cylinders_and_cones_up_to_their_rims(kind, slope, order):
+    """Those on the rim lie in the plane of the end as well; planes, and edges inside the body, stay straight."""
+    mesh, z = sleeve(kind, (2, 5, 2), (1.0, 1.75), 0.6, slope=slope, jitter=0.15), 0.6
+    raised, way = both(mesh, order)
+    skins = [nodes_of(raised, name) for name in ("low", "high")]
+    for nodes, radius in zip(skins, (1.0, 1.75), strict=True):
+        r = np.linalg.norm(raised.points[nodes, :2], axis=1)
+        np.testing.assert_allclose(r, radius * (1 + slope * raised.points[nodes, 2]), atol=1e-14)
+    ends = np.isclose(raised.points[:, 2], 0.0) | np.isclose(raised.points[:, 2], z)
+    np.testing.assert_allclose(way[ends, 2], 0.0, atol=1e-15)
+    others = np.setdiff1d(np.arange(raised.n_nodes), np.concatenate(skins))
+    assert (way[others] == 0).all() and validity_of(raised).min() > 0.2
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_new_nodes_lie_on_spheres_and_circles(order):
+    for mesh in (octant("TETRA4", (2, 3), (1.0, 2.0)), ring("QUAD4", (2, 5), (1.0, 2.0), jitter=0.15)):
+        raised, _ = both(mesh, order)
+        for name, radius in (("low", 1.0), ("high", 2.0)):
+            x = raised.points[nodes_of(raised, name)]
+            np.testing.assert_allclose(np.linalg.norm(x, axis=1), radius, atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8"])
+def test_new_nodes_are_near_a_skin_of_free_form(kind):
+    """An elliptic sleeve: what is left of the distance from chords is that of the fits."""
+    mesh = bent(sleeve(kind, (2, 12, 4), (1.0, 1.75), 0.6), lambda x: x * [1.0, 0.7, 1.0])
+    raised, way = both(mesh)
+    nodes = nodes_of(raised, "high")
+    off = [np.abs(np.hypot(x[nodes, 0], x[nodes, 1] / 0.7) - 1.75).max() for x in (raised.points, raised.points - way)]
+    assert off[0] < 0.1 * off[1]
+
+
+def test_edges_at_which_a_skin_turns_by_more_than_the_crease_angle_stay_straight():
+    """A bar with six sides, and flat skins, to the last bit."""
+    points, cells = box(2)
+    for mesh in (
+        rings({"kind": "HEXA8", "n": 6, "radii": [0.4, 1.0], "heights": [0.0, 0.5]}, dim=3),
+        Mesh.create(points, [("HEXA8", cells)]),
+    ):
+        _, way = both(mesh, "2-full")
+        assert (way == 0).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_cell_that_curved_edges_would_make_invalid_keeps_straight_ones(dim):
+    """The hole of a ring goes into a layer of cells that is thinner than the arcs are high; this is warned of once."""
+    kind = {2: "QUAD4", 3: "HEXA8"}[dim]
+    mesh = rings({"kind": kind, "n": 10, "radii": [1.0, 1.03, 2.0], "heights": [0.0, 0.5][: dim - 1]}, dim=dim)
+    with pytest.warns(LacmeshWarning, match="10 cells on curved skins keep straight edges") as told:
+        raised = raise_order(mesh)
+    assert len(told) == 1 and validity_of(raised).min() > 0.2
+    inner, outer = (nodes_of(raised, name) for name in ("inner", "outer"))
+    assert np.linalg.norm(raised.points[inner, :2], axis=1).min() < 0.96
+    np.testing.assert_allclose(np.linalg.norm(raised.points[outer, :2], axis=1), 2.0, atol=1e-14)
+
+
+@pytest.mark.slow
+def test_the_fit_of_the_data_has_the_pressures_of_lame():
+    """Within 4 % everywhere, for 75 % with its linear cells and 7 % with quadratic ones that are straight."""
+    case = (DATA / "press_fit.toml").read_text(encoding="utf-8")
+    pressure = solve(case, raise_order(read(DATA / "press_fit.msh"))).zone.pressure
+    np.testing.assert_allclose(pressure, 63.46, rtol=0.04)

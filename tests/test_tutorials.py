@@ -230,16 +230,16 @@ def test_cylinders_are_found_and_their_gap_is_that_of_the_model(pin):
 @pytest.mark.gmsh
 @pytest.mark.vtk
 def test_faces_and_smooth_are_as_the_page_says(pin):
-    """Half as many macro-elements press again, at half the pressure, with the same force."""
+    """Twice as many macro-elements press, a quarter of all as with TETRA10, at half the pressure, force alike."""
     folder, _ = pin
     page = " ".join((TUTORIALS / "pin_in_lug.md").read_text(encoding="utf-8").split())
     told = [json.loads((folder / name / "results.json").read_text()) for name in ("faces", "smooth")]
     faces, smooth = (one["contact"]["eye"] for one in told)
-    assert 80 <= faces["active"] <= 100 and 135 <= smooth["active"] <= 160
+    assert 80 <= faces["active"] <= 100 and 185 <= smooth["active"] <= 215
     assert faces["resultant"][2] == pytest.approx(smooth["resultant"][2], rel=1e-9)
     most = [np.genfromtxt(folder / name / "contact_eye.csv", delimiter=",", names=True)["pressure"].max()
             for name in ("faces", "smooth")]  # fmt: skip
-    assert most[0] == pytest.approx(7200, rel=0.05) and most[1] == pytest.approx(3500, rel=0.05)
+    assert most[0] == pytest.approx(7200, rel=0.05) and most[1] == pytest.approx(3000, rel=0.05)
     assert "E h / 8R" in told[0]["message"] and "E h / 8R" not in told[1]["message"]
     assert "alternate" in told[1]["message"] and "warns that pressures inside the area of contact alternate" in page
     assert sorted(pictures_of(TUTORIALS / "pin_in_lug.md")) == sorted(p.name for p in folder.glob("*.png"))

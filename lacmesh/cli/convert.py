@@ -19,7 +19,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--order",
         choices=("2", "2-full"),
-        help="raise linear cells to serendipity (2) or full quadratic (2-full: HEXA27 ...)",
+        help="raise linear cells to serendipity (2) or full quadratic (2-full: HEXA27 ...), curved on curved skins",
     )
     add_program_option(parser, "refuse cells that this program cannot take")
     add_output_options(parser)

@@ -1,7 +1,8 @@
 """Elevate the order of a mesh: linear cells to serendipity ("2"), or linear and serendipity ones to full quadratic.
 
-New nodes lie at the middle of edges, faces and cells, on the cell's own map if it is quadratic already. Edges and faces
-are identified by their corners, so that the mesh stays conforming; an edge that has a mid-node already keeps it.
+New nodes lie at the middle of edges, faces and cells, on the cell's own map if it is quadratic already; on the curved
+skin of a body they lie on its smooth surface (`lacmesh.smooth`), unless a cell would become invalid. Edges and
+faces are identified by their corners, so that the mesh stays conforming; an edge that has a mid-node already keeps it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS, Cell
 from lacmesh.cutting.assemble import node_entities, nodes_of
@@ -17,7 +19,10 @@ from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
+from lacmesh.quality import validity_of
 from lacmesh.records import dataclass
+from lacmesh.smooth.middles import ways_to_surface
+from lacmesh.smooth.surfaces import SURFACES
 from lacmesh.topology.skin import label_rows
 
 #: family -> the type of its serendipity cell, and of its full quadratic one
@@ -32,6 +37,9 @@ _RAISED = {
     "PYRAM": ("PYRAM13", "PYRAM14"),
 }
 ORDERS = ("2", "2-full")
+#: least Jacobian determinant of a cell, over its mean (`validity`), that curved edges may leave
+_LEAST = 0.2
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -44,8 +52,12 @@ class _Wanted:
     known: Ints  # (m,) the node there already, or -1
 
 
-def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mesh:
+def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True, surface: str = "smooth") -> Mesh:
     """Make the cells quadratic: `order` is "2" (serendipity) or "2-full" (HEXA27, QUAD9, PENTA18, PYRAM14).
+
+    `surface`: `smooth`, new nodes on the outer faces of bodies lie on the smooth surface that these stand for, with
+    edges where it turns by more than 40 degrees; or `faces`, on the faces as they are. A cell whose least Jacobian
+    determinant, over the mean, would fall below 0.2 keeps straight edges; a LacmeshWarning gives their number.
 
     Cells of that order or higher stay as they are. Numbers, groups and data are kept; new nodes are numbered after the
     largest number, and enter a node group that holds every corner of their edge, face or cell (`extend`). If two types
@@ -58,6 +70,8 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mes
     mesh = as_mesh(mesh)
     if order not in ORDERS:
         raise RequestError(f"order is one of {', '.join(ORDERS)}, not {order!r}")
+    if surface not in SURFACES:
+        raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")
     if is_cut(mesh):
         raise CutError("this mesh carries a cut, whose macro-elements depend on the order; elevate the order, then cut")
     targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
@@ -77,7 +91,38 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True) -> Mes
     if new_nodes and mesh.model is not None and mesh.model.periodic:
         message = "the mesh has periodic links: the new nodes on them have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
-    return _merge_blocks(new)
+    return _merge_blocks(_on_surface(mesh, new, new_nodes) if new_nodes and surface == "smooth" else new)
+
+
+def _on_surface(mesh: Mesh, new: Mesh, new_nodes: list[NewNodes]) -> Mesh:
+    """Move the new nodes of a mesh onto the smooth surface of its bodies, except those of cells that it would spoil."""
+    way = np.zeros_like(new.points)
+    for nodes, ways in zip(new_nodes, ways_to_surface(mesh, [nodes.on for nodes in new_nodes]), strict=True):
+        way[nodes.ids[:, 0]] = ways
+    touched = np.flatnonzero(_of_cells(new, (way != 0).any(axis=1)))
+    least = np.minimum(validity_of(new, touched), _LEAST)
+    straight = np.zeros(len(touched), bool)
+    while True:
+        moved = replace(new, points=new.points + way)
+        spoilt = ~straight & ~(validity_of(moved, touched) >= least * (1 - _ROUNDING))
+        if not spoilt.any():
+            break
+        straight |= spoilt
+        for _, _, spoiling in new.select(touched[spoilt]):
+            way[spoiling] = 0.0
+    if straight.any():
+        cells = touched[straight & (new.cell_dim[touched] == new.dim)]
+        message = (
+            f"{len(cells)} cells on curved skins keep straight edges, with which they have a better shape: "
+            f"{new.cell_names(cells)}; refine the mesh there"
+        )
+        warnings.warn(message, LacmeshWarning, stacklevel=3)
+    return moved if way.any() else new
+
+
+def _of_cells(mesh: Mesh, nodes: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(n_cells,): True for cells with some of the nodes (n_nodes,)."""
+    return np.concatenate([nodes[block.nodes].any(axis=1) for block in mesh.blocks])
 
 
 def _target(name: str, full: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -9,26 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
-from lacmesh.reference.shapes import shape
+from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.smooth.few import numbers_of, shapes_of_few
 from lacmesh.smooth.find import FoundShape, Sought, find_shapes
 from lacmesh.smooth.local import centre_heights, edge_heights
-from lacmesh.smooth.parents import Parents, inverse, parents_of
+from lacmesh.smooth.parents import Parents, are_straight, by_corners, inverse, parents_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
-from lacmesh.surface.normals import CREASE_ANGLE
+from lacmesh.surface.normals import CREASE_ANGLE, normals_of, unit
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
 
-_LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC])
+_LINEAR = np.array([TYPE_CODE[name] for name in QUADRATIC if CELLS[name].order == 1])
 #: heights over a face as the user meshed it: at the middles of its edges, and at a quadrangle's centre
 _OVER = 5
 #: degrees: faces that turn by the crease angle itself, nine to a circle, are smooth whatever their last bit
-_ROUNDING = 1e-6
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +67,14 @@ class Smooth:
 def smooth_of(mesh: Mesh, surface: Surface, crease_angle: float | None) -> Smooth:
     """Find the exact shapes and the local fits of a surface; arguments as in `height_of`."""
     parents = parents_of(mesh, surface)
-    there = mean_normals(parents.faces)[0].any(axis=1)  # else it has no extent, or places that are no numbers
+    there = (mean_normals(parents.faces)[0] != 0).any(axis=1)  # else it has no extent, or places that are no numbers
+    there[parents.of[~are_straight(surface)]] = False
+    parents = parents._replace(faces=by_corners(parents.faces))
     rows = np.flatnonzero(np.isin(parents.faces.faces.type, _LINEAR) & there)
     faces = parents.faces.take(rows)
     origin = origin_of(faces.x[faces.faces.distinct_nodes])
     x = faces.x - origin
-    angle = CREASE_ANGLE + _ROUNDING if crease_angle is None else crease_angle
+    angle = CREASE_ANGLE + ROUNDING if crease_angle is None else crease_angle
     few = shapes_of_few(faces, x, angle) if crease_angle is None else ()
     taken = numbers_of(few, len(faces))
     return Smooth(parents, rows, origin, find_shapes(SmoothPatches.of(faces, angle, x, taken), angle, few), taken)
@@ -93,31 +96,89 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
         return None
     taken = np.full(len(over), -1)
     taken[smooth.rows] = smooth.taken
-    value = _of_faces(smooth.parents, surface, over)
+    height = Height(surface.faces.type, _of_faces(smooth.parents, surface, over, smooth.rows))
+    value, lean = _of_surface(smooth, surface, height)
     doubt = np.zeros(len(over))
     doubt[smooth.rows] = smooth.doubt
     of = smooth.parents.of
-    return Height(surface.faces.type, value, taken[of] if (taken >= 0).any() else None, doubt[of])
+    return replace(height, value=value, lean=lean, taken=taken[of] if (taken >= 0).any() else None, doubt=doubt[of])
 
 
-def _of_faces(parents: Parents, surface: Surface, over: Floats) -> Floats:
+def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Floats, Floats]:
+    """(f, 9): heights, and (f, 9, 2): slopes of the smooth surface's normals, at the nodes of the quadratic types.
+
+    The normals are those of exact shapes and of fits, where faces have one, else those of `height`. Faces that a cut
+    has made have the distances of an exact shape from their own nodes, along its normals: the quadratic over their
+    parent misses these by h^4.
+    """
+    value, lean = height.value.copy(), height.slopes_at_nodes
+    of, found = smooth.parents.of, smooth.sought.found
+    cut, source = np.bincount(of)[of] > 1, _sources(smooth)[of]
+    for number, code in np.unique(np.stack([source, surface.faces.type], axis=1)[source >= 0], axis=0):
+        rows, name = np.flatnonzero((source == number) & (surface.faces.type == code)), FACE_TYPES[code]
+        X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
+        x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
+        J = jacobian(name, x, X)
+        if number == len(found):
+            n = _fitted_normals(smooth, rows, name, X)
+        else:
+            at = np.einsum("kn,pns->pks", shape(name, X), x)
+            f, n = (k.reshape(len(rows), len(X), -1) for k in found[number].shape.distance(at.reshape(-1, 3)))
+            out = -f[..., 0] * np.sign((n * normals_of(J)).sum(axis=2))
+            value[rows[cut[rows]], : len(X)] = out[cut[rows]]
+        share = (n * unit(normals_of(J))).sum(axis=2)
+        lean[rows, : len(X), : X.shape[1]] = -np.einsum("pks,pksd->pkd", n, J) / share[..., None]
+    return value, lean
+
+
+def _sources(smooth: Smooth) -> Ints:
+    """(p,): the number of the curved shape that each parent is on; their number for one with fits; -1 for others."""
+    whole, fits = smooth.sought.whole, smooth.sought.fits
+    fitted = smooth.sought.free & (fits.known[whole.node] | (whole.node < 0)).all(axis=1)
+    out = np.full(len(smooth.parents.faces), -1)
+    out[smooth.rows[fitted]] = len(smooth.sought.found)
+    for number, one in enumerate(smooth.sought.found):
+        if one.shape.kind != "plane":
+            out[smooth.rows[one.faces]] = number
+    return out
+
+
+def _fitted_normals(smooth: Smooth, rows: Ints, name: str, X: Floats) -> NDArray[np.floating]:
+    """(p, k, 3): normals at points X (k, dim) of faces (p,) of a type, interpolated from fits at parents' corners."""
+    parents, whole = smooth.parents, smooth.sought.whole
+    mother = parents.of[rows]
+    corner = whole.node[np.searchsorted(smooth.rows, mother)]
+    out = np.zeros((len(rows), len(X), 3))
+    kind = parents.faces.faces.type[mother]
+    for code in np.unique(kind):
+        some, parent = np.flatnonzero(kind == code), CELLS[FACE_TYPES[code]]
+        place = np.einsum(
+            "kn,pnd->pkd", shape(CELLS[name].linear, X), parents.corner[rows[some], : CELLS[name].n_corners]
+        )
+        N = shape(parent.name, place.reshape(-1, 2)[:, : parent.dim]).reshape(len(some), len(X), -1)
+        out[some] = np.einsum("pkn,pns->pks", N, smooth.sought.fits.normal[corner[some, : parent.n_corners]])
+    return out
+
+
+def _of_faces(parents: Parents, surface: Surface, over: Floats, linear: Ints) -> Floats:
     """(f, 9): heights over the faces at the nodes of their quadratic types, from those `over` (p, 5) their parents.
 
-    The children of a warped quadrangle do not lie on it: their distance from it is added, and their points are
-    projected into it by inverting its map.
+    The children of a warped quadrangle do not lie on it, nor do mid-nodes exactly: their distance from it is added, and
+    their points are projected into it by inverting its map. `linear`: rows of the parents that have heights.
     """
     value = np.zeros((len(surface), N_HEIGHTS))
     kind, mother = surface.faces.type, parents.faces.faces.type[parents.of]
     normal = mean_normals(surface)[0]
-    cut = np.bincount(parents.of)[parents.of] > 1
-    for code in np.unique(kind[np.isin(kind, _LINEAR)]):
+    mine = mask_of(len(over), linear)[parents.of]
+    apart = (np.bincount(parents.of)[parents.of] > 1) | ~np.isin(kind, _LINEAR)
+    for code in np.unique(kind[mine]):
         name = FACE_TYPES[code]
         nodes = np.array(CELLS[QUADRATIC[name]].reference)
-        n = CELLS[name].n_corners
-        whole = np.flatnonzero((kind == code) & ~cut)
+        n = CELLS[name].n_nodes
+        whole = np.flatnonzero(mine & (kind == code) & ~apart)
         value[whole, n : len(nodes)] = over[parents.of[whole], : len(nodes) - n]
-        for other in np.unique(mother[cut & (kind == code)]):
-            rows, parent = np.flatnonzero(cut & (kind == code) & (mother == other)), FACE_TYPES[other]
+        for other in np.unique(mother[mine & apart & (kind == code)]):
+            rows, parent = np.flatnonzero(mine & apart & (kind == code) & (mother == other)), FACE_TYPES[other]
             N, dim = shape(name, nodes), CELLS[parent].dim
             x = np.einsum("kn,pns->pks", N, surface.x[surface.faces.nodes[rows, :n]]).reshape(-1, 3)
             ring = surface.x[parents.faces.faces.nodes[parents.of[rows], : CELLS[parent].n_corners]]

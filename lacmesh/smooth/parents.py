@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import gradient, shape
-from lacmesh.surface.record import Surface
+from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
 
 #: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
 #: a cut: the faces are then their own parents
 _NEAR = 1e-3
+#: mid-nodes that are off the chord by no more of the face's size were put there, up to the digits of a file
+_STRAIGHT = 1e-4
 #: of a face of so many corners
 _LINEAR = np.array([0, 0, TYPE_CODE["SEG2"], TYPE_CODE["TRIA3"], TYPE_CODE["QUAD4"]])
 
@@ -56,6 +58,25 @@ def parents_of(mesh: Mesh, surface: Surface) -> Parents:
     outline = _outlines(whole, number)
     corner, good = _places(whole, number, outline)
     return _joined(own, number[: len(surface)], outline, corner[: len(surface)], good)
+
+
+def are_straight(surface: Surface) -> NDArray[np.bool_]:
+    """(f,): True for linear faces, and for those whose other nodes lie on the linear face between their corners."""
+    out = np.ones(len(surface), bool)
+    normal = mean_normals(surface)[0]
+    for name, rows, nodes in surface.by_type():
+        linear = CELLS[name].linear
+        N = shape(linear, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
+        off = surface.x[nodes] - np.einsum("ac,fcs->fas", N, surface.x[nodes[:, : CELLS[linear].n_nodes]])
+        out[rows] = np.abs(np.einsum("fas,fs->fa", off, normal[rows])).max(axis=1) <= _STRAIGHT * surface.size[rows]
+    return out
+
+
+def by_corners(surface: Surface) -> Surface:
+    """Return the linear faces between the corners of a surface's faces."""
+    kind = _LINEAR[surface.n_corners]
+    nodes = np.where(np.arange(MAX_NODES) < surface.n_corners[:, None], surface.faces.nodes, -1)
+    return Surface(surface.x, Faces(kind, nodes), surface.cell, surface.dim, surface.depth)
 
 
 def _macro_of_cell(mesh: Mesh) -> Ints:

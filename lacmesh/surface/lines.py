@@ -134,18 +134,19 @@ def gauss_points(slave: Patches, master: Patches, parts: Intervals, degree: Ints
 
 
 def place_lines(
-    parts: Intervals, code: Ints, slave: Patches, master: Patches, normals: NormalMaps | None, radius: float | None
+    parts: Intervals, code: Ints, slave: Patches, master: Patches, H: NormalMaps, radius: float | None
 ) -> Placed:
-    """Place points on parts by rules `code` (gauss_points); weights include 2 pi r, r = `radius` + x, unless None."""
+    """Place points on parts by rules `code` (gauss_points); weights include 2 pi r, r = `radius` + x, unless None.
+
+    `H`: maps of the slave's normals (`normals.normal_maps`).
+    """
     first, piece, X, w = _rows(code % FITTED)
     s, m = parts.slave[piece], parts.master[piece]
     fs, fm = slave.face[s], master.face[m]
     low, high = parts.ends[piece, 0], parts.ends[piece, 1]
     u = low + X * (high - low)
     x, d = _at(slave.G[fs], u)
-    n = _normals(d) if normals is None else _at(normals.G[fm if normals.of_master else fs], u)[0]
-    with np.errstate(invalid="ignore", divide="ignore"):
-        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+    n = normals_at(H, fs, fm, d, u)
     um, gap, met = meet(master.G[fm], x, n, master.xi[m, :2, 0].mean(axis=1))
     weight = w * (high - low) * np.linalg.norm(d, axis=1)
     if radius is not None:
@@ -159,8 +160,15 @@ def place_lines(
     return Placed(first, piece, xi_s, xi_m, weight, n, gap, met)
 
 
-def _normals(d: Floats) -> Floats:
-    return np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
+def normals_at(H: NormalMaps, face: Ints, other: Ints, d: Floats, u: Floats) -> NDArray[np.floating]:
+    """(n, 3): unit normals at u (n,) of slave faces (n,) with tangents d (n, 3); `other` (n,): the master's faces."""
+    n = np.stack([d[:, 1], -d[:, 0], np.zeros(len(d))], axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if H.are_normals:
+            n = _at(H.G[other if H.of_master else face], u)[0]
+        elif len(H.G):
+            n = n - _at(H.G[face], u)[0][:, :1] * d / np.linalg.norm(d, axis=1, keepdims=True)
+        return np.asarray(n / np.linalg.norm(n, axis=1, keepdims=True))
 
 
 def _fit(

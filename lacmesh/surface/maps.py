@@ -34,15 +34,24 @@ N_MONOMIALS = 9
 
 
 class NormalMaps(NamedTuple):
-    """Maps G (f, 9, 3) of normals that are not the slave faces' own, by slave face or, `of_master`, by master face."""
+    """Maps that the normals of contact follow from, beside the slave's faces themselves.
+
+    G (f, 9, 3): of normals, by slave face or, `of_master`, by master face; (f, 9, 2): of the slopes of the slave's
+    smooth surface to its faces; (0, 9, 3): none, as normals are the slave faces' own.
+    """
 
     G: Floats
-    of_master: bool
+    of_master: bool = False
 
     @classmethod
     def none(cls) -> NormalMaps:
         """Return those of the slave faces' own normals."""
-        return cls(np.empty((0, 9, 3)), False)
+        return cls(np.empty((0, N_MONOMIALS, 3)))
+
+    @property
+    def are_normals(self) -> bool:
+        """True for maps of normals."""
+        return len(self.G) > 0 and self.G.shape[2] == 3
 
     @classmethod
     def constant(cls, n: Floats) -> NormalMaps:
@@ -132,14 +141,14 @@ def at(G: Any, kind: int, u: float, v: float) -> Any:
             G[0, 2] + u * a[2] + v * G[2, 2],
         )
         return x, a, (G[2, 0] + u * G[4, 0], G[2, 1] + u * G[4, 1], G[2, 2] + u * G[4, 2])
-    x0, a0, b0 = _curved(G, 0, u, v)
-    x1, a1, b1 = _curved(G, 1, u, v)
-    x2, a2, b2 = _curved(G, 2, u, v)
+    x0, a0, b0 = curved(G, 0, u, v)
+    x1, a1, b1 = curved(G, 1, u, v)
+    x2, a2, b2 = curved(G, 2, u, v)
     return (x0, x1, x2), (a0, a1, a2), (b0, b1, b2)
 
 
 @kernel(borrows=True)
-def _curved(G: Any, s: int, u: float, v: float) -> Any:
+def curved(G: Any, s: int, u: float, v: float) -> Any:
     """Coordinate s of x and its derivatives, from all nine monomials."""
     c0 = G[0, s] + v * (G[2, s] + v * G[5, s])
     c1 = G[1, s] + v * (G[4, s] + v * G[7, s])
@@ -197,7 +206,7 @@ def _of_points(G: Floats, face: Ints, xi: Floats) -> tuple[Any, ...]:
 def _evaluate_at(G: Any, u: Any, v: Any, p: Any, value: Any, slope: Any) -> None:
     """Do what `_evaluate` does for point p, or for all points."""
     for s in range(G.shape[1]):
-        x, along_u, along_v = _curved(G, s, u, v)
+        x, along_u, along_v = curved(G, s, u, v)
         if len(value) > 0:
             value[p, s] = x
         if len(slope) > 0:

@@ -1,5 +1,11 @@
 """Normals of a surface: the true one at a point of a face, or interpolated nodal ones ("smoothed").
 
+Over a face with the normal N, the tangents t_k and their dual vectors a^k, the smooth surface (`height`) has the normal
+
+    n = m / |m|,   m = N - a^k s_k
+
+with slopes s_k: db/dxi^k for a height b along N, or those of the exact shape, -n.t_k / n.N.
+
 A smoothed normal at a node is the area-weighted mean of the normals of the faces that meet there (the manual's
 3.3.3.2). Faces whose normals differ by more than the crease angle are not averaged: an edge remains an edge.
 """
@@ -15,7 +21,9 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.surface.record import Surface
+from lacmesh.surface.height import padded_nodes
+from lacmesh.surface.maps import NormalMaps, coefficients
+from lacmesh.surface.record import Surface, mean_normals
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given
 CREASE_ANGLE = 40.0
@@ -40,6 +48,38 @@ def unit(v: Floats) -> NDArray[np.floating]:
     return np.divide(v, size, out=np.zeros_like(v), where=size > 0)
 
 
+def dual_vectors(J: Floats) -> NDArray[np.floating]:
+    """Return the dual vectors of tangents J (..., 3, 1 or 2), of that shape; 0 where a face is degenerate."""
+    N = normals_of(J)
+    crossed = J if J.shape[-1] == 1 else np.stack([np.cross(J[..., 1], N), np.cross(N, J[..., 0])], axis=-1)
+    area = (N * N).sum(axis=-1)[..., None, None]
+    return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)
+
+
+def smooth_normals(J: Floats, lean: Floats) -> NDArray[np.floating]:
+    """(..., 3): unit normals of the smooth surface over faces with tangents J (..., 3, k).
+
+    `lean` (..., k): its slopes to the faces.
+    """
+    return unit(unit(normals_of(J)) - (dual_vectors(J) * lean[..., None, :]).sum(axis=-1))
+
+
+def normal_maps(slave: Surface, master: Surface, normals: str, crease_angle: float | None) -> NormalMaps:
+    """Return the maps that the normals of contact follow from; arguments as in `lacmesh.contact_points`."""
+    if normals == "master":
+        return NormalMaps.constant(-mean_normals(master)[0])
+    if normals == "smoothed":
+        return NormalMaps(coefficients(slave, smoothed(slave, crease_angle)))
+    return NormalMaps.none() if slave.height is None else NormalMaps(slave.height.leans)
+
+
+def turning(maps: NormalMaps, n: int) -> NDArray[np.bool_]:
+    """(n,): True for slave faces whose normals are not the faces' own, by their `normal_maps`."""
+    if maps.are_normals:
+        return np.ones(n, bool)
+    return (maps.G != 0).any(axis=(1, 2)) if len(maps.G) else np.zeros(n, bool)
+
+
 def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
     """(f, 9, 3): smoothed unit normals at the nodes of each face, padded with 0.
 
@@ -52,12 +92,20 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
         x = surface.x[nodes]
         X, w = rule(CELLS[name].family, 4)
         area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
-        there = weighted(name, x, np.array(CELLS[name].reference))
-        own[rows, : nodes.shape[1]] = there
-    own = unit(own)
+        own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, x))
     total = _gather(surface, own, np.linalg.norm(area, axis=1), crease_angle)
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
+
+
+def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats, Floats]:
+    """Return the tangents at the nodes of faces of one type, (k, n, 3, dim), and the slopes of normals (k, n, dim).
+
+    `rows` (k,): the faces; `x` (k, n, 3): their nodes.
+    """
+    X, dim = padded_nodes(name), CELLS[name].dim
+    lean = surface.leans(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
+    return jacobian(name, x, X[:, :dim]), lean.reshape(len(rows), len(X), dim)
 
 
 def _gather(surface: Surface, own: Floats, area: Floats, crease_angle: float | None) -> Floats:

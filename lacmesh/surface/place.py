@@ -11,7 +11,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
 from lacmesh.surface.curved import SegmentFace, in_plane
 from lacmesh.surface.fit import fit
-from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at
+from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at, curved
 from lacmesh.surface.moments import Gauss, gauss_rules
 from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import ROOM, centroid
@@ -37,7 +37,7 @@ def place(
     """Place quadrature points on pieces, in the given `order`, by rules `code`.
 
     `functions` (pieces, 2): numbers of fitted functions of the slave face and of the master's. `bend` (pieces,): warp
-    of the slave face, or variation of its normals. `H`: maps of normals, without any for the slave's true ones.
+    of the slave face, or variation of its normals. `H`: `normals.normal_maps`.
     """
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
@@ -116,7 +116,7 @@ def _ellipse_rule(p: Any, n: int, code: int, out: Any, weight: Any) -> Any:
 
 @kernel(borrows=True)
 def normal_at(H: Any, face: int, other: int, du: Any, dv: Any, u: float, v: float) -> Any:
-    """Unit normal of a face at (u, v) and the Jacobian: its true normal, or that of the maps H if there are any.
+    """Unit normal of a face with tangents du, dv at (u, v), and the Jacobian; H: `normals.normal_maps`.
 
     `other`: the master's face.
     """
@@ -125,10 +125,25 @@ def normal_at(H: Any, face: int, other: int, du: Any, dv: Any, u: float, v: floa
     n2 = du[0] * dv[1] - du[1] * dv[0]
     jacobian = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     size = jacobian
-    if len(H.G):
+    if len(H.G) and H.G.shape[2] == 3:
         (n0, n1, n2), _, _ = at(H.G[other if H.of_master else face], CURVED, u, v)
+    elif len(H.G):
+        bu, bv = curved(H.G[face], 0, u, v)[0], curved(H.G[face], 1, u, v)[0]
+        t0, t1, t2 = bu * dv[0] - bv * du[0], bu * dv[1] - bv * du[1], bu * dv[2] - bv * du[2]
+        m0, m1, m2 = n0 / jacobian, n1 / jacobian, n2 / jacobian
+        n0, n1, n2 = n0 - (t1 * m2 - t2 * m1), n1 - (t2 * m0 - t0 * m2), n2 - (t0 * m1 - t1 * m0)
+    if len(H.G):
         size = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     return (n0 / size, n1 / size, n2 / size), jacobian
+
+
+@kernel(borrows=True)
+def _has_own_normals(H: Any, face: int) -> Any:
+    """True if the normals of a face are its own; H: `normals.normal_maps`."""
+    own = len(H.G) == 0 or H.G.shape[2] == 2
+    for k in range(H.G.shape[1] if own and len(H.G) else 0):
+        own = own and H.G[face, k, 0] == 0.0 and H.G[face, k, 1] == 0.0
+    return own
 
 
 @kernel(borrows=True)
@@ -212,7 +227,7 @@ def _place_all(
         slave, master = _side(s, slaves, slaves.y[s], functions[k, 0]), _side(m, masters, y_m, functions[k, 1])
         first, fitted = out.first[row], code[k] % AROUND >= FITTED
         straight = _is_straight(slave) and _is_straight(master)
-        flat = straight and len(H.G) == 0 and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
+        flat = straight and _has_own_normals(H, fs) and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
         patch_s, patch_m = slave.patch, master.patch
         unit = (e[2, 0], e[2, 1], e[2, 2])
         _, c0, c1, c2 = mean_plane(y_m, masters.n[m])

@@ -13,10 +13,10 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
 from lacmesh.surface.clip import clip
-from lacmesh.surface.height import QUADRATIC
+from lacmesh.surface.height import QUADRANGLES
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
-from lacmesh.surface.maps import FLAT, NormalMaps, coefficients
-from lacmesh.surface.normals import smoothed
+from lacmesh.surface.maps import FLAT, NormalMaps
+from lacmesh.surface.normals import normal_maps
 from lacmesh.surface.patches import Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
@@ -73,10 +73,10 @@ def contact_points(
     """Compute the contact points of a slave surface against a master.
 
     `macro` (faces of slave,): the macro-element of each slave face; its own row if None; points of faces with a
-    negative one are left out. `normals`: `facet`, the slave's true normal; `smoothed`, nodal normals averaged over
-    edges with an angle below `crease_angle` degrees (None: 40, and over any edge between faces that the slave's height
-    takes as one shape); or `master`, the mean normal of the master's face, turned round. `axisymmetric`: about the y
-    axis, x >= 0 the radius; weights include 2 pi x.
+    negative one are left out. `normals`: `facet`, the slave's true normal, which is that of the smooth surface where
+    faces have heights; `smoothed`, nodal normals averaged over edges with an angle below `crease_angle` degrees
+    (None: 40, and over any edge between faces that the slave's height takes as one shape); or `master`, the mean normal
+    of the master's face, turned round. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
@@ -101,7 +101,7 @@ def contact_points(
     both = slave, master
     s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
     with np.errstate(over="ignore", invalid="ignore"):
-        H = maps_of_normals(slave, master, normals, crease_angle)
+        H = normal_maps(slave, master, normals, crease_angle)
     s = s.take(np.flatnonzero(macro[s.face] >= 0))
     if search_distance is None:
         search_distance = default_distance(slave, master, macro)
@@ -113,15 +113,6 @@ def contact_points(
     else:
         points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
     return replace(points, macro=macro[points.slave], gap=smooth_gap(points, slave, master))
-
-
-def maps_of_normals(slave: Surface, master: Surface, normals: str, crease_angle: float | None) -> NormalMaps | None:
-    """Return the maps of normals that are not the slave faces' own, None for those."""
-    if normals == "facet":
-        return None
-    if normals == "smoothed":
-        return NormalMaps(coefficients(slave, smoothed(slave, crease_angle)), False)
-    return NormalMaps.constant(-mean_normals(master)[0])
 
 
 def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:
@@ -239,7 +230,7 @@ def _on_faces(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: NormalMaps | None,
+    H: NormalMaps,
     degree: int,
 ) -> ContactPoints:
     pieces = clip(pairs, s, m, reach)
@@ -256,15 +247,17 @@ def _on_faces(
     order, groups = _groups(slave, master, fs, fm, code)
     functions = np.stack([side.functions for side in sides], axis=1)
     bend = np.maximum(s.warp, turned)[fs]
-    placed = place(pieces, order, code, s, m, functions, bend, NormalMaps.none() if H is None else H)
+    placed = place(pieces, order, code, s, m, functions, bend, H)
     groups[:, 3:] = placed.first[groups[:, 3:]]
     return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
 
 
-def _turned(slave: Surface, H: NormalMaps | None) -> NDArray[np.floating]:
+def _turned(slave: Surface, H: NormalMaps) -> NDArray[np.floating]:
     """(f,): deviation of a slave face's normals, with maps H, from its own mean normal; 0 if all are along one line."""
-    if H is None or H.of_master:
+    if not len(H.G) or H.of_master:
         return np.zeros(len(slave))
+    if not H.are_normals:
+        return np.asarray(np.abs(H.G).max(axis=(1, 2)) / np.maximum(slave.size, 1e-300))
     normal, _ = mean_normals(slave)
     return np.asarray(np.maximum(np.abs(H.G[:, 1:]).max(axis=(1, 2)), np.abs(H.G[:, 0] - normal).max(axis=1)))
 
@@ -274,8 +267,8 @@ def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
     f = p.face[rows]
     functions = N_FUNCTIONS[surface.faces.type]
     if surface.height is not None:  # a polynomial in the plane of other faces, which rules integrate without a fit
-        high = (surface.faces.type == TYPE_CODE["QUAD4"]) & surface.height.value.any(axis=1)
-        functions = np.where(high, N_FUNCTIONS[TYPE_CODE[QUADRATIC["QUAD4"]]], functions)
+        high = np.isin(surface.faces.type, QUADRANGLES) & surface.height.value.any(axis=1)
+        functions = np.where(high, N_FUNCTIONS[TYPE_CODE["QUAD9"]], functions)
     return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f], functions[f])
 
 
@@ -286,7 +279,7 @@ def _on_lines(
     m: Patches,
     pairs: Pairs,
     reach: Reach,
-    H: NormalMaps | None,
+    H: NormalMaps,
     radius: float | None,
     degree: int,
 ) -> ContactPoints:

@@ -15,6 +15,7 @@ from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.records import dataclass
 from lacmesh.surface.height import Height
+from lacmesh.surface.maps import values
 from lacmesh.topology.edges import neighbours
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of
 from lacmesh.topology.skin import (
@@ -26,7 +27,7 @@ from lacmesh.topology.skin import (
     Faces,
     find_owners,
 )
-from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
+from lacmesh.topology.winding import is_inverted, relative_listing, turned_over
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9
@@ -90,11 +91,16 @@ class Surface(Described):
 
     def turned_over(self, rows: Ints) -> Surface:
         """Return the surface with some rows of faces flipped, and without heights."""
-        return replace(self, faces=_turned_over(self.faces, rows), height=None)
+        return replace(self, faces=turned_over(self.faces, rows), height=None)
 
     def heights(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights of the smooth surface, outward, over reference points xi (n, 2) of faces (n,)."""
         return np.zeros(len(face)) if self.height is None else self.height.at(face, xi)
+
+    def leans(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
+        """(n, dim): slopes of the normals of the smooth surface to the faces there (`Height.lean`)."""
+        shape = len(face), self.dim
+        return np.zeros(shape) if self.height is None else values(self.height.leans, face, xi)[:, : self.dim]
 
     def by_type(self) -> Iterator[tuple[str, Ints, Ints]]:
         """Iterate over the faces type by type: (type, rows, nodes (k, n_nodes of the type))."""
@@ -153,17 +159,7 @@ def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
     """Flip the faces with a normal that points into the only cell behind them."""
     back = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
     back ^= is_inverted(mesh, parents.cell, plane=True)
-    return _turned_over(faces, parents.face[back])
-
-
-def _turned_over(faces: Faces, rows: Ints) -> Faces:
-    """Flip some rows of the faces."""
-    nodes = faces.nodes.copy()
-    for code in codes(faces.type[rows]):
-        some = rows[faces.type[rows] == code]
-        order = REVERSED[FACE_TYPES[code]]
-        nodes[some[:, None], np.arange(len(order))] = faces.nodes[some[:, None], order]
-    return Faces(faces.type, nodes)
+    return turned_over(faces, parents.face[back])
 
 
 def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:

@@ -20,6 +20,7 @@ from lacmesh.mesh import Ints, Mesh
 from lacmesh.records import dataclass
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.skin import MAX_CORNERS, FaceIncidence, Faces, first_of_each, label_rows
+from lacmesh.topology.winding import is_inverted, turned_over
 
 Bools = NDArray[np.bool_]
 #: most facets of a cell
@@ -123,11 +124,12 @@ class Facets:
 
 
 def boundary_faces(mesh: Mesh) -> tuple[Faces, Ints]:
-    """Return the facets that belong to one cell only, as that cell lists them (outward), and the cells (f,)."""
+    """Return the facets that belong to one cell only, outward also if that cell is inverted, and the cells (f,)."""
     facets = Facets.of(mesh)
     rows, facet = facets.boundary
     cell = facets.solid.cells[rows].astype(np.int64)
-    return facets_of(mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool))), cell
+    faces = facets_of(mesh, FaceIncidence(np.arange(len(cell)), cell, facet, np.ones(len(cell), bool)))
+    return turned_over(faces, np.flatnonzero(is_inverted(mesh, cell, plane=True))), cell
 
 
 def _table() -> NDArray[np.int8]:

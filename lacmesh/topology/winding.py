@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.quadrature import measure, signed_area
-from lacmesh.topology.skin import N_CORNERS, Faces
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, Faces
 
 #: the same face, flipped: it starts from the same corner and has the opposite winding
 REVERSED = {
@@ -33,6 +33,16 @@ def relative_listing(faces: Faces, listed: Faces) -> Ints:
     back = following != other[:, 1]
     segment = n == 2  # two corners only: the start says it all
     return 2 * start + np.where(segment, start, back)
+
+
+def turned_over(faces: Faces, rows: Ints) -> Faces:
+    """Flip some rows of the faces."""
+    nodes = faces.nodes.copy()
+    for code in codes(faces.type[rows]):
+        some = rows[faces.type[rows] == code]
+        order = REVERSED[FACE_TYPES[code]]
+        nodes[some[:, None], np.arange(len(order))] = faces.nodes[some[:, None], order]
+    return Faces(faces.type, nodes)
 
 
 def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> NDArray[np.bool_]:

@@ -125,7 +125,7 @@ _HEXA = Choice(
 )
 _NORMALS = Choice(
     {
-        "facet": "of the slave's faces, or of a plane master's",
+        "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
         "smoothed": "averaged at the nodes and interpolated",
         "master": "of the master's faces",
     }

@@ -37,8 +37,8 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.normals import normals_of, unit
-from lacsolver.contact.faces import by_type, dual_vectors, places, tangents
+from lacmesh.surface.normals import dual_vectors, normals_of, smooth_normals, unit
+from lacsolver.contact.faces import by_type, places, tangents
 from lacsolver.contact.interface import Interface, Pairing, own_macros
 from lacsolver.contact.normals import OtherNormals, other_normals
 from lacsolver.contact.rows import macro_rows, normal_rows, skins_of
@@ -213,8 +213,10 @@ def _derivative(anchors: Anchors, face: Interface, at: _Directions, y: Floats) -
     if d == 3:
         _add_spin(at, y, of_dn, arms)
     if at.others is None:
-        along = of_dn @ dual_vectors(at.J)[:, :d]
-        arms -= along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
+        dual, N = dual_vectors(at.J), unit(normals_of(at.J))
+        along, out = of_dn @ dual[:, :d], np.einsum("psa,ps->pa", dual, at.n)
+        leans = out[:, :, None] * (of_dn @ N[:, :d, None]).transpose(0, 2, 1)
+        arms += leans[..., None] * N[:, None, None, :d] - along.transpose(0, 2, 1)[..., None] * at.n[:, None, None, :d]
     weight = anchors.weight[:, None, None]
     D_T = macro_rows(anchors, slave, master, weight * at.e, m, weight[..., None] * arms)
     if at.others is not None:
@@ -244,7 +246,7 @@ def _directions(
     J = tangents(slave, face, xi)
     others = other_normals(slave, master, pairing.normals, pairing.crease_angle, d, skins_of(slave, master)[1])
     if others is None:
-        H = unit(normals_of(J))
+        H = smooth_normals(J, slave.leans(face, xi))
     elif others.of_master:
         H = others.n[points.master]
     else:

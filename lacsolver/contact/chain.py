@@ -9,9 +9,13 @@ slave coordinates are fixed, and its ray x + r n meets the master's face at xi_b
 This gives the motion of the point on the master and the change of the ray's length r. The gap of the smooth surfaces,
 whose heights move with their faces, changes by dg = dr - (db_m/dxi^b) dxi_bar^b. The change of the normal is
 
-    dn = -a^k (n . dv/dxi^k)                            the face's own normal, a^k the dual vectors of its tangents
+    dn = -a^k (N . dv/dxi^k)                            the face's own normal N, a^k the dual vectors of its tangents
     dn = P N_a dh_a,  P = (1 - n n^T) / |H|             smoothed, n = H / |H|, H = N_a h_a
     dn = dh                                             that of the master's face, n = h
+
+That of a smooth surface, n along N - a^k s_k, leans on the face's own and moves with it at fixed slopes s_k:
+
+    dn = c_k (n . dv/dxi^k) - (n . c_k) (N - (N . n) n) (N . dv/dxi^k) - n (n . c_k) (n . dv/dxi^k),  c_k = -a^k
 
 and in the current measure the weight changes by dw/w = a^k . dv/dxi^k (+ v_r / r in axisymmetry). A point on the edge
 of a mortar segment, which moves by V (`edges`), has V in place of dw/w, and no other derivative.
@@ -216,11 +220,12 @@ def differentiate(skins: Any, points: Any, p: Any, s: Any, m: Any, types: Any, d
         return
     n = (points.normal[p, 0], points.normal[p, 1], points.normal[p, 2])
     if points.current == 1 or k_n == 0:
-        dual = dual_of(tangents_of(skins.x, skins.nodes_s, s, sizes[0], room.dN_s), d)
+        tau = tangents_of(skins.x, skins.nodes_s, s, sizes[0], room.dN_s)
+        dual = dual_of(tau, d)
         if points.current == 1:
             _stretch(skins, points.radial, s, sizes[0], d, dual, room)
         if k_n == 0:
-            _turn(sizes[0], d, dual, n, room)
+            _turn(sizes[0], d, dual, own_normal(tau, d), n, room)
     if k_n == 1:
         for i in range(d):
             room.rows[NORMAL + i, d * (sizes[0] + sizes[1]) + i] = 1.0
@@ -275,14 +280,30 @@ def _stretch(skins: Any, radial: int, s: Any, k_s: int, d: int, dual: Any, room:
             rows[STRETCH, d * a] += N[a] / r
 
 
+@kernel
+def own_normal(tau: Any, d: int) -> Any:
+    """Return the unit normal of a face with two tangents (with the first alone if d is 2)."""
+    t, s = tau
+    if d == 2:
+        size = np.sqrt(t[0] * t[0] + t[1] * t[1])
+        return t[1] / size, -t[0] / size, 0.0 * t[0]
+    N = cross(t, s)
+    size = np.sqrt(dot(N, N))
+    return N[0] / size, N[1] / size, N[2] / size
+
+
 @kernel(borrows=True)
-def _turn(k_s: int, d: int, dual: Any, n: Any, room: Any) -> None:
-    """Write the rows of dn, the change of the face's own normal."""
+def _turn(k_s: int, d: int, dual: Any, N: Any, n: Any, room: Any) -> None:
+    """Write the rows of dn, the change of a normal that leans on the face's own, N."""
+    share, dN = dot(N, n), room.dN_s
+    leans = (N[0] - share * n[0], N[1] - share * n[1], N[2] - share * n[2])
+    along = (dot(dual[0], n), dot(dual[1], n))
     for a in range(k_s):
+        out = along[0] * dN[a, 0] + along[1] * dN[a, 1]
         for i in range(d):
-            c = -(dual[0][i] * room.dN_s[a, 0] + dual[1][i] * room.dN_s[a, 1])
+            c = out * n[i] - dual[0][i] * dN[a, 0] - dual[1][i] * dN[a, 1]
             for j in range(d):
-                room.rows[NORMAL + i, d * a + j] = c * n[j]
+                room.rows[NORMAL + i, d * a + j] = c * n[j] + out * leans[i] * N[j]
 
 
 @kernel(borrows=True)

@@ -23,9 +23,9 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.clip import project
-from lacmesh.surface.lines import meet
+from lacmesh.surface.lines import meet, normals_at
 from lacmesh.surface.maps import NEARLY_FLAT, NormalMaps, at
-from lacmesh.surface.normals import normals_of
+from lacmesh.surface.normals import turning
 from lacmesh.surface.patches import Patches, patches
 from lacmesh.surface.place import normal_at
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle, ray, wedge
@@ -85,20 +85,17 @@ class _Placed(NamedTuple):
 
 
 def edges_of(
-    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, H: NormalMaps | None, axisymmetric: bool
+    face: Ints, other: Ints, slave: Surface, master: Surface, dim: int, H: NormalMaps, axisymmetric: bool
 ) -> EdgePoints:
     """Return quadrature points on the segment edges whose contributions do not cancel between neighbours.
 
-    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `H`: maps of normals, None
-    for the slave faces' own.
+    `face`, `other`: pairs of slave and master faces that have mortar segments in common. `H`: maps of normals
+    (`lacmesh.surface.normals.normal_maps`).
     """
     s, m = patches(slave), patches(master)
     a, b = _pairs(np.unique(face * np.int64(len(master)) + other), s, m, len(master))
-    counts = _counting(s, m, a, b, master, H is not None)
-    if dim == 2:
-        placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric)
-    else:
-        placed = _in_space(s, m, a, b, counts, NormalMaps.none() if H is None else H)
+    counts = _counting(s, m, a, b, master, turning(H, len(slave))[s.face[a]])
+    placed = _in_plane(s, m, a, b, counts, slave, H, axisymmetric) if dim == 2 else _in_space(s, m, a, b, counts, H)
     return _kept(placed, s, m, slave, master)
 
 
@@ -129,11 +126,13 @@ def _count(p: Patches, face: Ints) -> Ints:
     return np.searchsorted(p.face, face, side="right") - np.searchsorted(p.face, face)
 
 
-def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth: bool) -> NDArray[np.bool_]:
+def _counting(
+    s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
     """Return a mask (pairs, 4) of the master patch's edges, by first corner, that do not cancel (corners in the plane).
 
-    These are edges on the boundary of the master; and all edges if the normals are not those of the slave's plane, or
-    if the master is curved.
+    These are edges on the boundary of the master; and all edges if normals differ from those of the slave's plane, as
+    those of `smooth` (pairs,) do, or if the master is curved.
     """
     several = np.bincount(m.face, minlength=len(master)) > 1
     bent = smooth | (s.warp[s.face[a]] > NEARLY_FLAT) | several[m.face[b]]
@@ -142,7 +141,7 @@ def _counting(s: Patches, m: Patches, a: Ints, b: Ints, master: Surface, smooth:
 
 
 def _in_plane(
-    s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], slave: Surface, H: NormalMaps | None,
+    s: Patches, m: Patches, a: Ints, b: Ints, counts: NDArray[np.bool_], slave: Surface, H: NormalMaps,
     axisymmetric: bool,
 ) -> _Placed:  # fmt: skip
     """Return the corners of the master that project into the inside of the slave's chord."""
@@ -152,16 +151,12 @@ def _in_plane(
     face, other = s.face[a], m.face[b]
     xi = _above(s.x[a, 0] + (there * s.area[a])[:, None] * e[:, 0], s, a, there, slave)
     tau, x = tangents(slave, face, xi)[:, :, 0], places(slave, face, xi)
-    true = normals_of(tau[:, :, None])
-    n = true
-    if H is not None:
-        n = np.einsum("kms,km->ks", H.G[other if H.of_master else face][:, [0, 1, 3]], _line(xi))
-    n = n / np.linalg.norm(n, axis=1)[:, None]
+    n = normals_at(H, face, other, tau, xi[:, 0])
     start = m.xi[b, corner, 0]
     u, distance, met = meet(m.G[other], x, n, start)
     share = np.eye(4)[corner]
     nu = np.sign(there - t[row, 1 - corner])[:, None] * e[:, 0]
-    weight = np.linalg.norm(true, axis=1) / np.abs((tau * e[:, 0]).sum(axis=1))
+    weight = np.linalg.norm(tau, axis=1) / np.abs((tau * e[:, 0]).sum(axis=1))
     weight = weight * 2 * np.pi * x[:, 0] if axisymmetric else weight
     # V of the end of a segment: the height of the master's corner over it, times how the chord's normal turns
     h, along = ((m.x[b, corner] - x) * e[:, 2]).sum(axis=1), (s.x[a, 1] - s.x[a, 0])
@@ -173,11 +168,6 @@ def _in_plane(
         a, b, xi, xi_m, n, distance, weight, met & (np.abs(u - start) < _BEYOND) & np.isfinite(distance), turned, share,
         nu,
     )  # fmt: skip
-
-
-def _line(xi: Floats) -> NDArray[np.floating]:
-    """Return the monomials 1, u, u^2 of points on lines, (n, 3)."""
-    return np.stack([np.ones(len(xi)), xi[:, 0], xi[:, 0] ** 2], axis=1)
 
 
 def _above(want: Floats, s: Patches, a: Ints, t: Floats, slave: Surface) -> NDArray[np.floating]:

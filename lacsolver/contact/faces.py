@@ -1,4 +1,4 @@
-"""Positions, tangents and dual vectors at reference points of the faces of a surface."""
+"""Positions and tangents at reference points of the faces of a surface."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
 from lacmesh.surface.maps import coefficients, slopes, values
-from lacmesh.surface.normals import normals_of
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 
 
@@ -32,11 +31,3 @@ def places(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
 def tangents(surface: Surface, face: Ints, xi: Floats) -> NDArray[np.floating]:
     """Return the tangents (points, 3, dim of the surface) of faces at reference points xi (points, 2)."""
     return slopes(coefficients(surface), face, xi, surface.dim)
-
-
-def dual_vectors(J: Floats) -> NDArray[np.floating]:
-    """Return the dual vectors (points, 3, dim) of tangents J of that shape; 0 where a face is degenerate."""
-    N = normals_of(J)
-    crossed = J if J.shape[2] == 1 else np.stack([np.cross(J[:, :, 1], N), np.cross(N, J[:, :, 0])], axis=2)
-    area = (N * N).sum(axis=1)[:, None, None]
-    return np.divide(crossed, area, out=np.zeros_like(J), where=area > 0)

@@ -25,10 +25,8 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
 from lacmesh.surface import Surface
-from lacmesh.surface.maps import NormalMaps, coefficients
-from lacmesh.surface.normals import crease_pairs, normals_of, unit
+from lacmesh.surface.normals import at_nodes, crease_pairs, dual_vectors, normals_of, smooth_normals, unit
 from lacmesh.surface.record import mean_normals
-from lacsolver.contact.faces import dual_vectors
 from lacsolver.space.sparse import sparse
 
 #: by number of corners: the chords of a face whose cross product has the direction of its mean normal
@@ -54,13 +52,6 @@ class OtherNormals(NamedTuple):
     def of_master(self) -> bool:
         """True for one normal of each face of the master."""
         return self.of_faces.shape[1] == 1
-
-    def maps(self, slave: Surface) -> NormalMaps:
-        """Return the maps of the normals over the faces that they belong to."""
-        if self.of_master:
-            return NormalMaps.constant(self.n)
-        nodal = np.where((self.of_faces >= 0)[:, :, None], self.n[self.of_faces], 0.0)
-        return NormalMaps(coefficients(slave, nodal), False)
 
 
 def other_normals(
@@ -94,7 +85,7 @@ def nodal_normals(slave: Surface, crease_angle: float | None, d: int, nodes: Int
     own, position = np.zeros((len(slave), 9, 3)), np.zeros(len(slave), np.int64)
     faces = []
     for name, rows, of_face in slave.by_type():
-        normal, term, change = _face_normals(name, slave.x[of_face], d)
+        normal, term, change = _face_normals(name, *at_nodes(slave, name, rows, slave.x[of_face]), slave.x[of_face], d)
         faces.append((rows, of_face, term, change))
         own[rows, : of_face.shape[1], :d], position[rows] = normal, np.arange(len(rows))
     at, other = crease_pairs(slave, own, crease_angle)
@@ -143,16 +134,18 @@ def _normalised(of_faces: Ints, parts: list, k: int, n_nodes: int, d: int) -> Ot
     return OtherNormals(of_faces, n, sparse((d * k, d * n_nodes), *entries))
 
 
-def _face_normals(name: str, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
+def _face_normals(name: str, J: Floats, lean: Floats, x: Floats, d: int) -> tuple[Floats, Floats, Floats]:
     """Return unit normals n (k, a, d) at the nodes of faces of one type, with nodes at x (k, b, 3), and A n.
 
-    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b.
+    A is the area of the face. The derivative of A n is (k, a, d, b, d), by the displacements of the nodes b. `J`,
+    `lean`: tangents and slopes of the normals at the nodes; n changes as in `chain`.
     """
     dN = gradient(name, np.array(CELLS[name].reference, dtype=float)[:, : CELLS[name].dim])
-    J = np.einsum("abc,kbs->kasc", dN, x)
-    n = unit(normals_of(J))[..., :d]
-    dual = dual_vectors(J.reshape(-1, 3, J.shape[3])).reshape(J.shape)[:, :, :d]
-    dn = -(dual @ dN.transpose(0, 2, 1))[..., None] * n[:, :, None, None, :]
+    n, N = smooth_normals(J, lean)[..., :d], unit(normals_of(J))[..., :d]
+    c = -dual_vectors(J)[..., :d, :] @ dN.transpose(0, 2, 1)
+    out, leans = -(n[..., None] * c).sum(axis=2), N - (N * n).sum(axis=2, keepdims=True) * n
+    c += n[..., None] * out[:, :, None]
+    dn = c[..., None] * n[:, :, None, None, :] + (leans[..., None] * out[:, :, None])[..., None] * N[:, :, None, None]
     A, dA = _areas(name, x, d)
     change = A[:, None, None, None, None] * dn + n[..., None, None] * dA[:, None, None]
     return n, A[:, None, None] * n, change

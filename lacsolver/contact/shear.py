@@ -32,9 +32,9 @@ from scipy.sparse import csr_array
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.coverage import face_measure
-from lacmesh.surface.normals import normals_of, unit
+from lacmesh.surface.normals import dual_vectors, normals_of, unit
 from lacmesh.surface.record import mean_normals
-from lacsolver.contact.faces import dual_vectors, tangents
+from lacsolver.contact.faces import tangents
 from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.zone import Zone
 

@@ -35,7 +35,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacmesh.surface import Surface
-from lacmesh.surface.maps import NormalMaps
+from lacmesh.surface.normals import normal_maps
 from lacsolver.contact.chain import (
     GAP,
     MOST_UNKNOWNS,
@@ -236,10 +236,9 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
     """Return what the derivatives of an interface are summed from; `slave`, `master`: its deformed skins."""
     points, m = face.points, len(face.w)
     skins, nodes = skins_of(slave, master)
-    normals, H = other_normals(slave, master, pairing.normals, pairing.crease_angle, dim, nodes), None
+    normals = other_normals(slave, master, pairing.normals, pairing.crease_angle, dim, nodes)
     if normals is not None:
         skins = skins._replace(normal_of=normals.of_faces, normals=normals.n)
-        H = normals.maps(slave)
     current = int(pairing.measure == "current")
     slope = np.empty((0, 2)) if master.height is None else master.height.slope(points.master, points.xi_master)
     inside = LoopPoints(
@@ -247,7 +246,7 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
         MovingEdges.none(),
     )  # fmt: skip
     runs = runs_of(points.slave, points.master, points.macro, m)
-    edges, of_edges = _edges(face, slave, master, pairing, dim, H)
+    edges, of_edges = _edges(face, slave, master, pairing, dim)
     loops, along = (Loop(inside, face.weight, face.distance, runs), edges), None
     if face.tangents is not None and of_edges is not None:
         along = SlidingPoints(points.slave, points.master, face.tangents), of_edges
@@ -255,12 +254,13 @@ def motion_of(face: Interface, slave: Surface, master: Surface, pairing: Pairing
 
 
 def _edges(
-    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int, H: NormalMaps | None
+    face: Interface, slave: Surface, master: Surface, pairing: Pairing, dim: int
 ) -> tuple[Loop, SlidingPoints | None]:
     """Return the points on the moving edges of mortar segments, with the clearance there.
 
     Beside them they are returned as points of friction, None without.
     """
+    H = normal_maps(slave, master, pairing.normals, pairing.crease_angle)
     edges = edges_of(face.points.slave, face.points.master, slave, master, dim, H, pairing.axisymmetric)
     macro = face.zone.macro[edges.slave]
     weight = edges.weight * pairing.depth(macro)

@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from lacmesh.surface.maps import coefficients, slopes
-from lacmesh.surface.normals import normals_of, unit
+from lacmesh.surface.normals import dual_vectors, normals_of, unit
 from lacsolver.contact import Interface
-from lacsolver.contact.faces import dual_vectors
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import State
 

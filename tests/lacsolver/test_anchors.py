@@ -23,8 +23,10 @@ OPTIONS = list(itertools.product([*PAIRS, ("QUAD4", "QUAD8", 2)], MEASURES, NORM
 class Anchored:
     """A zone with anchors from one deformed state; `slip` in others."""
 
-    def __init__(self, pair, measure="reference", normals="facet", counts=(2, 3), margin=0.15, **options):
-        mesh, self.zone = wavy(*pair, gap=0.1, counts=counts, margin=margin)
+    def __init__(
+        self, pair, measure="reference", normals="facet", counts=(2, 3), margin=0.15, surface="smooth", **options
+    ):
+        mesh, self.zone = wavy(*pair, gap=0.1, counts=counts, margin=margin, surface=surface)
         self.dim, self.rng = pair[2], np.random.default_rng(4)
         self.pairing = Pairing(search_distance=0.6, normals=normals, measure=measure, friction=True, **options)
         self.before = self.shaken(mesh.points, 4e-3)
@@ -94,7 +96,8 @@ def rotation(dim, angle):
 
 @pytest.mark.parametrize("pair", PAIRS, ids=str)
 def test_where_the_anchors_are_slip_is_that_of_the_rows(pair):
-    case = Anchored(pair)
+    """On faces with their own normals."""
+    case = Anchored(pair, surface="faces")
     there, face = case.slip(case.before), case.at(case.before)
     np.testing.assert_allclose((there.D_T - face.B_T).toarray(), 0, atol=1e-13 * np.abs(face.B_T).max())
     np.testing.assert_allclose(there.w, face.w, rtol=1e-13)
@@ -145,6 +148,6 @@ def test_the_derivative_without_anchors(pair, measure, normals):
 @pytest.mark.parametrize("pair, margin", each_option(itertools.product(STRAIGHT, (0.15, -0.05))), ids=str)
 def test_the_derivative_without_anchors_has_moving_edges(pair, margin):
     """Slaves with straight faces, in front of several, and beyond the master's boundary."""
-    case = Anchored(pair, counts=(3, 4), margin=margin)
+    case = Anchored(pair, counts=(3, 4), margin=margin, surface="faces")
     x = case.shaken(case.before, 4e-3)
     assert error(case, lambda x: case.slip(x, Anchors.none()), x) <= (EXACT if margin > 0 or pair[2] == 2 else 1e-5)

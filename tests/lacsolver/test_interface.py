@@ -34,15 +34,15 @@ ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
 
 
 @cache
-def wavy(slave, master, dim, gap=0.1, counts=(3, 4), margin=0.0):
+def wavy(slave, master, dim, gap=0.1, counts=(3, 4), margin=0.0, surface="smooth"):
     """Two blocks that wave, from x = 1 on; the slave stops short of its master's rim by `margin` on each side."""
-    return zone_of(waves(slave, master, dim, gap=gap, counts=counts, margin=margin))
+    return zone_of(waves(slave, master, dim, gap=gap, counts=counts, margin=margin), surface=surface)
 
 
-def zone_of(mesh, slave="slave", master="master"):
+def zone_of(mesh, slave="slave", master="master", surface="smooth"):
     """(the mesh cut, its zone)."""
     made = lacmesh.cut_skin(mesh, slave).mesh
-    return made, Zone.of(made, slave, master)
+    return made, Zone.of(made, slave, master, surface=surface)
 
 
 def values(surface, faces, xi):

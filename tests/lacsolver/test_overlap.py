@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 import warnings
@@ -195,3 +196,66 @@ def test_max_penetration_finds_a_deeper_overlap_and_closes_it(lowered):
     pressed = zone.centre[zone.pressure > 0, 0]
     assert np.abs(pressed).max() > 0.5 * np.sqrt(2 * lowered)
     assert abs(validate(case, mesh).zones[0].overlap - lowered) < 0.1 * lowered
+
+
+CHANNEL = """mesh = "channel.msh"
+model = "plane_strain"
+[[material]]
+young = 1000.0
+poisson = 0.3
+[[contact]]
+slave = "slave"
+master = "master"
+[[displacement]]
+group = "base"
+ux = 0.0
+uy = 0.0
+[[displacement]]
+group = "lid"
+ux = 0.0
+uy = -0.15
+"""
+
+
+def block_in_a_channel(clockwise):
+    """A block in a channel, 3 from either wall and 0.1 above the floor, of cells that are listed `clockwise` or not."""
+    number, cells, first = {}, [], {}
+
+    def node(x, y, body):
+        return number.setdefault((round(x, 9), round(y, 9), body), len(number))
+
+    for body, (x0, x1, y0, y1, h) in enumerate(
+        [(0, 12, 0, 2, 1), (0, 2, 2, 8, 1), (10, 12, 2, 8, 1), (5, 7, 2.1, 6.1, 0.5)]
+    ):
+        for y in np.arange(y0, y1 - 1e-9, h):
+            for x in np.arange(x0, x1 - 1e-9, h):
+                ring = [node(a, b, body == 3) for a, b in ((x, y), (x + h, y), (x + h, y + h), (x, y + h))]
+                cells.append(ring[::-1] if clockwise(body, len(cells)) else ring)
+    paths = {
+        "slave": [(5, 6.1), (5, 2.1), (7, 2.1)], "master": [(2, 8), (2, 2), (10, 2)], "base": [(0, 0), (12, 0)],
+        "lid": [(7, 6.1), (5, 6.1)],
+    }  # fmt: skip
+    sides, groups = [], {}
+    for name, path in paths.items():
+        body, h, first = name in ("slave", "lid"), 0.5 if name in ("slave", "lid") else 1, len(cells) + len(sides)
+        for a, b in itertools.pairwise(np.array(path, float)):
+            places = a + (b - a) * np.linspace(0, 1, 1 + round(np.abs(b - a).max() / h))[:, None]
+            sides += itertools.pairwise([node(*place, body) for place in places])
+        groups[name] = np.arange(first, len(cells) + len(sides))
+    points = np.array([place[:2] for place in number])
+    return Mesh.create(points, [("QUAD4", cells), ("SEG2", sides)], cell_groups=groups)
+
+
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+@pytest.mark.parametrize(
+    "clockwise", [lambda body, k: body < 3, lambda body, k: True, lambda body, k: k % 2], ids=["one", "all", "mixed"]
+)
+def test_cells_that_are_listed_clockwise_change_nothing(clockwise):
+    """The outward side of a body is where its cells are not, whichever way these list their nodes."""
+    forces = []
+    for turned in (lambda body, k: False, clockwise):
+        state = list(march(Problem.of(parse_case(CHANNEL), block_in_a_channel(turned))))[-1]
+        zone = state.zones[0]
+        forces.append(float((zone.pressure * zone.area).sum()))
+    assert forces[0] == pytest.approx(21.5183, rel=1e-5)
+    assert forces[1] == pytest.approx(forces[0], rel=1e-4)

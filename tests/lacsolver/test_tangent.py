@@ -15,9 +15,14 @@ import numpy as np
 import pytest
 
 from lacmesh.cells import CELLS
+from lacmesh.surface import points
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.normals import normals_of, unit
+from lacmesh.surface.rules import FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
+from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
+from tests.coarse_rings import rings
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
 from tests.samples import each_option
@@ -48,7 +53,7 @@ def every(pairs, normals=NORMALS):
 
 
 def raised(surface):
-    """A surface whose linear faces stand for one that is off them by a few hundredths, one number at each edge."""
+    """A surface whose linear faces stand for one that is off them by a few thousandths, one number at each edge."""
     value = np.zeros((len(surface), N_HEIGHTS))
     for name, rows, nodes in surface.by_type():
         if name not in QUADRATIC:
@@ -57,18 +62,23 @@ def raised(surface):
         edges = CELLS[name].edges if surface.dim == 2 else ((0, 1),)
         middles = [surface.x[nodes[:, list(edge)]].mean(axis=1) for edge in edges]
         middles += [surface.x[nodes].mean(axis=1)] if name == "QUAD4" else []
-        value[rows, count : count + len(middles)] = 0.02 * np.sin(9 * np.sum(middles, axis=2)).T
+        value[rows, count : count + len(middles)] = 0.004 * np.sin(9 * np.sum(middles, axis=2)).T
     return replace(surface, height=Height(surface.faces.type, value))
 
 
 class Deformed:
-    """A zone whose skins are moved at random, and what it is there; `smooth`: with heights.
+    """A zone whose skins are moved at random, and what it is there; `smooth`: with heights at random.
+
+    `surface`: of the zone; where it is not `faces` it has the heights of its waves.
 
     With friction among the options its forces are those of pressures and of tractions.
     """
 
-    def __init__(self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15, smooth=False):
-        mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=margin)
+    def __init__(
+        self, slave, master, dim, options, *, gap=0.1, counts=(3, 4), size=4e-3, margin=0.15, smooth=False,
+        surface="smooth",
+    ):  # fmt: skip
+        mesh, zone = wavy(slave, master, dim, gap=gap, counts=counts, margin=margin, surface=surface)
         if smooth:
             zone = replace(zone, slave=raised(zone.slave), master=raised(zone.master))
         self.zone, self.dim, self.pairing = zone, dim, Pairing(search_distance=0.6, **options)
@@ -109,16 +119,53 @@ class Deformed:
 
 @every(STRAIGHT, normals=("facet",))
 def test_straight_faces_with_their_own_normals(pair, options):
-    assert Deformed(*pair, options).errors().max() <= EXACT
+    assert Deformed(*pair, options, surface="faces").errors().max() <= EXACT
+
+
+@pytest.fixture
+def fine_rules(monkeypatch):
+    """Rules of many points, over pieces and along their edges, wherever normals turn."""
+    over_faces, over_lines = points.pair_rule, points.gauss_points
+    monkeypatch.setattr(points, "pair_rule", lambda *a: np.where(over_faces(*a) >= FITTED, over_faces(*a), FAN30))
+    monkeypatch.setattr(points, "gauss_points", lambda *a: np.where(over_lines(*a) == 4, 7, over_lines(*a)))
+    at, weight = np.polynomial.legendre.leggauss(8)
+    monkeypatch.setattr("lacsolver.contact.edges._AT", (at + 1) / 2)
+    monkeypatch.setattr("lacsolver.contact.edges._WEIGHT", weight / 2)
 
 
 @every(STRAIGHT, normals=("facet",))
-def test_heights_over_straight_faces(pair, options):
-    """Derivatives with heights are as exact as without if heights are polynomials; on quadrangles they are not."""
-    made = Deformed(*pair, options, smooth=True)
-    low = made.zone.slave.height.degree == made.zone.master.height.degree == 2
-    assert np.ptp(made.face.points.gap - made.face.points.ray) > 0.02
-    assert made.errors().max() <= (EXACT if low else 1e-5)
+@pytest.mark.parametrize("smooth", [False, True])
+def test_heights_over_straight_faces(pair, options, smooth, fine_rules):
+    """Derivatives with heights, whose normals turn over a face, are as exact as without where rules are."""
+    made = Deformed(*pair, options, smooth=smooth)
+    assert np.ptp(made.face.points.gap - made.face.points.ray) > 0.005
+    turned = (made.face.points.normal * unit(tangent_normals(made))).sum(axis=1)
+    assert turned.min() < 0.9995
+    assert made.errors().max() <= EXACT
+
+
+@every(STRAIGHT, normals=("facet",))
+def test_rules_of_a_few_points_over_normals_that_turn(pair, options):
+    """Rules of a few points leave their derivatives off by what they are themselves."""
+    assert Deformed(*pair, options).errors().max() <= 1e-6
+
+
+@pytest.mark.parametrize("faces", [(6, 6), (6, 12), (12, 6)], ids=str)
+@pytest.mark.parametrize("measure", MEASURES)
+def test_circles_of_a_few_faces(faces, measure, fine_rules, monkeypatch):
+    """Normals of the circle that are at up to 30 degrees to those of its faces."""
+    named = {"turn": 0.3, "kind": "QUAD4", "heights": (0.0,)}
+    pin = {"n": faces[0], "radii": [0.4, 0.7, 1.0], "names": ("pin", "bore", "slave"), **named}
+    hole = {"n": faces[1], "radii": [1.05, 1.5, 2.0], "names": ("hole", "master", "rim"), **named, "turn": 0.0}
+    monkeypatch.setattr("tests.lacsolver.test_tangent.wavy", lambda *_, **__: zone_of(rings(pin, hole, dim=2)))
+    made = Deformed("QUAD4", "QUAD4", 2, {"measure": measure, "normals": "facet"})
+    assert made.errors().max() <= EXACT
+
+
+def tangent_normals(made):
+    """(points, 3): normals of the slave's faces at the points of a zone."""
+    of = made.face.points
+    return normals_of(tangents(made.face.slave, of.slave, of.xi_slave))
 
 
 @every(ANY)

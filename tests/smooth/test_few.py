@@ -172,7 +172,8 @@ def test_smoothed_normals_go_over_the_same_edges():
     radial = surface.x[surface.faces.nodes[:, :2]]
     sides = smoothed(surface, None)[:, :2]
     assert np.abs((sides * radial).sum(axis=2)) == pytest.approx(1)
-    own = smoothed(surface, 40.0)[:, :2]
+    assert height_of(mesh, whole(mesh), 40.0) is None
+    own = smoothed(whole(mesh), 40.0)[:, :2]
     assert np.abs((own * radial).sum(axis=2)) == pytest.approx(np.cos(np.pi / 8))
 
 

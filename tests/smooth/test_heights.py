@@ -16,6 +16,8 @@ from lacmesh.smooth import find, height_of
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.smooth.parents import inverse, parents_of
 from lacmesh.surface import contact_points
+from lacmesh.surface.maps import coefficients, slopes, values
+from lacmesh.surface.normals import smooth_normals, unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from tests.samples import each_option
@@ -166,9 +168,48 @@ def test_what_is_flat_has_no_height():
     assert height_of(cube, Surface.of(cube, np.flatnonzero(cube.cell_dim == 2))) is None
 
 
-def test_quadratic_faces_have_no_height():
+def test_quadratic_faces_that_are_curved_have_no_height():
     mesh = raise_order(rolled(sphere, 5), "2")
+    mesh = replace(mesh, points=mesh.points / np.linalg.norm(mesh.points, axis=1, keepdims=True))
     assert height_of(mesh, whole(mesh)) is None
+
+
+@pytest.mark.parametrize(("kind", "order"), [("TRIA3", "2"), ("QUAD4", "2"), ("QUAD4", "2-full"), ("mixed", "2")])
+@pytest.mark.parametrize("digits", [16, 6])
+def test_quadratic_faces_that_are_straight_have_the_heights_of_linear_ones(kind, order, digits):
+    """Also where mid-nodes are off the chord by the digits of a file: the height is measured from where they are."""
+    linear = rolled(cylinder, 6, kind)
+    mesh = raise_order(linear, order)
+    points = mesh.points.copy()
+    points[linear.n_nodes :] = points[linear.n_nodes :].round(digits)
+    mesh = replace(mesh, points=points)
+    skin, faces = whole(linear), whole(mesh)
+    want, got = replace(skin, height=height_of(linear, skin)), replace(faces, height=height_of(mesh, faces))
+    rng, rows = np.random.default_rng(0), np.arange(len(skin))
+    xi = rng.uniform(0.1, 0.4, (len(rows), 2))
+    np.testing.assert_allclose(got.heights(rows, xi), want.heights(rows, xi), atol=max(10.0**-digits, 1e-14))
+    np.testing.assert_allclose(got.leans(rows, xi), want.leans(rows, xi), atol=10 * max(10.0**-digits, 1e-14))
+
+
+@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+def test_normals_are_those_of_the_shape(surface):
+    """Over flat faces, at a rim too: to h^3, and those of a cylinder have nothing along its axis."""
+    worst = []
+    for n in (5, 10):
+        mesh = rolled(surface, n)
+        skin = whole(mesh)
+        skin = replace(skin, height=height_of(mesh, skin))
+        rows = np.repeat(np.arange(len(skin)), 3)
+        xi = np.tile([[0.2, 0.2], [0.6, 0.1], [0.1, 0.6]], (len(skin), 1))
+        J = slopes(coefficients(skin), rows, xi, 2)
+        got = smooth_normals(J, skin.leans(rows, xi))
+        x, level = values(coefficients(skin), rows, xi), LEVEL[surface]
+        steps = 1e-6 * np.eye(3)
+        want = unit(np.stack([level(x + step) - level(x - step) for step in steps], axis=1))
+        worst.append(np.abs(np.cross(got, want)).max())
+        if surface is cylinder:
+            assert np.abs(got[:, 2]).max() < 1e-6
+    assert worst[0] < 1e-6 or worst[1] < worst[0] / 5 < 1e-3
 
 
 # ---- cut meshes

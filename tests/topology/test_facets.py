@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
+from lacmesh.cells import CELLS
 from lacmesh.topology import facets
-from lacmesh.topology.facets import ALONE, CROWDED, Facets, Solid, pair_facets
+from lacmesh.topology.facets import ALONE, CROWDED, Facets, Solid, boundary_faces, pair_facets
+from lacmesh.topology.winding import face_normals
 from tests.meshes import box, random_mesh
 from tests.topology import plain
 
@@ -49,3 +51,17 @@ def test_a_copy_of_a_cell_is_left_out_and_three_cells_crowd_a_facet():
 def test_no_cells_have_no_facets():
     none = Facets.of(Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])]))
     assert not len(none.opposite) and not len(none.boundary[0])
+
+
+@pytest.mark.parametrize("name", [name for name, cell in CELLS.items() if cell.dim > 1 and cell.order == 1])
+@pytest.mark.parametrize("inverted", [False, True])
+def test_facets_on_the_boundary_are_outward_whichever_way_cells_list_their_nodes(name, inverted):
+    cell = CELLS[name]
+    x = np.array(cell.reference, dtype=float)
+    x = np.pad(x * ([1.0] * (cell.dim - 1) + [-1.0 if inverted else 1.0]), ((0, 0), (0, 3 - cell.dim)))
+    mesh = Mesh.create(x, [(name, [np.arange(cell.n_nodes)])], space_dim=cell.dim)
+    faces, _ = boundary_faces(mesh)
+    assert len(faces) == len(cell.facets)
+    there = faces.nodes[:, :4] >= 0
+    centre = np.where(there[..., None], x[faces.nodes[:, :4]], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
+    assert ((centre - x.mean(axis=0)) * face_normals(mesh, faces)).sum(axis=1).min() > 0

@@ -16,6 +16,7 @@ MODULES = {
     "hertz-engineering": "hertz_engineering",
     "press-fit": "press_fit",
     "curved": "curved",
+    "moved-fits": "moved_fits",
     "manufactured": "manufactured",
     "inf-sup": "inf_sup",
     "friction": "friction",

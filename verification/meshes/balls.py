@@ -28,7 +28,7 @@ def sphere_on_wall(contact: float, gap: float, fineness: int = 10) -> Mesh:
     Cells near it have a size of contact / fineness. Groups: `ball`, `slave` (an arc around the lowest point), `rest`
     (of its surface), `wall`.
     """
-    ball = lacmesh.raise_order(joined({"ball": _section(contact, contact / fineness)}), "2")
+    ball = lacmesh.raise_order(joined({"ball": _section(contact, contact / fineness)}), surface="faces")
     x = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])  # it faces up
     wall = assembled(x, {("SEG2", "wall"): np.array([[0, 1]])}, 2)
     return together([(_round(ball, gap), {}), (wall, {})], keep=True)

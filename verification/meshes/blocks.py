@@ -74,7 +74,7 @@ def boxed(
 def raised(mesh: Mesh, kind: str) -> Mesh:
     """Replace linear cells by cells of the order of `kind`, one of `BLOCK_TYPES`."""
     order = _ORDERS[kind]
-    higher = mesh if order is None else lacmesh.raise_order(mesh, order)
+    higher = mesh if order is None else lacmesh.raise_order(mesh, order, surface="faces")
     return _centred(higher) if kind == "TRIA7" else higher
 
 

@@ -46,7 +46,9 @@ def revolved(section: Body, sectors: int, name: str, turn: float = np.pi / 2) ->
     rows["QUAD4", "x0"] = [number[-1][section.cells[:, ::-1]]]
     used = np.unique(number)
     cells = {key: np.searchsorted(used, np.concatenate(nodes)) for key, nodes in rows.items()}
-    return _rounded(lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], cells, 3), "2"), turn / 2 / sectors)
+    return _rounded(
+        lacmesh.raise_order(assembled(points.reshape(-1, 3)[used], cells, 3), surface="faces"), turn / 2 / sectors
+    )
 
 
 def _solids(section: Body, axis: Bools, before: Ints, after: Ints) -> _Rows:

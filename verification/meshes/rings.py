@@ -76,25 +76,30 @@ def octant(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: 
     return assembled(place, {key: np.concatenate(nodes) for key, nodes in merged.items()}, 3)
 
 
-def sleeve(kind: str, counts: Sequence[int], radii: Sequence[float], length: float) -> Mesh:
+def sleeve(
+    kind: str, counts: Sequence[int], radii: Sequence[float], length: float, *, slope: float = 0.0, jitter: float = 0.0,
+    seed: int = 0,
+) -> Mesh:  # fmt: skip
     """A thick tube about its axis, from its plane of symmetry up to its `length`: a quarter of it in space, its section
     (axisymmetric, the axis is y) in a plane. `counts` along the radius(, around) and along the axis.
 
-    Groups: low, high (the faces), middle (the plane of symmetry), and x0, y0 in space.
+    `slope`: growth of each radius along the axis, over the radius at its start: faces are cones, in space. `jitter` as
+    in `ring`. Groups: low, high (the faces), middle (the plane of symmetry), and x0, y0 in space.
     """
     if CELLS[kind].dim == 2:
-        flat = boxed(kind, *grid(counts, (radii[0], 0.0), (radii[1], length)), (radii[0], 0.0), (radii[1], length))
+        flat = _patch(kind, counts, (radii[0], 0.0), (radii[1], length), jitter=jitter, seed=seed)
         return joined([(flat, {**_FACES_OF_TUBE, "y0": "middle"})], keep=True)
-    low, high = (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length)
+    flat = _patch(kind, counts, (radii[0], 0.0, 0.0), (radii[1], np.pi / 2, length), jitter=jitter, seed=seed)
 
     def around(x: Floats) -> Floats:
         r, angle, z = x.T
+        r = r * (1 + slope * z)
         points = np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
         points[np.abs(points) < 1e-12 * radii[1]] = 0.0
         return points
 
     names = {**_FACES_OF_TUBE, "y1": "x0", "z0": "middle"}
-    return bent(joined([(boxed(kind, *grid(counts, low, high), low, high), names)], keep=True), around)
+    return bent(joined([(flat, names)], keep=True), around)
 
 
 def pair(within: Mesh, around: Mesh, *, slave: str = "within") -> Mesh:

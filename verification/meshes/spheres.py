@@ -31,7 +31,7 @@ def spheres(kind: str, n: int) -> Mesh:
     upper = _hemisphere(linear, CONTACT / n, ("slave", "up", "axis"))
     lower = _mirrored(_hemisphere(linear, COARSER * CONTACT / n, ("master", "down", "axis")))
     mesh = joined({"upper": upper, "lower": lower}, linear)
-    return mesh if kind == linear else _round(lacmesh.raise_order(mesh, "2"))
+    return mesh if kind == linear else _round(lacmesh.raise_order(mesh, surface="faces"))
 
 
 def _hemisphere(linear: str, h: float, names: tuple[str, ...]) -> Body:
