@@ -103,9 +103,10 @@ def active_set_iterates(
         turned = turned or (again and reduction == 0)
         tried |= rows.state != OUT
         found = None
-        if unsplit and not done and reduction == 0 and contact.sheared and pivots.record_exact(rows):
-            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, tried)
-            unsplit = False
+        if unsplit and not done and reduction == 0 and contact.sheared:
+            if pivots.returned(rows):
+                found, unsplit = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, tried), False
+            pivots.record_exact(rows)
         p, rows = found or (p, wanted if done else pivots.next(rows, wanted, reduction == 0))
 
 
@@ -179,13 +180,15 @@ class Pivots:
         self._loose -= loose
         return self._reduction if loose else 0.0
 
-    def record_exact(self, rows: RowSet) -> bool:
-        """Record a set that was solved to round-off; return True if it was before, and others since then."""
+    def returned(self, rows: RowSet) -> bool:
+        """True for a set that was solved to round-off, and others since then."""
         key = rows.state.tobytes()
-        again = key in self._solved and key != self._last
-        self._solved.add(key)
-        self._last = key
-        return again
+        return key in self._solved and key != self._last
+
+    def record_exact(self, rows: RowSet) -> None:
+        """Record a set that was solved to round-off."""
+        self._last = rows.state.tobytes()
+        self._solved.add(self._last)
 
     def next(self, rows: RowSet, wanted: RowSet, exact: bool) -> RowSet:
         """Return the next row set after a solve that asks for the set `wanted`."""
