@@ -112,13 +112,17 @@ def active_set_iterates(
         exact = reduction == 0 and not pivots.springs
         at = Iterate(q, p, rows.active)
         residual = _residual(K, geometric, contact, f, at, tolerance, exact)
-        done = tolerance.fulfilled(residual, q) and not pivots.springs and not (exact and pivots.improves(rows, wanted))
+        met = tolerance.fulfilled(residual, q) and not pivots.springs
+        better = met and exact and pivots.improves(rows, wanted)
+        done = met and not better
         again = done and linear.turns and not turned and residual.gap > _TURNED * tolerance.tolerance
         yield Trial(at, contact, residual, applications, exact=exact and done and not again)
         turned = turned or (again and reduction == 0)
         found = None
-        if exact and not done and pivots.cycles(rows):
-            found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, pivots.tried)
+        if exact and not done:
+            if pivots.cycles(rows):
+                found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, pivots.tried)
+            pivots.record(rows, wanted, better)
         following = wanted if done or found else pivots.next(rows, wanted, reduction == 0, p, tolerance.scale(q))
         if following is None:
             return
@@ -204,12 +208,16 @@ class Pivots:
         return self._reduction if loose else 0.0
 
     def cycles(self, rows: RowSet) -> bool:
-        """Record a set that was solved to round-off; True, once, if it was before and others since, with friction."""
+        """Return True if a set was solved to round-off before, and others since, with friction; until it was once."""
         key = rows.state.tobytes()
-        again = self._splits and key in self._solved and key != self._before
-        self._solved.add(key)
-        self._before, self._splits = key, self._splits and not again
-        return again
+        return self._splits and key in self._solved and key != self._before
+
+    def record(self, rows: RowSet, wanted: RowSet, better: bool) -> None:
+        """Record a set that was solved to round-off; `better`: as an equilibrium that `improves`."""
+        self._splits = self._splits and not self.cycles(rows)
+        self._before = rows.state.tobytes()
+        self._solved.add(self._before)
+        self._least = len(rows.changes(wanted)) if better else self._least
 
     def improves(self, rows: RowSet, wanted: RowSet) -> bool:
         """Return True if fewer rows of an equilibrium ask for another state than of those before.
@@ -218,9 +226,7 @@ class Pivots:
         of thin bodies it may carry a part of the load.
         """
         changes = len(rows.changes(wanted)) if self._skin else 0
-        better = 0 < changes < self._least
-        self._least = min(self._least, changes)
-        return better
+        return 0 < changes < self._least
 
     def softened(self, contact: ContactSystem) -> ContactSystem:
         """Return a contact system with the springs of this level."""
