@@ -125,9 +125,11 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
     pressure, gap = zone.pressure[paired], zone.gap[paired]
     covered = (zone.area * zone.coverage)[zone.status >= CONTACT]
     contact_area = float(covered.sum())
+    mean = float(covered @ zone.pressure[zone.status >= CONTACT]) / contact_area if contact_area > 0 else np.nan
     return ZoneFigures(
         pressure_min=_least(pressure),
         pressure_max=-_least(-pressure),
+        pressure_mean=mean,
         gap_min=_least(gap),
         gap_max=-_least(-gap),
         contact_area=contact_area,
@@ -139,9 +141,6 @@ def zone_figures(zone: ZoneState, slave: Ints, x: Floats) -> ZoneFigures:
         open=int((zone.status == OPEN).sum()),
         unpaired=int((~paired).sum()),
         friction=None if zone.friction is None else _friction(zone, zone.friction),
-        pressure_mean=float(covered @ zone.pressure[zone.status >= CONTACT]) / contact_area
-        if contact_area > 0
-        else np.nan,
     )
 
 

@@ -63,6 +63,7 @@ class ZoneFigures(Described):
 
     pressure_min: float
     pressure_max: float
+    pressure_mean: float
     gap_min: float
     gap_max: float
     contact_area: float
@@ -74,7 +75,6 @@ class ZoneFigures(Described):
     open: int
     unpaired: int
     friction: FrictionFigures | None = None
-    pressure_mean: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

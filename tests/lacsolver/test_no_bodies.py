@@ -17,7 +17,7 @@ from tests.lacsolver.patch_meshes import stack
 
 SOLID = GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0")
 WHY = "where there are physical groups, gmsh saves their cells alone: add one of the {}, or save as msh 4.1 with "
-WHY += "Mesh.SaveAll = 1"
+WHY += "Mesh.SaveAll = 1 (msh 2.2 loses all groups then)"
 
 
 def without(mesh, dim):

@@ -42,7 +42,7 @@ def run(tmp_path_factory):
 def test_keys_of_results(run):
     told = json.loads((run.folder / "results.json").read_text())
     figures = [f.name for f in record_fields(ZoneFigures) if f.name != "friction"] + list(FrictionFigures._fields)
-    zone = ["slave", "master", "why", *figures, "adjusted", "overlap_at_start"]
+    zone = ["slave", "master", "why", *figures, "adjusted", "gap_bridged", "overlap_at_start"]
     listed = first_cells(part(r"results\.json"))
     assert [key for key in listed if key not in ("message", "units", "pretension", "cyclic")] == [*told, *zone]
     assert all(f"`{word}`" in part(r"results\.json") for word in (*STEP_KEYS, *STATUSES))

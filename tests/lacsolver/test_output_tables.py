@@ -40,6 +40,7 @@ def schema(dim, message=False):
     vector = {"type": "array", "items": NUMBER, "minItems": dim, "maxItems": dim}
     zone = exactly(
         **{f"{what}_{end}": NUMBER for what in ("pressure", "gap") for end in ("min", "max")},
+        pressure_mean=NUMBER,
         contact_area=NUMBER,
         resultant=vector,
         moment=vector if dim == 3 else NUMBER,

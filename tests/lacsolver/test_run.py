@@ -119,12 +119,14 @@ def test_zones_are_the_states_too(made):
         slave = np.unique(next(j.zone.slave.faces.nodes for j in made.problem.joints if j.name == zone.name))
         force = zone.force[slave[slave >= 0]]
         x = made.problem.space.mesh.points[slave[slave >= 0]]
+        area = (zone.area * zone.coverage)[zone.status == CONTACT]
         figures = {
             "pressure_min": zone.pressure[on].min(),
             "pressure_max": zone.pressure[on].max(),
+            "pressure_mean": area @ zone.pressure[zone.status == CONTACT] / area.sum(),
             "gap_min": zone.gap[on].min(),
             "gap_max": zone.gap[on].max(),
-            "contact_area": (zone.area * zone.coverage)[zone.status == CONTACT].sum(),
+            "contact_area": area.sum(),
             "resultant": force.sum(axis=0),
             "moment": np.cross(x, force).sum(axis=0),
             "coverage_min": zone.coverage.min(),
