@@ -495,9 +495,15 @@ def test_validate_says_where_nothing_is_cut(folder, capsys, kind):
     assert "not needed: every slave face is a macro-element as it is" in capsys.readouterr().out
 
 
-def test_validate_says_of_a_cut_without_records_that_the_mesh_has_it(folder, capsys):
+def test_validate_warns_of_a_cut_without_records_and_takes_it_once_it_is_recognised(folder, capsys):
     mesh = lacmesh.cut_skin(blocks(), "slave").mesh
-    put(replace(mesh, cell_data={}, node_data={}), folder)
+    bare = replace(mesh, cell_data={}, node_data={})
+    put(bare, folder)
+    assert main(["validate", "case.toml"]) == 0
+    printed = capsys.readouterr()
+    assert "of an earlier cut without records, and are cut again" in " ".join((printed.out + printed.err).split())
+    assert "present in the mesh" not in printed.out
+    put(lacmesh.recognise(bare, "slave").mesh, folder)
     assert main(["validate", "case.toml"]) == 0
     assert "present in the mesh" in capsys.readouterr().out
 

@@ -45,10 +45,10 @@ def test_check_says_shapes(file, capsys):
 
 
 def test_a_cut_without_records_is_found_again():
-    """By the check; what is asked from Python must be recognised first."""
+    """By the check, where it is asked to; from Python the cut must be recognised first."""
     cut = cut_skin(block("TETRA4", shell), "skin").mesh
     bare = replace(cut, cell_data={}, node_data={}, zones=())
-    assert [one["shape"] for one in check(bare, "skin").summary["shapes"]["skin"]] == ["sphere"]
+    assert [one["shape"] for one in check(bare, "skin", recognise=True).summary["shapes"]["skin"]] == ["sphere"]
     assert [one.shape for one in fit_surface(bare, "skin")] == ["free form"]
 
 
@@ -57,7 +57,7 @@ def test_gaps_of_a_cut_without_records_are_those_of_the_cut():
     within, around = (octant("TETRA4", (1, n), r) for n, r in ((4, (1.0, 2.0)), (3, (2.1, 3.0))))
     cut = cut_skin(pair(within, around), "slave").mesh
     bare = replace(cut, cell_data={}, node_data={}, zones=())
-    gap, again = (check(mesh, "slave", "master").summary["gap"] for mesh in (cut, bare))
+    gap, again = (check(mesh, "slave", "master", recognise=True).summary["gap"] for mesh in (cut, bare))
     assert again == pytest.approx(gap, rel=1e-12)
 
 

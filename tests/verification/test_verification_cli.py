@@ -119,7 +119,6 @@ def test_a_run_goes_to_build_by_default(fakes, tmp_path, monkeypatch, capsys):
         ("run -j many", "many is no number of processes"),
         ("run --jobs -1", "-1 is no number of processes"),
         ("rum", "invalid choice: 'rum'"),
-        ("", "COMMAND"),
     ],
 )
 def test_a_wrong_command_is_one_sentence(tmp_path, monkeypatch, capsys, words, said):
