@@ -128,11 +128,16 @@ def march(
         for step, outcome, converged in _marched(model, state, times, progress):
             left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
-            acted = acted or bool(converged.u.any() or outcome.iterate.p.any())
+            acted = acted or _acts(step, converged.u, outcome.iterate.p)
             yield converged
     if not acted:
         message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"
         warnings.warn(LacmeshWarning(f"{message}, and all displacements are 0; add one"), stacklevel=2)
+
+
+def _acts(step: LoadStep, u: Floats, p: Floats) -> bool:
+    """Return True if displacements u (n_dof,), pressures p (m,), loads or the forces of strains are not 0."""
+    return bool(u.any() or p.any() or step.load(u).any() or step.internal_force(u).any())
 
 
 def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:

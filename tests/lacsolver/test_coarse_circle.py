@@ -123,7 +123,7 @@ def test_a_crease_angle_that_is_given_is_kept(recwarn):
     """Eight faces are then a polygon, whose sides the twelve of the hole do not touch."""
     zone = solve(case(crease_angle=40.0), pressed("QUAD4", 8, 12)).state.zones[0]
     assert (zone.pressure == 0).all()
-    assert not recwarn.list
+    assert [str(one.message).partition(":")[0] for one in recwarn.list] == ["nothing acts on the bodies"]
 
 
 def test_a_square_stays_a_square(recwarn):
