@@ -27,6 +27,7 @@ from lacsolver.contact.interface import with_shear
 from lacsolver.numbering import selection, unknown_of_each
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.problem import build
+from lacsolver.problem.roles import only_master_is_plane
 from lacsolver.problem.skin import mesh_of
 
 #: names of the arrays of B in a file, those of `scipy.sparse.save_npz`, and of the arrays beside it
@@ -195,6 +196,8 @@ def contact_matrices(
         raise RequestError(f"{message}: contact_matrices(case, mesh), contact_matrices(mesh, slave, master)")
     mesh = lacmesh.cut_skin(as_mesh(mesh), slave, hexa=hexa).mesh
     zone = Zone.of(mesh, slave, master, surface=surface, crease_angle=crease_angle)
+    if normals == "facet" and only_master_is_plane(zone, crease_angle):
+        normals = "master"
     pairing = Pairing(
         normals, crease_angle, search_distance, max_penetration, axisymmetric, thickness, measure, _value(clearance)
     )

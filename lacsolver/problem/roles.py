@@ -29,6 +29,7 @@ from lacmesh.topology.skin import find_owners
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors
+from lacsolver.contact.zone import Zone
 from lacsolver.problem.pair import ContactPair
 from lacsolver.space.places import wrong
 
@@ -91,18 +92,21 @@ def _by_master(pair: ContactPair, case: Case, mesh: Mesh) -> bool:
     then the master is stiffer.
     """
     record, zone = pair.record, pair.zone
-    if not _is_plane(zone.master, record.crease_angle):
-        return False
-    if not _is_plane(zone.slave, record.crease_angle):
-        return True
     assert isinstance(record, Contact)
-    if not (pair.moving and pair.pairing.friction):
+    if only_master_is_plane(zone, record.crease_angle):
+        return True
+    if not (pair.moving and pair.pairing.friction and is_plane(zone.master, record.crease_angle)):
         return False
     slave, master = (_Side(case, mesh, name, record) for name in (record.slave, record.master))
     return master.stiffness > slave.stiffness * _RATIO
 
 
-def _is_plane(skin: Surface, crease_angle: float | None) -> bool:
+def only_master_is_plane(zone: Zone, crease_angle: float | None) -> bool:
+    """Return True if the master is plane and the slave is not, so that the direction of contact is the master's."""
+    return is_plane(zone.master, crease_angle) and not is_plane(zone.slave, crease_angle)
+
+
+def is_plane(skin: Surface, crease_angle: float | None) -> bool:
     """True if a skin consists of planes that meet at creases."""
     n, _ = mean_normals(skin)
     for name, rows, nodes in skin.by_type():

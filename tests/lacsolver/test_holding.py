@@ -16,7 +16,7 @@ from lacsolver.case import parse_case
 from lacsolver.output import create_output
 from lacsolver.running import run
 
-#: a bar between two jaws, the lower one fixed, the upper one pressed down; nothing holds the bar but contact
+#: a bar of rough faces between two jaws, the lower one fixed, the upper one pressed down; nothing holds the bar but contact
 CASE = """
 mesh = "nowhere.msh"
 model = "plane_strain"
@@ -30,11 +30,13 @@ name = "below"
 slave = "bar_below"
 master = "jaw_below"
 search_distance = 1.0
+surface = "faces"
 [[contact]]
 name = "above"
 slave = "bar_above"
 master = "jaw_above"
 search_distance = 1.0
+surface = "faces"
 [[displacement]]
 group = "floor"
 ux = 0.0
@@ -61,13 +63,17 @@ def rows(n, x, low, high):
 
 
 def clamped(slope):
-    """Jaws and bar: the bar's skins, of y = 1 and 2, have facets that fall and rise by turns with this slope."""
+    """Jaws and bar: the bar's skins, of y = 1 and 2, have facets that fall and rise by turns with this slope.
+
+    An end of the jaws, beside the bar, is worn: of plane masters the normals would be the direction of contact.
+    """
     n = 8
     x = np.linspace(0.0, 4.0, n + 1)
     tooth = slope * (x[1] - x[0]) * (np.arange(n + 1) % 2)
     saw = np.where(np.arange(n + 1) % 4 == 2, 0.0, tooth)
-    parts = [rows(n, np.linspace(-1.0, 5.0, n + 1), 0.0, 1.0), rows(n, x, 1.0 + saw, 2.0 - saw)]
-    parts.append(rows(n, np.linspace(-1.0, 5.0, n + 1), 2.0, 3.0))
+    jaw = np.linspace(-1.0, 5.0, n + 1)
+    worn = 0.05 * (jaw < -0.9)
+    parts = [rows(n, jaw, 0.0, 1.0 - worn), rows(n, x, 1.0 + saw, 2.0 - saw), rows(n, jaw, 2.0 + worn, 3.0)]
     start = 2 * (n + 1) * np.arange(3)
     quads = np.concatenate([q + s for (_, q, _, _), s in zip(parts, start, strict=True)])
     (floor, jaw_below), (bar_below, bar_above), (jaw_above, roof) = (
@@ -174,6 +180,7 @@ poisson = 0.3
 slave = "pin_skin"
 master = "bore"
 search_distance = 0.5
+surface = "faces"
 [[displacement]]
 group = "lug_skin"
 ux = 0.0
