@@ -138,7 +138,8 @@ class _SchurLoop:
         size = np.broadcast_to(K.vectors.size, start.shape)
         stiff = np.abs(K.scaling * size)[self.bent] if len(self.bent) else np.empty(0)
         # residuals divided by it are lengths, relative to the size of the bodies
-        self.unit = np.concatenate([rows.w[active] * largest_of_rows(rows.B[active], K.vectors.size), stiff])
+        moved = largest_of_rows(rows.B[active], K.vectors.size)
+        self.unit = np.concatenate([rows.w[active] * np.where(moved > 0, moved, 1.0), stiff])
         self.QB = self.preconditioner.QB
         self.QD = np.concatenate([self.preconditioner.QD, self.C @ K.R])
 
