@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacsolver.contact.laws import Bools, RowState, Unilateral
 
-#: slope, as a fraction of the stiffness of the skin, below which a tangent is none: a curve may begin without a slope
+#: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
 _LEAST = 1e-6
-#: the same before anything presses: a body on such a slope would go far beyond the overlap under its load
+#: slope below which, before anything presses, a row is as stiff as the skin: a body on such a slope would go far beyond the overlap under its load
 _LEAST_AT_FIRST = 1e-2
 #: times that a pressure is farther along the tangent than on the curve, from which on the tangent is much too soft
 _FARTHER = 100.0
@@ -69,15 +69,15 @@ class Curved(Unilateral):
     def linearise(self, rows: RowState) -> tuple[Floats, Floats]:
         """Return the tangent where the line through gap and pressure, as stiff as the skin, meets the curve.
 
-        Where it does not, or the curve has hardly a slope there, a row that is to hold a body is as stiff as the skin:
-        the beginning of a curve says little about the overlap under a load. With a pressure, and where that is much
+        Where it does not, or at first the curve has hardly a slope there, a row that is to hold a body is as stiff as
+        the skin: the beginning of a curve says little about the overlap under a load. With a pressure, and where that is much
         farther along the tangent than on the curve, it takes the chord to the point with that pressure.
         """
         k, pressure = rows.skin_stiffness, rows.pressure
         gap = np.minimum(self.meeting(pressure - k * rows.gap, k), self.reach)
         p, slope = self.pressure(gap), self.slope(gap)
-        flat = (slope < (_LEAST if pressure.any() else _LEAST_AT_FIRST) * k) | (gap == self.reach)
-        slope[flat] = k[flat]
+        flat = gap == self.reach if pressure.any() else slope < _LEAST_AT_FIRST * k
+        slope = np.where(flat, k, np.maximum(slope, _LEAST * k))
         more = np.flatnonzero((pressure > p) & (flat | (slope < k)))
         deeper, rise = gap[more] - self.gap_of(pressure[more]), pressure[more] - p[more]
         farther = flat[more] | (rise > _FARTHER * slope[more] * np.maximum(deeper, _LEAST * (self.reach - gap[more])))
