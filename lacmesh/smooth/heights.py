@@ -112,18 +112,18 @@ def _of_surface(smooth: Smooth, surface: Surface, height: Height) -> tuple[Float
     parent misses these by h^4.
     """
     value, lean = height.value.copy(), height.slopes_at_nodes
-    of, found = smooth.parents.of, smooth.sought.found
+    of, shapes = smooth.parents.of, smooth.sought.found
     cut, source = np.bincount(of)[of] > 1, _sources(smooth)[of]
     for number, code in np.unique(np.stack([source, surface.faces.type], axis=1)[source >= 0], axis=0):
         rows, name = np.flatnonzero((source == number) & (surface.faces.type == code)), FACE_TYPES[code]
         X = np.array(CELLS[QUADRATIC[name]].reference, dtype=float)
         x = surface.x[surface.faces.nodes[rows, : CELLS[name].n_nodes]] - smooth.origin
         J = jacobian(name, x, X)
-        if number == len(found):
+        if number == len(shapes):
             n = _fitted_normals(smooth, rows, name, X)
         else:
             at = np.einsum("kn,pns->pks", shape(name, X), x)
-            f, n = (k.reshape(len(rows), len(X), -1) for k in found[number].shape.distance(at.reshape(-1, 3)))
+            f, n = (k.reshape(len(rows), len(X), -1) for k in shapes[number].shape.distance(at.reshape(-1, 3)))
             out = -f[..., 0] * np.sign((n * normals_of(J)).sum(axis=2))
             value[rows[cut[rows]], : len(X)] = out[cut[rows]]
         share = (n * unit(normals_of(J))).sum(axis=2)

@@ -104,7 +104,7 @@ def _middles_of(smooth: Smooth) -> _Middles:
 
 def _ways(smooth: Smooth, one: _Middles, two: _Middles) -> NDArray[np.floating]:
     """(k, 3): the ways from middles, which lie in one face each, or in two."""
-    flat = np.array([*(found.shape.kind == "plane" for found in smooth.sought.found), True])
+    flat = np.array([*(one.shape.kind == "plane" for one in smooth.sought.found), True])
     bent = ~flat[one.shape] | ~flat[two.shape] | (one.height != 0) | (two.height != 0)
     way = np.zeros((len(one.x), 3))
     for _ in range(_STEPS):
@@ -129,11 +129,11 @@ def _left(smooth: Smooth, side: _Middles, way: Floats) -> tuple[Floats, Floats, 
     The last (k,): True for exact shapes; a plane between two rows of nodes of curved shapes is none.
     """
     n, left, exact = side.normal.copy(), side.height - (side.normal * way).sum(axis=1), np.zeros(len(way), bool)
-    for number, found in enumerate(smooth.sought.found):
+    for number, one in enumerate(smooth.sought.found):
         rows = np.flatnonzero(side.shape == number)
-        if found.shape.kind == "plane":
+        if one.shape.kind == "plane":
             rows = rows[side.height[rows] == 0]
-        f, normal = found.shape.distance((side.x + way)[rows])
+        f, normal = one.shape.distance((side.x + way)[rows])
         sign = np.copysign(1.0, (normal * n[rows]).sum(axis=1))
         n[rows], left[rows], exact[rows] = sign[:, None] * normal, -f * sign, True
     return n, left, exact

@@ -21,7 +21,8 @@ from lacsolver.contact.laws import Bools, RowState, Unilateral
 
 #: least slope of a tangent, as a fraction of the stiffness of the skin: a curve may begin without a slope
 _LEAST = 1e-6
-#: slope below which, before anything presses, a row is as stiff as the skin: a body on such a slope would go far beyond the overlap under its load
+#: slope below which, before anything presses, a row is as stiff as the skin: a body on such a slope would go far beyond
+#: the overlap under its load
 _LEAST_AT_FIRST = 1e-2
 #: times that a pressure is farther along the tangent than on the curve, from which on the tangent is much too soft
 _FARTHER = 100.0
@@ -70,8 +71,8 @@ class Curved(Unilateral):
         """Return the tangent where the line through gap and pressure, as stiff as the skin, meets the curve.
 
         Where it does not, or at first the curve has hardly a slope there, a row that is to hold a body is as stiff as
-        the skin: the beginning of a curve says little about the overlap under a load. With a pressure, and where that is much
-        farther along the tangent than on the curve, it takes the chord to the point with that pressure.
+        the skin: the beginning of a curve says little about the overlap under a load. With a pressure, and where that
+        is much farther along the tangent than on the curve, it takes the chord to the point with that pressure.
         """
         k, pressure = rows.skin_stiffness, rows.pressure
         gap = np.minimum(self.meeting(pressure - k * rows.gap, k), self.reach)

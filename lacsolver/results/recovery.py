@@ -179,7 +179,7 @@ def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -
 def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> NDArray[np.floating]:
     """Return the factors (n,) `_RIM` for macro-elements on the boundary and their neighbours, and 1 for the others.
 
-    The rim is the boundary of the slave and that of the `unpaired` macro-elements.
+    Their boundary is that of the slave and that of the `unpaired` macro-elements.
     """
     ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
     rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)]) | _beside(touch, unpaired, 1)

@@ -962,6 +962,7 @@ CASES = {
     "measured": KeyCase(plane, MEASURED),
     "slid": KeyCase(plane, SLID),
     "smooth": KeyCase(roof, ROOF),
+    "by the master": KeyCase(roof, ROOF.replace("smoothed", "master")),
     "creased": KeyCase(roof, ROOF.replace(_ROOFED, _CREASED)),
     "tied faces": KeyCase(roof, ROOF.replace(_ROOFED, 'surface = "faces"\n').replace("contact", "tie")),
     "tied creased": KeyCase(roof, ROOF.replace(_ROOFED, _CREASED).replace("contact", "tie")),

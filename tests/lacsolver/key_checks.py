@@ -367,6 +367,11 @@ def check_smooth(ran):
     np.testing.assert_allclose(ran.table("slave")["gap"], [gap_below(smooth=True)] * 2, rtol=1e-6)
 
 
+def check_by_the_master(ran):
+    """The direction of contact is that of the plane above."""
+    np.testing.assert_allclose(ran.table("slave")["gap"], [0.5 + 0.25 / 4] * 2, rtol=1e-12)
+
+
 def check_creased(ran):
     """An edge that turns by 28 degrees stays sharp, or is that of the faces."""
     np.testing.assert_allclose(ran.table("slave")["gap"], [gap_below(smooth=False)] * 2, rtol=1e-12)
@@ -544,6 +549,7 @@ CHECKS: dict[str, Callable[[Ran], None]] = {
     "measured": check_measured,
     "slid": check_slid,
     "smooth": check_smooth,
+    "by the master": check_by_the_master,
     "creased": check_creased,
     "tied faces": check_tied,
     "tied creased": check_tied,

@@ -288,7 +288,8 @@ def test_closest_points_against_a_search(kind):
     np.testing.assert_allclose(np.linalg.norm(closest.way, axis=1), closest.distance, rtol=1e-12)
 
 
-def test_adjust_is_a_length_above_zero():
-    for value in ("0", "-1.0"):
-        with pytest.raises(CaseError, match="adjust"):
-            parse_case(pressed(3, f"{JOINT}adjust = {value}\n"))
+def test_adjust_is_a_length():
+    """Nodes that overlap alone are moved with 0, as with ADJUST=0.0 of decks."""
+    with pytest.raises(CaseError, match="adjust"):
+        parse_case(pressed(3, f"{JOINT}adjust = -1.0\n"))
+    assert parse_case(pressed(3, f"{JOINT}adjust = 0\n")).contact[0].adjust == 0

@@ -16,7 +16,7 @@ from lacsolver.case import parse_case
 from lacsolver.output import create_output
 from lacsolver.running import run
 
-#: a bar of rough faces between two jaws, the lower one fixed, the upper one pressed down; nothing holds the bar but contact
+#: a bar of rough faces between two jaws, the lower one fixed, the upper one pressed down; contact alone holds the bar
 CASE = """
 mesh = "nowhere.msh"
 model = "plane_strain"

@@ -192,8 +192,8 @@ def zone_state(space, time, k=0):
 def figures(space, time):
     d = space.dim
     zone = ZoneFigures(
-        0.0, 10 * time, 5 * time, float("nan"), 0.5, 4.0, np.arange(1.0, d + 1), np.ones(3) if d == 3 else np.array(2.5),
-        0.25, 1.0, 3, 2, 1,
+        0.0, 10 * time, 5 * time, float("nan"), 0.5, 4.0, np.arange(1.0, d + 1),
+        np.ones(3) if d == 3 else np.array(2.5), 0.25, 1.0, 3, 2, 1,
     )  # fmt: skip
     return StepFigures(
         time, 5, 1, (1.0, 1e-12), {"base": time * np.arange(1.0, d + 1)}, {"PA, top": np.full(d, -time)},

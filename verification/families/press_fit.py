@@ -184,9 +184,9 @@ def solve_hub(cell: str, slave: Literal["within", "around"], *, levels: int) -> 
 _PRESSURE, _ALLOWED = 63.46, 0.05
 
 
-def solve_example(*, levels: int) -> Outcome:
-    """The press fit of data/press_fit.toml."""
-    solved = finished(Problem.of(lacsolver.read_case(example("press_fit.toml"))))
+def solve_example(case: str, *, levels: int) -> Outcome:
+    """The press fit of a case of data/."""
+    solved = finished(Problem.of(lacsolver.read_case(example(case))))
     fields = solved.fields.zones["fit"]
     area = fields.area / fields.area.sum()
 
@@ -344,7 +344,14 @@ def _cases() -> Iterator[Case]:
             )
 
     description = "The press fit of data/press_fit.toml, TETRA4"
-    yield Case(FAMILY_NAME, "example", description, partial(solve_example), {"quick": 1, "full": 1, "all": 1}, 4.0)
+    yield Case(
+        FAMILY_NAME,
+        "example",
+        description,
+        partial(solve_example, "press_fit.toml"),
+        {"quick": 1, "full": 1, "all": 1},
+        4.0,
+    )
 
 
 def _converging(name: str, description: str, given: PressFit) -> Case:

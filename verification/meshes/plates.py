@@ -25,7 +25,7 @@ def plates(
     facets: below, above, at the ends along x. `table`: True for a rigid face, `table`, at height 0 under all of them.
 
     >>> plates([(np.array([0.0, 0.0]), np.array([4.0, 1.0]))], [(4, 1)], table=True).cells_by_type
-    {'QUAD4': 4, 'SEG2': 11}
+    {'SEG2': 11, 'QUAD4': 4}
     """
     dim, parts = len(boxes[0][0]), []
     kind, up = (kind or "QUAD4", "y") if dim == 2 else (kind or "HEXA8", "z")
