@@ -144,7 +144,7 @@ def both(mesh, order="2"):
 @pytest.mark.parametrize("slope", [0.0, 0.3])
 @pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6"])
 def test_new_nodes_lie_on_cylinders_and_cones_up_to_their_rims(kind, slope, order):
-    """Nodes on the edge of a skin lie in the plane of the end as well; planes, and edges inside the body, stay straight."""
+    """Nodes on the edge of a skin lie in the plane of the end too; planes and edges inside the body stay straight."""
     mesh, z = sleeve(kind, (2, 5, 2), (1.0, 1.75), 0.6, slope=slope, jitter=0.15), 0.6
     raised, way = both(mesh, order)
     skins = [nodes_of(raised, name) for name in ("low", "high")]
