@@ -150,7 +150,9 @@ def equilibrium_residual(
     off = vectors.largest(r / np.maximum(force, 1e-300))
     if terms is not None and off > tolerance.tolerance:
         summed = terms()
-        # without a load forces come from gaps, which the coordinates' round-off limits
-        least = np.maximum(summed.rounding(vectors), ROUNDING * max(tolerance.scale(q), tolerance.length) * summed.K)
+        # without a load forces come from gaps, which the coordinates' round-off limits, of each body by its own size
+        extent = max(tolerance.moved, tolerance.length) * vectors.size
+        moves = np.maximum(vectors.largest_of_body(q), extent)
+        least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
         off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
     return off
