@@ -16,7 +16,7 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
-from lacsolver.equilibrium.carrying import least_friction
+from lacsolver.equilibrium.carrying import friction_at, least_friction
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
@@ -182,7 +182,8 @@ def rested(step: LoadStep, outcome: Outcome) -> tuple[Iterate, bool]:
 def why(step: LoadStep, outcome: Outcome) -> str:
     """Return the message for a failed search: a body that moves away, or the largest imbalance, and what to try."""
     problem = step.model.problem
-    closed = outcome.contact.rows.B[np.flatnonzero(outcome.iterate.active)]
+    acts = outcome.iterate.active | (outcome.iterate.p != 0)  # rows along tangents that slide are not active
+    closed = outcome.contact.rows.B[np.flatnonzero(acts)]
     message = f"no equilibrium found at time {step.t:.6g} after {len(outcome.residuals)} iterations"
     for motion, along, load in _uncarried(step, outcome):
         if slides := _sliding(step, outcome, along, load):
@@ -243,6 +244,7 @@ def _sliding(step: LoadStep, outcome: Outcome, along: Floats, load: Floats) -> s
         return ""
     motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
     asked = least_friction(outcome.contact, motions, model.vectors.dots(motions, load), along)
+    asked = asked or friction_at(outcome.contact, outcome.iterate, float(model.vectors.dots(along, load)), along)
     if asked is None:
         return ""
     return (

@@ -15,6 +15,7 @@ from scipy.sparse import csr_array, eye_array, hstack, vstack
 
 from lacmesh.mesh import Floats
 from lacmesh.surface.normals import unit
+from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.row_set import ShearRows
 from lacsolver.space.sparse import sparse
@@ -61,6 +62,25 @@ def least_friction(contact: ContactSystem, motions: Floats, load: Floats, along:
                 part = float((b * w).sum() / (statics.size * own.sum()))
                 return Asked(group.pair.name, part, high * part)
     return None
+
+
+def friction_at(contact: ContactSystem, at: Iterate, load: float, along: Floats) -> Asked | None:
+    """Return what a load along a motion `along` (n,) asks of friction under the pressures of an iterate.
+
+    None where contact has more to resist it than friction, or where friction is enough. Rigid bodies may carry a load
+    by pressures that elastic bodies do not have: then `least_friction` is None although the bodies slide.
+    """
+    move = contact.rows.B @ along
+    if np.abs(move[at.active]).any():
+        return None
+    pressed = carried = 0.0
+    name = ""
+    for group in contact.pairs:
+        if group.shear is not None and group.shear.vectors(move).any():
+            way, p = np.linalg.norm(group.shear.vectors(move), axis=1), contact.lawful(at.p)[group.rows]
+            pressed, carried = pressed + float(p @ way), carried + float(group.shear.bounds.at(p)[0] @ way)
+            name = name or group.pair.name
+    return Asked(name, carried / pressed, abs(load) / pressed) if abs(load) > carried > 0 and pressed > 0 else None
 
 
 class _Statics:

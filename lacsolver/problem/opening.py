@@ -34,9 +34,10 @@ def opening_angles(pair: ContactPair, face: Interface, share: Share) -> NDArray[
     """
     if pair.moving or not pair.pairing.friction:
         return None
-    points = face.points
+    points = face.points  # with the normals of faces, as the direction of contact is the master's where this is plane
+    own = unit(normals_of(tangents(face.slave, points.slave, points.xi_slave)))
     other = unit(normals_of(tangents(face.master, points.master, points.xi_master)))
-    sums = share.total(integrals(points.normal + other, points.macro, face.weight, len(face.w)))
+    sums = share.total(integrals(own + other, points.macro, face.weight, len(face.w)))
     apart = np.divide(np.linalg.norm(sums, axis=1), face.w, out=np.zeros_like(face.w), where=face.w > 0)
     return np.where(face.gap > _SMALL * face.length, 2 * np.arcsin(np.minimum(apart / 2, 1.0)), 0.0)
 

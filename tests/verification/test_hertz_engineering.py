@@ -70,10 +70,14 @@ def test_a_profile_is_fitted_exactly_to_itself():
 
 @pytest.mark.parametrize("name", PROFILES)
 def test_coarse_profiles_are_near_those_that_are_kept(name):
-    """16 cells to the half-width for 128; the half-space is as far off or farther."""
+    """16 cells to the half-width for 128; the half-space is as far off or farther.
+
+    But for `linear`: its direction of contact is the plane's, as in Hertz's theory, and the bodies are large.
+    """
     made, kept = profile(name, 16)(S), PROFILES[name](S)
     assert np.abs(made - kept)[S <= 0.75].max() < 1.2e-3
-    assert np.abs(np.sqrt(1 - S**2) - kept)[S <= 0.75].max() > 1e-3
+    off = np.abs(np.sqrt(1 - S**2) - kept)[S <= 0.75].max()
+    assert off < 5e-4 if name == "linear" else off > 1e-3
 
 
 def test_finite_bodies_under_the_half_spaces_force():
