@@ -154,5 +154,5 @@ def equilibrium_residual(
         extent = max(tolerance.moved, tolerance.length) * vectors.size
         moves = np.maximum(vectors.largest_of_body(q), extent)
         least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
-        off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
+        off = vectors.largest(r / np.maximum(np.maximum(force, 1e-300), least / tolerance.tolerance))
     return off
