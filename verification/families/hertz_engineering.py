@@ -345,11 +345,12 @@ Bodies of finite size, as engineers mesh them. *The cylinder*: steel, of radius 
 pushed by 0.2; N slave faces to the half-width, the mesh that other contact codes ran (`reference/peers.md`). *The
 spheres*: code_aster's ssnv104 k and l, two hemispheres whose flats are moved towards one another by 4 in ten steps.
 
-**What the pressure is held against.** Not the half-space, from which these bodies differ by 0.13 % (rms), but the same
+**What the pressure is held against.** Not the half-space, from which these bodies differ by 0.17 %, but the same
 bodies solved by other finite elements, written in `verification/exact/finite_bodies.py` with numpy and scipy alone:
 QUAD4 with 128 cells to the half-width, whose nodes meet, so that contact is a linear complementarity problem. It has
 two answers, which differ by 0.2 % and are both right to first order: of the linear theory (`linear`, gaps of the
-undeformed skins along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case is held against its own.
+undeformed skins along the normal of the plane, as Hertz's), and with the deformed skins followed (`current`). Each case
+is held against its own.
 
 **What the peers are held against.** Their published errors are against the half-space. The same programs were run again
 by `benchmarks/peers.py` and their pressures measured against `current`, as they follow the deformed skins; the least of
