@@ -263,7 +263,9 @@ class Pivots:
             return self._stiffened(wanted, len(changes))
         if not len(changes):
             self._patience -= exact
-            return None if self._skin and self._patience < 0 else wanted
+            if self._skin is None or self._patience >= 0:
+                return wanted
+            return self._without_springs(rows) if self._skin else None
         if not self._skin:
             if not exact:
                 return wanted
@@ -278,6 +280,11 @@ class Pivots:
         elif p.any():
             return self._with_springs(wanted, p, moved)
         return wanted
+
+    def _without_springs(self, rows: RowSet) -> RowSet:
+        """Return no row, from where exchanges go on without springs: the rows of this set depend on one another."""
+        self._skin, self._patience, self._fewest = 0.0, _BLOCKS, np.inf
+        return RowSet.of(np.zeros(len(rows.state), bool))
 
     def _with_springs(self, wanted: RowSet, p: Floats, moved: float) -> RowSet | None:
         """Begin with springs, which give as much as the bodies move under the mean pressure, or go on with them."""
