@@ -151,7 +151,7 @@ def equilibrium_residual(
     if terms is not None and off > tolerance.tolerance:
         summed = terms()
         # without a load forces come from gaps, which the coordinates' round-off limits, of each body by its own size
-        extent = max(tolerance.moved, tolerance.length) * vectors.size
+        extent = max(tolerance.scale(q), tolerance.length) * vectors.size
         moves = np.maximum(vectors.largest_of_body(q), extent)
         least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
         off = vectors.largest(r / np.maximum(np.maximum(force, 1e-300), least / tolerance.tolerance))
