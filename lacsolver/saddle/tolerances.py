@@ -150,8 +150,9 @@ def equilibrium_residual(
     off = vectors.largest(r / np.maximum(force, 1e-300))
     if terms is not None and off > tolerance.tolerance:
         summed = terms()
-        # without a load forces come from gaps, which the coordinates' round-off limits, of each body by its own size
-        extent = max(tolerance.scale(q), tolerance.length) * vectors.size
+        # Without a load forces come from gaps, which the round-off of coordinates limits, of each body by its own size.
+        # Where gaps are linear, one solve gives all bodies by modes that move several: the largest counts for all.
+        extent = max(tolerance.scale(q), tolerance.length) * (vectors.size if tolerance.length else 1.0)
         moves = np.maximum(vectors.largest_of_body(q), extent)
         least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
         off = vectors.largest(r / np.maximum(np.maximum(force, 1e-300), least / tolerance.tolerance))
