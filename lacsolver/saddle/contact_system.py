@@ -19,7 +19,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
@@ -82,9 +81,8 @@ class ContactSystem:
         """
         if not self.equalities:
             return np.zeros(B.shape[1], bool)
-        of_laws = (group.rows for group in self.equalities if not isinstance(group.law, Free))
         row, column = B.nonzero()
-        alone = (np.bincount(row, minlength=len(self.G)) == 1) & mask_of(len(self.G), *of_laws)
+        alone = (np.bincount(row, minlength=len(self.G)) == 1) & self.of_equality & ~self._let_go
         return mask_of(B.shape[1], column[alone[row]])
 
     def skin_stiffness_of(self, K: Operator, rows: Rows) -> NDArray[np.floating]:
@@ -195,7 +193,12 @@ class ContactSystem:
     @cached_property
     def may_carry(self) -> Bools:
         """True for rows that may carry a force, (m,): enforceable ones that their law does not let go at this time."""
-        return self.enforceable & ~mask_of(len(self.G), *(g.rows for g in self.groups if isinstance(g.law, Free)))
+        return self.enforceable & ~self._let_go
+
+    @cached_property
+    def _let_go(self) -> Bools:
+        """True for rows, (m,), that their law lets go at this time."""
+        return mask_of(len(self.G), *(group.rows for group in self.groups if isinstance(group.law, Free)))
 
     def _solved(self, shear: ShearRows, p: Floats, presses: Bools) -> Solved:
         """Return what friction needs of a solve that gave p (m,); `presses` (m,): rows that the laws close."""
@@ -325,6 +328,8 @@ class ContactSystem:
         forces in balance at both ends. The slope of the energy is dG . (p - p(G)), with the pressures p of the balance
         and those of the springs, and it does not fall.
         """
+        from scipy.optimize import brentq
+
         on = self.enforceable & mask_of(len(G), *(group.rows for group in self.groups if group.law.compressive))
         S = self.equations(p_before, on)[1][on]
         dG, dp = (self.G - G)[on], (p - p_before)[on]

@@ -146,8 +146,8 @@ def equilibrium_residual(
     Relative to the round-off of the sums, where that is more. r (n,): residual of each sum of forces at q (n,).
     `terms()`: terms of the sums, computed only if the tolerance is not met; None if the sums are exact.
     """
-    vectors = tolerance.vectors
-    off = vectors.largest(r / np.maximum(force, 1e-300))
+    vectors, force = tolerance.vectors, np.maximum(force, 1e-300)
+    off = vectors.largest(r / force)
     if terms is not None and off > tolerance.tolerance:
         summed = terms()
         # Without a load forces come from gaps, which the round-off of coordinates limits, of each body by its own size.
@@ -155,5 +155,5 @@ def equilibrium_residual(
         extent = max(tolerance.scale(q), tolerance.length) * (vectors.size if tolerance.length else 1.0)
         moves = np.maximum(vectors.largest_of_body(q), extent)
         least = np.maximum(summed.rounding(vectors), ROUNDING * moves * summed.K)
-        off = vectors.largest(r / np.maximum(np.maximum(force, 1e-300), least / tolerance.tolerance))
+        off = vectors.largest(r / np.maximum(force, least / tolerance.tolerance))
     return off
