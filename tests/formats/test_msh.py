@@ -61,15 +61,6 @@ def test_round_trip(folder, version, binary, mesh):
         assert (folder / "again.msh").read_bytes() == first
 
 
-@pytest.fixture(scope="module")
-def gmsh():
-    gmsh = pytest.importorskip("gmsh")
-    gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    yield gmsh
-    gmsh.finalize()
-
-
 GMSH_TYPES = (*tuple(t for t in CELLS if t != "TRIA7"), "SEG4", "TRIA10", "QUAD16", "TETRA20")
 PLAIN_NAMES = {"slave", "A", "b c", "Körper", "$End", "a'b", " pad ", "2:7", "2:12"}
 

@@ -99,24 +99,18 @@ def test_integers_of_a_mesh_that_lacmesh_wrote_are_fields(name, tmp_path):
 
 @pytest.mark.gmsh
 @pytest.mark.parametrize("version", ["4.1", "2.2"])
-def test_a_part_of_a_divided_mesh_is_called_one(version, tmp_path):
-    gmsh = pytest.importorskip("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 2, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(3, [1], name="body")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.partition(3)
-        gmsh.option.setNumber("Mesh.MshFileVersion", float(version))
-        gmsh.option.setNumber("Mesh.PartitionSplitMeshFiles", 0)
-        gmsh.write(str(tmp_path / "whole.msh"))
-        gmsh.option.setNumber("Mesh.PartitionSplitMeshFiles", 1)
-        gmsh.write(str(tmp_path / "part.msh"))
-    finally:
-        gmsh.finalize()
+def test_a_part_of_a_divided_mesh_is_called_one(gmsh, version, tmp_path):
+    gmsh.model.occ.addBox(0, 0, 0, 2, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [1], name="body")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.partition(3)
+    gmsh.option.setNumber("Mesh.MshFileVersion", float(version))
+    gmsh.option.setNumber("Mesh.PartitionSplitMeshFiles", 0)
+    gmsh.write(str(tmp_path / "whole.msh"))
+    gmsh.option.setNumber("Mesh.PartitionSplitMeshFiles", 1)
+    gmsh.write(str(tmp_path / "part.msh"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         whole = lacmesh.read(tmp_path / "whole.msh")
@@ -127,22 +121,16 @@ def test_a_part_of_a_divided_mesh_is_called_one(version, tmp_path):
 
 
 @pytest.mark.gmsh
-def test_groups_that_msh_22_loses_are_missed(tmp_path):
-    gmsh = pytest.importorskip("gmsh")
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
-        gmsh.model.occ.synchronize()
-        gmsh.model.addPhysicalGroup(2, [1], name="slave")
-        gmsh.model.mesh.generate(3)
-        for option, value in (("MshFileVersion", 2.2), ("SaveAll", 0)):
-            gmsh.option.setNumber(f"Mesh.{option}", value)
-        gmsh.write(str(tmp_path / "alone.msh"))
-        gmsh.option.setNumber("Mesh.SaveAll", 1)
-        gmsh.write(str(tmp_path / "all.msh"))
-    finally:
-        gmsh.finalize()
+def test_groups_that_msh_22_loses_are_missed(gmsh, tmp_path):
+    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [1], name="slave")
+    gmsh.model.mesh.generate(3)
+    for option, value in (("MshFileVersion", 2.2), ("SaveAll", 0)):
+        gmsh.option.setNumber(f"Mesh.{option}", value)
+    gmsh.write(str(tmp_path / "alone.msh"))
+    gmsh.option.setNumber("Mesh.SaveAll", 1)
+    gmsh.write(str(tmp_path / "all.msh"))
     with pytest.warns(LacmeshWarning, match=r"no cell is in any of its groups, .*SaveAll = 1; save as msh 4\.1"):
         lacmesh.read(tmp_path / "all.msh")
     with pytest.raises(lacmesh.errors.CutError, match=r"save as msh 4\.1 with Mesh\.SaveAll = 1"):

@@ -1,0 +1,15 @@
+"""Fixtures that tests of several formats have in common."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture
+def gmsh():
+    """Yield gmsh without a model, with the options that it starts with."""
+    gmsh = pytest.importorskip("gmsh")
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    yield gmsh
+    gmsh.finalize()
