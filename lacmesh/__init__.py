@@ -24,6 +24,7 @@ _PUBLIC = {
     "contact_points": "lacmesh.surface",
     "coverage": "lacmesh.surface",
     "fit_surface": "lacmesh.smooth",
+    "join": "lacmesh.joining",
     "from_meshio": "lacmesh.exchange.libraries",
     "aster_multipliers": "lacmesh.exchange.multipliers",
     "Mesh": "lacmesh.mesh",
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
     from lacmesh.exchange.multipliers import aster_multipliers as aster_multipliers
     from lacmesh.formats import read as read
     from lacmesh.formats import write as write
+    from lacmesh.joining import join as join
     from lacmesh.mesh import Mesh as Mesh
     from lacmesh.quality import Quality as Quality
     from lacmesh.quality import measure_quality as measure_quality

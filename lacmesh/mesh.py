@@ -10,7 +10,7 @@ Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN,
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field, fields
+from dataclasses import field, fields, replace
 from functools import cached_property
 from importlib import import_module
 from numbers import Integral
@@ -214,6 +214,63 @@ class Mesh(Described):
     def from_pyvista(cls, grid: Any) -> Mesh:
         """Return the mesh of a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.from_pyvista`."""
         mesh: Mesh = _library().from_pyvista(grid)
+        return mesh
+
+    def moved(self, to: Any) -> Mesh:
+        """Return the mesh with its nodes elsewhere: `to` is a shift (2,) or (3,), or a function of the points.
+
+        The function takes the coordinates x (3, n) and returns the new ones, three rows or two; a row may be a number.
+        Nodes between corners move like any others, so that faces become curved. Raises RequestError.
+
+        >>> from lacmesh.generate import rectangle
+        >>> rectangle(1).moved(lambda x: [2 * x[0], x[1] + 5]).points[-1].tolist()
+        [2.0, 6.0, 0.0]
+        """
+        if not callable(to) and np.shape(to) not in ((2,), (3,)):
+            raise RequestError(f"a mesh is moved by a function or by a shift of two or three lengths, not {to!r}")
+        rows = list(to(self.points.T.copy()) if callable(to) else (self.points + np.pad(to, (0, 3 - len(to)))).T)
+        points = np.array([np.broadcast_to(row, self.n_nodes) for row in [*rows, 0.0][:3]], float).T
+        if len(rows) not in (2, 3) or not np.isfinite(points).all():
+            raise RequestError("a mesh is moved to two or three rows of finite coordinates, one for each node")
+        space_dim = 3 if points[:, 2].any() else self.space_dim
+        return replace(self, points=np.ascontiguousarray(points), space_dim=space_dim)
+
+    def with_groups(self, on: str = "faces", /, **where: Any) -> Mesh:
+        """Return the mesh with a group for each condition: name=function of points x (3, n), true or false for each.
+
+        `on`: "faces" are outer faces (edges of a plane mesh) all of whose nodes meet the condition; "inner" are faces
+        between two cells, as of a crack; "cells" have their centre where it is true; "nodes". Faces that are no cells
+        yet become cells. A group of that name is replaced. Raises RequestError if a group would be empty.
+
+        >>> from lacmesh.generate import box
+        >>> mesh = box(4).with_groups(foot=lambda x: (x[2] == 0) & (x[0] < 0.6))
+        >>> mesh = mesh.with_groups("cells", soft=lambda x: x[1] > 0.5)
+        >>> len(mesh.cell_groups["foot"]), len(mesh.cell_groups["soft"])
+        (8, 32)
+        """
+        mesh: Mesh = import_module("lacmesh.joining").with_groups(self, on, where)
+        return mesh
+
+    def renamed(self, /, **names: str) -> Mesh:
+        """Return the mesh with other names of groups, old=new; groups that get one name are one, "" removes a group.
+
+        Cells and nodes stay. Raises GroupNotFoundError.
+
+        >>> from lacmesh.generate import rectangle
+        >>> list(rectangle(2).renamed(left="ends", right="ends", bottom="").cell_groups)
+        ['body', 'ends', 'top']
+        """
+        mesh: Mesh = import_module("lacmesh.joining").renamed(self, names)
+        return mesh
+
+    def only(self, *groups: Spec) -> Mesh:
+        """Return the cells of some groups alone, and their nodes; numbers and data stay. Raises GroupNotFoundError.
+
+        >>> from lacmesh.generate import box
+        >>> box(2).only("top").cells_by_type
+        {'QUAD4': 4}
+        """
+        mesh: Mesh = import_module("lacmesh.joining").only(self, groups)
         return mesh
 
     def _title(self) -> str:
