@@ -21,7 +21,7 @@ from lacmesh.topology.skin import FACE_TYPES, N_NODES, FaceIncidence, Faces, fin
 
 Bools = NDArray[np.bool_]
 #: a condition on points x (3, n), true or false for each
-Where = Callable[[Floats], Any]
+Condition = Callable[[Floats], Any]
 #: what `with_groups` makes groups of
 MEMBERS = ("faces", "inner", "cells", "nodes")
 
@@ -56,7 +56,7 @@ def join(*meshes: Mesh) -> Mesh:
     )
 
 
-def with_groups(mesh: Mesh, on: str, where: Mapping[str, Where]) -> Mesh:
+def with_groups(mesh: Mesh, on: str, where: Mapping[str, Condition]) -> Mesh:
     """Return the mesh with more groups: `Mesh.with_groups`."""
     if on not in MEMBERS:
         raise RequestError(f"groups are made of {', '.join(MEMBERS)}, not of {on!r}")
@@ -162,7 +162,7 @@ def _data(data: Sequence[Mapping[str, NDArray]], index: Sequence[Ints]) -> dict[
     return out
 
 
-def _holds(name: str, condition: Where, x: Floats) -> Bools:
+def _holds(name: str, condition: Condition, x: Floats) -> Bools:
     """(n,): where the condition of a group is true."""
     holds = np.asarray(condition(x.T))
     if holds.shape != (len(x),) or holds.dtype.kind != "b":

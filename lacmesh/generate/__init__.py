@@ -214,7 +214,7 @@ def stack(lower: Mesh, upper: Mesh, *, gap: float = 0.0, slave: str = "upper") -
     if slave not in ("lower", "upper"):
         raise RequestError(f"the slave is on the lower or on the upper mesh, not on {slave!r}")
     if lower.space_dim != upper.space_dim:
-        raise RequestError("a mesh of the plane and one of space cannot stand upon one another")
+        raise RequestError("of two meshes, one of the plane and one of space, neither can stand on the other")
     axis = lower.space_dim - 1
     top, bottom = (m.points[m.nodes_on(m.cells_of(name)), axis] for m, name in ((lower, "top"), (upper, "bottom")))
     shift = np.eye(3)[axis] * (top.max() + gap - bottom.min())
