@@ -65,8 +65,9 @@ def with_groups(mesh: Mesh, on: str, where: Mapping[str, Condition]) -> Mesh:
             nodes = _some(_holds(name, condition, mesh.points), name, on)
             mesh = replace(mesh, node_groups={**mesh.node_groups, name: nodes})
         elif on == "cells":
-            holds = np.logical_and(mesh.cell_dim == mesh.dim, _holds(name, condition, _centres(mesh)))
-            mesh = replace(mesh, cell_groups={**mesh.cell_groups, name: _some(holds, name, on)})
+            holds = _holds(name, condition, _centres(mesh))
+            cells = _some(np.asarray(holds & (mesh.cell_dim == mesh.dim)), name, on)
+            mesh = replace(mesh, cell_groups={**mesh.cell_groups, name: cells})
         else:
             faces = _inner_faces(mesh) if on == "inner" else boundary_faces(mesh)[0]
             there = _holds(name, condition, mesh.points)[faces.nodes] | (faces.nodes < 0)
