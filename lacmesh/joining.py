@@ -66,7 +66,7 @@ def with_groups(mesh: Mesh, on: str, where: Mapping[str, Condition]) -> Mesh:
             mesh = replace(mesh, node_groups={**mesh.node_groups, name: nodes})
         elif on == "cells":
             holds = _holds(name, condition, _centres(mesh))
-            cells = _some(np.asarray(holds & (mesh.cell_dim == mesh.dim)), name, on)
+            cells = _some(holds & (mesh.cell_dim == mesh.dim), name, on)
             mesh = replace(mesh, cell_groups={**mesh.cell_groups, name: cells})
         else:
             faces = _inner_faces(mesh) if on == "inner" else boundary_faces(mesh)[0]
@@ -173,7 +173,7 @@ def _holds(name: str, condition: Condition, x: Floats) -> Bools:
     return holds
 
 
-def _some(holds: Bools, name: str, on: str) -> Ints:
+def _some(holds: Any, name: str, on: str) -> Ints:
     """Rows where a condition is true. Raises RequestError where it is nowhere."""
     if not holds.any():
         what = {"faces": "outer face has all nodes", "inner": "face between two cells has all nodes",
