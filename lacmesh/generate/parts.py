@@ -24,7 +24,8 @@ Counts = int | Sequence[int | ArrayLike]
 _FACETS = tuple(facet.nodes for facet in CELLS["HEXA8"].facets)
 _KUHN = ((0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6))  # Kuhn, 1960
 _AROUND: Pattern = tuple(("PYRAM5", (*facet[::-1], 8)) for facet in _FACETS)
-_SPLITS: dict[str, Pattern] = {
+#: linear cells, and what prisms turn up, -> the pattern of such cells alone
+SPLITS: dict[str, Pattern] = {
     "SEG2": (("SEG2", (0, 1)),),
     "TRIA3": (("TRIA3", (0, 1, 2)), ("TRIA3", (0, 2, 3))),
     "QUAD4": (("QUAD4", (0, 1, 2, 3)),),
@@ -114,8 +115,13 @@ def _moves(index: Floats, sides: Sequence[tuple[str, str]], random: np.random.Ge
     return moves
 
 
-def linear(points: Floats, kind: str, sides: Sequence[tuple[str, str]]) -> Mesh:
-    """Linear cells of a kind between corner points (a, .., d), and their faces on the sides."""
+def linear(
+    points: Floats, kind: str, sides: Sequence[tuple[str, str]], division: tuple[Sequence[Pattern], Ints] | None = None
+) -> Mesh:
+    """Linear cells of a kind between corner points (a, .., d), and their faces on the sides.
+
+    `division`: patterns, and the index of each box's pattern (k,), where they are not those of the kind.
+    """
     shape, dim = points.shape[:-1], points.shape[-1]
     number = np.arange(np.prod(shape)).reshape(shape)
     corners = (np.array(CELLS[("SEG2", "QUAD4", "HEXA8")[dim - 1]].reference) > 0).astype(int)
@@ -123,15 +129,15 @@ def linear(points: Floats, kind: str, sides: Sequence[tuple[str, str]]) -> Mesh:
         [number[tuple(slice(c, c + n - 1) for c, n in zip(own, shape, strict=True))].ravel() for own in corners], axis=1
     )
     place = np.stack(np.unravel_index(np.arange(len(boxes)), [n - 1 for n in shape]), axis=1)
-    x, rows = _divided(points.reshape(-1, dim), boxes, *_patterns(kind, [n - 1 for n in shape], place))
+    x, rows = divided(points.reshape(-1, dim), boxes, *(division or _patterns(kind, [n - 1 for n in shape], place)))
     groups = {(name, "body"): nodes for name, nodes in rows.items()}
-    for axis, names in enumerate(sides):
+    for axis, names in enumerate(sides[:dim]):
         for end, side in zip((0, -1), names, strict=True):
             on = np.zeros(len(x), bool)
             on[np.moveaxis(number, axis, 0)[end]] = True
             for key, faces in _facets_on(rows, on, dim):
                 groups[key, side] = np.concatenate([groups[key, side], faces]) if (key, side) in groups else faces
-    return _assembled(x, groups, dim)
+    return assembled(x, groups, dim)
 
 
 def _facets_on(rows: Mapping[str, Ints], on: NDArray[np.bool_], dim: int) -> list[tuple[str, Ints]]:
@@ -149,20 +155,20 @@ def _patterns(kind: str, counts: Sequence[int], place: Ints) -> tuple[Sequence[P
     """Patterns that divide the boxes of a grid at places (k, dim), and the index of each box's pattern (k,)."""
     none = np.zeros(len(place), int)
     if kind in _MIXED and len(counts) == 2:
-        return [_SPLITS["QUAD4"], _SPLITS["TRIA3"]], place[:, 0] % 2
+        return [SPLITS["QUAD4"], SPLITS["TRIA3"]], place[:, 0] % 2
     if kind in _MIXED:
         column = (place[:, 0] + place[:, 1]) % 3
         lowest, highest = place[:, 2] == 0, place[:, 2] == counts[2] - 1
         outer = [(column == 2) & lowest & highest, (column == 2) & lowest, (column == 2) & highest]
         which = np.select(outer, [4, 2, 3], column == 1)
         opened = (_opened(facets) for facets in ((0,), (5,), (0, 5)))
-        return [_SPLITS["HEXA8"], _SPLITS["PENTA6"], *opened], which
+        return [SPLITS["HEXA8"], SPLITS["PENTA6"], *opened], which
     name, _, face = kind.partition(" ")
     linear = CELLS[name].linear
     if (linear, face) == ("PYRAM5", "triangle"):
         corners = (np.array(CELLS["HEXA8"].reference) > 0).astype(int)
         return _CORNERED, (place[:, None] % 2 == corners).all(axis=2).argmax(axis=1)
-    return [_SPLITS.get(f"{linear} {face}", _SPLITS[linear])], none
+    return [SPLITS.get(f"{linear} {face}", SPLITS[linear])], none
 
 
 def _opened(facets: Sequence[int]) -> Pattern:
@@ -173,7 +179,7 @@ def _opened(facets: Sequence[int]) -> Pattern:
     return tuple(cells)
 
 
-def _divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Ints) -> tuple[Floats, dict[str, Ints]]:
+def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Ints) -> tuple[Floats, dict[str, Ints]]:
     """Boxes (k, corners) divided into cells: points, with the centres of boxes that need them, and type -> nodes."""
     centred = np.array([any(8 in corners for _, corners in pattern) for pattern in patterns])[which]
     if centred.any():
@@ -190,8 +196,8 @@ def _divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: In
     return points, {kind: nodes for kind, nodes in cells.items() if len(nodes)}
 
 
-def _assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) -> Mesh:
-    """A mesh of the cells (k, n) of each type and group."""
+def assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) -> Mesh:
+    """A mesh of the cells (k, n) of each type and group; those of the group "" are in none."""
     blocks: dict[str, list[Ints]] = defaultdict(list)
     for (kind, _), nodes in rows.items():
         blocks[kind].append(nodes)
@@ -202,9 +208,8 @@ def _assembled(points: Floats, rows: Mapping[tuple[str, str], Ints], dim: int) -
         groups[name].append(first[kind] + np.arange(len(nodes)))
         first[kind] += len(nodes)
     cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
-    return Mesh.create(
-        points, cells, space_dim=max(dim, 2), cell_groups={name: np.concatenate(own) for name, own in groups.items()}
-    )
+    named = {name: np.concatenate(own) for name, own in groups.items() if name}
+    return Mesh.create(points, cells, space_dim=max(dim, 2), cell_groups=named)
 
 
 def raised(mesh: Mesh, kind: str) -> Mesh:

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Cut, Mesh
 from lacmesh.cells import CELLS
+from lacmesh.generate.parts import SPLITS, assembled, divided
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
-from verification.meshes.blocks import SPLITS, assembled, divided, joined
+from verification.meshes.blocks import joined
 from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved
 from verification.records import Case, Family, Outcome, Result, at_most, equal, informative
 

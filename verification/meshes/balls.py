@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh import Mesh
+from lacmesh.generate.parts import assembled
 from verification.grids import between, lines
-from verification.meshes.blocks import assembled, bent
+from verification.meshes.blocks import bent
 from verification.meshes.blocks import joined as together
 from verification.meshes.bodies import Body, body, joined
 from verification.meshes.revolved import revolved

@@ -11,7 +11,8 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import assembled, boxed, grid, joined
+from lacmesh.generate.parts import assembled
+from verification.meshes.blocks import block, joined
 
 #: width of a bar
 WIDTH = 0.25
@@ -26,7 +27,7 @@ def bar(kind: str, n: int, low: float = 0.0, across: int | None = None) -> Mesh:
     dim = CELLS[kind].dim
     corners = (0.0,) * (dim - 1) + (low,), (WIDTH,) * (dim - 1) + (low + 1.0,)
     counts = (across or max(1, n // 4),) * (dim - 1) + (n,)
-    return boxed(kind, *grid(counts, *corners), *corners)
+    return block(kind, counts, *corners)
 
 
 def bar_on_wall(kind: str, n: int, gap: float = 0.0) -> Mesh:

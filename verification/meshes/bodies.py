@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.generate.parts import assembled
 from verification.grids import hexahedra, quadrangles
-from verification.meshes.blocks import assembled
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import assembled, block, joined, rows_of
+from lacmesh.generate.parts import assembled
+from verification.meshes.blocks import block, joined, rows_of
 from verification.meshes.bodies import Where, at, body
 from verification.meshes.half_spaces import piece
 from verification.meshes.revolved import revolved

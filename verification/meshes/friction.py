@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.generate.parts import assembled
 from verification.meshes import rings
-from verification.meshes.blocks import assembled, bent, joined, rows_of, with_skin
+from verification.meshes.blocks import bent, joined, rows_of, with_skin
 from verification.meshes.half_spaces import depth_lines, piece
 
 Floats = NDArray[np.floating]

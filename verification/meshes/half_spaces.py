@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import LEFT, SPLITS, assembled, boxed, grid, joined
+from lacmesh.generate.parts import SPLITS, assembled
+from verification import grids
+from verification.meshes.blocks import LEFT, block, boxed, joined
 
 #: how far the pieces reach, in half-widths
 REACH = 2.0
@@ -85,14 +87,11 @@ def piece(kind: str, lines: Sequence[Floats], *, mirrored: bool = False) -> Mesh
 
     `mirrored`: diagonals of triangles point away from the origin in all quadrants.
     """
-    counts = [len(line) - 1 for line in lines]
-    places, boxes = grid(counts, (0,) * len(lines), counts)
-    placed = np.stack([np.interp(places[:, s], np.arange(len(v)), v) for s, v in enumerate(lines)], axis=1)
-    ends = [line[0] for line in lines], [line[-1] for line in lines]
     if not mirrored or CELLS[kind].linear != "TRIA3":
-        return boxed(kind, placed, boxes, *ends)
-    left = placed[boxes].mean(axis=1).prod(axis=1) < 0
-    return boxed(kind, placed, boxes, *ends, [SPLITS["TRIA3"], LEFT], left.astype(int))
+        return block(kind, lines, [line[0] for line in lines], [line[-1] for line in lines])
+    x, y = (line[1:] + line[:-1] for line in lines)
+    left = np.outer(x, y).ravel() < 0
+    return boxed(kind, grids.box(*lines), ([SPLITS["TRIA3"], LEFT], left.astype(int)))
 
 
 def _roles(mesh: Mesh, body: str, names: dict[str, str]) -> dict[str, str]:

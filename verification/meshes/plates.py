@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from verification.meshes.blocks import boxed, grid, joined, with_skin
+from verification.meshes.blocks import block, joined, with_skin
 
 Floats = NDArray[np.floating]
 
@@ -32,7 +32,7 @@ def plates(
     corners = [(low.tolist(), high.tolist()) for low, high in boxes]
     for k, ((low, high), count) in enumerate(zip(corners, counts, strict=True), 1):
         names = {"": f"plate{k}", f"{up}0": f"under{k}", f"{up}1": f"over{k}", "x0": f"start{k}", "x1": f"end{k}"}
-        parts.append((boxed(kind, *grid(count, low, high), low, high), names))
+        parts.append((block(kind, count, low, high), names))
     mesh = joined(parts)
     if not table:
         return mesh

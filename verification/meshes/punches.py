@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh import Mesh
-from verification.meshes.blocks import boxed, grid, joined
+from verification.meshes.blocks import block, joined
 
 #: size of the block's faces, and the height of the punch above it
 FACE, ABOVE = 0.5, 0.05
@@ -53,7 +53,7 @@ def punched(punch: Punch) -> Mesh:
     ):
         bottom, top = (-1.0, 0.0) if names[0] == "block" else (ABOVE, ABOVE + FACE)
         low, high = (*low, bottom), (*high, top)
-        cells = grid((counts[0],) * (punch.dim - 1) + counts[1:], low, high)
         named = {"": names[0], f"{up}0": names[1], f"{up}1": names[2]}
-        parts.append((boxed(kind, *cells, low, high), {key: name for key, name in named.items() if name}))
+        sides = (counts[0],) * (punch.dim - 1) + counts[1:]
+        parts.append((block(kind, sides, low, high), {key: name for key, name in named.items() if name}))
     return joined(parts)

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh import Mesh
-from verification.meshes.blocks import assembled, bent
+from lacmesh.generate.parts import assembled
+from verification.meshes.blocks import bent
 from verification.meshes.bodies import Body
 
 Floats = NDArray[np.floating]

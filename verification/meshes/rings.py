@@ -21,7 +21,9 @@ from scipy.spatial import cKDTree
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import SPLITS, Pattern, assembled, bent, boxed, grid, joined, rows_of
+from lacmesh.generate.parts import SPLITS, assembled
+from verification import grids
+from verification.meshes.blocks import LEFT, bent, block, boxed, joined, rows_of
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
@@ -31,8 +33,6 @@ _RING = {"x0": "low", "x1": "high", "y1": "x0"}
 _FACES_OF_TUBE = {"x0": "low", "x1": "high"}
 #: sides of a block of an octant: two angles, then radius
 _FACES = {"z0": "low", "z1": "high"}
-#: a quadrangle split along its other diagonal
-_OTHER: Pattern = (("TRIA3", (0, 1, 3)), ("TRIA3", (1, 2, 3)))
 
 
 def ring(kind: str, counts: Sequence[int], radii: Sequence[float], *, jitter: float = 0.0, seed: int = 0) -> Mesh:
@@ -113,20 +113,19 @@ def _patch(
     kind: str, counts: Sequence[int], low: Sequence[float], high: Sequence[float], *, jitter: float = 0.0, seed: int = 0
 ) -> Mesh:
     """A box of cells of a type, its corners moved; with `jitter` triangles are split along either diagonal."""
+    if not jitter:
+        return block(kind, counts, low, high)
     random = np.random.default_rng(seed)
-    points, boxes = grid(counts, low, high)
-    if jitter:
-        points = points + _moves(points, counts, low, high, random) * jitter
-    patterns = [SPLITS[CELLS[kind].linear]]
-    if jitter and CELLS[kind].linear == "TRIA3":
-        patterns.append(_OTHER)
-    return boxed(kind, points, boxes, low, high, patterns, random.integers(len(patterns), size=len(boxes)))
+    points = grids.box(*(a + np.arange(n + 1) / n * (b - a) for n, a, b in zip(counts, low, high, strict=True)))
+    points = points + _moves(points, counts, low, high, random) * jitter
+    patterns = [SPLITS["TRIA3"], LEFT] if CELLS[kind].linear == "TRIA3" else [SPLITS[CELLS[kind].linear]]
+    return boxed(kind, points, (patterns, random.integers(len(patterns), size=np.prod(counts))))
 
 
 def _moves(
     points: Floats, counts: Sequence[int], low: Sequence[float], high: Sequence[float], random: np.random.Generator
 ) -> Floats:
-    """Random displacements (n, dim) of points, between -1 and 1 cell; 0 across the sides on which points lie."""
+    """Random displacements (a, .., dim) of points, between -1 and 1 cell; 0 across the sides on which points lie."""
     inside = (points != low) & (points != high)
     return random.uniform(-1, 1, points.shape) * np.subtract(high, low) / counts * inside
 

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import bent, boxed, grid, joined
+from verification.meshes.blocks import bent, block, joined
 
 Floats = NDArray[np.floating]
 #: sides of the block of a sector: radius, part of the angle, height
@@ -31,7 +31,7 @@ def sector(
     """
     dim, thick = CELLS[kind].dim, radii[1] - radii[0]
     low, high = [radii[0], 0.0, 0.0][:dim], [radii[1], float(parts), 1.0][:dim]
-    flat = boxed(kind, *grid((counts[0], counts[1] * parts, *counts[2:]), low, high), low, high)
+    flat = block(kind, (counts[0], counts[1] * parts, *counts[2:]), low, high)
 
     def around(x: Floats) -> Floats:
         angle = x[:, 1] * 2 * np.pi / sectors

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.generate.parts import SPLITS
 from verification.exact.finite_bodies import SPHERE_RADIUS as RADIUS
 from verification.grids import lines, quarter_disc
-from verification.meshes.blocks import SPLITS
 from verification.meshes.bodies import Body, body, joined
 
 Floats = NDArray[np.floating]

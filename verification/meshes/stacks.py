@@ -8,13 +8,15 @@ in `lower` and `upper`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.cells import CELLS
-from verification.meshes.blocks import SPLITS, Pattern, assembled, bent, divided, grid, joined, raised, with_sides
+from lacmesh.generate.parts import assembled, linear, raised
+from verification import grids
+from verification.meshes.blocks import SIDES, bent, joined
 
 Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
@@ -35,23 +37,6 @@ LAYERS = 2
 #: how uneven grid lines are along each axis, as parts of `bend`: t -> t + bend BEND t (1 - t)
 BEND = (1.0, -0.8, 0.5)
 
-_FACETS = tuple(facet.nodes for facet in CELLS["HEXA8"].facets)
-#: prisms that lie down: quadrangles below and above
-_LYING: Pattern = (("PENTA6", (0, 3, 7, 1, 2, 6)), ("PENTA6", (0, 7, 4, 1, 6, 5)))
-#: three pyramids with their apex in a corner of a hexahedron: triangles on the facets that have that corner
-_CORNERED: tuple[Pattern, ...] = tuple(
-    tuple(("PYRAM5", (*facet[::-1], corner)) for facet in _FACETS if corner not in facet) for corner in range(8)
-)
-#: type of the cells that a mixture is raised like
-_MIXED = {"1": "HEXA8", "2": "HEXA20", "2-full": "HEXA27"}
-
-
-def _opened(facet: int) -> Pattern:
-    """Six pyramids round the centre, that on one facet as two tetrahedra."""
-    a, b, c, d = _FACETS[facet][::-1]
-    rest = (cell for k, cell in enumerate(SPLITS["PYRAM5"]) if k != facet)
-    return (*rest, ("TETRA4", (a, b, c, 8)), ("TETRA4", (a, c, d, 8)))
-
 
 def block(kind: str, counts: Sequence[int], *, bend: float = 0.0, skew: float = 0.0) -> Mesh:
     """A block of cells of a kind, `counts` (dim,) along the axes (the last even); its sides are groups x0, x1, ...
@@ -63,16 +48,16 @@ def block(kind: str, counts: Sequence[int], *, bend: float = 0.0, skew: float = 
     {'PYRAM5': 6, 'TRIA3': 12, 'QUAD4': 4}
     """
     dim = len(counts)
-    points, boxes = grid(counts, (0,) * dim, (1,) * dim)
-    patterns, which = _patterns(kind, np.array(counts), np.rint(points[boxes[:, 0]] * counts).astype(int))
-    points, cells = divided(points, boxes, patterns, which)
+    even = grids.box(*(np.arange(n + 1) / n for n in counts))
+    mesh = linear(even, kind, SIDES).renamed(body="")
+    points = mesh.points.copy()
     for axis in range(dim):
         t = points[:, axis]
         points[:, axis] = t + bend * BEND[axis] * t * (1 - t)
     plane = points[:, : dim - 1]
     bubble = np.prod(4 * plane * (1 - plane), axis=1)
     points[:, : dim - 1] = plane + skew * bubble[:, None] * np.array([1.0, -0.7])[: dim - 1]
-    return with_sides(of_order(Mesh.create(points, cells.items(), space_dim=dim), kind), (0,) * dim, (1,) * dim)
+    return raised(replace(mesh, points=points), kind)
 
 
 def stack(
@@ -122,33 +107,3 @@ def tilt(dim: int, angle: float = 0.7) -> NDArray[np.floating]:
     axis = np.array([0.0, 0.0, 1.0]) if dim == 2 else np.array([1.0, -2.0, 0.5]) / np.linalg.norm([1, -2, 0.5])
     cross = -np.cross(np.eye(3), axis)
     return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
-
-
-def _patterns(kind: str, counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
-    """Patterns that split the boxes of a block at places (k, dim), and the index of each box's pattern (k,)."""
-    name, _, face = kind.partition(" ")
-    if name == "mixed":
-        return _mixture(counts, place)
-    linear = CELLS[name].linear
-    if (linear, face) == ("PYRAM5", "triangle"):
-        odd = place % 2
-        corners = (np.array(CELLS["HEXA8"].reference) > 0).astype(int)
-        return _CORNERED, np.array((odd[:, None] == corners).all(axis=2).argmax(axis=1))
-    pattern = _LYING if (linear, face) == ("PENTA6", "quadrangle") else SPLITS[linear]
-    return [pattern], np.zeros(len(place), int)
-
-
-def _mixture(counts: Ints, place: Ints) -> tuple[Sequence[Pattern], Ints]:
-    """Columns by turns: quadrangles, triangles; hexahedra, prisms, pyramids with tetrahedra below and above."""
-    if len(counts) == 2:
-        return [SPLITS["QUAD4"], SPLITS["TRIA3"]], place[:, 0] % 2
-    column = (place[:, 0] + place[:, 1]) % 3
-    lowest, highest = place[:, 2] == 0, place[:, 2] == counts[2] - 1
-    which = np.select([(column == 2) & lowest, (column == 2) & highest], [2, 3], np.minimum(column, 1))
-    return [SPLITS["HEXA8"], SPLITS["PENTA6"], _opened(0), _opened(5)], which
-
-
-def of_order(mesh: Mesh, kind: str) -> Mesh:
-    """Replace linear cells by those of a kind, of its order."""
-    name, _, order = kind.partition(" ")
-    return raised(mesh, _MIXED[order] if name == "mixed" else name)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
+from lacmesh.generate.parts import assembled
 from verification.grids import half_disc, turned
-from verification.meshes.blocks import assembled
 from verification.meshes.blocks import joined as together
 from verification.meshes.bodies import Body, body, joined
 
