@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from lacmesh import Mesh, raise_order
+from lacmesh import Mesh, generate, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import measure
-from verification.meshes import blocks
 
 
 def pad(points):
@@ -62,7 +61,8 @@ def rotate(nodes, face, rotation, inward):
 
 def box(n=2, size=1.0):
     """(points, hexahedra) of a cube of n^3 HEXA8."""
-    return blocks.grid((n,) * 3, (0.0,) * 3, (size,) * 3)
+    mesh = generate.box(n, size)
+    return mesh.points, mesh.block("HEXA8")
 
 
 def grid(rng, nx, ny):

@@ -6,8 +6,7 @@ import numpy as np
 
 from lacmesh import Mesh, cut_skin, raise_order
 from lacmesh.cells import CELLS
-from tests.meshes import pad
-from verification.meshes.blocks import SPLITS, grid
+from lacmesh.generate.parts import SPLITS, box_of
 
 #: cells with all nodes that a raised cell may have
 FULL = ("TRIA7", "QUAD9", "HEXA27", "PENTA18", "PYRAM14")
@@ -21,13 +20,14 @@ SOLIDS = {
 
 def block(shape, low, high, kind="HEXA8"):
     """(points, {type: nodes}) of a block of cells of one linear type, `shape` of them a direction."""
-    points, boxes = grid(shape, low, high)
+    grid = box_of("QUAD4" if len(shape) == 2 else "HEXA8", len(shape), shape, np.subtract(high, low), low, 0.0, 0, ())
+    points, ((_, boxes),) = grid.points, grid.blocks
     if kind == "PYRAM5":
         centres = points[boxes].mean(axis=1)
         boxes = np.column_stack([boxes, len(points) + np.arange(len(boxes))])
         points = np.vstack([points, centres])
     corners = [nodes for _, nodes in SPLITS[kind]]
-    return pad(points), {kind: boxes[:, corners].reshape(-1, len(corners[0]))}
+    return points, {kind: boxes[:, corners].reshape(-1, len(corners[0]))}
 
 
 def skin(points, cells, on):

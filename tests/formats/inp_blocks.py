@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from lacmesh.cells import CELLS
-from verification.meshes.blocks import assembled, block, joined, rows_of
+from lacmesh.generate.parts import assembled
+from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5

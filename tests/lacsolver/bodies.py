@@ -6,9 +6,9 @@ import numpy as np
 
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
+from lacmesh.generate.parts import box_of
 from tests.meshes import grid as mixed_grid
 from tests.meshes import pad
-from verification.meshes.blocks import SPLITS, divided, grid, raised
 
 #: every cell that carries displacements
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
@@ -44,9 +44,7 @@ def body(name, n, low=None, high=None, counts=None):
     dim = CELLS[name].dim
     low = ((1.0, 0.0) if dim == 2 else (0.0,) * dim) if low is None else low
     high = [x + 1 for x in low] if high is None else high
-    points, boxes = grid(counts or (n,) * dim, low, high)
-    points, cells = divided(points, boxes, [SPLITS[CELLS[name].linear]], np.zeros(len(boxes), int))
-    return raised(Mesh.create(points, cells.items(), space_dim=dim), name)
+    return box_of(name, dim, counts or n, np.subtract(high, low), low, 0.0, 0, ()).renamed(body="")
 
 
 square = cube = body

@@ -12,6 +12,7 @@ import numpy as np
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.generate.parts import raised
 from tests.lacsolver.held import with_sides
 from verification.meshes import blocks, stacks
 
@@ -45,7 +46,7 @@ def block(kind, dim, n, meets, *, skew=0.0, bulge=0.0, seed=0, even=False):
     x[inner, :up] += rng.uniform(-skew, skew, (inner.sum(), up)) / n
     x[:, :up] += bulge * np.prod(4 * plane * (1 - plane), axis=1)[:, None] * np.array([1.0, -0.7])[:up]
     solid = [b for b in mesh.blocks if CELLS[b.type].dim == dim]
-    return with_sides(stacks.of_order(Mesh.create(x, solid, space_dim=dim), kind))
+    return with_sides(raised(Mesh.create(x, solid, space_dim=dim), kind))
 
 
 def stack(slave, master, dim, *, slave_below=True, number="", shift=(0, 0, 0), counts=(3, 2), gap=0.0, **moves):

@@ -27,7 +27,6 @@ from tests.lacsolver.patch_meshes import placed, stack, three_blocks
 from tests.samples import each_option
 from verification.meshes import blocks, rings
 from verification.meshes.stacks import block as grid
-from verification.meshes.stacks import of_order
 
 #: kinds of the slave and the master, and the variant of the cut
 KINDS = [
@@ -266,7 +265,7 @@ def test_closest_points_against_a_search(kind):
     """Closest points of a curved skin are those of a fine sampling of its faces, refined."""
     rng = np.random.default_rng(1)
     solid = {"TRIA3": "TETRA4", "QUAD4": "HEXA8", "TRIA6": "TETRA10", "QUAD8": "HEXA20", "QUAD9": "HEXA27"}[kind]
-    mesh = of_order(grid(CELLS[solid].linear, (2, 2, 2)), solid)
+    mesh = grid(solid, (2, 2, 2))
     x = mesh.points.copy()
     x[:, 2] += 0.2 * np.sin(2 * x[:, 0] + x[:, 1]) - 0.1 * x[:, 1] ** 2
     mesh = replace(mesh, points=x)

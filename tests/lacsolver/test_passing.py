@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh
+from lacmesh.generate.parts import assembled
 from lacsolver.case import CaseError, parse_case
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.problem.passing import passing
 from lacsolver.problem.problem import Problem
-from verification.meshes.blocks import assembled, boxed, grid, joined
+from verification.meshes.blocks import block, joined
 
 #: of the plate, and of the gap above it
 THICK, GAP = 0.2, 0.5
@@ -24,7 +25,7 @@ def box(dim, low, high, names):
     kind = {2: "QUAD4", 3: "HEXA8"}[dim]
     low, high = ((a,) * (dim - 1) + (b,) for a, b in (low, high))
     counts = [max(1, round((b - a) / 0.25)) for a, b in zip(low, high, strict=True)]
-    made = boxed(kind, *grid(tuple(counts), low, high), low, high)
+    made = block(kind, counts, low, high)
     up = "xyz"[dim - 1]
     return made, {"": names["body"], f"{up}0": names.get("low", ""), f"{up}1": names.get("high", "")}
 
@@ -193,8 +194,8 @@ def test_a_ball_that_is_thrown_through_a_wall_in_axisymmetry():
     """The radius counts as a coordinate: a ring falls past the edge of a plate, a smaller one through it."""
 
     def at(radius):
-        ring = boxed("QUAD4", *grid((2, 2), (radius, GAP), (radius + 0.5, 1)), (radius, GAP), (radius + 0.5, 1))
-        plate = boxed("QUAD4", *grid((4, 1), (0.5, -THICK), (1.5, 0)), (0.5, -THICK), (1.5, 0))
+        ring = block("QUAD4", (2, 2), (radius, GAP), (radius + 0.5, 1))
+        plate = block("QUAD4", (4, 1), (0.5, -THICK), (1.5, 0))
         mesh = joined([(ring, {"": "block", "y0": "slave"}), (plate, {"": "plate", "y1": "master"})])
         made = case(2, "", "search_distance = 0.3")
         return Problem.of(replace(made, model="axisymmetric"), mesh)

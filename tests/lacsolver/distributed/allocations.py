@@ -27,7 +27,7 @@ from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import read_mesh
 from lacsolver.results import whole
 from lacsolver.running import run
-from verification.meshes.blocks import boxed, grid, joined
+from verification.meshes.blocks import block, joined
 from verification.mpiexec import ROOT
 
 CASE = """
@@ -112,8 +112,7 @@ def blocks(layers):
 
 def box(counts, low, high):
     """A block of HEXA8 between two heights."""
-    ends = (0.0, 0.0, low), (1.0, 1.0, high)
-    return boxed("HEXA8", *grid(counts, *ends), *ends)
+    return block("HEXA8", counts, (0.0, 0.0, low), (1.0, 1.0, high))
 
 
 def solved(folder, comm):
