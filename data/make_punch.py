@@ -13,9 +13,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from numpy.typing import NDArray
 
 import lacmesh
+from lacmesh.generate import rectangle
 
 RADIUS = 20.0
 HEAD = "** One half of a crowned punch is pressed on a block, in plane strain; made by data/make_punch.py.\n"
@@ -55,35 +55,18 @@ U
 """
 
 
-def grid(x: NDArray[np.floating], y: NDArray[np.floating], first: int) -> tuple[NDArray[np.floating], dict]:
-    """Points of a grid of lines x (m,) and y (n,); its cells, and its sides as cells, with nodes from `first` on."""
-    node = first + np.arange(len(x) * len(y)).reshape(len(y), len(x))
-    cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], axis=-1).reshape(-1, 4)
-    sides = {"lower": node[0], "upper": node[-1, ::-1], "left": node[::-1, 0]}
-    lines = {name: np.stack([row[:-1], row[1:]], axis=1) for name, row in sides.items()}
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), {"cells": cells, **lines}
-
-
 def make_mesh() -> lacmesh.Mesh:
     """Mesh of both bodies, with groups of their sides; slave is the underside of the punch."""
-    punch, of_punch = grid(np.linspace(0, 1, 17), np.linspace(0, 1, 9) ** 1.3, 0)
-    punch[:, 1] += (1 - punch[:, 1]) * punch[:, 0] ** 2 / (2 * RADIUS)
+    punch = rectangle((16, np.linspace(0, 1, 9) ** 1.3)).moved(
+        lambda x: [x[0], x[1] + (1 - x[1]) * x[0] ** 2 / (2 * RADIUS)]
+    )
     across = np.concatenate([np.linspace(0, 1.2, 15), np.linspace(1.2, 3, 8)[1:]])
-    block, of_block = grid(across, -2 * np.linspace(1, 0, 11) ** 1.5, len(punch))
-    sides = {
-        "slave": of_punch["lower"],
-        "master": of_block["upper"],
-        "top": of_punch["upper"],
-        "bottom": of_block["lower"],
-        "symmetry": np.concatenate([of_punch["left"], of_block["left"]]),
-    }
-    cells = np.concatenate([of_punch["cells"], of_block["cells"]])
-    ends = np.cumsum([len(of_punch["cells"]), len(of_block["cells"]), *map(len, sides.values())])
-    groups = {name: np.arange(a, b) for name, a, b in zip(("block", *sides), ends[:-1], ends[1:], strict=True)}
-    groups["punch"] = np.arange(ends[0])
-    blocks = [("QUAD4", cells), ("SEG2", np.concatenate(list(sides.values())))]
-    points = np.concatenate([punch, block]).round(12)  # powers differ in the last bit from processor to processor
-    return lacmesh.Mesh.create(points, blocks, cell_groups=groups)
+    block = rectangle((across, -2 * np.linspace(1, 0, 11) ** 1.5))
+    mesh = lacmesh.join(
+        punch.renamed(body="punch", bottom="slave", left="symmetry"),
+        block.renamed(body="block", top="master", left="symmetry"),
+    ).only("punch", "block", "slave", "master", "top", "bottom", "symmetry")
+    return mesh.moved(lambda x: x.round(12))  # powers differ in the last bit from processor to processor
 
 
 def make() -> str:
