@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lacmesh import Mesh, raise_order
+from lacmesh import Mesh, generate
 from lacmesh.cells import CELLS
 from lacsolver.case import Case, Material, parse_case
 from lacsolver.constraints import Constraints
@@ -102,32 +102,12 @@ def turn(angle):
 
 def ring(name="HEXA8", n=12):
     """A ring of radii 1 and 2, height 1, about the z axis, uniform; `outer`, `inner`, `ends`."""
-    k = np.arange(n)
-    a = 2 * np.pi * k / n
-    level = [[r * np.cos(a), r * np.sin(a), np.full(n, z)] for z in (0.0, 1.0) for r in (1.0, 2.0)]
-    points = np.concatenate([np.array(rows).T for rows in level])
-    m = (k + 1) % n
-    hexahedra = np.stack([k, n + k, n + m, m, 2 * n + k, 3 * n + k, 3 * n + m, 2 * n + m], axis=1)
-    mesh = Mesh.create(points, [("HEXA8", hexahedra)])
-    if name == "HEXA20":
-        mesh = raise_order(mesh, "2")
-        x = mesh.points.copy()
-        radius = np.linalg.norm(x[:, :2], axis=1)
-        wall = (radius < 1.2) | (radius > 1.7)  # mid-nodes of the edges along z or round, not those between the walls
-        x[wall, :2] *= (np.where(radius < 1.4, 1.0, 2.0) / radius)[wall, None]
-        mesh = Mesh.create(x, mesh.blocks)
-    away = lambda x: np.linalg.norm(x[:, :2], axis=1)  # noqa: E731
-    flat = lambda x: np.abs(x[:, 2] - 0.5) < 0.4  # noqa: E731
-    return with_sides(
-        mesh,
-        {
-            "outer": lambda x: flat(x) & (away(x) > 1.4),
-            "inner": lambda x: flat(x) & (away(x) < 1.4),
-            "east": lambda x: flat(x) & (away(x) > 1.4) & (x[:, 0] > 0),
-            "west": lambda x: flat(x) & (away(x) > 1.4) & (x[:, 0] < 0),
-            "ends": lambda x: ~flat(x),
-        },
-    )
+    mesh = generate.ring((1, n, 1), kind=name)
+
+    def half(side):
+        return lambda x: np.isclose(np.hypot(x[0], x[1]), 2) & (side * x[0] > -1e-9)
+
+    return mesh.with_groups(east=half(1), west=half(-1)).renamed(bottom="ends", top="ends")
 
 
 def nodes_in(mesh, group):

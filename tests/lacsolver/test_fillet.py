@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import Mesh
+from lacmesh import join
+from lacmesh.generate.parts import linear
 from lacmesh.smooth import fit_surface
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface import Surface
 from lacsolver.results.faceted import faceted
-from tests.coarse_rings import split
 from verification.solving import solve
 
 #: angle of the fillet of radius 1, and where along the profile the mesh begins and ends; the planes touch at 0 and TURN
@@ -44,37 +44,15 @@ def body(n, offset, side, heights):
 
 def fillet(counts, offsets=(0.3, 0.1), kind="QUAD4", heights=(0.0,)):
     """The mesh: groups upper, lower, slave, master, around (the pressed faces), and nodes: ends (z = constant)."""
-    dim = 2 if len(heights) == 1 else 3
-    points, cells, groups, faces = [], [], {}, {"slave": [], "master": [], "around": []}
+    dim, parts = 2 if len(heights) == 1 else 3, []
     names = (("upper", "slave"), ("lower", "master"))
     for n, offset, side, (name, skin) in zip(counts, offsets, (1, -1), names, strict=True):
         x = body(n, offset, side, heights)
-        number = np.arange(x[..., 0].size).reshape(x.shape[:3]) + sum(map(len, points))
-        points.append(x.reshape(-1, 3))
-        made = split(number, kind)
-        groups[name] = sum(map(len, cells)) + np.arange(len(made))
-        cells.append(made)
-        faces[skin].append(_sheet(number[:, 0], dim, kind))
-        faces["around"] += [_sheet(one, dim, kind) for one in (number[:, -1], number[0], number[-1])]
-    start = sum(map(len, cells))
-    for name, parts in faces.items():
-        faces[name] = np.concatenate(parts)
-        groups[name] = start + np.arange(len(faces[name]))
-        start += len(faces[name])
-    x = np.concatenate(points)
-    skin = {"QUAD4": "SEG2", "HEXA8": "QUAD4", "TETRA4": "TRIA3"}[kind]
-    ends = {"ends": np.flatnonzero((x[:, 2] == heights[0]) | (x[:, 2] == heights[-1]))} if dim == 3 else {}
-    blocks = [(kind, np.concatenate(cells)), (skin, np.concatenate(list(faces.values())))]
-    return Mesh.create(x, blocks, cell_groups=groups, node_groups=ends, space_dim=dim)
-
-
-def _sheet(number, dim, kind):
-    """Faces over a sheet of nodes (n, heights), as the cells of a type have them."""
-    if dim == 2:
-        return np.stack([number[:-1, 0], number[1:, 0]], axis=1)
-    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
-    quads = np.stack([a, b, c, d], axis=-1).reshape(-1, 4)
-    return quads if kind == "HEXA8" else np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+        sides = ("around", "around"), (skin, "around"), ("ends", "ends")
+        parts.append(linear(x if dim == 3 else x[:, :, 0, :2], kind, sides).renamed(body=name))
+    mesh = join(*parts)
+    ends = {"ends": mesh.nodes_on(mesh.cell_groups["ends"])} if dim == 3 else {}
+    return replace(mesh.only("upper", "lower", "slave", "master", "around"), node_groups=ends)
 
 
 def case(mesh):
