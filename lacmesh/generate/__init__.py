@@ -18,9 +18,9 @@ for prisms and quadrangles for pyramids. "mixed", "mixed 2" and "mixed 2-full" a
 hexahedra, prisms, pyramids and tetrahedra, of an order of `raise_order`. Not every kind fills every shape: prisms fill
 no solid sphere, and pyramids with triangles up need even numbers of cells. A kind that leaves gaps is an error.
 
-`distortion`: inner corners are moved at random along each axis of the grid by up to this share of a cell; those on a
-side stay on it. It may be up to 0.15, with which cells of all kinds stay valid. The same `seed` gives the same mesh on
-every machine.
+`distortion`: inner corners are moved at random along each axis of the grid by up to this share of the smaller cell
+beside them; those on a side stay on it. It may be up to 0.125, with which cells of all kinds stay valid. The same
+`seed` gives the same mesh on every machine.
 
 >>> from lacmesh.generate import box, stack
 >>> stack(box(3, kind="TETRA10"), box((2, 2, 1), (1, 1, 0.5)))
@@ -32,13 +32,14 @@ Mesh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.generate.parts import SEAM, Counts, box_of, closed, dim_of, kinds, linear, raised, sewn
+from lacmesh.generate.parts import SEAM, Counts, box_of, check_seams, dim_of, kinds, linear, raised, sew
 from lacmesh.joining import join
 from lacmesh.mesh import Floats, Mesh
 
@@ -113,7 +114,7 @@ def ring(
     flat = box_of(kind, dim, n, size, corner, distortion, seed, sides)
     x = flat.points
     mesh = replace(flat, points=np.column_stack([_polar(x[:, 0], x[:, 1]), x[:, 2]]))
-    return closed(sewn(mesh, SEAM), kind, "ring")
+    return check_seams(sew(mesh, SEAM), kind, "ring")
 
 
 def disc(
@@ -142,7 +143,7 @@ def cylinder(
     >>> cylinder((2, 1, 4), 5.0, 20.0, angle=90).cells_by_type
     {'HEXA8': 32, 'QUAD4': 56}
     """
-    core, shell, up = (n, n, n) if isinstance(n, int) else n
+    core, shell, up = _numbers(n, 3)
     return _disc((core, shell), radius, kind, angle, 3, up, height, distortion, seed)
 
 
@@ -158,7 +159,7 @@ def sphere(
     >>> sphere(2, 10.0, "TETRA10", inner=8.0).cells_by_type
     {'TETRA10': 144, 'TRIA6': 96}
     """
-    core, shell = (n, n) if isinstance(n, int) else n
+    core, shell = _numbers(n, 2)
     dim_of(kind, (3,))
     if not 0 <= inner < radius:
         raise RequestError(f"a sphere has 0 <= inner < radius, not {inner} and {radius}")
@@ -177,7 +178,7 @@ def sphere(
     if not inner:
         mesh = box_of(kind, 3, core, 1.0, 0.0, distortion, random, tuple((plane, SEAM) for plane in planes))
         parts.append(replace(mesh, points=radius * _within(mesh.points)))
-    return closed(sewn(join(*parts), SEAM), kind, "sphere")
+    return check_seams(sew(join(*parts), SEAM), kind, "sphere")
 
 
 def grid(*points: ArrayLike, kind: str = "") -> Mesh:
@@ -197,7 +198,7 @@ def grid(*points: ArrayLike, kind: str = "") -> Mesh:
     (dim,) = dims
     kind = kind or ("QUAD4", "HEXA8")[dim - 2]
     dim_of(kind, (dim,))
-    return sewn(join(*(raised(linear(one, kind, ((_SKIN, _SKIN),) * dim), kind) for one in arrays)), _SKIN)
+    return sew(join(*(raised(linear(one, kind, ((_SKIN, _SKIN),) * dim), kind) for one in arrays)), _SKIN)
 
 
 def stack(lower: Mesh, upper: Mesh, *, gap: float = 0.0, slave: str = "upper") -> Mesh:
@@ -236,7 +237,7 @@ def _disc(
         raise RequestError(f"a disc or cylinder has an angle of 90, 180 or 360 degrees, not {angle}")
     if not radius > 0 or (dim == 3 and not height > 0):
         raise RequestError("a disc or cylinder has a radius and a height above 0")
-    core, shell = (n, n) if isinstance(n, int) else n
+    core, shell = _numbers(n, 2)
     more = ((up,), (height,), (_RING[2],)) if dim == 3 else ((), (), ())
     random = np.random.Generator(np.random.PCG64(seed))
     parts: list[Mesh] = []
@@ -262,7 +263,15 @@ def _disc(
             )
             plane = radius * plane @ _quarters(np.array([k]))[0].T
             parts.append(replace(mesh, points=np.column_stack([plane, z])))
-    return closed(sewn(join(*parts), SEAM), kind, "disc" if dim == 2 else "cylinder")
+    return check_seams(sew(join(*parts), SEAM), kind, "disc" if dim == 2 else "cylinder")
+
+
+def _numbers(n: int | Sequence[int], count: int) -> Sequence[int]:
+    """So many numbers of cells, of one for all or of a sequence. Raises RequestError."""
+    numbers = (n,) * count if isinstance(n, int) else tuple(n)
+    if len(numbers) != count:
+        raise RequestError(f"n is a number of cells, or {count} of them, not {n}")
+    return numbers
 
 
 def _within(x: Floats) -> Floats:

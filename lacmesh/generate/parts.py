@@ -43,8 +43,8 @@ _MIXED = {"mixed": "1", "mixed 1": "1", "mixed 2": "2", "mixed 2-full": "2-full"
 _FULL = ("QUAD9", "HEXA27", "PENTA18", "PYRAM14")
 #: sides of a part that meet other parts
 SEAM = "seam"
-#: distance of nodes that are one, over the size of the mesh; the largest distortion
-_NEAR, _MOST = 1e-9, 0.15
+#: distance of nodes that are one, over the size of the mesh; the largest distortion: at 1/7 pyramids become flat
+_NEAR, _MOST = 1e-9, 0.125
 
 
 def kinds(dim: int) -> tuple[str, ...]:
@@ -83,11 +83,11 @@ def box_of(
     if len(axes) != dim:
         raise RequestError(f"n is a number of cells, or {dim} of them, one along each axis, not {n}")
     lines = [_lines(own, *ends) for own, *ends in zip(axes, sizes, corners, strict=True)]
-    index = np.stack(np.meshgrid(*(np.arange(len(x), dtype=float) for x in lines), indexing="ij"), axis=-1)
+    points = _tensor(lines)
     if distortion:
         random = seed if isinstance(seed, np.random.Generator) else np.random.Generator(np.random.PCG64(seed))
-        index += distortion * _moves(index, sides, random)
-    points = np.stack([np.interp(index[..., k], np.arange(len(x)), x) for k, x in enumerate(lines)], axis=-1)
+        steps = [np.minimum(np.diff(x, append=np.inf), np.diff(x, prepend=-np.inf)) for x in lines]
+        points += distortion * _moves(points, sides, random) * _tensor(steps)
     return raised(linear(points, kind, sides), kind)
 
 
@@ -105,9 +105,14 @@ def _lines(n: Any, size: float, corner: float) -> Floats:
     return np.asarray(corner + size * (np.arange(n + 1) / n))
 
 
-def _moves(index: Floats, sides: Sequence[tuple[str, str]], random: np.random.Generator) -> Floats:
-    """Random moves of the corners of a grid, in cells, from -1 to 1; not across sides, and not at all on seams."""
-    moves = random.uniform(-1, 1, index.shape)
+def _tensor(lines: Sequence[Floats]) -> Floats:
+    """Points (a, .., d) of a grid of lines."""
+    return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1)
+
+
+def _moves(points: Floats, sides: Sequence[tuple[str, str]], random: np.random.Generator) -> Floats:
+    """Random moves of the corners of a grid, in steps, from -1 to 1; not across sides, and not at all on seams."""
+    moves = random.uniform(-1, 1, points.shape)
     for axis, names in enumerate(sides):
         for end, name in zip((0, -1), names, strict=True):
             on = np.moveaxis(moves, axis, 0)[end]
@@ -228,7 +233,7 @@ def raised(mesh: Mesh, kind: str) -> Mesh:
     return Mesh.create(points, blocks, space_dim=mesh.space_dim, cell_groups=mesh.cell_groups)
 
 
-def sewn(mesh: Mesh, group: str) -> Mesh:
+def sew(mesh: Mesh, group: str) -> Mesh:
     """The mesh with nodes of a group of faces at one place made one; faces that come twice are no cells any more."""
     if group not in mesh.cell_groups:
         return mesh
@@ -251,7 +256,7 @@ def sewn(mesh: Mesh, group: str) -> Mesh:
     return replace(sewn, node_number=np.arange(sewn.n_nodes) + 1, cell_number=np.arange(sewn.n_cells) + 1)
 
 
-def closed(mesh: Mesh, kind: str, shape: str) -> Mesh:
+def check_seams(mesh: Mesh, kind: str, shape: str) -> Mesh:
     """The mesh of parts that were sewn together. Raises RequestError if faces of two parts do not match."""
     if SEAM in mesh.cell_groups:
         raise RequestError(f"cells of kind {kind!r} do not match where parts of this {shape} meet; take another kind, "
