@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacmesh import Mesh
+from lacmesh import Mesh, join
+from lacmesh.generate import rectangle, ring
 from lacsolver.case import CaseError, parse_case
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output
@@ -45,29 +46,12 @@ uy = 0.0
 SIZE = 0.08
 
 
-def grid(x, first):
-    """QUAD4 of a lattice of points (i, j, 2)."""
-    k = first + np.arange(x[..., 0].size).reshape(x.shape[:2])
-    return np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], axis=-1).reshape(-1, 4), k
-
-
 def cylinder_on_block(lowered, height=1.0):
     """The lower half of a tube of radii 0.3 and 1 on a block: cells of 0.08; they touch at (0, 0) if not `lowered`."""
-    r, phi = np.linspace(0.3, 1.0, 10), np.linspace(-np.pi, 0, 40)
-    tube = np.stack([r[:, None] * np.cos(phi), 1 - lowered + r[:, None] * np.sin(phi)], axis=-1)
-    x, y = np.linspace(-1.5, 1.5, round(3 / SIZE)), np.linspace(-height, 0, 1 + round(height / SIZE))
-    block = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
-    one, a = grid(tube, 0)
-    two, b = grid(block, tube.size // 2)
-    lines = {"slave": a[-1], "hub": a[0], "master": b[::-1, -1], "bottom": b[:, 0]}
-    sides = {name: np.stack([line[:-1], line[1:]], axis=1) for name, line in lines.items()}
-    count, groups = len(one) + len(two), {}
-    for name, side in sides.items():
-        groups[name] = np.arange(count, count + len(side))
-        count += len(side)
-    points = np.concatenate([tube.reshape(-1, 2), block.reshape(-1, 2)])
-    return Mesh.create(points, [("QUAD4", np.concatenate([one, two])), ("SEG2", np.concatenate([*sides.values()]))],
-                       cell_groups=groups)  # fmt: skip
+    tube = ring((9, 39), (0.3, 1.0), angle=180).moved(lambda x: [-x[0], 1 - lowered - x[1]])
+    block = rectangle((round(3 / SIZE) - 1, round(height / SIZE)), (3, height), corner=(-1.5, -height))
+    mesh = join(tube.renamed(outer="slave", inner="hub"), block.renamed(top="master"))
+    return mesh.only("body", "slave", "hub", "master", "bottom").renamed(body="")
 
 
 def of(more="", kinematics="small"):
