@@ -10,9 +10,9 @@ from lacsolver.results.state import CONTACT, UNPAIRED
 from tests.lacsolver.contact_cases import JOINT, SLIDING, held, nodes_of, resultant
 from tests.lacsolver.contact_cases import solve as solve_small
 from tests.lacsolver.finite_cases import YOUNG, last, places, solve
-from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import block, joined, stack, three_blocks
 from tests.lacsolver.test_contact_rigid import under_a_plate
+from tests.problem_meshes import punch
 
 GROUND = {2: held("bottom", ux=0.0, uy=0.0), 3: held("bottom", ux=0.0, uy=0.0, uz=0.0)}
 KINDS = {2: ("QUAD8", "SEG2"), 3: ("HEXA8", "TRIA3")}

@@ -18,8 +18,8 @@ from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
 from lacsolver.contact.rows import macro_rows
 from tests.lacsolver.finite_cases import waves
-from tests.lacsolver.key_meshes import nodes_of, overhang
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
+from tests.problem_meshes import nodes_of, overhang
 from verification.meshes.stacks import tilt
 
 #: (slave, master, dimension): every family of faces, linear and quadratic

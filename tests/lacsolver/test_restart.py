@@ -25,9 +25,9 @@ from lacsolver.output import create_output
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from tests.lacsolver.key_meshes import punch
 from tests.lacsolver.patch_meshes import three_blocks
 from tests.lacsolver.tables import table
+from tests.problem_meshes import punch
 
 HEAD = """mesh = "blocks.msh"
 model = "{model}"

@@ -22,9 +22,9 @@ from lacsolver.results.nodal import principal, von_mises
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
 from tests.lacsolver.contact_cases import JOINT, MATERIAL, SLIDING, held, nodes_of, pressed
-from tests.lacsolver.key_meshes import overhang, punch
 from tests.lacsolver.patch_meshes import stack, three_blocks
 from tests.lacsolver.tables import table
+from tests.problem_meshes import overhang, punch
 
 #: its slave is finer than its master, which is said
 pytestmark = pytest.mark.filterwarnings("ignore:pressures of contact 'foot' alternate")

@@ -10,8 +10,8 @@ import pytest
 from lacsolver.case import CaseError
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from tests.lacsolver.contact_cases import JOINT, held, only, pressed, resultant
-from tests.lacsolver.key_meshes import overhang
 from tests.lacsolver.patch_meshes import stack
+from tests.problem_meshes import overhang
 
 TIE = JOINT.replace("[[contact]]", "[[tie]]")
 LOW = held("lower", ux=0.0, uy=0.0, uz=0.0)

@@ -12,7 +12,7 @@ from lacsolver.case import parse_case
 from lacsolver.output import create_output
 from lacsolver.running import run
 from lacsolver.validation import validate
-from tests.lacsolver.key_meshes import plane
+from tests.problem_meshes import plane
 
 CASE = """
 mesh = "blocks.msh"
