@@ -1,4 +1,4 @@
-"""Meshes of the cases of `key_cases`: small blocks with the groups that those name."""
+"""Meshes of the corpus: small blocks with the groups that its records name."""
 
 from __future__ import annotations
 
