@@ -112,7 +112,7 @@ def late_supports(constraints: Constraints, case: Case) -> Iterator[EqualityRows
     late = [(k, record) for k, record in enumerate(case.displacement) if is_late(record)]
     for k, record in sorted(late, key=lambda one: one[1].begin or 0.0):
         nodes = space.known(nodes_of(space, record))
-        parts = along_axes(space, record, nodes[space.attached[nodes]])
+        parts = along_axes(space, record, nodes[space.agreed(space.attached)[nodes]])
         check_apart(space, constraints.rigid, parts)
         own = LateSupport.of(space, k, record, parts)
         own = own.without(_held_already(constraints, own, probed_times(case)))

@@ -29,6 +29,10 @@ _SIDES = '[[cyclic]]\nslave = "a"\nmaster = "b"\nsectors = 6\n'
 _LID = '[[coupling]]\nname = "lid"\ngroup = "lid"\nfz = "-20 * t"\nmoment = [0.0, 0.0, "2 * t"]\n'
 _TABLE = 'law = "table"\npressures = [[0, 0], [1, 0.002], [30, 0.02]]\n'
 _EXPONENTIAL = 'law = "exponential"\npressure_at_contact = 0.01\nclearance_at_zero = 0.1\n'
+_LATE = (
+    '[[displacement]]\ngroup = "top"\nuy = 0.0\nuz = [[0, 0], [1, -0.01]]\n'
+    '[[displacement]]\ngroup = "top"\nux = [[0, 0], [1, 0], [2, 0.005]]\nbegin = 1.0\nreached = 2.0\n'
+)
 _LEVEL = '[[equation]]\ngroup = "lid"\nsame = ["uz"]\n'
 
 
@@ -83,5 +87,9 @@ CASES = {
     "a sector of sides that do not match": (
         SPACE + _METAL + _SIDES + _TOUCH + "friction = 0.3\n" + _TABLE + _BOTTOM + _LID + steps(1.0, 2),
         lambda: stacked_sectors(("HEXA8", "HEXA8"), ((3, 4, 2), (2, 3, 2)), skew=0.2),
+    ),
+    "a support that begins late, and an equation": (
+        SPACE + SMALL + _TOUCH + "friction = 0.3\n" + _BOTTOM + _LATE + _TERMS + steps(2.0, 4),
+        lambda: bars(("HEXA8", "HEXA8"), (4, 2), (2, 1)),
     ),
 }  # fmt: skip
