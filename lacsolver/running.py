@@ -42,7 +42,6 @@ from lacsolver.results.motion import ENERGIES, doubtful_energy
 from lacsolver.results.new_contact import closed_at_start, sliding_since_contact, turned_far
 from lacsolver.results.results import Restart, Results, StepFigures
 from lacsolver.results.state import CONTACT, State
-from lacsolver.results.tied import turned_across_a_gap
 from lacsolver.results.whole import orders_of
 
 #: part of the dissipation that the balance of work may leave over; part of the work below which it is not looked at
@@ -148,9 +147,6 @@ class RunOutput:
         #: motions of rigid bodies at the end of the last step, and the first warning of one that turns far
         self._rigid: Mapping[str, Floats] = {}
         self._turned = ""
-        #: interfaces of ties in finite kinematics, and the last warning of each that turns far across a gap
-        ties = [p for p in problem.joints if p.tie and p.pairing.turn is None and problem.kinematics.finite]
-        self._ties, self._apart = {pair.name: faces[pair.name] for pair in ties}, dict[str, str]()
         #: the first warning of a macro-element whose edge dips into its master
         self._dipped = ""
         self.results = Results(
@@ -187,8 +183,6 @@ class RunOutput:
         self._linear_solver = self._linear_solver or state.linear_solver
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
-        for name, face in self._ties.items():
-            self._apart[name] = turned_across_a_gap(problem, state, face) or self._apart.get(name, "")
         self._dipped = self._dipped or next(dipped(problem, state), "")
         self._touched = {zone.name: zone.status >= CONTACT for zone in state.zones}
         self._rigid = state.rigid
@@ -263,7 +257,7 @@ class RunOutput:
         yield from _doubtful_energy(problem.case, self.results)
         yield from _doubtful_dissipation(self.results)
         yield from self._softened()
-        yield from filter(None, [self._way, self._turned, self._dipped, *self._apart.values()])
+        yield from filter(None, [self._way, self._turned, self._dipped])
         if last is not None:
             yield from warnings_of(last.held, last.prescribed)
             yield from faceted(problem, last)

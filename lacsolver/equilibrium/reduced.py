@@ -305,5 +305,5 @@ class ReducedProblem:
         if pair.moving:
             return pair.integrate(self.problem.space, u, t)
         if pair.name not in self._interfaces or pair.timed:
-            self._interfaces[pair.name] = pair.integrate(self.problem.space, u, t)
-        return self._interfaces[pair.name]
+            self._interfaces[pair.name] = pair.integrate(self.problem.space, np.zeros_like(u), t)
+        return pair.turned(self._interfaces[pair.name], self.problem.space, u)

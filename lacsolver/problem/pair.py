@@ -22,7 +22,7 @@ from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.case import Contact, Cyclic, Tie
 from lacsolver.case.value import Value
 from lacsolver.constraints.cyclic import turn_of
-from lacsolver.contact import Interface, Pairing, Zone, integrate
+from lacsolver.contact import Interface, Pairing, Zone, arm, integrate
 from lacsolver.contact.faces import places, tangents
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import ContactLaw
@@ -42,12 +42,14 @@ class ContactPair(Described):
     """A contact pair or tie: its zone, the options of its pairing, and its contact law at the start.
 
     `record`: the case's contact or tie. The kind of law stays the same, and its stiffness may change: see `law_at`.
+    `turns`: True for a tie whose arm across a gap turns with the slave (`contact.arm`), under finite kinematics.
     """
 
     record: Contact | Tie
     zone: Zone
     pairing: Pairing
     law: ContactLaw
+    turns: bool = False
 
     @classmethod
     def of(cls, space: Space, record: Contact | Tie) -> ContactPair:
@@ -157,7 +159,13 @@ class ContactPair(Described):
     def integrate(self, space: Space, u: Floats, t: float) -> Interface:
         """Return the interface of the pair under u (n_dof,) at time t, see `places`."""
         x = self.places(space, u) if self.moving else None
-        return integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
+        face = integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
+        return self.turned(face, space, u)
+
+    def turned(self, face: Interface, space: Space, u: Floats) -> Interface:
+        """Return an undeformed interface under u (n_dof,), where the arm of a tie turns; others as they are."""
+        moves = self.turns and arm.has_arm(face, space.share)
+        return arm.turned(face, space.places(u), space.share) if moves else face
 
     def above_threshold(self, face: Interface) -> NDArray[np.bool_]:
         """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.

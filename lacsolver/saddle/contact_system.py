@@ -25,7 +25,7 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
 from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import Free, moves
-from lacsolver.contact import Interface
+from lacsolver.contact import Interface, arm
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState, Unilateral
@@ -418,11 +418,8 @@ class ContactSystem:
             bent = one.equality.curvature(*one.here, p[one.rows])
             total = total if bent is None else csr_array(total + bent)
         for group in self.pairs:
-            if group.motion is not None:
-                from lacsolver.contact.tangent import tangent
-
-                t = None if group.shear is None else group.shear.vectors(p)
-                own = tangent(group.motion, p[group.rows], t)
+            own = group.geometric_stiffness(p)
+            if own is not None:
                 total = csr_array(total + group.share.add_matrices(own, (True, True)))
         return total
 
@@ -456,10 +453,12 @@ def contact_system(
             anchors = histories.anchors[k] if histories.anchors else Anchors.none()
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before)
-        fixed = symmetric or not pair.moving
+        x = problem.space.places(u) if pair.turns and arm.has_arm(face, problem.space.share) else None
+        fixed = symmetric or not (pair.moving or x is not None)
         group = PairGroup(
-            pair.law_at(t, dt), own, memory, shear, fixed, pair=pair, face=face, share=problem.space.share, since=since
-        )
+            pair.law_at(t, dt), own, memory, shear, fixed, pair=pair, face=face, share=problem.space.share, since=since,
+            x=x,
+        )  # fmt: skip
         groups.append(group)
         first = group.every.stop
         G.append(group.gaps(u))

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array, vstack
 from lacmesh.mesh import Floats, Ints
 from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import EqualityRows
-from lacsolver.contact import Interface
+from lacsolver.contact import Interface, arm
 from lacsolver.contact.anchors import Anchors, Slip, slip
 from lacsolver.contact.friction import Kept
 from lacsolver.contact.laws import ContactLaw
@@ -115,22 +115,33 @@ class PairGroup(RowGroup):
     """Rows of a contact pair, with its interface in this configuration.
 
     `share`: what this process holds of the model. `since`: what the slip of friction is counted from where the pair
-    moves, its anchors and coordinates (n_nodes, 3) in the last state.
+    moves, its anchors and coordinates (n_nodes, 3) in the last state. `x` (n_nodes, 3): those of a tie whose arm turns.
     """
 
     pair: ContactPair
     face: Interface
     share: Share = ALONE
     since: tuple[Anchors, Floats] | None = None
+    x: Floats | None = None
 
     @cached_property
     def motion(self) -> Motion | None:
         """Derivatives of the interface; None if it is paired only once, or for a symmetric tangent."""
-        if self.symmetric:
+        if self.symmetric or self.x is not None:
             return None
         from lacsolver.contact.tangent import motion_of
 
         return motion_of(self.face, self.face.slave, self.face.master, self.pair.pairing, self.face.normal.shape[1])
+
+    def geometric_stiffness(self, p: Floats) -> csr_array | None:
+        """Return d(B^T p)/du (n_dof, n_dof) of own macro-elements at all pressures and tractions p; None for 0."""
+        if self.x is not None and not self.symmetric:
+            return arm.bent(self.face, self.x, p[self.rows])
+        if self.motion is None:
+            return None
+        from lacsolver.contact.tangent import tangent
+
+        return tangent(self.motion, p[self.rows], None if self.shear is None else self.shear.vectors(p))
 
     def gaps(self, u: Floats) -> NDArray[np.floating]:
         """Return the gap integrals at u (n_dof,), and in rows along tangents -S, the slip from `kept` on."""
@@ -161,7 +172,7 @@ class PairGroup(RowGroup):
 
         The gaps of pairs that are paired only once are linear in u.
         """
-        if not self.pair.moving:
+        if not self.pair.moving and self.x is None:
             return np.asarray(self.face.G - self.face.B @ u)
         if not self.pair.one_sided:
             return self.face.G

@@ -7,10 +7,15 @@ import warnings
 import numpy as np
 import pytest
 
-from lacsolver.case import Case, Displacement, Material, Steps, Tie, parse_case
+import lacmesh
+import lacsolver as ls
+from lacmesh.cells import CELLS
+from lacsolver.case import Case, Displacement, Material, Steps, Tie, Traction, parse_case
 from lacsolver.output import create_output
+from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
 from lacsolver.running import run
+from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
 from tests.checks.blocks import block as grid
 from tests.checks.blocks import join, skin
@@ -142,23 +147,58 @@ def test_a_tie_beside_a_contact():
     assert np.abs(glue.traction).max() <= 1e-12 * YOUNG
 
 
-@pytest.mark.parametrize("angle, warned", [(0.05, False), (np.pi / 2, True)])
-def test_a_tie_across_a_gap_that_turns_far_is_warned_of(tmp_path, angle, warned):
-    """The lower block is turned; the arm of 0.5 to the upper one grows by 1 - cos of the angle."""
-    low, high = grid((2, 1), (0, 0), (2, 1), "QUAD4"), grid((3, 1), (0, 1.5), (2, 2.5), "QUAD4")
-    skins = [skin(*cells, lambda x, y=y: np.isclose(x[..., 1], y)) for cells, y in ((low, 1), (high, 1.5))]
-    mesh = join([(*low, {"m": skins[0], "low": skin(*low, lambda x: x[..., 0] > -1)}), (*high, {"s": skins[1]})])
-    turned = {"ux": f"x * (cos({angle} * t) - 1) - y * sin({angle} * t)"}
-    turned |= {"uy": f"x * sin({angle} * t) + y * (cos({angle} * t) - 1)"}
+def turning(angle, kind, load=0.0):
+    """(case, mesh): a block tied across a gap of 0.5 to one that is turned about z by an angle, then sheared."""
+    d, kind, order = CELLS[kind].dim, CELLS[kind].linear, 1 + (CELLS[kind].linear != kind)
+    low, high = (
+        grid((2, 1, 1)[:d], (0, 0, 0)[:d], (2, 1, 1)[:d], kind),
+        grid((3, 1, 2)[:d], (0, 1.5, 0)[:d], (2, 2.5, 1)[:d], kind),
+    )
+    skins = [skin(*cells, lambda x, y=y: np.isclose(x[..., 1], y)) for cells, y in ((low, 1), (high, 1.5), (high, 2.5))]
+    of_low = {"m": skins[0], "low": skin(*low, lambda x: x[..., 0] > -1)}
+    mesh = join([(*low, of_low), (*high, {"s": skins[1], "top": skins[2]})])
+    phi = f"({angle} * min(t, 1))"
+    turned = {"ux": f"x * (cos{phi} - 1) - y * sin{phi}", "uy": f"x * sin{phi} + y * (cos{phi} - 1)"}
+    turned |= {"uz": 0.0} if d == 3 else {}
+    along = [f"{load} * max(t - 1, 0) * cos({angle})", f"{load} * max(t - 1, 0) * sin({angle})"]
     case = Case(
-        mesh=mesh, model="plane_strain", kinematics="finite", tie=Tie(slave="s", master="m"), steps=Steps(count=4),
+        model="3d" if d == 3 else "plane_strain", kinematics="finite", tie=Tie(slave="s", master="m"),
         material=Material(law="saint_venant_kirchhoff", young=1000.0, poisson=0.3),
-        displacement=Displacement(group="low", **turned),
+        displacement=Displacement(group="low", **turned), traction=Traction(group="top", tx=along[0], ty=along[1]),
+        steps=Steps(times=(0.25, 0.5, 0.75, 1.0, 2.0)),
     )  # fmt: skip
-    words = "tie 's' has a gap of up to 0.5 between its skins, which turn by 1.57 radian by time 1: it is for small "
-    words += "rotations, and takes them 0.5 from where they belong"
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        run(case, create_output(tmp_path / "out"))
-    assert any(words in str(one.message) for one in caught) == warned
-    assert warned or not any("has a gap" in str(one.message) for one in caught)
+    return case, mesh if order == 1 else lacmesh.raise_order(mesh)
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
+def test_a_tie_across_a_gap_turns_with_its_bodies(kind):
+    """A rigid turn of 90 degrees needs no force; a load that turns with it moves the bodies as the same load before."""
+    straight, turned = (list(ls.march(*turning(angle, kind, load=5.0))) for angle in (0.0, np.pi / 2))
+    R = np.eye(straight[0].mesh.space_dim)
+    R[:2, :2] = [[0, -1], [1, 0]]
+    for one, other in zip(straight[3:], turned[3:], strict=True):
+        x = one.mesh.points[:, : len(R)]
+        np.testing.assert_allclose(x + other.u, (x + one.u) @ R.T, atol=1e-8)
+    assert straight[4].iterations <= 5 and np.abs(straight[4].u).max() > 0.015
+    assert np.abs(turned[3].contact["s"].force).max() <= 1e-8
+    u, forces = (np.pad(one, ((0, 0), (0, 3 - len(R)))) for one in (turned[4].u, turned[4].contact["s"].force))
+    force, moment = unbalanced(turned[4].mesh.points + u, forces)
+    assert max(force, moment) <= 1e-10
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "HEXA20"])
+def test_the_rows_of_a_tie_across_a_gap_and_their_derivatives(kind):
+    """B is the derivative of the jump at a large displacement, and the geometric stiffness that of B^T p."""
+    problem = Problem.of(*turning(0.0, kind))
+    rng, space = np.random.default_rng(1), problem.space
+    (pair,), (u, v) = problem.joints, rng.uniform(-0.05, 0.05, (2, problem.space.n_dof))
+
+    def rows(u):
+        return contact_system(problem, [pair.integrate(space, u, 1.0)], u)
+
+    h, now = 1e-5, rows(u)
+    p = rng.uniform(-1, 1, len(now.G))
+    ahead, back = rows(u + h * v), rows(u - h * v)
+    np.testing.assert_allclose(now.rows.B @ v, (back.G - ahead.G) / (2 * h), atol=1e-9)
+    change = (ahead.rows.B - back.rows.B).T @ p / (2 * h)
+    np.testing.assert_allclose(now.geometric_stiffness(p) @ v, change, atol=1e-7 * np.abs(change).max())
