@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lacmesh.cli.options import add_command as add_lacmesh_command
-from lacmesh.errors import RequestError
+from lacmesh.errors import ReadError, RequestError, did_you_mean
 
 EPILOG = """\
 Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
@@ -35,9 +35,13 @@ def add_folder(parser: argparse.ArgumentParser) -> None:
 
 
 def folder_of(args: argparse.Namespace) -> Path:
-    """Return the folder of a run that was named, itself or by its case."""
+    """Return the folder of a run that was named, itself or by its case. Raises ReadError where there is none."""
     folder = Path(args.folder)
-    return folder.with_suffix("") if folder.suffix == ".toml" else folder
+    folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
+    if not folder.exists():
+        runs = [results.parent.name for results in folder.parent.glob("*/results.json")]
+        raise ReadError(folder, f"a run with this folder does not exist{did_you_mean(folder.name, runs)}")
+    return folder
 
 
 def beside(case: Path, what: str, ending: str = "") -> Path:

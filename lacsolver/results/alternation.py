@@ -45,7 +45,7 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
             message += (
                 "the mesh and not the contact; quadratic cells lessen it, or slave and master exchanged, and the "
             )
-            yield f"{message}recovered pressure evens it out"
+            yield f"{message}recovered pressure evens it out (lacsolver plot --field recovered)"
 
 
 def roughness(zone: Zone, pressure: Floats, chosen: np.ndarray | None = None) -> float:

@@ -257,6 +257,8 @@ CASES: list[Bad] = [
     Bad("matrices that exist", GOOD, r"^m\.npz exists already; --force replaces it", 2, MATRICES, make=_file("m.npz")),
     Bad("matrices that exist in the other format", GOOD, r"^m\.mtx exists already; --force replaces it", 2, ("matrices CASE -o m.npz --mtx",), make=_file("m.mtx")),
     Bad("matrices on a full disk", GOOD, r"^m\.npz: cannot be written \(File too large\)", 3, MATRICES, file_size=100),
+    Bad("a plot of a run that is none", GOOD, r"^cas: a run with this folder does not exist; there are none$", 3, ("plot cas",)),
+    Bad("a report of a run that is none", GOOD, r"^case: a run with this folder does not exist; there are none$", 3, ("report case.toml",)),
     # natural modes
     Bad("modes without a density", GOOD, r"^case\.toml: group 'lower', 'upper': 19 cells have no density: .*; a mass needs the density of their \[\[material\]\]", commands=MODES),
     Bad("no modes", HEAVY, r"^-k is the number of modes to find, 1 or more, not 0$", 2, ("modes CASE -k 0",)),
