@@ -21,6 +21,7 @@ from lacsolver.decks.names import Names
 #: kinds of what acts, and the components of each
 COMPONENTS = {
     "displacement": 3,
+    "held": 3,
     "force": 3,
     "spin": 3,
     "moment": 3,

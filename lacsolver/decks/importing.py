@@ -31,6 +31,7 @@ _BUILDERS: tuple[tuple[Callable[[CaseDraft], None], str], ...] = (
     (joints.sectors, "CYCLICSYMMETRYMODEL"),
     (rigid_bodies, "RIGIDBODY"),
     (loads.supports, "BOUNDARY"),
+    (loads.kept, "BOUNDARY"),
     (joints.equations, "EQUATION"),
     (joints.bolts, "PRE-TENSIONSECTION"),
     (joints.couplings, "COUPLING"),

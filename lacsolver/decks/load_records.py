@@ -110,6 +110,28 @@ def _by_begin(
         yield line, {"begin": step.begin, "reached": reached}, own
 
 
+def kept(draft: CaseDraft) -> None:
+    """Add a [[displacement]] that begins late for nodes that stay where a step finds them (FIXED). Raises Refused.
+
+    A displacement that a step before prescribes without an amplitude stays anyway.
+    """
+    prescribed, stay = orders(draft, "displacement"), [np.empty(0, np.int64)] * draft.dim
+    for line in (one for one in draft.deck.assigned if one.kind == "held" and len(one.items)):
+        step, known = draft.deck.steps[line.step], np.isin(prescribed.items, line.items)
+        there, value = prescribed.items[known], prescribed.value[:, :, known]
+        moved = ~np.isnan(value[line.step :]).all(axis=0)
+        changed = np.asarray(moved | (prescribed.amplitude[:, :, known] >= 0).any(axis=0))
+        if changed[list(line.components)].any() or step.alpha is not None:
+            message = "FIXED holds nodes that this step or a later one moves, or that an amplitude or a motion does"
+            raise Refused(f"{message}; write their displacement", line.row, line.card)
+        for c in (c for c in line.components if c < draft.dim):
+            free = np.setdiff1d(line.items, np.append(there[~np.isnan(value[:, c]).all(axis=0)], stay[c]))
+            stay[c] = np.union1d(stay[c], free)
+            for axes, nodes in by_axes(draft, free):
+                group = draft.node_group(line.name if len(nodes) == len(line.items) else "", nodes, "held")
+                draft.add("displacement", {"group": group, f"u{AXES[c]}": 0.0, "begin": step.begin} | axes, line.card)
+
+
 def forces(draft: CaseDraft) -> None:
     """Add a [[force]] for each set of nodes. Raises Refused."""
     for part, histories in parts_of(draft.deck, orders(draft, "force"), once=True):

@@ -116,13 +116,20 @@ def boundary(deck: DeckContent, card: Card) -> None:
 
 
 def _lock(deck: DeckContent, card: Card, now: int) -> None:
-    """Take that sections of bolts stay as they are from a step on. Raises Refused for other nodes."""
+    """Take that sections of bolts, and nodes of bodies, stay as they are from a step on. Raises Refused for others."""
     for row in card.rows:
-        nodes = deck.names.nodes(row.text(0), row)[1]
-        sections = [bolt for bolt in deck.bolts if bolt.reference in nodes]
-        if len(sections) < len(nodes) or row.whole(1, "the direction") != 1 or now < 1:
-            message = "FIXED is taken for nodes of *PRE-TENSION SECTION, in direction 1, from the second step on"
-            raise Refused(f"{message}; write the displacement of other nodes", row)
+        named = deck.names.nodes(row.text(0), row)
+        first = row.whole(1, "the first direction")
+        last = row.whole(2, "the last direction", first)
+        sections = [bolt for bolt in deck.bolts if bolt.reference in named[1]]
+        solid = bool(deck.names.in_cells[named[1]].all())
+        if now < 1 or not 1 <= first <= last <= (3 if solid else 1) or not (solid or len(sections) == len(named[1])):
+            message = (
+                "FIXED is taken from the second step on, for nodes of solid elements in directions 1 to 3, and for"
+            )
+            raise Refused(f"{message} nodes of *PRE-TENSION SECTION in direction 1; write other displacements", row)
+        if solid:
+            _assign(deck, card, row, "held", now, named, tuple(range(first - 1, last)), 0.0)
         for bolt in sections:
             bolt.lock = now if bolt.lock is None else bolt.lock
 

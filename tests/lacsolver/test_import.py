@@ -152,6 +152,17 @@ def test_a_support_that_begins_in_the_second_step(tmp_path, support, options, wa
     assert f"line {row + 1 + cards.count(chr(10))})\n[[displacement]]\ngroup" in found.made.text
 
 
+@pytest.mark.parametrize("earlier, way", [("", -0.09), ("*BOUNDARY\nB_Z1, 3, 3, -0.06\n", -0.06)])
+def test_nodes_that_are_fixed_in_the_second_step(tmp_path, earlier, way):
+    """BOUNDARY, FIXED: nodes stay where a pressure, or a displacement, has taken them, whatever comes then."""
+    step = "*END STEP\n*STEP\n*STATIC\n1., 1.\n*BOUNDARY, FIXED\nB_Z1, 3, 3\n*DLOAD\nB_EZ1, P2, 50.\n"
+    found = solved(tmp_path, column("", ("" if earlier else "*DLOAD\nB_EZ1, P2, 30.\n") + earlier + step + step))
+    assert [record.begin for record in found.made.case.displacement if record.begin] == ([] if earlier else [1.0])
+    top = COLUMN.at(2, 3)
+    for k in range(3):
+        np.testing.assert_allclose(found.u(top, k)[:, 2], way, rtol=1e-6)
+
+
 def test_sudden_step(tmp_path):
     deck = COLUMN.text() + section(nu=0.0) + held()
     deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step("*CLOAD\nB_Z1, 3, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n")

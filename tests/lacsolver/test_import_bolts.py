@@ -51,7 +51,7 @@ def test_a_shortening(tmp_path):
         (
             "*PRE-TENSION SECTION, SURFACE=MIDDLE, NODE=9999\n",
             "*BOUNDARY, FIXED\nB_Z1, 3\n",
-            "FIXED is taken for nodes",
+            "FIXED is taken from the second step on",
         ),
     ],
 )

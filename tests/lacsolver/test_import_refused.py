@@ -212,6 +212,10 @@ REFUSED = {
         "*NODE\n99, 0.5, 0.5, 2.\n*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 1, 3\n",
         "*END STEP\n*STEP\n*STATIC\n*BOUNDARY\n99, 4, 6\n", "BOUNDARY", "begins after the first step",
     ),
+    "fixed and moved": (
+        "", "*END STEP\n*STEP\n*STATIC\n*BOUNDARY, FIXED\nB_Z1, 1\n*BOUNDARY\nB_Z1, 1, 1, 0.1\n",
+        "BOUNDARY", "FIXED holds nodes that this step or a later one moves",
+    ),
     "late support in motion": (
         "", "*END STEP\n*STEP\n*DYNAMIC\n0.1, 1.\n*BOUNDARY\nB_Z1, 1\n", "BOUNDARY", "begins in a step of *DYNAMIC",
     ),
