@@ -22,8 +22,12 @@ from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked, words_of
+from lacsolver.constraints.rigid import RigidBody
 from lacsolver.linear.direct.superlu import factor_of
+from lacsolver.space.space import Space
 
+#: rotations (radians) by which a row is tried, and a change that is round-off, relative to the extent
+_ANGLES, _ALONG = (-0.7, 1.0, 2.0), 1e-12
 #: displacement that is round-off, relative to the bodies' extent
 _ROUNDING = 1e-6 * float(np.finfo(float).eps)
 
@@ -50,7 +54,7 @@ class EquatedConstraints(Constraints):
         """
         if not equations:
             return plain
-        _check_turning(plain, equations)
+        _check_turning(plain, equations, times)
         system = EquationSystem.of(stacked(equations, plain.T), plain.n_nodal)
         _check_owners(plain, equations, system)
         T = csr_array(plain.T @ system.Z[: plain.n_q])
@@ -225,8 +229,8 @@ def _check_owners(plain: Constraints, equations: tuple[Equations, ...], system: 
         raise CaseError([Issue(f"{message}, which is solved by one process only; run the case in one")])
 
 
-def _check_turning(plain: Constraints, equations: tuple[Equations, ...]) -> None:
-    """Raise CaseError for an equation of a rigid body whose displacements are not linear in its free rotation."""
+def _check_turning(plain: Constraints, equations: tuple[Equations, ...], times: list[float]) -> None:
+    """Raise CaseError for an equation of a rigid body that is not linear in the body's free rotation."""
     dim = plain.space.dim
     for body in plain.rigid:
         if not (body.turns and body.free[dim:].any()):
@@ -235,7 +239,24 @@ def _check_turning(plain: Constraints, equations: tuple[Equations, ...]) -> None
         moved[plain.space.dofs(body.nodes).ravel()] = 1.0
         for one in equations:
             rows = np.flatnonzero(abs(one.C) @ moved)
+            rows = rows[_turned(plain.space, body, csr_array(one.C[rows]), times)]
             if len(rows):
                 message = f"{one.said(int(rows[0]))} has a node of rigid {body.name!r}, which turns freely"
-                message = f"{message} by finite rotations; prescribe its rotation, or take its nodes out"
-                raise CaseError([Issue(message)])
+                message = f"{message} by finite rotations; prescribe its rotation, about all axes but one along which "
+                raise CaseError([Issue(f"{message}the nodes are held, or take the nodes out")])
+
+
+def _turned(space: Space, body: RigidBody, C: csr_array, times: list[float]) -> NDArray[np.bool_]:
+    """Return a mask (k,) of rows C (k, n_dof) that a body's free rotation changes: not those along its only axis."""
+    free = space.dim + np.flatnonzero(body.free[space.dim :])
+    if len(free) > 1:
+        return np.ones(C.shape[0], bool)
+    out, rows = np.zeros(C.shape[0], bool), csr_array(C[:, space.dofs(body.nodes).ravel()])
+    for t in times:
+        still = body.displacement(body.held(t))
+        for angle in _ANGLES:
+            motion = body.held(t)
+            motion[free] = angle
+            change = body.displacement(motion) - still
+            out |= np.abs(rows @ change) > _ALONG * (abs(rows) @ np.abs(change) + space.extent)
+    return out

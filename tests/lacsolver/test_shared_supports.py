@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import lacmesh
 import lacsolver as ls
-from lacsolver.case import Case, CaseError, Coupling, Displacement, Material, Rigid, parse_case, read_case
+from lacsolver.case import Case, CaseError, Coupling, Displacement, Material, Rigid, Steps, parse_case, read_case
 from tests.checks.blocks import block, join, skin
 
 E = 1000.0
@@ -77,6 +79,22 @@ def test_reactions_of_a_plane_on_a_rigid_lid():
 def test_a_lid_that_turns_freely_by_finite_rotations_is_refused():
     with pytest.raises(CaseError, match="turns freely by finite rotations; prescribe its rotation"):
         ls.solve(lidded(coupling=Coupling(group="z1", kind="rigid", uz=0.01), **FINITE), quarter())
+
+
+def test_a_lid_on_a_plane_of_symmetry_that_tilts():
+    """It turns freely about x by finite rotations: nodes on the plane x = 0 hold it along x, as its own ux = 0 does."""
+    mesh = quarter()
+    below = np.flatnonzero((mesh.points[:, 0] < 1e-9) & (mesh.points[:, 2] < 1 - 1e-9))
+    mesh = replace(mesh, node_groups={"below": below})
+    keys = {"ux": 0.0, "rotation": ("free", 0, 0), "moment": (25.0, 0, 0)}
+    lid, foot = Coupling(group="z1", kind="rigid", **keys), Displacement(group="z0", ux=0.0, uy=0.0, uz=0.0)
+    steps = Steps(count=2)
+    one, other = (
+        ls.solve(lidded(coupling=lid, steps=steps, **FINITE | {"displacement": [foot, plane]}), mesh)
+        for plane in (Displacement(group="x0", ux=0.0), Displacement(group="below", ux=0.0))
+    )
+    assert one.figures.couplings["z1"].rotation[0] > 0.2
+    np.testing.assert_allclose(one.u, other.u, atol=1e-9)
 
 
 def test_both_lines_of_a_contradiction(tmp_path):
