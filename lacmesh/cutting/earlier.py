@@ -104,7 +104,7 @@ def _is_taken(mesh: Mesh, recognised: RecognisedCut, recognise: bool | None) -> 
     if not recognise and recognised.mostly_cut and recognised.doubt in ("", NOT_LAST):
         n_faces, n_macros = len(recognised.cells), recognised.n_macros
         message = f"the {n_faces:,} face{'' if n_faces == 1 else 's'} of {names} look like {n_macros:,} macro-element"
-        message += f"{'' if n_macros == 1 else 's'} of an earlier cut without records, and are cut again"
+        message += f"{'' if n_macros == 1 else 's'} of an earlier cut without records, and are cut as they are"
         advice = "--recognise (recognise=True) takes them for these"
         warnings.warn(f"{message}; {advice}", LacmeshWarning, stacklevel=4)
     return bool(recognise)
