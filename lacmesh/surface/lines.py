@@ -56,7 +56,7 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
     s, m, low, high = _nearest_only(s[keep], m[keep], low[keep], high[keep], h0[keep], slope[keep])
     order = np.lexsort((low, s))
     s, m, low, high = s[order], m[order], low[order], high[order]
-    return Intervals(s, m, _in_face(slave, s, np.stack([low, high], axis=1)))
+    return Intervals(s, m, np.sort(_in_face(slave, s, np.stack([low, high], axis=1)), axis=1))
 
 
 def _nearest_only(s: Ints, m: Ints, low: Floats, high: Floats, h0: Floats, slope: Floats) -> tuple[NDArray, ...]:
@@ -113,7 +113,7 @@ def _in_face(slave: Patches, s: Ints, t: Floats) -> Floats:
         f = G1[:, :1] + u * (G1[:, 1:2] + u * G1[:, 3:4]) - t
         slope = G1[:, 1:2] + 2 * u * G1[:, 3:4]
         step = np.divide(f, slope, out=np.zeros_like(f), where=np.abs(slope) > 1e-12 * np.abs(b - a) ** -1)
-        u = np.clip(u - step, a, b)
+        u = np.clip(u - step, np.minimum(a, b), np.maximum(a, b))
         if not (np.abs(step) > 1e-15).any():
             break
     return np.where(t <= 0, a, np.where(t >= 1, b, u))

@@ -25,6 +25,8 @@ Bools = NDArray[np.bool_]
 _STEPS = np.array([0.2, 0.8])
 #: corners nearer than this, against the patch, are one: the direction of so short an edge would be rounding
 _SAME = 1e-8
+#: corners of a patch in reverse, by their number; the rows end with the first one, as those of patches do
+_REVERSED = np.array([[0, 1, 2, 3], [0, 1, 2, 3], [1, 0, 1, 1], [0, 2, 1, 0], [0, 3, 2, 1]])
 #: name under which a surface keeps its patches
 _KEPT = "patches"
 
@@ -53,6 +55,16 @@ class Patches(NamedTuple):
         """Some of the patches."""
         one = {name: getattr(self, name)[rows] for name in Patches._fields[:8]}
         return self._replace(**one)
+
+    def turned_over(self, which: Bools) -> Patches:
+        """Return the patches with some of them, a mask (p,), seen from behind: corners in reverse, opposite normals."""
+        order = _REVERSED[self.n[which]]
+        xi, x, y, e = (part.copy() for part in (self.xi, self.x, self.y, self.e))
+        for part in (xi, x, y):
+            part[which] = np.take_along_axis(part[which], order[..., None], axis=1)
+        e[which] *= np.array([[1.0], [-1.0], [-1.0]])
+        y[which] *= np.array([1.0, -1.0, -1.0])
+        return self._replace(xi=xi, x=x, y=y, e=e)
 
 
 def patches(surface: Surface) -> Patches:

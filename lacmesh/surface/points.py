@@ -12,12 +12,12 @@ from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.records import dataclass
-from lacmesh.surface.clip import clip
+from lacmesh.surface.clip import FACING, clip
 from lacmesh.surface.height import QUADRANGLES
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines
 from lacmesh.surface.maps import FLAT, NormalMaps
 from lacmesh.surface.normals import normal_maps
-from lacmesh.surface.patches import Patches, norm, patches
+from lacmesh.surface.patches import Bools, Patches, norm, patches
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
@@ -27,6 +27,8 @@ from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 NORMALS = ("facet", "smoothed", "master")
 #: how far nodes of an axisymmetric surface may lie beyond the axis, against the extent of what is there
 _BEYOND = 1e-9
+#: a master is nearly a plane if the sum of its normals, by area, is longer than this part of its area
+_PLANE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,7 @@ def contact_points(
     max_penetration: float | None = None,
     axisymmetric: bool = False,
     degree: int = 0,
+    keeps: Bools | None = None,
 ) -> ContactPoints:
     """Compute the contact points of a slave surface against a master.
 
@@ -78,6 +81,8 @@ def contact_points(
     (None: 40, and over any edge between faces that the slave's height takes as one shape); or `master`, the mean normal
     of the master's face, turned round. `axisymmetric`: about the y axis, x >= 0 the radius; weights include 2 pi x.
     `degree` (4 at most): degree of polynomials on plane faces that are integrated exactly besides the shape functions.
+    `keeps` (faces of slave,): faces that keep to a plane master also where they have turned away from it, as those of
+    an edge that folds under; not farther from it than their macro-element is large. Only with the master's normals.
 
     A slave face is paired with master faces that face it (opposite normals), up to `search_distance` ahead along its
     normal, by default `default_distance`; and behind it, where bodies overlap, up to `max_penetration`, by default the
@@ -107,12 +112,29 @@ def contact_points(
         search_distance = default_distance(slave, master, macro)
     degree = max(degree, *(0 if side.height is None else side.height.degree for side in (slave, master)))
     reach = reaches(slave, master, s, m, search_distance, max_penetration)
+    if keeps is not None and normals == "master":
+        s, reach = _with_folds(slave, s, m, reach, macro, keeps)
     pairs = candidates(s, m, reach)
     if slave.dim == 1:
         points = _on_lines(slave, master, s, m, pairs, reach, H, float(origin[0]) if axisymmetric else None, degree)
     else:
         points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
     return replace(points, macro=macro[points.slave], gap=smooth_gap(points, slave, master))
+
+
+def _with_folds(
+    slave: Surface, s: Patches, m: Patches, reach: Reach, macro: Ints, keeps: Bools
+) -> tuple[Patches, Reach]:
+    """Return the slave's patches, those turned over that have turned away and keep to the master, and their reach."""
+    normal = (m.area[:, None] * m.e[:, 2]).sum(axis=0)
+    size = float(norm(normal))
+    away = keeps[s.face] & (s.e[:, 2] @ normal > FACING * size)
+    if not (away.any() and size > _PLANE * m.area.sum()):
+        return s, reach
+    near = np.bincount(np.maximum(macro, 0), np.where(macro >= 0, slave.size, 0.0))[macro[s.face]]
+    ahead = np.where(away, near, reach.ahead)
+    behind = np.where(away, near - reach.deep.max(initial=0.0), reach.behind)
+    return s.turned_over(away), reach._replace(ahead=ahead, behind=behind)
 
 
 def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:

@@ -154,9 +154,11 @@ class Interface:
 
 def integrate(
     zone: Zone, dim: int, pairing: Pairing = Pairing(), *, x: Floats | None = None, t: float = 1.0, tie: bool = False,
-    share: Share = ALONE,
+    share: Share = ALONE, keeps: NDArray[np.bool_] | None = None,
 ) -> Interface:  # fmt: skip
     """Return the interface of a zone with its nodes at x (n_nodes, 3), or undeformed if x is None, at time t.
+
+    `keeps` (m,): macro-elements that were in contact before, and keep to a plane master that they turn away from.
 
     Each of several processes pairs and integrates its own macro-elements, and all have the sums; `points`, with their
     weights and distances, remain those of its own.
@@ -164,7 +166,7 @@ def integrate(
     slave, master = (zone.slave, zone.master) if x is None else (zone.slave.at(x), zone.master.at(x))
     if pairing.turn is not None:
         slave, master = pairing.turn.apart(slave, master)
-    points = _points(zone, slave, master, pairing, x is not None, share)
+    points = _points(zone, slave, master, pairing, x is not None, share, keeps)
     weight = points.weight * pairing.depth(points.macro)
     if x is not None and pairing.measure == "reference":
         weight = weight * stretch(zone, slave, points.slave, points.xi_slave, pairing.axisymmetric)
@@ -195,7 +197,10 @@ def integrate(
     return with_shear(face, share) if pairing.friction else face
 
 
-def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share) -> ContactPoints:
+def _points(
+    zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved: bool, share: Share,
+    keeps: NDArray[np.bool_] | None,
+) -> ContactPoints:  # fmt: skip
     distance = pairing.search_distance
     if distance is None:  # that of the undeformed skins, which is constant
         turned = pairing.turn is not None
@@ -207,6 +212,7 @@ def _points(zone: Zone, slave: Surface, master: Surface, pairing: Pairing, moved
         slave, master, macro=own_macros(zone, share), normals=pairing.normals, crease_angle=pairing.crease_angle,
         search_distance=distance, max_penetration=deepest,
         axisymmetric=pairing.axisymmetric, degree=_CLEARANCE if callable(pairing.clearance) else 0,
+        keeps=None if keeps is None else keeps[zone.macro],
     )  # fmt: skip
 
 

@@ -244,7 +244,18 @@ class LoadStep:
         return self.model.problem.constraints.displacement(state.iterate.q, state.time)
 
     def _paired(self, u: Floats) -> tuple[Interface, ...]:
-        return tuple(self.model.interface(pair, u, self.t) for pair in self.model.problem.joints)
+        pairs = zip(self.model.problem.joints, self._closed_before, strict=True)
+        return tuple(self.model.interface(pair, u, self.t, closed) for pair, closed in pairs)
+
+    @cached_property
+    def _closed_before(self) -> tuple[NDArray[np.bool_] | None, ...]:
+        """Macro-elements of each contact pair that were in contact at the start of the step; None of ties."""
+        problem, iterate, out, first = self.model.problem, self.state.iterate, list[NDArray[np.bool_] | None](), 0
+        for pair in problem.joints:
+            known = pair.one_sided and iterate is not None
+            out.append(iterate.active[first : first + pair.zone.n_macros] if known and iterate is not None else None)
+            first += pair.n_rows(problem.space.dim)
+        return tuple(out)
 
 
 class Linearization:

@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import DataError, LacmeshWarning, some
@@ -300,10 +301,13 @@ class ReducedProblem:
         if free:
             raise DataError(unheld(free))
 
-    def interface(self, pair: ContactPair, u: Floats, t: float) -> Interface:
-        """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed."""
+    def interface(self, pair: ContactPair, u: Floats, t: float, closed: NDArray[np.bool_] | None = None) -> Interface:
+        """Return a pair's interface, on the skins displaced by u (n_dof,) if it is paired again, else undeformed.
+
+        `closed` (n_macros,): macro-elements that were in contact before.
+        """
         if pair.moving:
-            return pair.integrate(self.problem.space, u, t)
+            return pair.integrate(self.problem.space, u, t, closed)
         if pair.name not in self._interfaces or pair.timed:
             self._interfaces[pair.name] = pair.integrate(self.problem.space, np.zeros_like(u), t)
         return pair.turned(self._interfaces[pair.name], self.problem.space, u)

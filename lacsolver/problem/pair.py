@@ -134,6 +134,10 @@ class ContactPair(Described):
         """True for contact whose pressure is >= 0 and whose gap may open."""
         return self.law.compressive
 
+    def n_rows(self, dim: int) -> int:
+        """Return the number of contact rows in `dim` dimensions, those along tangents included."""
+        return self.zone.n_macros * (dim if self.tie or self.pairing.friction else 1)
+
     @property
     def initial(self) -> str:
         """Rows that are closed at the start: `all`, `none`, or those without a gap (`gap`)."""
@@ -156,10 +160,13 @@ class ContactPair(Described):
         """
         return space.places(u) if self.moving else space.local.points
 
-    def integrate(self, space: Space, u: Floats, t: float) -> Interface:
-        """Return the interface of the pair under u (n_dof,) at time t, see `places`."""
-        x = self.places(space, u) if self.moving else None
-        face = integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=self.law.all_components, share=space.share)
+    def integrate(self, space: Space, u: Floats, t: float, closed: NDArray[np.bool_] | None = None) -> Interface:
+        """Return the interface of the pair under u (n_dof,) at time t, see `places`.
+
+        `closed` (n_macros,): macro-elements that were in contact before, which keep to a plane master as they fold.
+        """
+        x, tie = self.places(space, u) if self.moving else None, self.law.all_components
+        face = integrate(self.zone, space.dim, self.pairing, x=x, t=t, tie=tie, share=space.share, keeps=closed)
         return self.turned(face, space, u)
 
     def turned(self, face: Interface, space: Space, u: Floats) -> Interface:

@@ -31,5 +31,5 @@ def dipped(problem: Problem, state: State) -> Iterator[str]:
         yield (
             f"slave {pair.record.slave!r} of contact {zone.name!r} is inside its master by {depth:.3g} near ({place}) "
             f"at time {state.time:.6g}, {100 * dip[worst]:.2g} % of a macro-element, whose gap is zero in the mean: "
-            "forces and friction are doubtful there; round the edge off in the mesh, or take finer faces"
+            "forces and friction are doubtful there; round the edge off in the mesh, over several faces"
         )

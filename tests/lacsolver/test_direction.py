@@ -30,6 +30,12 @@ def test_a_block_that_slides_on_a_table_is_held_back_by_mu():
     assert ratio.value == pytest.approx(0.5, rel=1e-6)
 
 
+def test_an_edge_that_folds_under_keeps_its_friction():
+    """The last face turns by more than a right angle under its friction, and the block does not lose its table."""
+    (ratio, *_) = solve_on_table(0.9, 6, levels=1).results
+    assert ratio.value == pytest.approx(0.9, rel=1e-6)
+
+
 @pytest.mark.parametrize("slave", ["round", "flank"])
 def test_a_round_body_presses_along_the_normal_of_a_groove(slave):
     (ratio, *_) = solve_in_groove(slave, "reference", 8, levels=1).results

@@ -497,3 +497,43 @@ def test_what_presses_does_not_jump_as_faces_bend_and_is_mirrored(kind, normals)
         over = _pressing(_bent(slave, amount, -1), _bent(master, amount, -1), normals, -1)
         for a, b in zip(made, over, strict=True):
             assert np.abs(b - a).max() <= 1e-10 * np.abs(a).max()
+
+
+FOLDED = {
+    "SEG2": [[1.0, 0.02], [0.1, -0.05]],
+    "SEG3": [[1.0, 0.02], [0.1, -0.05], [0.5, 0.0]],
+    "TRIA3": [[0.1, 0.1, 0.02], [1.0, 0.2, -0.05], [0.3, 0.9, 0.1]],
+    "QUAD4": [[0.1, 0.1, 0.02], [1.0, 0.2, -0.05], [0.9, 0.9, 0.1], [0.2, 0.8, 0.05]],
+}
+
+
+@pytest.mark.parametrize("kind", FOLDED)
+def test_a_face_that_has_turned_away_keeps_to_a_plane_master(kind):
+    """As a face with its nodes in reverse does, which faces the master: the direction is the master's."""
+    x, line = np.array(FOLDED[kind]), kind.startswith("SEG")
+    plane = [[2.0, 0.0], [-1.0, 0.0]] if line else [[-1.0, -1.0, 0.0], [2.0, -1, 0], [2, 2, 0], [-1, 2, 0]]
+
+    def points(order, **options):
+        own, other = Mesh.create(x[order], [(kind, [np.arange(len(x))])]), "SEG2" if line else "TRIA3"
+        whole = Mesh.create(plane, [(other, [[0, 1]] if line else [[0, 1, 2], [0, 2, 3]])])
+        slave, master = Surface.of(own, [0]), Surface.of(whole, np.arange(whole.n_cells))
+        found = contact_points(slave, master, normals="master", **options)
+        return found, positions(found, slave, found.slave, found.xi_slave)
+
+    (away, _), (kept, at) = points(np.arange(len(x))), points(np.arange(len(x)), keeps=np.array([True]))
+    facing, there = points(np.array(REVERSED[kind]))
+    assert len(away) == 0 and len(kept) == len(facing) > 0
+    assert (kept.weight > 0).all() and kept.normal == pytest.approx(facing.normal)
+    for own, same in ((kept.gap, facing.gap), (np.ones(len(at)), np.ones(len(there))), (at, there)):
+        assert kept.weight @ own == pytest.approx(facing.weight @ same, rel=1e-12)
+
+
+@pytest.mark.parametrize("height, master, keeps", [(0.2, "plate", False), (1.2, "plane", False), (0.2, "plane", True)])
+def test_no_face_keeps_to_a_far_master_or_to_one_with_two_sides(height, master, keeps):
+    """The back of a face would meet the far side of a plate."""
+    x = [[1.0, -height], [0.0, -height], [2.0, 0.0], [-1.0, 0.0], [-1.0, -0.3], [2.0, -0.3]]
+    mesh = Mesh.create(x, [("SEG2", [[0, 1], [2, 3], [4, 5]])])
+    slave, skin = Surface.of(mesh, [0]), Surface.of(mesh, [1] if master == "plane" else [1, 2])
+    before, after = (contact_points(slave, skin, normals="master", keeps=k) for k in (None, np.array([True])))
+    assert (after.weight.sum() > before.weight.sum()) == keeps
+    assert keeps or np.array_equal(before.master, after.master)

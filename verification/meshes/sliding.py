@@ -124,9 +124,14 @@ def _around(x0: float, y0: float, radius: float) -> Where:
     return lambda x, y: np.isclose(np.hypot(x - x0, y - y0), radius)
 
 
-def on_table(n: int) -> Mesh:
-    """Return a unit block of n x n QUAD4 on one face of a rigid table: `block`, `underside`, `top`, `table`."""
+def on_table(n: int, radius: float = 0.0) -> Mesh:
+    """Return a unit block of n x n QUAD4 on one face of a rigid table: `block`, `underside`, `top`, `table`.
+
+    `radius`: of the arcs of 60 degrees in which the underside ends, 0 for sharp edges.
+    """
     x, quads, k = _grid(n, n)
+    beyond = np.maximum(np.abs(x[:, 0] - 0.5) - 0.5 + radius * np.sin(np.pi / 3), 0.0)
+    x[:, 1] += (1 - x[:, 1]) * (radius - np.sqrt(radius**2 - np.minimum(beyond, radius) ** 2))
     lines = np.concatenate([_along(k[0]), _along(k[-1][::-1]), [[len(x) + 1, len(x)]]])
     groups = {"block": n * n, "underside": n, "top": n, "table": 1}
     return _grouped(np.concatenate([x + np.array([1.0, 0.0]), [[0.0, 0.0], [4.0, 0.0]]]), quads, lines, groups)
