@@ -300,7 +300,7 @@ def solve(case: Case | str | Path, mesh: MeshLike | None = None, *, progress: bo
     >>> from lacmesh import example
     >>> ls.solve(example("two_blocks.toml"))
     Solution
-      time              1, after 3 iterations
+      time              1, after 1 iterations
       u                 (512, 3), at most 0.0139538
       contact['joint']  36 of 36 macro-elements closed, pressure at most 17.539
     """

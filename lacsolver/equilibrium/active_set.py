@@ -79,8 +79,9 @@ def active_set_iterates(
     added to K for rigid-body motions of little energy. `free` (n, r): these motions and those without energy, `K.R`,
     which is the default.
 
-    If an inexact solve leaves the active set unchanged, the same system is solved to full accuracy in the same trial,
-    with friction in space along the directions that the first solve gives.
+    If an inexact solve leaves the active set unchanged, but for tensions that are smaller, as lengths, than the gaps
+    that it left in their rows, the same system is solved to full accuracy in the same trial, with friction in space
+    along the directions that the first solve gives.
     """
     free = K.R if free is None else free
     vectors, accuracy = tolerance.vectors, replace(tolerance, tolerance=_ACCURACY * tolerance.tolerance)
@@ -100,8 +101,10 @@ def active_set_iterates(
             goal = tolerance.linear(reduction)
             q, reduced, more, _ = solve_saddle(problem, q, linear.reduced(p), goal)
             p, contact, applications = linear.full(reduced), contact_at(q), applications + more
-            part, wanted = pivots.wanted(rows, then, before.p, contact, p, accuracy.gaps(contact.rows.B, q))
-            if reduction == 0 or pivots.springs or not wanted.equals(rows):
+            known = accuracy.gaps(contact.rows.B, q)
+            part, wanted = pivots.wanted(rows, then, before.p, contact, p, known)
+            known = np.maximum(known, _left_open(contact, p, rows.active))
+            if reduction == 0 or pivots.springs or not contact.next_rows(rows, p, known).equals(rows):
                 break
             if linear.turns:
                 rows = wanted
@@ -127,6 +130,12 @@ def active_set_iterates(
         if following is None:
             return
         p, rows = found or (p, following)
+
+
+def _left_open(contact: ContactSystem, p: Floats, active: NDArray[np.bool_]) -> NDArray[np.floating]:
+    """Return the mean gaps (m,) by which a solve with `active` rows misses their equations, lengths >= 0."""
+    G, S = contact.equations(p, active)
+    return np.where(active, np.abs(G + S * p) / contact.rows.w, 0.0)
 
 
 def _system(

@@ -83,7 +83,7 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     if model.linear:
         start = extrapolated or now
         trials = _linear_iterates(step, start, tolerance)
-        ends = step.contact(start.q).with_springs(0.0) is not None  # such trials end by themselves
+        ends = convex(step, start)
         return search(trials, replace(tolerance, max_iterations=sys.maxsize) if ends else tolerance, report)
     if extrapolated is not None:
         with suppress(InadmissibleError):
@@ -98,6 +98,11 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
     return again._replace(
         residuals=outcome.residuals + again.residuals, applications=outcome.applications + again.applications
     )
+
+
+def convex(step: LoadStep, at: Iterate) -> bool:
+    """True if equilibrium is the least value of a convex energy: the search ends by itself, in steps of any size."""
+    return step.model.linear and step.contact(at.q).with_springs(0.0) is not None
 
 
 def _tolerance(step: LoadStep) -> ConvergenceTolerance:
@@ -197,7 +202,7 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     message += f"gaps by {gap:.1e} of the largest displacement, where {problem.case.solver.tolerance:.1e} is asked"
     what, advice = alternating(outcome, problem.space)
     message += f"; in the last iterations {what}" if what else ""
-    if step.model.linear and not outcome.contact.sheared:  # sets are tried until none is left, in steps of any size
+    if convex(step, outcome.iterate):
         held = "look whether the loads tip a body over that only contact holds, or prescribed displacements squeeze one"
         return f"{message}; {advice or held}"
     message += f"; {advice}; or" if advice else ";"

@@ -17,7 +17,7 @@ from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free
 from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import Progress, attempt, rested, why
+from lacsolver.equilibrium.attempt import Progress, attempt, convex, rested, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
@@ -186,7 +186,8 @@ def _marched(
             attempts.add(outcome, missed)
             if missed or not outcome.converged:
                 state = state.with_step_size((step.t - state.time) / 2)
-                if attempts.halvings > steps.max_halvings or state.step_size < least:
+                ends = attempts.halvings > steps.max_halvings or state.step_size < least
+                if ends or (not missed and convex(step, outcome.iterate)):  # a smaller step is as hard
                     message = missed or why(step, outcome)
                     raise NotConvergedError(message, _state(step, outcome, attempts, state, last=False))
                 continue

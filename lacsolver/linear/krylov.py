@@ -53,7 +53,7 @@ def minimise(
 
     `excess(r)`: a residual relative to its tolerance; the loop ends where it is 1 or less, once the known directions
     are used. It also ends at a norm of `least`, at a direction that depends on the earlier ones up to round-off, and
-    when the excess has not fallen by a tenth for `patience` directions. Known directions that depend on one another are
+    when the norm has not fallen by a tenth for `patience` directions. Known directions that depend on one another are
     passed over.
     """
     vectors, k, r, n_new = system.vectors, 0, r.copy(), 0
@@ -65,9 +65,9 @@ def minimise(
         z = next(given, None)
         is_known = z is not None
         if z is None:
-            left = excess(r)
+            left = vectors.norm(r)
             best, since = (left, 0) if left < _PROGRESS * best else (best, since + 1)
-            if left <= 1 or (patience is not None and since >= patience):
+            if excess(r) <= 1 or (patience is not None and since >= patience):
                 break
             z = system.precondition(r)
         image = system.image(z)

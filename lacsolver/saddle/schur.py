@@ -60,9 +60,9 @@ def solve_saddle(
             break
         then, count = loop.improved(now, allowed, _MOST - applications)
         applications += count + then.applications
-        less = _relative(then.r, allowed)
-        now = then if less < left else now
-        if not less < _SLOW * left:
+        before, left = (loop.vectors.norm(one.r / loop.unit) for one in (now, then))
+        now = then if left < before else now
+        if not left < _SLOW * before:
             break
     return SaddleSolution(now.q, now.p, applications, _relative(now.r[: loop.n], loop.rows.w[loop.active]))
 

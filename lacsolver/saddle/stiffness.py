@@ -76,11 +76,18 @@ class Stiffness(Operator):
         return np.where(d == 0, 1.0, d)
 
     def apply(self, q: Floats) -> NDArray[np.floating]:
-        """Return K q (n,), computed on all threads with multigrid."""
+        """Return K q (n,), computed on all threads with multigrid; its round-off along R is spread over the bodies."""
         if not self.iterative:
-            return np.asarray(self.K @ q)
+            Kq = np.asarray(self.K @ q)
+            return Kq - self._spread @ (self.R.T @ Kq)
         Kq = self._on_nodes(self._multigrid.apply, q)
         return Kq if self.spring is None else Kq - self.spring * q
+
+    @cached_property
+    def _spread(self) -> NDArray[np.floating]:
+        """Forces D R (R^T D R)^-1 (n, r) of unit resultants along R, with the diagonal D of K."""
+        R_D = self.R * np.abs(self.scaling)[:, None]
+        return np.asarray(np.linalg.solve(self.R.T @ R_D, R_D.T).T)
 
     def solve(self, f: Floats) -> NDArray[np.floating]:
         """Return K^-1 f (n,); f should be in balance along R, since the springs balance the rest."""
