@@ -14,7 +14,7 @@ from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.newton import newton_iterates
 from lacsolver.equilibrium.search import search
 from lacsolver.linear import analyse
-from lacsolver.saddle.contact_system import ContactSystem
+from lacsolver.saddle.contact_system import ContactSystem, skin_stiffness
 from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -147,8 +147,8 @@ def contact(s, enforceable=None, equality=None):
     m = len(s.B)
     enforceable = np.ones(m, bool) if enforceable is None else enforceable
     equality = np.zeros(m, bool) if equality is None else equality
-    made = s.rows
-    return lambda q: contact_system(made, s.G - s.D @ q, enforceable, equality, np.ones(m))
+    made, skin = s.rows, skin_stiffness(s.held, s.rows)
+    return lambda q: contact_system(made, s.G - s.D @ q, enforceable, equality, skin)
 
 
 def solve_active_set(K, f, contact_at, start, tolerance, report=None):

@@ -25,7 +25,17 @@ def test_leaves_part_in_one_step_with_finite_kinematics(count, most):
 
 
 @pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")  # of stiff plates with fine faces
-@pytest.mark.parametrize("first, count", [(0, 3), (4, 3), (15, 1)])  # 15: tensions within the tolerance carry 1 %
+@pytest.mark.parametrize(
+    "first, count",
+    [
+        (0, 3),
+        (4, 3),
+        (15, 1),  # tensions within the tolerance carry 1 %
+        (138, 1),  # round-off of forces along a rigid motion, more than the tolerance if one unknown has all of it
+        (242, 1),  # bodies that move by 1e-8 and by 0.1: the norm of gaps falls while the largest ratio does not
+        pytest.param(150, 1, marks=pytest.mark.slow),
+    ],
+)
 def test_random_stacks_have_an_equilibrium(first, count):
     lost, halved, *_ = peeling.solve_bank(first, levels=count).results
     assert lost.passed and halved.passed
@@ -41,12 +51,13 @@ def tipping(count):
         entry("body_force", groups=["plate1"], fy=-0.01),
         entry("displacement", at=[0.0, 0.0], ux=0.0),
         entry("force", at=[10.0, 0.5], fy=0.04),
-        entry("steps", count=1, max_halvings=0),
     )
     return text, plates([(np.array([0.0, 0.0]), np.array([10.0, 0.5]))], [(count, 1)], table=True)
 
 
 def test_a_plate_that_tips_over_is_not_told_to_take_more_steps():
+    """Nor is its step halved: the problem is convex, and a part of the step is as hard."""
     with pytest.raises(NotConvergedError) as caught:
         solve(*tipping(10))
     assert "more steps" not in str(caught.value)
+    assert caught.value.state.time == 1.0
