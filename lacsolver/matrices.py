@@ -198,6 +198,8 @@ def contact_matrices(
     zone = Zone.of(mesh, slave, master, surface=surface, crease_angle=crease_angle)
     if normals == "facet" and only_master_is_plane(zone, crease_angle):
         normals = "master"
+    elif normals == "slave":
+        normals = "facet"
     pairing = Pairing(
         normals, crease_angle, search_distance, max_penetration, axisymmetric, thickness, measure, _value(clearance)
     )

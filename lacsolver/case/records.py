@@ -128,6 +128,7 @@ _NORMALS = Choice(
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
         "smoothed": "averaged at the nodes and interpolated",
         "master": "of the master's faces",
+        "slave": "as facet, over a plane master too",
     }
 )
 _SURFACE = Choice({"smooth": "the curved surfaces on which the nodes lie", "faces": "the faces of the cells"})

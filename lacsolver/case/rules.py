@@ -114,7 +114,7 @@ def _creases(case: Case) -> Iterator[Issue]:
     """Check that crease_angle is given only where smooth surfaces or smoothed normals use it."""
     for record in (*case.contact, *case.tie, *case.cyclic):
         normals = getattr(record, "normals", "facet")  # a tie has no normals
-        if "crease_angle" in record.told() and record.surface == "faces" and normals == "facet":
+        if "crease_angle" in record.told() and record.surface == "faces" and normals in ("facet", "slave"):
             also = ' or normals = "smoothed"' if record.SECTION.name == "contact" else ""
             message = f'means something only with surface = "smooth"{also}; leave it out, or say that'
             yield record.wrong(message, "crease_angle")

@@ -61,6 +61,8 @@ LOOSE_WITH_SPRINGS = 1e-6
 _ACCURACY = 1e-3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
+#: stiffness along a mode in place of zero, in any units: a load moves the body farther than any gap
+_NO_STIFFNESS = 1e-150
 
 
 def active_set_iterates(
@@ -153,29 +155,48 @@ def close_rows_against_rigid_modes(
 ) -> RowSet:
     """Return the row set with rows added until no rigid-body mode R (n, r) moves along its load (r,).
 
-    Each added row is the first that the moving body reaches, provided that it reaches it before it comes to rest by
-    itself: `resistance` (r, r), none by default, is the stiffness along the modes from follower forces and the like. A
-    load along a mode that no row constrains remains. p (m,): pressures and tractions, for what slides.
+    Each added row is the first that the moving body reaches. No row is added where the body has a state of rest, stable
+    or not, before it reaches one: `resistance` (r, r), zero by default, is the stiffness along the modes from springs,
+    from follower forces and from contact forces that move with the body. A load along a mode that no row constrains
+    remains. p (m,): pressures and tractions, for what slides.
     """
     if not R.shape[1]:
         return rows
     moves = (contact.rows.D @ R) / contact.rows.w[:, None]
+    stiffness = np.zeros((R.shape[1],) * 2) if resistance is None else resistance
     for _ in range(R.shape[1]):
         linear = contact.linear(rows, p)
         w = linear.rows.w[:, None]
         free, loaded = (_null_space((A @ R / w)[linear.active]) for A in (linear.rows.D, linear.rows.B))
-        along = free @ (free.T @ (loaded @ (loaded.T @ load)))
-        closing = moves @ along
-        open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
-        nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
-        if not nearing.any() or np.linalg.norm(along) <= _STOPPED * np.linalg.norm(load):
-            break
-        way = np.where(nearing, contact.G / contact.rows.w / np.where(nearing, closing, 1.0), np.inf)
-        resisted = 0.0 if resistance is None else along @ resistance @ along
-        if resisted > 0 and along @ load < resisted * way.min():
+        left, least = free.T @ (loaded @ (loaded.T @ load)), _STOPPED * float(np.linalg.norm(load))
+        onward, to_rest = (moves @ (free @ motion) for motion in _motions(free.T @ stiffness @ free, left, least))
+        way = _part_to_rows(contact, rows, onward)
+        if np.isinf(way).all() or min(way.min(), _part_to_rows(contact, rows, to_rest).min()) > 1:
             break
         rows = contact.with_closed(rows, int(way.argmin()))
     return rows
+
+
+def _motions(K: Floats, load: Floats, least: float) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Return two motions (r,) along modes of stiffness K (r, r): where a load pushes a body, and to its state of rest.
+
+    They differ where the stiffness is negative: then rest is unstable, and the load pushes away from it. Where there is
+    no stiffness, the body goes on without end. `least`: load along an axis of K that is round-off.
+    """
+    stiffness, axes = np.linalg.eigh((K + K.T) / 2)
+    along = axes.T @ load
+    pushed = np.where(np.abs(along) > least, along, 0.0) / np.maximum(np.abs(stiffness), _NO_STIFFNESS)
+    return axes @ pushed, axes @ (np.sign(stiffness) * pushed)
+
+
+def _part_to_rows(contact: ContactSystem, rows: RowSet, closing: Floats) -> NDArray[np.floating]:
+    """Return the part (m,) of a motion after which it closes each open row, inf where it does not.
+
+    `closing` (m,): change of each mean gap in the whole motion.
+    """
+    open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
+    nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
+    return np.where(nearing, contact.G / contact.rows.w / np.where(nearing, closing, 1.0), np.inf)
 
 
 def _null_space(A: Floats) -> NDArray[np.floating]:

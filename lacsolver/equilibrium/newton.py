@@ -185,7 +185,7 @@ def _newton_step(
         with suppress(LinearError):
             K = there.stiffness(damping, definite)
             C = _total(there.geometric_stiffness(p), there.change(K))
-            resistance, load = products(K.vectors, R, product(K, R, C)), K.vectors.dots(R.T, there.r)
+            resistance, load = _resistance(there, K, rows, p), K.vectors.dots(R.T, there.r)
             step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact)
             while True:
                 now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
@@ -216,6 +216,18 @@ def _newton_step(
                     return step
                 step = step._replace(rows=following)
     return None
+
+
+def _resistance(there: Linearization, K: Operator, rows: RowSet, p: Floats) -> NDArray[np.floating]:
+    """Return the stiffness (r, r) along the rigid-body modes that only contact constrains, under pressures p (m,).
+
+    Of these those count that stay, in compression: the others are of a set that is left.
+    """
+    if not there.free.shape[1]:
+        return np.zeros((0, 0))
+    stays = there.contact.lawful(np.where(rows.state != OUT, p, 0.0))
+    C = _total(there.geometric_stiffness(stays), there.change(K))
+    return products(K.vectors, there.free, product(K, there.free, C))
 
 
 def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tuple[Floats, RowSet] | None:

@@ -66,8 +66,9 @@ class ContactPair(Described):
             _warn_of_skins(space, record, zone)
             value = record.clearance
             fixed = not (value.depends_on_place or value.depends_on_time)
+            normals = "facet" if record.normals == "slave" else record.normals
             pairing = Pairing(
-                record.normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
+                normals, record.crease_angle, max_penetration=record.max_penetration, measure=record.measure,
                 clearance=value.at(0.0) if fixed else at_local_points(space, value), friction=record.has_friction,
             )  # fmt: skip
         try:

@@ -7,6 +7,7 @@ block that stands on the top of a hump, on one macro-element.
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.state import CONTACT
 from tests.lacsolver import finite_cases
-from tests.lacsolver.contact_cases import HEAD, JOINT, check, held, pressed
+from tests.lacsolver.contact_cases import HEAD, JOINT, by_node, check, held, nodes_of, pressed
 from tests.lacsolver.patch_meshes import placed, stack
 from tests.samples import each_option
 from verification.meshes.stacks import tilt
@@ -63,20 +64,52 @@ def test_blocks_on_soft_springs(number, tolerance):
     assert max(state.iterations for state in states) <= 12
 
 
-_PLANE = pytest.mark.xfail(
-    strict=True, reason="a plane master's direction does not turn with the skin; no state is found"
-)
+ROCKING = ("small_all", "small_v0.0005", "finite_all", "finite_count")
 
 
-@pytest.mark.parametrize(
-    "case",
-    [*(pytest.param(name, marks=_PLANE) for name in ("small_all", "small_v0.0005", "finite_all")), "finite_count"],
-)
-def test_a_block_that_rocks_on_one_macro_element(case):
-    """The contact force, which turns with its skin, rights the block: no second macro-element has to hold it."""
-    _, states = states_of(f"rocking_{case}")
+@pytest.mark.parametrize(("case", "normals"), [*((case, "slave") for case in ROCKING), ("finite_count", "facet")])
+def test_a_block_that_rocks_on_one_macro_element(case, normals):
+    """The contact force, which turns with its skin, rights the block: no second macro-element has to hold it.
+
+    The master's direction keeps a block upright that starts so.
+    """
+    _, states = states_of(
+        f"rocking_{case}", lambda text: text.replace("[[contact]]", f'[[contact]]\nnormals = "{normals}"')
+    )
     assert all(state.halvings == 0 and state.iterations <= 20 for state in states)
     assert all((state.zones[0].status == CONTACT).sum() == 1 for state in states)
+
+
+#: of the hump's facets: their length, and the difference of the mean gaps of the middle one and the next
+FACET, NEXT_GAP = 1.3 / 7, 0.00086217 - 0.00017245
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 0.02, -0.02])
+@pytest.mark.parametrize("case", ["small_all", "small_v0.0005", "finite_all"])
+def test_a_block_that_tilts_until_the_next_macro_element_holds_it(case, eccentricity):
+    """A force in the master's direction does not right the block: it tilts onto the next facet, which takes the moment.
+
+    Statics: the force on that facet, of all, is the arm of the load over the length of a facet: its eccentricity, and
+    with finite rotations the motion of the foot under the head.
+    """
+
+    def change(text):
+        load = re.search(r"value = (.*)", text)[1]
+        pressed = f'"{load} * (1 + {eccentricity} / 0.65 ** 2 * 3 * (x - 0.95))"'
+        return text.replace(f"value = {load}", f"value = {pressed}") + "\n[solver]\ntolerance = 1e-12\n"
+
+    problem, states = states_of(f"rocking_{case}", change)
+    assert all(state.halvings == 0 and state.iterations <= 20 for state in states)
+    zone = states[-1].zones[0]
+    other = set(np.flatnonzero(zone.status == CONTACT)) ^ {3}
+    assert other in ({2}, {4})
+    u, x = by_node(problem, states[-1])[:, 0], problem.space.mesh.points
+    slave = problem.joints[0].zone.slave.faces.distinct_nodes
+    tilt = np.polyfit(x[slave, 0], by_node(problem, states[-1])[slave, 1], 1)[0]
+    assert abs(tilt) == pytest.approx(NEXT_GAP / FACET, rel=0.01)
+    arm = eccentricity - (u[slave].mean() - u[nodes_of(problem, "up.y1")].mean()) * ("finite" in case)
+    force = zone.pressure * zone.area * (np.arange(7) - 3)
+    assert force.sum() / (zone.pressure * zone.area).sum() == pytest.approx(arm / FACET, rel=0.02, abs=1e-4)
 
 
 # ---- tiny loads
