@@ -34,6 +34,7 @@ from lacsolver.results.state import Histories, StepState
 from lacsolver.saddle.contact_system import ContactSystem, contact_system
 from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.saddle import scaled
+from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import ForceTerms, sizes
 
 #: largest change of an entry of the tangent for which the factor before serves, relative to both diagonal entries
@@ -290,6 +291,18 @@ class Linearization:
     def free(self) -> NDArray[np.floating]:
         """Rigid-body modes (n_q, r) that only contact constrains."""
         return self._step.model.stabilization.free
+
+    def modes(self, K: Operator) -> NDArray[np.floating]:
+        """Return these modes (n_q, r) where the bodies are now: those of undeformed bodies strain bodies that turned.
+
+        K: the stiffness. Each is its displacement under the forces by which the springs that stabilise K follow the
+        mode of the undeformed bodies. Solves with multigrid would cost too much: then it is that mode.
+        """
+        free, R, springs = self._step.model.stabilization
+        if springs is None or not isinstance(K, Stiffness) or K.iterative or self._step.model.problem.kinematics.linear:
+            return free
+        turning = [K.solve(springs @ mode) for mode in free.T[R.shape[1] :]]
+        return np.concatenate([R, np.stack(turning, axis=1)], axis=1)
 
     def stiffness(self, damping: float, definite: bool) -> Operator:
         """Return K_q plus `damping` times that of the undeformed bodies, factorised; or a K that is near (`change`).

@@ -180,12 +180,13 @@ def _newton_step(
     `kept`: directions of the steps before.
     None if the tangent is singular, or the system cannot be solved.
     """
-    contact, R = there.contact, there.free
+    contact = there.contact
     for definite in (True, False):  # an iterative backend finds out late that the tangent is not positive definite
         with suppress(LinearError):
             K = there.stiffness(damping, definite)
             C = _total(there.geometric_stiffness(p), there.change(K))
-            resistance, load = _resistance(there, K, rows, p), K.vectors.dots(R.T, there.r)
+            R = there.modes(K)
+            resistance, load = _resistance(there, K, R, rows, p), K.vectors.dots(R.T, there.r)
             step, pivots = _Step(np.zeros_like(there.r), p, rows, 0, 0), Pivots(contact)
             while True:
                 now = close_rows_against_rigid_modes(R, contact, step.rows, p, load, resistance).same(K.vectors.same)
@@ -218,16 +219,15 @@ def _newton_step(
     return None
 
 
-def _resistance(there: Linearization, K: Operator, rows: RowSet, p: Floats) -> NDArray[np.floating]:
-    """Return the stiffness (r, r) along the rigid-body modes that only contact constrains, under pressures p (m,).
+def _resistance(there: Linearization, K: Operator, R: Floats, rows: RowSet, p: Floats) -> NDArray[np.floating]:
+    """Return the stiffness (r, r) along modes R (n, r), under pressures p (m,).
 
     Of these those count that stay, in compression: the others are of a set that is left.
     """
-    if not there.free.shape[1]:
+    if not R.shape[1]:
         return np.zeros((0, 0))
     stays = there.contact.lawful(np.where(rows.state != OUT, p, 0.0))
-    C = _total(there.geometric_stiffness(stays), there.change(K))
-    return products(K.vectors, there.free, product(K, there.free, C))
+    return products(K.vectors, R, product(K, R, _total(there.geometric_stiffness(stays), there.change(K))))
 
 
 def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tuple[Floats, RowSet] | None:

@@ -66,6 +66,9 @@ class Linearized(NamedTuple):
     terms: Callable | None = None
     change: Callable = lambda K: None
 
+    def modes(self, K):
+        return self.free
+
 
 def system(seed, n=30, m=12, free=0, turning=0.0, same=True):
     """A random one: K like a chain of springs on a grid of two scales, rows of B on a few unknowns each."""
