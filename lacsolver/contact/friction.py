@@ -48,6 +48,12 @@ class Bounds(NamedTuple):
         """True where there is friction at all."""
         return np.asarray((self.friction > 0) | (self.cohesion > 0))
 
+    @property
+    def unlimited(self) -> Bounds:
+        """The bounds of macro-elements that never slide."""
+        m = len(self.limit)
+        return Bounds(np.full(m, np.inf), np.zeros(m), np.full(m, np.inf))
+
     def at(self, p: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
         """Return the bound b (m,) at pressures p (m,), and its slope b' (m,).
 

@@ -20,13 +20,16 @@ from lacsolver.equilibrium.carrying import friction_at, least_friction
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
-from lacsolver.equilibrium.search import Outcome, Trial, search
+from lacsolver.equilibrium.search import IterationCallback, Outcome, Trial, search
+from lacsolver.linear import LinearError
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
 from lacsolver.problem.sectors import check_in_sector
-from lacsolver.results.state import Iterate
+from lacsolver.results.state import Iterate, StepState
 from lacsolver.saddle.coarse_start import coarse_start
+from lacsolver.saddle.saddle import RANK_TOLERANCE, SaddleProblem
+from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance, sizes
 from lacsolver.space.space import Space
 
@@ -58,19 +61,20 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
 
     A body that moves away has none: what is left of its load may be less than the round-off of a body so far away.
     """
-    outcome = _searched(step, halvings, progress)
-    doubted = outcome.converged and step.model.problem.kinematics.linear
-    return outcome._replace(converged=False) if doubted and any(_uncarried(step, outcome)) else outcome
-
-
-def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None] | None) -> Outcome:
-    """Search as `attempt` does, by one method after another."""
-    model, solver = step.model, step.model.problem.case.solver
-    tolerance = _tolerance(step)
 
     def report(number: int, closed: int, balance: float, gap: float) -> None:
         if progress is not None:
             progress(Progress(step.t, halvings, number, closed, balance, gap, step.state.time))
+
+    outcome = _searched(step, report, _tolerance(step))
+    outcome = _released(step, outcome, report) or outcome
+    doubted = outcome.converged and step.model.problem.kinematics.linear
+    return outcome._replace(converged=False) if doubted and any(_uncarried(step, outcome)) else outcome
+
+
+def _searched(step: LoadStep, report: IterationCallback, tolerance: ConvergenceTolerance) -> Outcome:
+    """Search as `attempt` does, by one method after another."""
+    model, solver = step.model, step.model.problem.case.solver
 
     def newton(start: Iterate, most: int, **how: Any) -> Outcome:
         limits = replace(tolerance, max_iterations=min(most, solver.max_iterations))
@@ -103,6 +107,60 @@ def _searched(step: LoadStep, halvings: int, progress: Callable[[Progress], None
 def convex(step: LoadStep, at: Iterate) -> bool:
     """True if equilibrium is the least value of a convex energy: the search ends by itself, in steps of any size."""
     return step.model.linear and step.contact(at.q).with_springs(0.0) is not None
+
+
+def _released(step: LoadStep, outcome: Outcome, report: IterationCallback) -> Outcome | None:
+    """Return the equilibrium in which pairs that carry no force lie where they slip least; None where they carry one.
+
+    Friction has no bound without a pressure: round-off chooses what sticks, and with it where bodies go that friction
+    alone has held. So bodies first give up their strains, and then no pair slides any more. A search that failed says
+    nothing about forces: then no pair may carry one.
+    """
+    model, now = step.model, step.state.iterate
+    if now is None or not model.motions or model.scheme.resists_rigid_motion:
+        return None
+    idle = _idle(step, outcome) if outcome.converged else frozenset(range(len(outcome.contact.pairs)))
+    if not any(group.shear is not None for k, group in enumerate(outcome.contact.pairs) if k in idle):
+        return None
+    tolerance = replace(_tolerance(step), moved=model.problem.space.largest(step.u_before))  # slips are from there
+    try:
+        lying = replace(step, state=_lying(step, now, idle), stuck=idle)
+        then = _searched(lying, report, tolerance)
+    except (InadmissibleError, LinearError):
+        return None
+    rests = then.converged and idle <= _idle(lying, then, tolerance) and not any(_uncarried(lying, then))
+    return then if rests else None
+
+
+def _idle(step: LoadStep, outcome: Outcome, tolerance: ConvergenceTolerance | None = None) -> frozenset[int]:
+    """Return the numbers of the pairs without a pressure or traction beyond the tolerance of gaps."""
+    (q, p, _), contact = outcome.iterate, outcome.contact
+    gaps = (tolerance or _tolerance(step)).gaps(contact.rows.B, q)
+    carries = np.abs(p) > contact.skin_stiffness * gaps
+    pairs = enumerate(contact.pairs)
+    return frozenset(k for k, group in pairs if group.law.compressive and not carries[group.every].any())
+
+
+def _lying(step: LoadStep, now: Iterate, idle: frozenset[int]) -> StepState:
+    """Return the state before a step with bodies as they are without the forces of `idle` pairs, which slip least.
+
+    Slip is counted from there on.
+    """
+    contact, there, free = step.contact(now.q), step.linearize(now.q), step.model.stabilization.free
+    p, active = now.p.copy(), now.active.copy()
+    for k, group in enumerate(contact.pairs):
+        if k in idle:
+            p[group.every], active[group.every] = 0.0, False
+            active[group.rows] = now.p[group.rows] > 0
+    f, pressed = there.r - contact.rows.B_T @ p, contact.of_macro_elements(now.p > 0)
+    alone = SaddleProblem(there.stiffness(0.0, True), contact.rows, np.empty(0, np.int64), f, contact.G)
+    q = now.q + solve_saddle(alone, np.zeros_like(f), np.zeros_like(p), _tolerance(step).linear(0.0)).q
+    contact = step.contact(q)
+    weight = 1 / np.sqrt(contact.rows.w[pressed])
+    moves = weight[:, None] * (contact.rows.D @ free)[pressed]
+    q = q + free @ np.linalg.lstsq(moves, weight * contact.G[pressed], rcond=RANK_TOLERANCE)[0]
+    histories = step.commit(q, p, active, step.contact(q))._replace(materials=step.state.histories.materials)
+    return replace(step.state, iterate=Iterate(q, p, active), earlier=None, histories=histories)
 
 
 def _tolerance(step: LoadStep) -> ConvergenceTolerance:
@@ -174,10 +232,9 @@ def rested(step: LoadStep, outcome: Outcome) -> tuple[Iterate, bool]:
     model, (q, p, active), contact = step.model, outcome.iterate, outcome.contact
     if not model.motions or model.scheme.resists_rigid_motion:
         return outcome.iterate, False
-    presses = p > contact.skin_stiffness * _tolerance(step).gaps(contact.rows.B, q)
-    p, active, before, came = p.copy(), active.copy(), step.state.iterate, False
-    for group, face in zip(contact.pairs, step.interfaces(q), strict=True):
-        if group.law.compressive and not presses[group.rows].any():
+    p, active, before, came, idle = p.copy(), active.copy(), step.state.iterate, False, _idle(step, outcome)
+    for k, (group, face) in enumerate(zip(contact.pairs, step.interfaces(q), strict=True)):
+        if k in idle:
             p[group.every], active[group.every] = 0.0, False
             active[group.rows] = _initial(group.pair, face) & contact.enforceable[group.rows]
             came = came or (before is not None and bool(before.p[group.rows].any()))

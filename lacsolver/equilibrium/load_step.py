@@ -45,14 +45,15 @@ _NEAR = 0.1
 class LoadStep:
     """A problem at time t, in the step from a state: loads, prescribed displacements, and all that depends on q.
 
-    `given`: terms to take in place of those of the model's time scheme. `factor`: the last tangent of this step that a
-    direct backend has factorised without damping; None before.
+    `given`: terms to take in place of those of the model's time scheme. `stuck`: numbers of the pairs whose friction
+    has no limit. `factor`: the last tangent of this step that a direct backend has factorised without damping; None before.
     """
 
     model: ReducedProblem
     t: float
     state: StepState = field(default_factory=StepState)
     given: StepTerms | None = None
+    stuck: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         self._last: tuple[Floats, tuple[Interface, ...], ContactSystem] | None = None
@@ -234,7 +235,8 @@ class LoadStep:
     def _bounds(self) -> tuple[Bounds | None, ...]:
         """Bounds of the friction of all contact pairs at the time of the step, None without friction."""
         problem = self.model.problem
-        return tuple(pair.bounds(problem.space, self.t) for pair in problem.joints)
+        bounds = [pair.bounds(problem.space, self.t) for pair in problem.joints]
+        return tuple(one.unlimited if one and k in self.stuck else one for k, one in enumerate(bounds))
 
     @cached_property
     def u_before(self) -> NDArray[np.floating]:
