@@ -16,7 +16,7 @@ from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.alternating import alternating
-from lacsolver.equilibrium.carrying import friction_at, least_friction
+from lacsolver.equilibrium.carrying import friction_at, least_friction, may_press_alone
 from lacsolver.equilibrium.kept_columns import start_from_columns
 from lacsolver.equilibrium.load_step import Linearization, LoadStep
 from lacsolver.equilibrium.newton import newton_iterates, residual_of
@@ -37,6 +37,8 @@ from lacsolver.space.space import Space
 _DAMPING = 1.0
 #: iterations of the first search, and of both, as fractions of `max_iterations`, and how many each may take in any case
 _FIRST, _BOTH = (0.5, 25), (0.78, 39)
+#: steps in which bodies settle where they slip least, on skins that move
+_SETTLED = 4
 #: load along a rigid-body mode that contact does not balance, relative to all forces along it
 _UNCARRIED = 1e-6
 
@@ -66,8 +68,10 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
         if progress is not None:
             progress(Progress(step.t, halvings, number, closed, balance, gap, step.state.time))
 
-    outcome = _searched(step, report, _tolerance(step))
-    outcome = _released(step, outcome, report) or outcome
+    outcome = _released(step, None, report) if _acts_nowhere(step) else None
+    if outcome is None:
+        outcome = _searched(step, report, _tolerance(step))
+        outcome = _released(step, outcome, report) or outcome
     doubted = outcome.converged and step.model.problem.kinematics.linear
     return outcome._replace(converged=False) if doubted and any(_uncarried(step, outcome)) else outcome
 
@@ -109,18 +113,28 @@ def convex(step: LoadStep, at: Iterate) -> bool:
     return step.model.linear and step.contact(at.q).with_springs(0.0) is not None
 
 
-def _released(step: LoadStep, outcome: Outcome, report: IterationCallback) -> Outcome | None:
+def _acts_nowhere(step: LoadStep) -> bool:
+    """True if a step has no load and no prescribed displacement."""
+    return not (step.u0.any() or step.load(step.u_before).any() or step.model.problem.constraints.force(step.t).any())
+
+
+def _released(step: LoadStep, outcome: Outcome | None, report: IterationCallback) -> Outcome | None:
     """Return the equilibrium in which pairs that carry no force lie where they slip least; None where they carry one.
 
     Friction has no bound without a pressure: round-off chooses what sticks, and with it where bodies go that friction
-    alone has held. So bodies first give up their strains, and then no pair slides any more. A search that failed says
-    nothing about forces: then no pair may carry one.
+    alone has held. So bodies first give up their strains, and then no pair slides any more. `outcome`: that of the
+    usual search, None before; without one that has converged all pairs must be free of forces, by statics.
     """
     model, now = step.model, step.state.iterate
     if now is None or not model.motions or model.scheme.resists_rigid_motion:
         return None
-    idle = _idle(step, outcome) if outcome.converged else frozenset(range(len(outcome.contact.pairs)))
-    if not any(group.shear is not None for k, group in enumerate(outcome.contact.pairs) if k in idle):
+    contact = step.contact(now.q)
+    known = outcome is not None and outcome.converged
+    idle = _idle(step, outcome) if outcome is not None and known else frozenset(range(len(contact.pairs)))
+    if not any(group.shear is not None for k, group in enumerate(contact.pairs) if k in idle):
+        return None
+    motions = np.stack([model.problem.constraints.unknowns(motion.field) for motion in model.motions])
+    if not known and may_press_alone(contact, motions):
         return None
     tolerance = replace(_tolerance(step), moved=model.problem.space.largest(step.u_before))  # slips are from there
     try:
@@ -146,19 +160,21 @@ def _lying(step: LoadStep, now: Iterate, idle: frozenset[int]) -> StepState:
 
     Slip is counted from there on.
     """
-    contact, there, free = step.contact(now.q), step.linearize(now.q), step.model.stabilization.free
-    p, active = now.p.copy(), now.active.copy()
+    contact, free, q = step.contact(now.q), step.model.stabilization.free, now.q
+    p, active, pressed = now.p.copy(), now.active.copy(), contact.of_macro_elements(now.p > 0)
     for k, group in enumerate(contact.pairs):
         if k in idle:
             p[group.every], active[group.every] = 0.0, False
             active[group.rows] = now.p[group.rows] > 0
-    f, pressed = there.r - contact.rows.B_T @ p, contact.of_macro_elements(now.p > 0)
-    alone = SaddleProblem(there.stiffness(0.0, True), contact.rows, np.empty(0, np.int64), f, contact.G)
-    q = now.q + solve_saddle(alone, np.zeros_like(f), np.zeros_like(p), _tolerance(step).linear(0.0)).q
-    contact = step.contact(q)
-    weight = 1 / np.sqrt(contact.rows.w[pressed])
-    moves = weight[:, None] * (contact.rows.D @ free)[pressed]
-    q = q + free @ np.linalg.lstsq(moves, weight * contact.G[pressed], rcond=RANK_TOLERANCE)[0]
+    for _ in range(1 if step.model.linear else _SETTLED):
+        there = step.linearize(q)
+        f = there.r - there.contact.rows.B_T @ p
+        alone = SaddleProblem(there.stiffness(0.0, True), contact.rows, np.empty(0, np.int64), f, contact.G)
+        q = q + solve_saddle(alone, np.zeros_like(f), np.zeros_like(p), _tolerance(step).linear(0.0)).q
+        contact = step.contact(q)
+        weight = 1 / np.sqrt(contact.rows.w[pressed])
+        moves = weight[:, None] * (contact.rows.D @ free)[pressed]
+        q = q + free @ np.linalg.lstsq(moves, weight * contact.G[pressed], rcond=RANK_TOLERANCE)[0]
     histories = step.commit(q, p, active, step.contact(q))._replace(materials=step.state.histories.materials)
     return replace(step.state, iterate=Iterate(q, p, active), earlier=None, histories=histories)
 

@@ -7,6 +7,7 @@ follows by bisection. Where phi = 1 is enough, friction is no reason for a searc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,14 @@ class Asked(NamedTuple):
 def carries(contact: ContactSystem, motions: Floats, load: Floats) -> bool:
     """Return True if contact can carry a load (r,) along motions (r, n), whatever gaps there are."""
     return not len(load) or _Statics.of(contact, motions, load).left(1.0)[0] <= _LEFT
+
+
+def may_press_alone(contact: ContactSystem, motions: Floats) -> bool:
+    """Return True if pressures may balance one another without a load along motions (r, n).
+
+    So they do on bodies that are squeezed, shrunk on, or jammed by their friction.
+    """
+    return _Statics.of(contact, motions, np.zeros(len(motions))).pressed() > _LEFT
 
 
 def least_friction(contact: ContactSystem, motions: Floats, load: Floats, along: Floats) -> Asked | None:
@@ -93,6 +102,7 @@ class _Statics:
     def __init__(self, contact: ContactSystem, motions: Floats, load: Floats) -> None:
         self.size = float(np.abs(load).max()) or 1.0
         self.load, m, w = load / self.size, len(contact.G), contact.rows.w
+        self.n_rows = m
         unit_forces = csr_array((contact.rows.B @ motions.T / w[:, None]).T)
         bed = unit_forces * (w * contact.enforceable) @ unit_forces.T  # of springs, as stiff as their areas
         along = np.linalg.pinv(bed.toarray(), rcond=_LEFT, hermitian=True) @ load @ motions
@@ -127,6 +137,21 @@ class _Statics:
 
     def left(self, factor: float) -> tuple[float, NDArray[np.floating]]:
         """Return what is left of the load at best, with bounds times a factor, and the forces of all rows (m,)."""
+        return self._best(self.cost, factor, self.bounds)
+
+    def pressed(self) -> float:
+        """Return the largest sum of pressures, each at most 1, in balance with the load."""
+        normal = np.array([low == 0 and high is None for low, high in self.bounds[: self.n_rows]])
+        bounds = [(low, 1.0 if n else high) for n, (low, high) in zip(normal, self.bounds[: self.n_rows], strict=True)]
+        cost = np.zeros(len(self.cost))
+        cost[np.flatnonzero(normal)] = -1.0
+        nothing_left = [(0.0, 0.0) if c else one for c, one in zip(self.cost, self.bounds, strict=True)]
+        return -self._best(cost, 1.0, bounds + nothing_left[self.n_rows :])[0]
+
+    def _best(self, cost: Floats, factor: float, bounds: Sequence[tuple[float | None, float | None]]) -> tuple[
+        float, NDArray[np.floating]
+    ]:  # fmt: skip
+        """Return the least cost, with bounds of friction times a factor, and the unknowns."""
         from scipy.optimize import linprog
 
         rows, most = [], []
@@ -135,9 +160,8 @@ class _Statics:
                 finite = np.flatnonzero(np.isfinite(bound))
                 rows.append(csr_array(matrix)[finite])
                 most.append(bound[finite])
-        found = linprog(
-            self.cost, vstack(rows, format="csr"), np.concatenate(most), self.A, self.load, self.bounds, method="highs"
-        )
+        upper = (vstack(rows, format="csr"), np.concatenate(most)) if rows else (None, None)
+        found = linprog(cost, *upper, self.A, self.load, bounds, method="highs")
         if found.x is None:
             return np.inf, np.zeros(len(self.cost))
         return float(found.fun), found.x

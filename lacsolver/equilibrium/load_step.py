@@ -46,7 +46,8 @@ class LoadStep:
     """A problem at time t, in the step from a state: loads, prescribed displacements, and all that depends on q.
 
     `given`: terms to take in place of those of the model's time scheme. `stuck`: numbers of the pairs whose friction
-    has no limit. `factor`: the last tangent of this step that a direct backend has factorised without damping; None before.
+    has no limit. `factor`: the last tangent of this step that a direct backend has factorised without damping; None
+    before.
     """
 
     model: ReducedProblem
