@@ -68,7 +68,7 @@ def attempt(step: LoadStep, halvings: int = 0, progress: Callable[[Progress], No
         if progress is not None:
             progress(Progress(step.t, halvings, number, closed, balance, gap, step.state.time))
 
-    outcome = _released(step, None, report) if _acts_nowhere(step) else None
+    outcome = _released(step, None, report) if nothing_acts(step) else None
     if outcome is None:
         outcome = _searched(step, report, _tolerance(step))
         outcome = _released(step, outcome, report) or outcome
@@ -113,8 +113,8 @@ def convex(step: LoadStep, at: Iterate) -> bool:
     return step.model.linear and step.contact(at.q).with_springs(0.0) is not None
 
 
-def _acts_nowhere(step: LoadStep) -> bool:
-    """True if a step has no load and no prescribed displacement."""
+def nothing_acts(step: LoadStep) -> bool:
+    """Return True if a step has no load and no prescribed displacement."""
     return not (step.u0.any() or step.load(step.u_before).any() or step.model.problem.constraints.force(step.t).any())
 
 

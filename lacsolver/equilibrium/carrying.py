@@ -47,7 +47,8 @@ def may_press_alone(contact: ContactSystem, motions: Floats) -> bool:
 
     So they do on bodies that are squeezed, shrunk on, or jammed by their friction.
     """
-    return _Statics.of(contact, motions, np.zeros(len(motions))).pressed() > _LEFT
+    most = _Statics.of(contact, motions, np.zeros(len(motions))).pressed()
+    return most > 0.5  # it is 1 at least, or 0
 
 
 def least_friction(contact: ContactSystem, motions: Floats, load: Floats, along: Floats) -> Asked | None:

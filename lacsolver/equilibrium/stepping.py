@@ -17,7 +17,7 @@ from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free
 from lacsolver.contact.interface import TOUCHING, dips
 from lacsolver.contact.laws import RowState
-from lacsolver.equilibrium.attempt import Progress, attempt, convex, rested, why
+from lacsolver.equilibrium.attempt import Progress, attempt, convex, nothing_acts, rested, why
 from lacsolver.equilibrium.holding import holdings
 from lacsolver.equilibrium.ledger import Ledger
 from lacsolver.equilibrium.load_step import LoadStep
@@ -240,14 +240,17 @@ def _check_sectors(step: LoadStep, outcome: Outcome, warned: bool) -> bool:
 
 
 def _warn_of_rounding(step: LoadStep, outcome: Outcome) -> bool:
-    """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned."""
+    """Warn if displacements are hardly larger than the round-off of gaps; return True if it warned.
+
+    Where nothing acts none are expected.
+    """
     now, model = outcome.iterate, step.model
     moved = model.problem.space.largest(step.u(now.q))
     if model.linear:
         known = _EPSILON * model.length * any(face.G.any() for face in step.interfaces(now.q))
     else:
         known = ROUNDING * model.length
-    if not (now.p.any() and 0 < moved <= _CLEAR * known):
+    if nothing_acts(step) or not (now.p.any() and 0 < moved <= _CLEAR * known):
         return False
     message = f"at time {step.t:.6g} nothing moves by more than {moved:.1e}, and coordinates of this size give gaps "
     message += f"to {known:.1e} only: pressures may be wrong by {min(known / moved, 1.0):.0%}"

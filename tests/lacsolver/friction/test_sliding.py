@@ -7,7 +7,9 @@ import pytest
 
 import lacsolver as ls
 from lacmesh import Mesh
-from lacsolver.case import Case, Contact, Displacement, Dynamics, Gravity, Initial, Material, Steps
+from lacsolver.case import Case, Contact, Displacement, Dynamics, Gravity, Initial, Material, Pressure, Steps
+from verification.meshes.blocks import boxed, grid, joined
+from verification.meshes.stacks import stack
 
 MU = 0.3
 
@@ -99,3 +101,48 @@ def test_a_thrown_block_stops():
     top = last.mesh.points[:, 1] > 0.74
     assert last.u[top, 0].mean() == pytest.approx(speed**2 / (2 * MU * g), rel=0.005)
     assert (zone.status == 1).all() and zone.friction.energy[1] == pytest.approx(0.5 * 0.5 * speed**2, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("cell", "poisson", "geometry"),
+    [("TETRA4", 0.3, "current"), ("TETRA4", 0.0, "current"), ("HEXA8", 0.3, "reference")],
+)
+def test_a_block_held_by_friction_alone_stays_where_it_is_without_a_load(cell, poisson, geometry, recwarn):
+    """All sticks, so that nothing is lost: pressed again it is as before, without a warning of small displacements."""
+    load = [[0, 0], [1, 6.8], [2, 0], [3, 6.8]]
+    case = Case(
+        model="3d", material=[Material(young=1000.0, poisson=poisson)],
+        contact=[Contact(slave="slave", master="master", friction=0.5, geometry=geometry)],
+        displacement=[Displacement(group="bottom", ux=0, uy=0, uz=0)],
+        pressure=[Pressure(group="top", value=load)], steps=Steps(times=[1.0, 2.0, 3.0], max_halvings=0),
+    )  # fmt: skip
+    first, unloaded, last = (
+        s._own("its displacements")[1] for s in ls.march(case, stack(cell, cell, 3, counts=(2, 1)))
+    )
+    size = np.abs(first.u).max()
+    assert (last.zones[0].status == 1).all()
+    np.testing.assert_allclose(unloaded.u, 0, atol=1e-9 * size)
+    np.testing.assert_allclose(last.u, first.u, atol=1e-6 * size)
+    assert not [one for one in recwarn if "nothing moves" in str(one.message)]
+
+
+def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load():
+    """It slides outwards and back by the same on all sides, as the model has two planes of symmetry."""
+    plate, block = ((0, 0, 0), (2, 2, 0.5)), ((0.5, 0.5, 0.5), (1.5, 1.5, 1.5))
+    names = {"z0": "base", "z1": "under"}, {"z0": "foot", "z1": "top", "": "block"}
+    mesh = joined(
+        [(boxed("HEXA8", *grid((2, 2, 1), *box), *box), own) for box, own in zip((plate, block), names, strict=True)]
+    )
+    load = [[0, 0], [1, 6.8], [2, 0], [3, 6.8]]
+    case = Case(
+        model="3d", material=[Material(young=1000.0, poisson=0.3)],
+        contact=[Contact(slave="foot", master="under", friction=0.1)],
+        displacement=[Displacement(group="base", ux=0, uy=0, uz=0)],
+        pressure=[Pressure(group="top", value=load)], steps=Steps(times=[1.0, 2.0, 3.0]),
+    )  # fmt: skip
+    for solution in ls.march(case, mesh):
+        problem, state = solution._own("its displacements")[:2]
+        space = problem.space
+        block = np.unique(np.concatenate([c.ravel() for *_, c in space.mesh.select(space.mesh.cell_groups["block"])]))
+        moved = state.u.reshape(-1, 3)[block]
+        np.testing.assert_allclose(moved.mean(axis=0)[:2], 0, atol=1e-6 * 6.8e-3)
