@@ -25,6 +25,7 @@ from lacsolver.linear import LinearError
 from lacsolver.problem.motions import FreeMotion, describe
 from lacsolver.problem.overlap import check_overlap
 from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.rigid_modes import STOPPED_BY_CONTACT, felt
 from lacsolver.problem.sectors import check_in_sector
 from lacsolver.results.state import Iterate, StepState
 from lacsolver.saddle.coarse_start import coarse_start
@@ -41,6 +42,8 @@ _FIRST, _BOTH = (0.5, 25), (0.78, 39)
 _SETTLED = 4
 #: load along a rigid-body mode that contact does not balance, relative to all forces along it
 _UNCARRIED = 1e-6
+#: part of the contact stiffness below which a message names the motion that it resists: faces at a slope of 3 %
+_SLIGHT = 1e-3
 
 
 class Progress(NamedTuple):
@@ -266,6 +269,9 @@ def why(step: LoadStep, outcome: Outcome) -> str:
     for motion, along, load in _uncarried(step, outcome):
         if slides := _sliding(step, outcome, along, load):
             return f"{message}: {describe(motion).replace(' moves ', ' slides ')}: {slides}"
+        if STOPPED_BY_CONTACT**2 < (part := _resistance(step, motion)) < _SLIGHT:
+            hardly = f"contact resists that with {part:.1e} of its stiffness only"
+            return f"{message}: {describe(motion)} along its load, and {hardly}; hold it by a displacement or a spring"
         if not np.abs(closed @ along).any():
             return f"{message}: {describe(motion)}, and no contact stops it; hold it, or load it toward its master"
     off = problem.constraints.on_unknowns(step.reaction(*outcome.iterate[:2])) - problem.constraints.force(step.t)
@@ -280,6 +286,18 @@ def why(step: LoadStep, outcome: Outcome) -> str:
         return f"{message}; {advice or held}"
     message += f"; {advice}; or" if advice else ";"
     return f"{message} try more steps ([steps] count) or more iterations ([solver] max_iterations)"
+
+
+def _resistance(step: LoadStep, motion: FreeMotion) -> float:
+    """Return the part of the contact stiffness that resists a motion at the start of a step; inf without contact.
+
+    On skins that are parallel to the motion it is the mean square of their roughness.
+    """
+    problem, now = step.model.problem, step.state.iterate or first_iterate(step)
+    closed, x = step.closed_rows(now.q, now.active), problem.space.local.points.copy()
+    x[:, : problem.space.dim] += step.u_before.reshape(-1, problem.space.dim)
+    own = x if problem.kinematics.finite else None
+    return float(felt(closed, (motion,), own)[0]) ** 2 if closed.shape[0] else np.inf
 
 
 def _uncarried(step: LoadStep, outcome: Outcome) -> Iterator[tuple[FreeMotion, Floats, Floats]]:

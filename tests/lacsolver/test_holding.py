@@ -9,12 +9,16 @@ import warnings
 import numpy as np
 import pytest
 
+import lacsolver as ls
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning
-from lacsolver.case import parse_case
+from lacsolver.case import Case, Contact, Displacement, Force, Material, Solver, Steps, parse_case
+from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.output import create_output
 from lacsolver.running import run
+from verification.meshes.blocks import bent, joined
+from verification.meshes.half_spaces import piece
 
 #: a bar of rough faces between two jaws, the lower one fixed, the upper one pressed down; contact alone holds the bar
 CASE = """
@@ -216,3 +220,27 @@ def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     assert turning.startswith("'pin' turns about an axis along z through ") and "of its stiffness" in turning
     rest = ("small kinematics", "curved skins may be off")  # where its roughness alone drives it out
     assert all(any(words in line for words in rest) for line in said[2:])
+
+
+@pytest.mark.filterwarnings("ignore:.*its curvature changes within few faces")
+def test_a_pin_that_nothing_holds_along_its_smooth_bore_is_named():
+    """An oval bore of coarse faces is smooth but for its roughness, which stops no pin: no step is small enough."""
+    lines = (np.array([0.3, 1.0]), np.linspace(0, np.pi / 2, 7), np.linspace(0, 2, 5))
+    hub = (np.array([1.0, 1.8]), np.linspace(0, np.pi / 2, 6), np.linspace(-1, 3, 5))
+
+    def oval(x):
+        angle = x[:, 1] + 0.12 * np.sin(2 * x[:, 1]) * np.sin(1.7 * x[:, 2] + x[:, 1])
+        return np.stack([1.25 * x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]], axis=1)
+
+    names = {"x1": "pin", "y0": "y", "y1": "x", "z0": "end", "": "body"}, {"x0": "bore", "x1": "out"}
+    mesh = bent(joined([(piece("HEXA8", own), n) for own, n in zip((lines, hub), names, strict=True)]), oval)
+    case = Case(
+        model="3d", kinematics="finite", material=[Material(law="neo_hookean", young=1000.0, poisson=0.3)],
+        contact=[Contact(slave="pin", master="bore", clearance=-0.02)],
+        displacement=[Displacement(group="out", ux=0, uy=0, uz=0), Displacement(group="y", uy=0),
+                      Displacement(group="x", ux=0)],
+        force=[Force(group="end", fz=1.0, total=True)],
+        steps=Steps(count=1, max_halvings=0), solver=Solver(max_iterations=3),
+    )  # fmt: skip
+    with pytest.raises(NotConvergedError, match="'body' moves along z along its load, and contact resists that with"):
+        ls.solve(case, mesh)
