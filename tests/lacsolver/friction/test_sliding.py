@@ -126,7 +126,8 @@ def test_a_block_held_by_friction_alone_stays_where_it_is_without_a_load(cell, p
     assert not [one for one in recwarn if "nothing moves" in str(one.message)]
 
 
-def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load():
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(kinematics):
     """It slides outwards and back by the same on all sides, as the model has two planes of symmetry."""
     plate, block = ((0, 0, 0), (2, 2, 0.5)), ((0.5, 0.5, 0.5), (1.5, 1.5, 1.5))
     names = {"z0": "base", "z1": "under"}, {"z0": "foot", "z1": "top", "": "block"}
@@ -135,7 +136,8 @@ def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(
     )
     load = [[0, 0], [1, 6.8], [2, 0], [3, 6.8]]
     case = Case(
-        model="3d", material=[Material(young=1000.0, poisson=0.3)],
+        model="3d", kinematics=kinematics,
+        material=[Material(law="elastic" if kinematics == "small" else "neo_hookean", young=1000.0, poisson=0.3)],
         contact=[Contact(slave="foot", master="under", friction=0.1)],
         displacement=[Displacement(group="base", ux=0, uy=0, uz=0)],
         pressure=[Pressure(group="top", value=load)], steps=Steps(times=[1.0, 2.0, 3.0]),
@@ -145,4 +147,4 @@ def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(
         space = problem.space
         block = np.unique(np.concatenate([c.ravel() for *_, c in space.mesh.select(space.mesh.cell_groups["block"])]))
         moved = state.u.reshape(-1, 3)[block]
-        np.testing.assert_allclose(moved.mean(axis=0)[:2], 0, atol=1e-6 * 6.8e-3)
+        np.testing.assert_allclose(moved.mean(axis=0)[:2], 0, atol=1e-5 * 6.8e-3)
