@@ -11,7 +11,8 @@ dependent on earlier ones, as where both faces are the same, is left out. For a 
 is known only up to rounding over its remaining size. On faces in one plane this is harmless: whatever the weights are,
 every integral is exact. Where faces are warped, or normals vary, by `bend`, products with the normal are integrated as
 well, and weights that depend on rounding would show: there a function counts only as far as its remaining size exceeds
-a fraction of the bend.
+a fraction of the bend. What is left of a function depends on those before it, so that those of an affine face are first:
+they span the same polynomials wherever the nodes of the face begin.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.surface.curved import curved_integrals, vertices_in_faces
-from lacmesh.surface.maps import CURVED
+from lacmesh.surface.maps import AFFINE, CURVED
 from lacmesh.surface.moments import functions, straight_integrals
 from lacmesh.surface.polygon import MASTER
 
@@ -43,6 +44,10 @@ def fit(
     """
     corner, target, work, phi = room
     count = 1 + slave.k + master.k
+    swapped = master.kind == AFFINE and slave.kind < CURVED
+    first_s, first_m = 1, 1 + slave.k
+    if swapped:
+        first_s, first_m = 1 + master.k, 1
     vertices_in_faces(polygon, edges, slave, master, centre, e, corner)
     n = len(polygon)
     at_slave, at_master = _local(corner, n, 0), _local(corner, n, 2)
@@ -51,15 +56,14 @@ def fit(
         curved_integrals(corner, edges, n, slave, master, e, at_slave, at_master, rules, target, work)
     else:
         own = corner[:, :2]
-        straight_integrals(polygon, own, edges, 0, slave.y, slave.n, at_slave, slave.k, 1, rules, target)
+        straight_integrals(polygon, own, edges, 0, slave.y, slave.n, at_slave, slave.k, first_s, rules, target)
         own = corner[:, 2:]
-        straight_integrals(
-            polygon, own, edges, MASTER, master.y, master.n, at_master, master.k, 1 + slave.k, rules, target
-        )
-    _values(xi_s, at_slave, slave.k, phi, 1, work)
-    _values(xi_m, at_master, master.k, phi, 1 + slave.k, work)
+        straight_integrals(polygon, own, edges, MASTER, master.y, master.n, at_master, master.k, first_m, rules, target)
+    _values(xi_s, at_slave, slave.k, phi, first_s, work)
+    _values(xi_m, at_master, master.k, phi, first_m, work)
     phi[0, : len(weight)] = 1.0
-    correct(weight, len(weight), phi, count, target, least)
+    lead = max(first_s, first_m) if swapped or slave.kind == AFFINE else 1
+    correct(weight, len(weight), phi, count, target, least, lead)
 
 
 @kernel
@@ -85,18 +89,22 @@ def _local(corner: Any, n: int, first: int) -> Any:
 
 
 @kernel
-def correct(weight: Any, n: int, phi: Any, k: int, target: Any, least: float) -> Any:
+def correct(weight: Any, n: int, phi: Any, k: int, target: Any, least: float, lead: int) -> Any:
     """Scale n weights so that functions phi (k, n) have the integrals `target`; overwrites phi and `target`.
 
-    The most independent function comes first. A function of which no more than the fraction `least` is left after
-    orthogonalisation is corrected only in part, as far as its integral is more than rounding. Returns the largest
-    relative change.
+    The most independent function comes first: of the first `lead` ones while any of these is independent, then of the
+    rest. A function of which no more than the fraction `least` is left after orthogonalisation is corrected only in
+    part, as far as its integral is more than rounding. Returns the largest relative change.
     """
     left = np.empty(k)
     _scale(weight, n, phi, k, target, left)
     kept = 0
     while kept < min(k, n):
-        _bring_forward(phi, target, left, n, kept, k)
+        if kept < lead:
+            _bring_forward(phi, target, left, n, kept, lead)
+        if kept >= lead or not left[kept] > _INDEPENDENT:
+            lead = kept
+            _bring_forward(phi, target, left, n, kept, k)
         if left[kept] < _MUCH:
             for i in range(kept):
                 _take_off(weight, n, phi, target, i, kept, kept + 1, left)

@@ -196,7 +196,7 @@ def _fit(
         local = (v - middle) / half
         functions += [np.ones_like(local), local, local**2]
     phi = np.array([*functions[:3], *functions[4:]])
-    correct(weight, len(weight), phi, len(phi), np.array([*targets[:3], *targets[4:]]), 0.0)
+    correct(weight, len(weight), phi, len(phi), np.array([*targets[:3], *targets[4:]]), 0.0, 1)
 
 
 def _rows(count: Ints) -> tuple[Ints, Ints, Floats, Floats]:

@@ -4,7 +4,7 @@ A piece is a convex polygon in the slave's mean plane. The integrands are the sh
 which are polynomials in the plane if both faces are affine: then a rule of their degree is exact. Rules of degree 1 and
 2 need no triangles: the centroid, and three points on the ellipse of inertia (every polygon has one that is exact to
 degree 2, and inside every convex polygon: Kannan, Lovasz, Simonovits, Discrete Comput. Geom. 13, 1995). Higher rules
-are used on a fan of triangles.
+are used on a fan of triangles, which has its apex at the centroid where no rule is exact, as along normals that turn.
 
 On general quadrangles the functions are no polynomials in the plane, and a rule that integrates them to 1e-10 needs a
 hundred points per triangle. Here a few points are used, with weights corrected (`fit`) such that every function of both
@@ -29,7 +29,7 @@ Bools = NDArray[np.bool_]
 
 CENTROID, ELLIPSE, FAN3, FAN6, FAN7, FAN12, FAN16, FAN30 = range(8)
 #: added to the code of a rule whose weights are fitted, and of one on the fan around the centroid, which has no first
-#: vertex: what it leaves of products with normals that turn is the same for a model and its mirror image
+#: vertex: what it leaves of integrands that are no polynomials does not depend on how corners are numbered
 FITTED, AROUND = 8, 16
 #: degree that each rule is exact to
 DEGREE = (1, 2, 2, 4, 5, 6, 8, 9)
@@ -106,9 +106,11 @@ def pair_rule(slave: Sides, master: Sides, vertices: Ints, share: Floats, turned
     bend = np.maximum(np.maximum(slave.warp, turned), np.where(master.kind == CURVED, master.warp, 0.0))
     bent = bend > np.where(curved, NEARLY_FLAT, FLAT)
     code = np.where(bent, np.where(degree <= 2, FAN6, FAN12), code)
-    fit = slave.whole & master.whole & ((slave.kind > AFFINE) | (master.kind > AFFINE))
+    affine = (slave.kind == AFFINE) & (master.kind == AFFINE)
+    fit = slave.whole & master.whole & ~affine
     fitted = _fitted(1 + slave.functions + master.functions, vertices, share)
-    return np.where(fit & ~bent, fitted, np.where(fit & ~curved, code + FITTED + AROUND, code))
+    around = np.where(fit & ~curved, FITTED + AROUND, np.where(vertices > 3, AROUND, 0))
+    return np.where(affine & ~bent, code, np.where(fit & ~bent, fitted, code + around))
 
 
 def _fitted(functions: Ints, vertices: Ints, share: Floats) -> Ints:

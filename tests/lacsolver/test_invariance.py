@@ -118,13 +118,8 @@ def mirrored(case):
 
 
 @MODELS
-def test_turned_and_mirrored_and_in_another_order(name, request):
+def test_turned_and_mirrored_and_in_another_order(name):
     """Nodes, cells, blocks, groups and sections are in another order."""
-    if name == "in space":  # the fan of triangles of a piece follows from last bits; its points give gaps to 1e-9 only
-        reason = (
-            "normals of the smooth surface turn over a face, which rules of few points integrate to 1e-9 of the gap"
-        )
-        request.applymarker(pytest.mark.xfail(strict=False, reason=reason))
     case = CASES[name]
     check(name, replace(case.world, turn=turned(case) @ mirrored(case), seed=1), iterations=False)
 

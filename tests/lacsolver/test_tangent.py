@@ -18,7 +18,7 @@ from lacmesh.cells import CELLS
 from lacmesh.surface import points
 from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import normals_of, unit
-from lacmesh.surface.rules import FAN30, FITTED
+from lacmesh.surface.rules import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
@@ -126,7 +126,7 @@ def test_straight_faces_with_their_own_normals(pair, options):
 def fine_rules(monkeypatch):
     """Rules of many points, over pieces and along their edges, wherever normals turn."""
     over_faces, over_lines = points.pair_rule, points.gauss_points
-    monkeypatch.setattr(points, "pair_rule", lambda *a: np.where(over_faces(*a) >= FITTED, over_faces(*a), FAN30))
+    monkeypatch.setattr(points, "pair_rule", lambda *a: np.where(over_faces(*a) % AROUND >= FITTED, over_faces(*a), FAN30))
     monkeypatch.setattr(points, "gauss_points", lambda *a: np.where(over_lines(*a) == 4, 7, over_lines(*a)))
     at, weight = np.polynomial.legendre.leggauss(8)
     monkeypatch.setattr("lacsolver.contact.edges._AT", (at + 1) / 2)

@@ -181,7 +181,7 @@ def test_corrected_weights_are_exact_and_nearest_to_those_given():
         phi[2] = 2 * phi[0] - phi[1]  # one that depends on the others
         target = phi @ weight * 1.01
         new, used = weight.copy(), phi.copy()
-        correct(new, n, used, k, target.copy(), 0.0)
+        correct(new, n, used, k, target.copy(), 0.0, 1)
         assert np.allclose(phi @ new, target, rtol=1e-10, atol=0)
         # least squares with weights: the change is in the span of the functions
         change = new / weight - 1
