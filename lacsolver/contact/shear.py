@@ -3,13 +3,14 @@
     B_T v = int_{T_m} e_alpha.(v(x) + r dn(v) - v(x_bar)) dGamma
 
 is the slip of the slave over its master along the tangents e_alpha: the virtual work of a traction on the master along
-e_alpha of size 1. r = (x_bar - x).n is the ray from face to face, and dn(v) the change of a vector that is n now and
-stays fixed to the slave's face,
+e_alpha of size 1. r = (x_bar - x).n is the ray from face to face, and dn(v) the change of a normal that leans on the
+slave's face at slopes that stay, but for a part along n,
 
-    dn(v) = sum_a (a^a.n) dv/dxi^a - (N.n) (N.dv/dxi^a) a^a
+    dn(v) = sum_a (a^a.n) (N.dv/dxi^a) N - (n.dv/dxi^a) a^a
 
-with the dual vectors a^a of the face's tangents and its own normal N. If v is a rotation, dn(v) is that of n, and the
-slip is 0: the moments of tractions balance across a gap, as their forces do.
+with the dual vectors a^a of the face's tangents and its own normal N. It is that of the normals of smooth surfaces. If
+v is a rotation, dn(v) is that of any n, and the slip is 0: the moments of tractions balance across a gap, as their
+forces do.
 
 The tangents move with the skin: the vector A_1, one for each macro-element (`first_directions`), has the components
 c^a = A^a.A_1 in the undeformed face, and
@@ -93,9 +94,9 @@ def jump_rows(
     """
     d = e.shape[2]
     dual, N, n = dual_vectors(J), unit(normals_of(J)), points.normal
-    lean, share = np.einsum("psa,ps->pa", dual, n), (N * n).sum(axis=1)
-    along = share[:, None, None] * (e @ dual[:, :d]).transpose(0, 2, 1)
-    arms = lean[:, :, None, None] * e[:, None] - along[..., None] * N[:, None, None, :d]
+    out, along = np.einsum("psa,ps->pa", dual, n), (e @ dual[:, :d]).transpose(0, 2, 1)
+    leans = out[:, :, None] * (e @ N[:, :d, None]).transpose(0, 2, 1)
+    arms = leans[..., None] * N[:, None, None, :d] - along[..., None] * n[:, None, None, :d]
     arms *= (weight * points.ray)[:, None, None, None]
     return macro_rows(points, slave, master, weight[:, None, None] * e, m, arms)
 

@@ -94,10 +94,10 @@ def rotation(dim, angle):
     return np.eye(3) - np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
 
 
-@pytest.mark.parametrize("pair", PAIRS, ids=str)
-def test_where_the_anchors_are_slip_is_that_of_the_rows(pair):
-    """On faces with their own normals."""
-    case = Anchored(pair, surface="faces")
+@pytest.mark.parametrize("pair, surface", list(itertools.product(PAIRS, ("faces", "smooth"))), ids=str)
+def test_where_the_anchors_are_slip_is_that_of_the_rows(pair, surface):
+    """Along normals of faces and of smooth surfaces over them, tractions do the work that their slip asks for."""
+    case = Anchored(pair, surface=surface)
     there, face = case.slip(case.before), case.at(case.before)
     np.testing.assert_allclose((there.D_T - face.B_T).toarray(), 0, atol=1e-13 * np.abs(face.B_T).max())
     np.testing.assert_allclose(there.w, face.w, rtol=1e-13)
