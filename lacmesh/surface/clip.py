@@ -20,8 +20,8 @@ from lacmesh.surface.patches import Patches
 from lacmesh.surface.polygon import CHORD, MASTER, area_of, centroid, cut_by_polygon, outside, tidy
 from lacmesh.surface.search import Pairs, Reach, in_parts, joined_starts
 
-#: a part smaller than this, against its slave patch, is rounding, and so is a corner that adds no more: one that last bits
-#: make on a straight side would add a triangle to a fan
+#: a part smaller than this, against its slave patch, is rounding, and so is a corner that adds no more: one that last
+#: bits make on a straight side would add a triangle to a fan
 _LEAST = 1e-12
 #: parts that overlap by less than this, against the slave patch, are neighbours
 _OVERLAP = 1e-11

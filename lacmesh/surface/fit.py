@@ -11,8 +11,8 @@ dependent on earlier ones, as where both faces are the same, is left out. For a 
 is known only up to rounding over its remaining size. On faces in one plane this is harmless: whatever the weights are,
 every integral is exact. Where faces are warped, or normals vary, by `bend`, products with the normal are integrated as
 well, and weights that depend on rounding would show: there a function counts only as far as its remaining size exceeds
-a fraction of the bend. What is left of a function depends on those before it, so that those of an affine face are first:
-they span the same polynomials wherever the nodes of the face begin.
+a fraction of the bend. What is left of a function depends on those before it. So those of an affine face come first:
+they span the same polynomials whichever corner of the face is its first.
 """
 
 from __future__ import annotations

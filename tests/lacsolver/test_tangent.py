@@ -126,7 +126,12 @@ def test_straight_faces_with_their_own_normals(pair, options):
 def fine_rules(monkeypatch):
     """Rules of many points, over pieces and along their edges, wherever normals turn."""
     over_faces, over_lines = points.pair_rule, points.gauss_points
-    monkeypatch.setattr(points, "pair_rule", lambda *a: np.where(over_faces(*a) % AROUND >= FITTED, over_faces(*a), FAN30))
+
+    def finest(*arguments):
+        code = over_faces(*arguments)
+        return np.where(code % AROUND >= FITTED, code, FAN30)
+
+    monkeypatch.setattr(points, "pair_rule", finest)
     monkeypatch.setattr(points, "gauss_points", lambda *a: np.where(over_lines(*a) == 4, 7, over_lines(*a)))
     at, weight = np.polynomial.legendre.leggauss(8)
     monkeypatch.setattr("lacsolver.contact.edges._AT", (at + 1) / 2)
