@@ -69,7 +69,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@bash tools/system.sh tests
 	@mkdir -p .venv && touch $@
 
-test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); what is skipped must be what was expected
+test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); a skip for want of a package is an error
 	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
 lint: $(INSTALLED) ## style, types, import layers

@@ -18,7 +18,7 @@ from lacmesh.cli import main
 from lacmesh.errors import ReadError
 from lacmesh.gmsh import to_mesh
 from lacmesh.gmsh.onelab import MASTER, RESULT, SLAVE, act, open_model, set_parameters
-from tests.skips import REPOSITORY
+from tests import REPOSITORY
 from tests.xserver import display
 
 pytestmark = pytest.mark.gmsh
