@@ -6,7 +6,7 @@ import base64
 import json
 import re
 import zlib
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,13 +17,11 @@ from lacmesh.scene import colours
 from lacmesh.scene.visible import BODY, MASTER, SLAVE
 from lacmesh.topology.skin import FACE_TYPES
 from lacmesh.view import page
-from tests.browser import Browser
 from tests.meshes import box, cell_with_faces, random_mesh
 from tests.samples import samples
 from tests.test_view import Said, cube, two_cubes
-from tests.viewing import cut_blocks, status, tones
+from tests.viewing import Browser, cut_blocks, status, tones
 
-DATA = Path(__file__).resolve().parents[1] / "data"
 #: names that would be markup, script or a mark of the template if they were not text
 NASTY = (
     "</script><script>document.title='owned'</script>",
@@ -31,11 +29,6 @@ NASTY = (
     "%BLOCK% & %HEAD%",
     "a\"b'c\\",
 )
-
-
-@pytest.fixture
-def blocks(tmp_path):
-    return cut_blocks(tmp_path)
 
 
 def unpacked(path):
@@ -56,42 +49,33 @@ def unpacked(path):
 def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, tmp_path):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6, twins=True)
     mesh = cut_skin(mesh, "slave").mesh
+    mesh = replace(mesh, cell_number=mesh.cell_number + 2**40 * (seed == 0))  # beyond four bytes
     page(mesh, tmp_path / "a.html")
     head, arrays = unpacked(tmp_path / "a.html")
-    index = {int(n): k for k, n in enumerate(mesh.cell_number)}
-    kind = [b.type for b in mesh.blocks]
+    cell_of, node_of = ({int(n): k for k, n in enumerate(numbers)} for numbers in (mesh.cell_number, mesh.node_number))
     on_face = {}
     for name, ids, nodes in mesh.select(np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0))):
         for cell, row in zip(ids, nodes, strict=True):
             on_face.setdefault(frozenset(row[: CELLS[name].n_corners].tolist()), []).append(cell)
-    where = {int(n): k for k, n in enumerate(mesh.node_number)}
     start = 0
     assert len(arrays["role"]) == len(arrays["cell"]) > 0
     for f, code in enumerate(arrays["type"]):
         face = CELLS[FACE_TYPES[code]]
         own = arrays["nodes"][start : start + face.n_nodes]
         start += face.n_nodes
-        corners = frozenset(where[int(n)] for n in arrays["nodeNumber"][own[: face.n_corners]])
-        cell = index[int(arrays["cell"][f])]
-        assert head["cellTypes"][arrays["cellType"][f]] == kind[np.searchsorted(mesh.offsets, cell, side="right") - 1]
-        members = {cell, *on_face.get(corners, [])}
+        nodes = [node_of[int(n)] for n in arrays["nodeNumber"][own]]
+        cell = cell_of[int(arrays["cell"][f])]
+        ((kind, _, _),) = mesh.select([cell])
+        assert head["cellTypes"][arrays["cellType"][f]] == kind
+        members = {cell, *on_face.get(frozenset(nodes[: face.n_corners]), [])}
         groups = {g for g, ids in mesh.cell_groups.items() if members & set(ids.tolist())}
         assert {head["groups"][g]["name"] for g in head["combinations"][arrays["groups"][f]]} == groups
         assert (arrays["role"][f] == SLAVE) == (arrays["skin"][f] >= 0)
-        x = mesh.points[[where[int(n)] for n in arrays["nodeNumber"][own]]]
         kept = np.array(head["centre"]) + head["half"] * arrays["points"].reshape(-1, 3)[own]
-        np.testing.assert_allclose(kept, x, atol=1e-6 * head["half"])
+        np.testing.assert_allclose(kept, mesh.points[nodes], atol=1e-6 * head["half"])
     assert start == len(arrays["nodes"])
-    assert sorted(arrays["nodeNumber"][arrays["internal"]]) == sorted(
-        mesh.node_number[mesh.node_data["lac_internal"] >= 0]
-    )
-
-
-def test_numbers_beyond_four_bytes_stay(tmp_path):
-    mesh = cube(1)
-    mesh = Mesh.create(mesh.points, [(b.type, b.nodes) for b in mesh.blocks], cell_number=[5, 2**40 + 1])
-    page(mesh, tmp_path / "a.html")
-    assert unpacked(tmp_path / "a.html")[1]["cell"].max() == 2**40 + 1
+    internal = mesh.node_number[mesh.node_data["lac_internal"] >= 0]
+    assert sorted(arrays["nodeNumber"][arrays["internal"]]) == sorted(internal)
 
 
 def nasty():
@@ -148,30 +132,25 @@ def button(browser, text):
     browser.value(f"{found}.click()")
 
 
-def shown(arrays, *roles):
-    """Number of faces with one of some roles."""
-    return int(np.isin(arrays["role"], roles).sum())
-
-
 @pytest.mark.browser
-def test_a_page_draws_every_face(blocks, tmp_path, capsys, browser):
+def test_a_page_draws_every_face(tmp_path, capsys, browser):
     target = tmp_path / "blocks.html"
-    assert status(capsys, blocks, "--master", "master", "--quality", "-o", target)[0] == 0
+    assert status(capsys, cut_blocks(tmp_path), "--master", "master", "--quality", "-o", target)[0] == 0
     browser.open(target)
     _, arrays = unpacked(target)
+    bodies, skins = (int(np.isin(arrays["role"], roles).sum()) for roles in ([BODY], [SLAVE, MASTER]))
     assert (browser.data("state"), browser.data("glError")) == ("ready", "0")
-    assert int(browser.data("faces")) == shown(arrays, BODY, SLAVE, MASTER) > 600
+    assert int(browser.data("faces")) == bodies + skins > 600
     assert browser.value("document.title") == "blocks.msh"
     panel = browser.value("document.getElementById('panel').innerText")
-    assert "36 macro-elements" in panel
-    assert "corner jacobian" in panel
+    assert "36 macro-elements" in panel and "corner jacobian" in panel
     button(browser, "hidden")
-    assert int(browser.data("faces")) == shown(arrays, SLAVE, MASTER) > 0
+    assert int(browser.data("faces")) == skins > 0
     button(browser, "solid")
     worst = browser.value("document.querySelector('#worst button').textContent")
     assert worst.startswith(f"cell {arrays['cell'][np.flatnonzero(arrays['of'] == 0)[0]]}")
     button(browser, worst[:8])
-    assert int(browser.data("faces")) == shown(arrays, BODY, SLAVE, MASTER) + int((arrays["of"] == 0).sum())
+    assert int(browser.data("faces")) == bodies + skins + int((arrays["of"] == 0).sum())
     assert browser.said == []
 
 
