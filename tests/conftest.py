@@ -8,7 +8,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,26 +25,14 @@ settings.load_profile("any machine")
 
 #: the folder whose `reference` holds meshes and cuts of others: beside the checkout, or $LACMESH_SHARED
 SHARED = Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared")
-#: mark -> packages that its tests import
-PACKAGES = {
+#: mark -> packages that its tests import, and programs ($) that they run
+NEEDS = {
     "gmsh": "gmsh", "vtk": "pyvista", "medcoupling": "medcoupling", "meshio": "meshio netCDF4", "trimesh": "trimesh",
     "felupe": "felupe", "ngsolve": "ngsolve", "mfem": "mfem", "sfepy": "sfepy", "dolfinx": "dolfinx",
-    "docs": "sphinx myst_parser furo", "window": "PIL",
+    "browser": "$chromium", "calculix": "$ccx", "paraview": "$pvbatch $Xvfb", "compiler": "$g++", "petsc": "$mpiexec",
 }  # fmt: skip
-#: mark -> programs that its tests run
-PROGRAMS = {
-    "browser": "chromium", "calculix": "ccx", "zsh": "zsh", "fish": "fish", "paraview": "pvbatch Xvfb",
-    "window": "Xvfb xdotool", "compiler": "g++",
-}  # fmt: skip
-#: mark -> code that runs where its tests can
-CODE = {
-    "petsc": "from lacsolver.distributed.launch import import_petsc; import_petsc()",
-    "index": "import sys; from pip._internal.cli.main import main; sys.exit(main(['-q', 'download', '--no-deps', "
-    f"'--no-cache-dir', '--retries', '0', '--dest', {tempfile.gettempdir()!r}, 'iniconfig']))",
-}
 #: marks that a machine may lack even under `make test`
-FORGIVEN = {"shared", "index", "paraview", "window", "zsh", "fish", "docs", "compiler"}
-FORGIVEN |= {"felupe", "ngsolve", "mfem", "sfepy", "dolfinx"}
+FORGIVEN = {"shared", "paraview", "compiler", "felupe", "ngsolve", "mfem", "sfepy", "dolfinx"}
 #: doctests that need pyvista: no mark can be set in a docstring
 DRAWN_EXAMPLES = {"lacsolver.pictures.drawing.plot", "lacsolver.pictures.filming.film"}
 EVERYTHING = os.environ.get("LACMESH_ALL") == "1"
@@ -55,14 +42,13 @@ SKIPPED_FOR = pytest.StashKey[bool]()
 @cache
 def absence(need):
     """Reason why tests with a mark cannot run on this machine, or an empty string."""
-    missing = [f"{name} is not installed" for name in PACKAGES.get(need, "").split() if find_spec(name) is None]
-    missing += [f"the program {name} is not installed" for name in PROGRAMS.get(need, "").split() if not which(name)]
+    found = {word: which(word[1:]) if word[0] == "$" else find_spec(word) for word in NEEDS.get(need, "").split()}
+    missing = [f"{word.strip('$')} is not installed" for word, place in found.items() if place is None]
     if need == "shared" and not (SHARED / "reference").is_dir():
         missing += [f"{SHARED / 'reference'} is absent (LACMESH_SHARED may name another shared folder)"]
-    if need == "petsc" and not which("mpiexec"):
-        missing += ["the program mpiexec is not installed (make petsc)"]
-    elif need in CODE:
-        child = subprocess.run([sys.executable, "-c", CODE[need]], cwd=REPOSITORY, capture_output=True, text=True)
+    if need == "petsc" and not missing:
+        code = "from lacsolver.distributed.launch import import_petsc; import_petsc()"
+        child = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)
         missing += [(child.stderr.strip() or "a child process died").splitlines()[-1]] if child.returncode else []
     return "; ".join(missing)
 

@@ -65,20 +65,17 @@ def test_a_full_disk_keeps_nothing_and_stops_nothing(tmp_path):
 
 
 @pytest.mark.parametrize("cores", [1, 3])
-def test_there_are_as_many_threads_as_cores_that_may_be_used(monkeypatch, every_thread, cores):
+def test_there_are_as_many_threads_as_cores_that_may_be_used_but_one_for_few_rows(monkeypatch, cores):
     """Not as the machine has: a process may be held to some, as by taskset or in a container."""
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: set(range(cores)), raising=False)
+    assert [worthwhile(3, n) for n in (0, 1023, 1024, 2000)] == [1, 1, 2, 3]
     parts = []
     in_threads(parts.append, 12)
-    size = 12 // cores
-    assert sorted((part.start, part.stop) for part in parts) == [(k, k + size) for k in range(0, 12, size)]
-
-
-def test_few_rows_have_one_thread(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1, 2}, raising=False)
-    parts = []
-    in_threads(parts.append, 12)
-    assert parts == [slice(0, 12)] and [worthwhile(3, n) for n in (0, 1023, 1024, 2000)] == [1, 1, 2, 3]
+    assert parts == [slice(0, 12)]
+    parts.clear()
+    in_threads(parts.append, 12_000)
+    size = 12_000 // cores
+    assert sorted((part.start, part.stop) for part in parts) == [(k, k + size) for k in range(0, 12_000, size)]
 
 
 # ---- the two forms

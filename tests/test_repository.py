@@ -88,13 +88,6 @@ def test_public_names_are_verbs_records_and_two_errors_that_type_checkers_and_st
     assert {name: names[name] for name in things} == things
 
 
-def test_every_section_of_a_case_has_its_record_at_the_door():
-    """A case can be made without a look into inner modules."""
-    types = " ".join(str(one.type) for one in dataclasses.fields(lacsolver.Case))
-    of_cases = {name for name, thing in vars(lacsolver.case).items() if inspect.isclass(thing) and name + "]" in types}
-    assert {"Pretension", "Contact"} <= of_cases <= {*lacsolver.__all__}
-
-
 @PACKAGES
 def test_every_public_name_has_an_example_and_promises_public_errors(package):
     """Examples are run where the name is defined, as every doctest."""
@@ -255,19 +248,3 @@ def test_what_is_computed_has_noise():
         ours, theirs = (np.array([float.fromhex(v) for v in own.split()]) for own in (line, plain))
         assert line != plain, name
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12 * np.abs(theirs).max(), err_msg=name)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("words", [["tests/test_repository.py"], ["-p", "tests.noise", "lacsolver/errors.py"]])
-def test_pytest_and_the_commands_that_tests_start_have_noise_where_the_seed_is_set(words, tmp_path):
-    (tmp_path / "probe.py").write_text(
-        "import subprocess, sys\n"
-        "def pytest_sessionfinish():\n"
-        "    code = 'import numpy; print(type(numpy.log).__name__)'\n"
-        "    import numpy; print('here', type(numpy.log).__name__)\n"
-        "    print('there', subprocess.run([sys.executable, '-c', code], capture_output=True, text=True).stdout)\n"
-    )
-    command = [sys.executable, "-m", "pytest", "-q", "-s", "-p", "no:cacheprovider", "-p", "probe", "--co", *words]
-    variables = os.environ | {"NOISE_SEED": "2", "PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(command, env=variables, cwd=REPOSITORY, capture_output=True, text=True)
-    assert "here Noisy" in done.stdout and "there Noisy" in done.stdout, done.stdout + done.stderr

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import nullcontext
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,7 +16,6 @@ from lacmesh.formats import write
 from lacmesh.formats.inp.writer_types import card
 from lacmesh.mesh import Mesh
 from lacsolver.space.rules import SOLID_CELLS
-from tests import REPOSITORY
 from tests.formats.feature_cases import one_cell
 from tests.meshes import box, cell_with_faces
 
@@ -44,46 +41,6 @@ def test_the_word_before_the_cut_is_the_truth_after_it(kind, facet, hexa):
         fits = all(element(name, target) for name in types) and (target != "fenics" or len(solids) == 1)
         with nullcontext() if fits else pytest.raises(CutError, match=TARGETS[target]):
             check_target_cells(mesh, "slave", target, hexa=hexa)
-
-
-def rows_of_the_page():
-    """Cell, slave face, variant, and what targets.md says of each target."""
-    text = (REPOSITORY / "docs" / "targets.md").read_text(encoding="utf-8")
-    table = re.search(r"<!-- patterns: begin -->\n(.*?)\n<!-- patterns: end -->", text, re.DOTALL)[1]
-    rows = [[word.strip() for word in line.strip("|\n").split("|")] for line in table.strip().splitlines()[2:]]
-    return [(*row[:3], dict(zip(TARGETS, row[4:], strict=True))) for row in rows]
-
-
-def mesh_of(kind, face, variant, alone):
-    """A mesh with a cell whose slave face is the group 'slave'; where not `alone`, another such cell is left uncut."""
-    cell = CELLS[kind]
-    facet = next(f for f in cell.facets if f.type == face)
-    points, blocks = np.array(cell.reference, float), [(kind, [range(cell.n_nodes)])]
-    if not alone:
-        points, blocks[0] = np.vstack([points, points + 5]), (kind, np.arange(2 * cell.n_nodes).reshape(2, -1))
-    if variant == "beside a TRIA3":
-        a, b = facet.nodes
-        blocks.append(("TRIA3", [[b, a, len(points)]]))
-        points = np.vstack([points, 1.5 * points[[a, b]].sum(axis=0)])
-    mesh = Mesh.create(points, [*blocks, (face, [facet.nodes])])
-    return replace(mesh, cell_groups={"slave": np.flatnonzero(mesh.cell_dim == mesh.dim - 1)})
-
-
-@pytest.mark.parametrize("row", rows_of_the_page(), ids=lambda row: "-".join(row[:3]).replace(" ", "_"))
-def test_the_page_says_what_the_check_finds(row):
-    kind, face, variant, cells = row
-    hexa = variant if variant in ("hexa", "pyramid") else "pyramid"
-    assert cells["lacsolver"] == "yes"
-    for alone in (True, False):
-        mesh = mesh_of(kind, face, variant, alone)
-        for target, word in cells.items():
-            if word == "yes" or (word == "alone" and alone):
-                check_target_cells(mesh, "slave", target, hexa=hexa)
-                continue
-            with pytest.raises(CutError) as caught:
-                check_target_cells(mesh, "slave", target, hexa=hexa)
-            lacking = set(word.removeprefix("no ").split(", ")) - {"alone"}
-            assert word.startswith(("no ", "alone")) and all(name in str(caught.value) for name in lacking), target
 
 
 def slave_box():

@@ -231,7 +231,7 @@ def test_near_and_cutaway_lay_the_inside_bare_whatever_the_length_of_a_direction
 def test_orphan_nodes_and_empty_groups_change_nothing(options):
     mesh = two_cubes()
     points = np.vstack([mesh.points, [[1e3, 0, 0], [0, 1e3, 5]]])
-    far = replace(copied(mesh, points), cell_groups={**mesh.cell_groups, "none": []})
+    far = replace(copied(mesh, points), cell_groups={**mesh.cell_groups, "none": np.empty(0, int)})
     ours = make_scene(mesh, "slave", "master", **options)
     theirs = make_scene(far, ["slave", "none"], ["master", "none"], **options)
     assert camera_of(ours, (800, 600)) == camera_of(theirs, (800, 600)) and ours.legend == theirs.legend
@@ -320,7 +320,10 @@ def test_cells_are_coloured_by_a_value_and_invalid_ones_are_red():
     assert slave.colours == (colours.INK,) and master.colours == (colours.MASTER,)
     some = make_scene(mesh, values=cell_values(mesh, "diagonal"))  # of HEXA8 alone; the children are PYRAM5
     assert "not defined" in some.legend[-1].words
-    for of, measure_, words in ((mesh, "corner_jacobia", "did you mean"), (cube(), "min_angle", "no cell of")):
+    for of, measure_, words in (
+        (mesh, "corner_jacobia", "did you mean"),
+        (cell_with_faces("TETRA4"), "oddy", "no cell of"),
+    ):
         with pytest.raises(RequestError, match=words):
             cell_values(of, measure_)
     points = cube(2).points + 0.7 * (cube(2).points == 0.5).all(axis=1)[:, None]  # the inner node, beyond a corner

@@ -47,44 +47,37 @@ class Browser:
 
     def __init__(self, folder, flags=DRAWING, size=(1200, 800)):
         down, up = os.pipe(), os.pipe()
-        command = [
-            next(filter(None, map(shutil.which, NAMES))),
-            "--headless=new",
-            "--no-sandbox",
-            "--disable-dev-shm-usage",
-            *flags,
-        ]
-        command += [f"--user-data-dir={folder}", "--no-first-run", "--remote-debugging-pipe"]
-        command += [f"--window-size={size[0]},{size[1]}", "about:blank"]
+        command = [next(filter(None, map(shutil.which, NAMES))), "--headless=new", "--no-sandbox", *flags]
+        command += ["--disable-dev-shm-usage", f"--user-data-dir={folder}", "--no-first-run"]
+        command += ["--remote-debugging-pipe", f"--window-size={size[0]},{size[1]}", "about:blank"]
         plumbing = [sys.executable, "-c", PLUMBING, str(down[0]), str(up[1]), *command]
-        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
         self.process = subprocess.Popen(plumbing, pass_fds=(down[0], up[1]), start_new_session=True, **quiet)
         os.close(down[0])
         os.close(up[1])
         self.writing, self.reading, self.received = os.fdopen(down[1], "wb"), up[0], b""
-        self.count, self.said, self.session = 0, [], None
+        self.count, self.said, self.session = 0, [], {}
         target = self.ask("Target.createTarget", url="about:blank")["targetId"]
-        self.session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        session = self.ask("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self.session = {"sessionId": session}
         for domain in ("Page", "Runtime", "Log"):
             self.ask(f"{domain}.enable")
-        width, height = size
-        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+        screen = {"width": size[0], "height": size[1], "deviceScaleFactor": 1, "mobile": False}
+        self.ask("Emulation.setDeviceMetricsOverride", **screen)
 
     def ask(self, method, **params):
         """Send a command and wait for its answer; console messages that arrive meanwhile are kept."""
         self.count += 1
-        message = {"id": self.count, "method": method, "params": params}
-        if self.session:
-            message["sessionId"] = self.session
+        message = {"id": self.count, "method": method, "params": params, **self.session}
         self.writing.write(json.dumps(message).encode() + b"\0")
         self.writing.flush()
-        while True:
-            answer = self._next()
-            if answer.get("id") == self.count:
-                if "error" in answer:
-                    raise RuntimeError(f"{method}: {answer['error']}")
-                return answer["result"]
-            self._keep(answer)
+        while (answer := self._next()).get("id") != self.count:
+            keys = {"Runtime.consoleAPICalled": "args", "Runtime.exceptionThrown": "exceptionDetails"}
+            key = (keys | {"Log.entryAdded": "entry"}).get(answer.get("method"))
+            self.said += [str(answer["params"][key])] if key else []
+        if "error" in answer:
+            raise RuntimeError(f"{method}: {answer['error']}")
+        return answer["result"]
 
     def _next(self):
         """Read the next message; raises if none comes or if the page stops at a dialog."""
@@ -100,14 +93,6 @@ class Browser:
         if event.get("method") == "Page.javascriptDialogOpening":
             raise RuntimeError(f"the page opened a dialog: {event['params']['message']}")
         return event
-
-    def _keep(self, event):
-        if event.get("method") == "Runtime.consoleAPICalled":
-            self.said.append(str([a.get("value", a.get("description")) for a in event["params"]["args"]]))
-        elif event.get("method") == "Runtime.exceptionThrown":
-            self.said.append(str(event["params"]["exceptionDetails"]))
-        elif event.get("method") == "Log.entryAdded":
-            self.said.append(event["params"]["entry"]["text"])
 
     def open(self, path, anchor="", seconds=300):
         """Open a page of a file and wait until it says that it is done, or has failed."""
@@ -137,21 +122,21 @@ class Browser:
         return self.value(f"document.documentElement.dataset.{name}")
 
     def mouse(self, kind, x, y, **rest):
-        """A `mousePressed`, `mouseReleased`, `mouseMoved` or `mouseWheel` at a point of the page."""
+        """A `mousePressed`, `mouseReleased` or `mouseMoved` at a point of the page."""
         self.ask("Input.dispatchMouseEvent", type=kind, x=x, y=y, **rest)
+
+    def drag(self, start, end):
+        """Press the left button at a point, move to another in steps, release."""
+        self.mouse("mousePressed", *start, button="left", clickCount=1)
+        for k in range(1, 6):
+            x, y = (a + (b - a) * k / 5 for a, b in zip(start, end, strict=True))
+            self.mouse("mouseMoved", x, y, button="left", buttons=1)
+        self.mouse("mouseReleased", *end, button="left", clickCount=1)
 
     def click(self, x, y):
         """A click of the left button."""
-        for kind in ("mouseMoved", "mousePressed", "mouseReleased"):
-            self.mouse(kind, x, y, **({} if kind == "mouseMoved" else {"button": "left", "clickCount": 1}))
-
-    def drag(self, start, end, button="left"):
-        """Press at a point, move to another in steps, release."""
-        self.mouse("mousePressed", *start, button=button, clickCount=1)
-        for k in range(1, 6):
-            x, y = (a + (b - a) * k / 5 for a, b in zip(start, end, strict=True))
-            self.mouse("mouseMoved", x, y, button=button, buttons={"left": 1, "right": 2}[button])
-        self.mouse("mouseReleased", *end, button=button, clickCount=1)
+        self.mouse("mouseMoved", x, y)
+        self.drag((x, y), (x, y))
 
     def photograph(self, path):
         """Save what is seen as PNG, once it is drawn."""

@@ -31,13 +31,6 @@ def plane(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def space(tmp_path_factory):
-    """Two blocks in space."""
-    mesh = stack("HEXA8", "TETRA4", 3, counts=(3, 2))
-    return solved(tmp_path_factory.mktemp("space"), SPACE + "[steps]\ncount = 2\n", mesh)
-
-
-@pytest.fixture(scope="module")
 def modes(tmp_path_factory):
     """Natural modes of two blocks in contact, one of which only contact supports."""
     folder = tmp_path_factory.mktemp("modes")
@@ -144,16 +137,8 @@ def test_frames_of_a_mode_are_one_period(modes):
 # ---- curves
 
 
-def test_the_default_curve():
-    still, moved, pushed = np.zeros(2), np.r_[0.0, -1], np.r_[0.0, 9]
-    table = {"time": np.r_[0.5, 1], "reaction.a.x": still, "reaction.b.x": pushed, "probe.b.ux": moved}
-    assert default_curve(table) == "probe.b.ux:reaction.b.x"
-    assert default_curve({**table, "probe.b.ux": still}) == "time:reaction.b.x"
-    assert default_curve({"time": np.r_[0.5, 1]}) == ""
-
-
 @pytest.mark.parametrize(("column", "widths"), [("energy.total", [5e-6]), ("energy.*", [])])
-def test_a_curve_of_round_off_is_level_and_others_are_as_matplotlib_chooses(tmp_path, monkeypatch, column, widths):
+def test_a_curve_of_round_off_is_level_and_the_default_is_one_that_moves(tmp_path, monkeypatch, column, widths):
     from matplotlib.axes import Axes
 
     widened, once = [], Axes.set_ylim
@@ -162,6 +147,11 @@ def test_a_curve_of_round_off_is_level_and_others_are_as_matplotlib_chooses(tmp_
     monkeypatch.setattr(history, "read_table", lambda path: table)
     history.plot_history(tmp_path, tmp_path / "h.png", [column])
     assert [ends[1] - ends[0] for ends in widened if len(ends) == 2] == pytest.approx(widths)
+    still, moved, pushed = np.zeros(2), np.r_[0.0, -1], np.r_[0.0, 9]
+    table = {"time": np.r_[0.5, 1], "reaction.a.x": still, "reaction.b.x": pushed, "probe.b.ux": moved}
+    assert default_curve(table) == "probe.b.ux:reaction.b.x"
+    assert default_curve({**table, "probe.b.ux": still}) == "time:reaction.b.x"
+    assert default_curve({"time": np.r_[0.5, 1]}) == ""
 
 
 # ---- refused
@@ -224,10 +214,16 @@ def test_a_film_has_a_picture_each_time_in_one_scale_of_colours_and_stays_at_the
     assert all(np.diff(middle) < 0) and middle[0] > 450 and middle[-1] < 150
 
 
-def test_a_film_of_a_mode_goes_round_without_a_stop(modes, tmp_path):
+def test_a_film_of_a_mode_goes_round_without_a_stop_and_one_of_the_contact_zone_by_zone(modes, plane, tmp_path):
     film(modes, tmp_path / "mode.gif", mode=3, frames=4, rate=10.0)
     frames, stays = pictures(tmp_path / "mode.gif")
     assert stays == [100] * 4 and least_change(frames) > 500
+    film(plane, tmp_path / "f.gif", colour="gap", frames=2)
+    frames, stays = pictures(tmp_path / "f.gif")
+    assert len(frames) == 2 and stays[-1] == 1500 and least_change(frames) > 20  # the time, and the model
+    film(plane, tmp_path / "f.png", colour="status", frames=3)
+    (sheet,), _ = pictures(tmp_path / "f.png")
+    assert sheet.shape[0] == 2 * frames[0].shape[0] and abs(sheet.shape[1] - 2 * frames[0].shape[1]) <= 2
 
 
 @pytest.mark.parametrize(
@@ -261,7 +257,8 @@ def test_a_sheet_has_so_many_pictures(plane, tmp_path, monkeypatch):
 
 @pytest.mark.vtk
 @pytest.mark.slow
-def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
+def test_bodies_in_space_are_drawn_anew_each_time(tmp_path):
+    space = solved(tmp_path, SPACE + "[steps]\ncount = 2\n", stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
     film(space, tmp_path / "f.gif")
     frames, _ = pictures(tmp_path / "f.gif")
     assert len(frames) == 2 and least_change([frame[:, : frame.shape[1] // 2] for frame in frames]) > 2000
@@ -270,20 +267,12 @@ def test_bodies_in_space_are_drawn_anew_each_time(space, tmp_path):
 
 
 @pytest.mark.vtk
-def test_where_nothing_can_be_drawn(space, tmp_path, monkeypatch):
+def test_where_nothing_can_be_drawn(tmp_path, monkeypatch):
+    space = solved(tmp_path, SPACE, stack("HEXA8", "TETRA4", 3, counts=(1, 1)))
     monkeypatch.setattr("lacmesh.view.offscreen.windows", lambda: iter(()))
     with pytest.raises(LacmeshError, match="nothing can be"):
         film(space, tmp_path / "f.gif")
     assert not (tmp_path / "f.gif").exists()
-
-
-def test_a_field_of_the_contact_is_filmed_zone_by_zone(plane, tmp_path):
-    film(plane, tmp_path / "f.gif", colour="gap", frames=2)
-    frames, stays = pictures(tmp_path / "f.gif")
-    assert len(frames) == 2 and stays[-1] == 1500 and least_change(frames) > 20  # the time, and the model
-    film(plane, tmp_path / "f.png", colour="status", frames=3)
-    (sheet,), _ = pictures(tmp_path / "f.png")
-    assert sheet.shape[0] == 2 * frames[0].shape[0] and abs(sheet.shape[1] - 2 * frames[0].shape[1]) <= 2
 
 
 def test_the_command(plane, tmp_path, capsys):
