@@ -136,7 +136,8 @@ class Browser:
     def click(self, x, y):
         """A click of the left button."""
         self.mouse("mouseMoved", x, y)
-        self.drag((x, y), (x, y))
+        for kind in ("mousePressed", "mouseReleased"):
+            self.mouse(kind, x, y, button="left", clickCount=1)
 
     def photograph(self, path):
         """Save what is seen as PNG, once it is drawn."""
