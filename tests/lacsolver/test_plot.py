@@ -446,7 +446,7 @@ def test_fields_in_med_and_in_pieces_of_several_processes_are_those_of_one_file(
 
 def restricted(mesh, cells):
     """Some cells of a mesh, with their nodes, numbers and data."""
-    chosen = mesh.select(cells)
+    chosen = list(mesh.select(cells))
     used = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in chosen]))
     nodes = {name: values[used] for name, values in mesh.node_data.items()}
     data = {name: values[cells] for name, values in mesh.cell_data.items()}
