@@ -18,6 +18,7 @@ import lacmesh
 from lacmesh import Mesh, cut_skin, raise_order, scene
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError, WriteError
+from lacmesh.quality.measures import SCALES
 from lacmesh.reference.quadrature import measure
 from lacmesh.scene import camera_of, colours, make_scene
 from lacmesh.scene.edges import edges_of
@@ -331,6 +332,19 @@ def test_cells_are_coloured_by_a_value_and_invalid_ones_are_red():
     drawn = make_scene(copied(cube(2), points=points), values=values)
     assert drawn.legend[-1].words.startswith(f"{values.invalid.sum()} invalid cell") and values.invalid.any()
     assert coloured(drawn.layers[0], colours.INVALID).any()
+
+
+@pytest.mark.parametrize("name", ["HEXA8", "TETRA4", "TRIA3"])
+@pytest.mark.parametrize("measure", sorted(SCALES))
+def test_every_measure_has_a_bad_and_a_good_end(name, measure):
+    try:
+        values = cell_values(cell_with_faces(name, facets=()), measure)
+    except RequestError:
+        return  # not of this cell
+    kind, better = SCALES[measure]
+    assert values.bad != values.good and better * (values.good - values.bad) >= 0
+    assert kind != "unit" or {values.bad, values.good} == {0.0, 1.0}
+    assert kind != "ratio" or 1.0 in (values.bad, values.good)
 
 
 @pytest.mark.parametrize("value", [5.0, 0.0, -3.0, 1e-12, 1e300, 1e-300])

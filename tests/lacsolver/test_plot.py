@@ -365,6 +365,23 @@ def test_a_zoomed_picture_shows_the_surroundings_of_the_contact(disc, tmp_path):
     assert pressed_window([none], zone.surface.x) is None and pressed_span(none) is None
 
 
+def test_zoomed_pictures_end_where_the_skin_does_and_have_a_frame_for_each_contact(disc, pressed, tmp_path):
+    """All of a skin is under pressure: its surroundings are no more than it. Two contacts at the ends of a body."""
+    whole, near = (
+        [(ax.get_xlim(), ax.get_ylim()) for ax in picture(pressed, zoom=zoom).figure(tmp_path / "p.png").axes[1:]]
+        for zoom in (False, True)
+    )
+    assert near == whole
+    solution = ls.read_results(disc).solution()
+    zone = solution.contact["joint"]
+    zones = {"joint": zone, "far": replace(zone, pressure=zone.pressure[::-1].copy())}  # the other end is pressed
+    drawn = ContactPicture.of(solution.mesh, replace(solution.fields, zones=zones), "pressure", zoom=True)
+    frames = [ax for ax in drawn.figure(tmp_path / "p.png").axes if ax.get_ylabel() == "y"]
+    for ax, one in zip(frames, zones.values(), strict=True):
+        window = pressed_window([one], zone.surface.x + drawn.u)
+        assert np.allclose([ax.get_xlim(), ax.get_ylim()], window.T[:2])
+
+
 # ---- the request
 
 
