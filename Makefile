@@ -12,7 +12,7 @@ PETSC := .venv-petsc
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
 QUICK := \
-  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py layers.py cli.py) \
+  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py targets.py cli.py) \
   $(addprefix tests/topology/test_,facets.py boxes.py) \
   $(addprefix tests/cutting/test_,regroup.py) \
   $(addprefix tests/partition/test_,bisection.py) \
@@ -69,7 +69,7 @@ demo: $(INSTALLED) ## cut data/two_blocks.msh as a user would, press the blocks 
 	@bash tools/system.sh tests
 	@mkdir -p .venv && touch $@
 
-test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); what is skipped must be what was expected
+test: .venv/.system-tests ## linters, then every test but the slow ones (make verify); a skip for want of a package is an error
 	@bash tools/test.sh $(PYTEST) -m "not petsc and not slow"
 
 lint: $(INSTALLED) ## style, types, import layers

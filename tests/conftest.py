@@ -1,21 +1,95 @@
-"""Skipping what a machine lacks (`skips.py`), and the folder of reference data."""
+"""What a machine may lack skips its tests. With LACMESH_ALL=1 (`make test`) that is an error, as any other skip."""
 
 from __future__ import annotations
 
 import gc
+import os
 import shutil
 import signal
+import subprocess
+import sys
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 from _pytest.doctest import DoctestModule
 from hypothesis import settings
 
-from tests import skips
+from tests import REPOSITORY
 from tests.samples import FUZZ
 
 # no example is too slow by the clock; but for `make fuzz`, which seeks new ones, the same examples in every run
 settings.register_profile("any machine", deadline=None, derandomize=not FUZZ)
 settings.load_profile("any machine")
+
+#: the folder whose `reference` holds meshes and cuts of others: beside the checkout, or $LACMESH_SHARED
+SHARED = Path(os.environ.get("LACMESH_SHARED") or REPOSITORY.parent / "shared")
+#: mark -> packages that its tests import, and programs ($) that they run
+NEEDS = {
+    "gmsh": "gmsh", "vtk": "pyvista", "medcoupling": "medcoupling", "meshio": "meshio netCDF4", "trimesh": "trimesh",
+    "felupe": "felupe", "ngsolve": "ngsolve", "mfem": "mfem", "sfepy": "sfepy", "dolfinx": "dolfinx",
+    "browser": "$chromium", "calculix": "$ccx", "paraview": "$pvbatch $Xvfb", "compiler": "$g++", "petsc": "$mpiexec",
+}  # fmt: skip
+#: marks that a machine may lack even under `make test`
+FORGIVEN = {"shared", "paraview", "compiler", "felupe", "ngsolve", "mfem", "sfepy", "dolfinx"}
+#: doctests that need pyvista: no mark can be set in a docstring
+DRAWN_EXAMPLES = {"lacsolver.pictures.drawing.plot", "lacsolver.pictures.filming.film"}
+EVERYTHING = os.environ.get("LACMESH_ALL") == "1"
+SKIPPED_FOR = pytest.StashKey[bool]()
+
+
+@cache
+def absence(need):
+    """Reason why tests with a mark cannot run on this machine, or an empty string."""
+    found = {word: which(word[1:]) if word[0] == "$" else find_spec(word) for word in NEEDS.get(need, "").split()}
+    missing = [f"{word.strip('$')} is not installed" for word, place in found.items() if place is None]
+    if need == "shared" and not (SHARED / "reference").is_dir():
+        missing += [f"{SHARED / 'reference'} is absent (LACMESH_SHARED may name another shared folder)"]
+    if need == "petsc" and not missing:
+        code = "from lacsolver.distributed.launch import import_petsc; import_petsc()"
+        child = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)
+        missing += [(child.stderr.strip() or "a child process died").splitlines()[-1]] if child.returncode else []
+    return "; ".join(missing)
+
+
+def which(name):
+    """The path of a program, also of one beside Python."""
+    return shutil.which(name) or shutil.which(name, path=Path(sys.executable).parent)
+
+
+def pytest_itemcollected(item):
+    if item.name in DRAWN_EXAMPLES:
+        item.add_marker("vtk")
+
+
+def pytest_runtest_setup(item):
+    """Skip a test that lacks something, or fail it if nothing may be lacking."""
+    needs = {mark.name for mark in item.iter_markers()} | ({"shared"} & {*getattr(item, "fixturenames", ())})
+    lacking = {need: why for need in sorted(needs) if (why := absence(need))}
+    if EVERYTHING and not FORGIVEN.issuperset(lacking):
+        pytest.fail(f"LACMESH_ALL=1 asks for every package; {'; '.join(lacking.values())}", pytrace=False)
+    if lacking:
+        item.stash[SKIPPED_FOR] = True
+        pytest.skip("; ".join(lacking.values()))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    report = yield
+    return report if item.stash.get(SKIPPED_FOR, False) or hasattr(report, "wasxfail") else refused(report)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report():
+    return refused((yield))
+
+
+def refused(report):
+    """A report in which a skip is a failure where nothing may be lacking."""
+    if EVERYTHING and report.skipped:
+        report.outcome, report.longrepr = "failed", f"LACMESH_ALL=1 allows no skip: {report.longrepr}"
+    return report
 
 
 @pytest.hookimpl(wrapper=True)
@@ -36,18 +110,15 @@ def pytest_collection(session):
         gc.enable()
 
 
-def pytest_configure(config):
+def pytest_configure():
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # `nohup make test &`: commands that tests start, and
         signal.signal(signal.SIGINT, signal.default_int_handler)  # interrupt, would inherit that they do not listen
-    config.pluginmanager.register(skips.Tally(config), "lacmesh-skips")
 
 
 @pytest.fixture(scope="session")
 def shared():
     """The folder `../shared`, or $LACMESH_SHARED: `shared / "reference"` is there."""
-    if skips.absence("shared"):
-        pytest.skip(skips.absence("shared"))
-    return skips.shared_folder()
+    return SHARED
 
 
 @pytest.fixture
@@ -59,7 +130,6 @@ def every_thread(monkeypatch):
 @pytest.fixture
 def fresh(tmp_path, monkeypatch):
     """A folder with `data/`, as a user's checkout has it."""
-    data = skips.REPOSITORY / "data"
-    shutil.copytree(data, tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
+    shutil.copytree(REPOSITORY / "data", tmp_path / "data", ignore=shutil.ignore_patterns("*.lac.*"))
     monkeypatch.chdir(tmp_path)
     return tmp_path

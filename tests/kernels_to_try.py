@@ -41,39 +41,54 @@ from tests.quality_cells import distorted
 from tests.surface.surfaces import sheet, whole
 
 DATA = Path(__file__).parent.parent / "data"
-CONTACT = '[[contact]]\nslave = "slave"\nmaster = "master"\n'
 
 
 def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """Work by its name, with a folder for its files. Each takes seconds where kernels run as they stand."""
     yield "formats", _formats
     yield "quality", _quality
-    yield "check in space", partial(_check, "two_blocks.msh")
-    yield "check in a plane", partial(_check, "sliding/ironing_2d.msh")
+    for name in ("two_blocks", "sliding/ironing_2d"):
+        yield f"check of {name}", partial(lacmesh.check, lacmesh.read(DATA / f"{name}.msh"), ["slave"], ["master"])
     yield "surfaces", _surfaces
-    yield "boxes", _boxes
     yield "multigrid", _multigrid
     yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
-    for model, law, cells, poisson in _FINITE:
-        yield f"{model}, {law}, {cells}", partial(_finite, model, law, cells, poisson)
-    for model, cells in _SMALL:
-        yield f"{model}, {cells}", partial(_small, model, cells)
+    for model, law, cells, poisson in _SOLVED:
+        yield f"{model}, {law}, {cells}", partial(_march, model, law, cells, poisson)
     yield "mass", _mass
     yield "friction", _friction
 
 
-_FINITE = (
+#: model, law of large deformation or none, cells, Poisson's ratio
+_SOLVED = (
     ("3d", "neo_hookean", "HEXA8", 0.3),
     ("3d", "saint_venant_kirchhoff", "TETRA4", 0.3),
     ("plane_strain", "neo_hookean", "QUAD4", 0.49),
     ("plane_strain", "saint_venant_kirchhoff", "QUAD8", 0.3),
     ("axisymmetric", "neo_hookean", "QUAD4", 0.3),
     ("plane_strain", "plastic", "QUAD4", 0.3),
+    ("3d", "", "HEXA20", 0.3),
+    ("plane_stress", "", "QUAD8", 0.3),
+    ("axisymmetric", "", "TRIA3", 0.3),
 )
-_SMALL = (("3d", "HEXA20"), ("plane_stress", "QUAD8"), ("axisymmetric", "TRIA3"))
 
 
-_WARM = "expansion = 1e-5\n[[temperature]]\nvalue = 20.0\n"
+def _march(model: str, law: str, cells: str, poisson: float) -> None:
+    dim = 3 if model == "3d" else 2
+    head = f'mesh = "blocks.msh"\nmodel = "{model}"\n' + ('kinematics = "finite"\n' if law else "")
+    head += f"[[material]]\nyoung = 1000.0\npoisson = {poisson}\n" + (f'law = "{law}"\n' if law else "")
+    head += {"plastic": "hardening = [[0.5, 0.0]]\n", "": "expansion = 1e-5\n[[temperature]]\nvalue = 20.0\n"}.get(
+        law, ""
+    )
+    head += '[[contact]]\nslave = "slave"\nmaster = "master"\n' + ('normals = "smoothed"\n' if law else "")
+    mesh = stack(cells, cells, dim, counts=(2, 1))
+    if dim == 2:
+        mesh = replace(mesh, points=mesh.points + np.array([1.0, 0.0, 0.0]))
+    up = "xyz"[dim - 1]
+    sides = "".join(held(f"{a}0", **{f"u{a}": 0.0}) for a in "xyz"[: dim - 1] if model != "axisymmetric")
+    pressing = held("bottom", **{f"u{up}": 0.0}) + held("top", **{f"u{up}": -0.01})
+    problem = Problem.of(parse_case(head + sides + pressing), mesh)
+    for state in march(problem):
+        state_fields(problem, state)
 
 
 def _formats() -> None:
@@ -98,16 +113,9 @@ def _quality() -> None:
             determinant._compiled(*determinant._samples(name), points, nodes, False)
 
 
-def _check(name: str) -> None:
-    lacmesh.check(lacmesh.read(DATA / name), ["slave"], ["master"])
-
-
 def _surfaces() -> None:
     below, above = whole(sheet(3, kind="QUAD8")), whole(sheet(4, 0.01, kind="TRIA6", skew=0.3, down=True))
     contact_points(below, above, max_penetration=1.0)
-
-
-def _boxes() -> None:
     low = np.random.default_rng(0).random((800, 3))  # so many that they are not compared each with each
     meeting_each_other(low, low + 0.02)
 
@@ -135,33 +143,3 @@ def _multigrid() -> None:
     factor.solve(np.ones(K.shape[0]))
     A, x = np.ones((2, 9)), np.arange(9.0)
     Team(1).subtract(Team(1).dots(A, x), A, x)
-
-
-def _finite(model: str, law: str, cells: str, poisson: float) -> None:
-    head = f'mesh = "blocks.msh"\nmodel = "{model}"\nkinematics = "finite"\n'
-    material = f'[[material]]\nlaw = "{law}"\nyoung = 1000.0\npoisson = {poisson}\n'
-    material += "hardening = [[0.5, 0.0]]\n" if law == "plastic" else ""
-    _march(model, cells, head + material, 'normals = "smoothed"\n')
-
-
-def _small(model: str, cells: str) -> None:
-    _march(
-        model,
-        cells,
-        f'mesh = "blocks.msh"\nmodel = "{model}"\n[[material]]\nyoung = 1000.0\npoisson = 0.3\n{_WARM}',
-        "",
-    )
-
-
-def _march(model: str, cells: str, head: str, more: str) -> None:
-    dim = 3 if model == "3d" else 2
-    mesh = stack(cells, cells, dim, counts=(2, 1))
-    if dim == 2:
-        mesh = replace(mesh, points=mesh.points + np.array([1.0, 0.0, 0.0]))
-    up = "xyz"[dim - 1]
-    sides = "".join(held(f"{a}0", **{f"u{a}": 0.0}) for a in "xyz"[: dim - 1] if model != "axisymmetric")
-    pressing = held("bottom", **{f"u{up}": 0.0}) + held("top", **{f"u{up}": -0.01})
-    case = parse_case(head + CONTACT + more + sides + pressing)
-    problem = Problem.of(case, mesh)
-    for state in march(problem):
-        state_fields(problem, state)

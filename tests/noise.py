@@ -17,20 +17,15 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Callable, Sequence
 from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
+from importlib.machinery import PathFinder
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
-#: largest change, in units in the last place, of solutions of equations, and of sums and elementary functions
-SOLVED, EVALUATED = 4, 1
 #: bits of a number: those that are zero if it stays, its exponent, and the exponent of the largest numbers
 TAIL, EXPONENT, LARGEST = 0xFFFFFF, 0x7FF << 52, 0x7FE << 52
 
 
-def shaken(x: Any, ulps: int, salt: int = 0) -> Any:
+def shaken(x, ulps, salt=0):
     """Return float64 numbers (any shape), each changed by at most `ulps` units in its last place.
 
     `salt`: another number gives other changes.
@@ -46,7 +41,7 @@ def shaken(x: Any, ulps: int, salt: int = 0) -> Any:
     return (bits.view(np.int64) + np.where(stays, 0, step)).view(np.float64)
 
 
-def noisy(result: Any, ulps: int, salt: int = 0) -> Any:
+def noisy(result, ulps, salt=0):
     """Return a result with noise: an array, a number, or a tuple of them; anything else stays."""
     import numpy as np
 
@@ -63,11 +58,11 @@ def noisy(result: Any, ulps: int, salt: int = 0) -> Any:
 class Noisy:
     """A function whose results have noise. The function itself answers to everything else, such as `np.log.at`."""
 
-    def __init__(self, function: Any, ulps: int, elementary: bool = False) -> None:
+    def __init__(self, function, ulps, elementary=False):
         functools.update_wrapper(self, function, updated=())
         self.function, self.ulps, self.elementary = function, ulps, elementary
 
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
+    def __call__(self, *arguments, **options):
         """Call the function and return its result with noise, but for a view of an argument."""
         import numpy as np
 
@@ -81,78 +76,55 @@ class Noisy:
             return result
         return noisy(result, self.ulps, salt)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self.function, name)
 
 
 class Around:
     """An object of which some methods return results with noise, or such objects: `methods` by name."""
 
-    def __init__(self, inner: Any, methods: dict[str, Callable[[Any], Any]]) -> None:
+    def __init__(self, inner, methods):
         self._inner, self._methods = inner, methods
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         own = getattr(self._inner, name)
         return self._methods[name](own) if name in self._methods else own
 
 
-def solved(function: Any) -> Noisy:
-    """Return a function that solves equations, with noise."""
-    return Noisy(function, SOLVED)
+#: noise of solutions of equations; of sums; of elementary functions, another for arrays that are not contiguous
+solved = functools.partial(Noisy, ulps=4)
+evaluated = functools.partial(Noisy, ulps=1)
+elementary = functools.partial(Noisy, ulps=1, elementary=True)
 
 
-def evaluated(function: Any) -> Noisy:
-    """Return a function that sums, with noise."""
-    return Noisy(function, EVALUATED)
+def giving(**methods):
+    """Return a change of a function to one that returns objects with noise in these methods."""
+    return lambda function: functools.wraps(function)(lambda *a, **options: Around(function(*a, **options), methods))
 
 
-def elementary(function: Any) -> Noisy:
-    """Return an elementary function with noise, another for arrays that are not contiguous."""
-    return Noisy(function, EVALUATED, elementary=True)
-
-
-def giving(methods: dict[str, Callable[[Any], Any]]) -> Callable[[Any], Any]:
-    """Return what makes of a function one that returns objects with noise in these methods."""
-
-    def change(function: Any) -> Any:
-        @functools.wraps(function)
-        def changed(*arguments: Any, **options: Any) -> Around:
-            return Around(function(*arguments, **options), methods)
-
-        return changed
-
-    return change
-
-
-def kernel(dispatch: Callable[..., Any]) -> Callable[..., Any]:
+def kernel(dispatch):
     """Return `Kernel.dispatch` with noise in what a kernel returns.
 
     What it writes into arrays stays: whether a number was written there depends on what a used buffer had before, and
     a restart has other buffers.
     """
-
-    @functools.wraps(dispatch)
-    def noisy_dispatch(self: Any, *arguments: Any) -> Any:
-        return noisy(dispatch(self, *arguments), EVALUATED)
-
-    return noisy_dispatch
+    return functools.wraps(dispatch)(lambda self, *arguments: noisy(dispatch(self, *arguments), 1))
 
 
-def known_to_numba(outer: Any) -> Any:
+def known_to_numba(outer):
     """Let numba compile kernels that name functions with noise; what it compiles has none. Return `outer`."""
     from numba.core.registry import cpu_target
     from numba.extending import typeof_impl
 
     @typeof_impl.register(Noisy)
-    def _(function: Noisy, _: Any) -> Any:
+    def _(function, _):
         return cpu_target.typing_context.resolve_value_type(function.function)
 
     return outer
 
 
-_FACTOR = giving({"solve": solved})
-#: module -> (what changes a function, names of functions). What is absent in a version of a module is left out
-CHANGES: dict[str, list[tuple[Callable[[Any], Any], str]]] = {
+#: module -> (change of a function, names of functions). What is absent in a version of a module is left out
+CHANGES = {
     "numpy": [
         (elementary, "exp exp2 expm1 log log2 log10 log1p sin cos tan arcsin arccos arctan arctan2 sinh cosh tanh"),
         (elementary, "arcsinh arccosh arctanh power float_power cbrt hypot"),
@@ -166,14 +138,14 @@ CHANGES: dict[str, list[tuple[Callable[[Any], Any], str]]] = {
         (solved, "solve inv pinv svd svdvals eig eigh eigvals eigvalsh qr cholesky lstsq det expm solve_banded"),
         (solved, "lu_solve cho_solve solve_triangular"),
     ],
-    "scipy.sparse.linalg": [(_FACTOR, "splu spilu"), (solved, "spsolve eigsh svds")],
-    "rslab": [(giving({"factor": giving({"solve": solved, "solve_many": solved})}), "analyze")],
+    "scipy.sparse.linalg": [(giving(solve=solved), "splu spilu"), (solved, "spsolve eigsh svds")],
+    "rslab": [(giving(factor=giving(solve=solved, solve_many=solved)), "analyze")],
     "lacmesh.kernels": [(kernel, "Kernel.dispatch")],
     "lacmesh.kernels.compiled": [(known_to_numba, "outer")],
 }
 
 
-def change(module: ModuleType) -> None:
+def change(module):
     """Change the functions of a module, after the module ran."""
     for changed, names in CHANGES[module.__name__]:
         for name in names.split():
@@ -186,22 +158,17 @@ def change(module: ModuleType) -> None:
 class AfterImport(MetaPathFinder):
     """Finder of the modules of `CHANGES`, which changes each of them after it is imported."""
 
-    def find_spec(self, name: str, path: Sequence[str] | None, target: ModuleType | None = None) -> ModuleSpec | None:
+    def find_spec(self, name, path, target):
         """Return the module's own spec, whose loader changes the module in the end."""
         spec = PathFinder.find_spec(name, path, target) if name in CHANGES else None
         if spec is None or spec.loader is None:
             return None
         execute = spec.loader.exec_module
-
-        def execute_and_change(module: ModuleType) -> None:
-            execute(module)
-            change(module)
-
-        spec.loader.exec_module = execute_and_change  # type: ignore[method-assign]
+        spec.loader.exec_module = lambda module: (execute(module), change(module))
         return spec
 
 
-def install() -> None:
+def install():
     """Change the modules of `CHANGES` once: now, or as they are imported, here and in the processes started here."""
     if any(isinstance(finder, AfterImport) for finder in sys.meta_path):
         return

@@ -232,7 +232,7 @@ def test_html_needs_nothing_else(report, tmp_path):
 @pytest.mark.browser
 def test_html_opens_in_a_browser(report, tmp_path):
     """Nothing is said on the console, everything is there, and no row of charts or table runs out of the page."""
-    from tests.browser import Browser
+    from tests.viewing import Browser
 
     path = tmp_path / "report.html"
     write_report(path, report, name="part.msh")

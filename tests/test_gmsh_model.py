@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import signal
+import inspect
 import subprocess
 import sys
+import tempfile
 import warnings
 from dataclasses import replace
 from itertools import pairwise
@@ -18,7 +19,6 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh, update_model
 from lacmesh.mesh import Block
-from tests import properties
 from tests.meshes import cell_with_faces, random_mesh
 
 pytestmark = pytest.mark.gmsh
@@ -34,162 +34,107 @@ def gmsh():
     gmsh.finalize()
 
 
-# ---- models
+# ---- models: as gmsh's scripts, with a slave as `cut_model` takes it, and a group of it
 
 
-def boxes(gmsh):
-    """Two boxes of the built-in kernel, one on the other, meshed apart; unnamed groups, a tag in two dimensions."""
-    geo = gmsh.model.geo
-    gmsh.model.add("boxes")
-    for z, h in ((0.0, 0.5), (1.0, 0.35)):  # not quite above each other, or the kernel would join their faces
-        corners = [geo.addPoint(x + 0.1 * z, y, z, h) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-        lines = [geo.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
-        geo.extrude([(2, geo.addPlaneSurface([geo.addCurveLoop(lines)]))], 0, 0, 1)
-    geo.synchronize()
-    low, high = (faces_at(gmsh, 1.0, body) for body in (1, 2))
-    gmsh.model.addPhysicalGroup(2, low, tag=4, name="master")
-    gmsh.model.addPhysicalGroup(2, high, tag=5)
-    gmsh.model.addPhysicalGroup(3, [1, 2], tag=5, name="all")
-    gmsh.model.addPhysicalGroup(3, [2], tag=6, name="upper body")
-    gmsh.model.mesh.generate(3)
-    return ["2:5"], "2:5"
+SQUARE = """
+Point(1) = {0, 0, 0, 0.5}; Point(2) = {1, 0, 0, 0.5}; Point(3) = {1, 1, 0, 0.5}; Point(4) = {0, 1, 0, 0.5};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Curve Loop(1) = {1:4}; Plane Surface(1) = {1};
+"""
+#: two boxes of the built-in kernel, one on the other, meshed apart; unnamed groups, a tag in two dimensions
+BOXES = f"""{SQUARE}
+a() = Extrude{{0, 0, 1}}{{Surface{{1}};}}; b() = Translate{{0.1, 0, 1}}{{Duplicata{{Surface{{1}};}}}};
+c() = Extrude{{0, 0, 1}}{{Surface{{b(0)}};}}; MeshSize{{PointsOf{{Volume{{c(1)}};}}}} = 0.35;
+Physical Surface("master", 4) = {{a(0)}}; Physical Surface(5) = {{b(0)}};
+Physical Volume("all", 5) = {{a(1), c(1)}}; Physical Volume("upper body", 6) = {{c(1)}};
+"""
+#: a transfinite, recombined box
+BRICK = """
+SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 2}; Transfinite Curve{:} = 3; Transfinite Surface{:};
+Recombine Surface{:}; Transfinite Volume{1};
+Physical Surface("ends") = {5, 6}; Physical Surface("end") = {6}; Physical Surface("side") = {1};
+"""
+MODELS = {
+    "boxes": (BOXES, ["2:5"], "2:5"),
+    # a pin in a plate, whose faces match, and a ball apart; the slave is the bore, an interface
+    "occ": (
+        'SetFactory("OpenCASCADE"); Box(1) = {-1, -1, 0, 2, 2, 1}; Cylinder(2) = {0, 0, -0.5, 0, 0, 2, 0.5};\n'
+        "BooleanFragments{Volume{1}; Delete;}{Volume{2}; Delete;} Sphere(9) = {3, 0, 0, 0.7}; Mesh.MeshSizeMax = 0.6;\n"
+        's() = Surface In BoundingBox{-0.6, -0.6, -0.1, 0.6, 0.6, 1.1}; Physical Surface("bore") = {s(0)};\n'
+        'Physical Volume("parts") = {1, 2, 3};',
+        ["bore"],
+        "bore",
+    ),
+    "hexahedra": (f"{BRICK}", ["ends", "side", "entity:2:6"], "ends"),
+    "hexa27": (f"{BRICK} Mesh.SecondOrderIncomplete = 0; Mesh.ElementOrder = 2;", ["ends", "side"], "ends"),
+    "second_order": (f"{BOXES}", ["2:5"], "2:5"),
+    # a plate with a hole, in the plane: triangles and quadrangles, the slave is the hole's edge
+    "plane": (
+        'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 2, 1}; Disk(2) = {0.5, 0.5, 0, 0.2};\n'
+        "BooleanDifference(3) = {Surface{1}; Delete;}{Surface{2}; Delete;}; Rectangle(4) = {2, 0, 0, 1, 1};\n"
+        "BooleanFragments{Surface{3}; Delete;}{Surface{4}; Delete;} Recombine Surface{4}; Mesh.MeshSizeMax = 0.2;\n"
+        'c() = Curve In BoundingBox{0.2, 0.2, -1, 0.8, 0.8, 1}; Physical Curve("hole") = {c()};',
+        ["hole"],
+        "hole",
+    ),
+    # hexahedra below, pyramids and tetrahedra on them, prisms above: every family of solids, the slave all around
+    "mixture": (
+        f"{SQUARE} Transfinite Curve{{1:4}} = 4; Transfinite Surface{{1}}; Recombine Surface{{1}};\n"
+        "a() = Extrude{0, 0, 1}{Surface{1}; Layers{2}; Recombine;}; b() = Extrude{0, 0, 1}{Surface{a(0)};};\n"
+        "c() = Extrude{0, 0, 0.5}{Surface{b(0)}; Layers{2}; Recombine;};\n"
+        "Transfinite Surface{a(0)}; Recombine Surface{a(0)};\n"
+        "Physical Surface(9) = CombinedBoundary{Volume{:};};",
+        [9],
+        "9",
+    ),
+    # periodic and embedded entities
+    "periodic": (
+        'SetFactory("OpenCASCADE"); Box(1) = {0, 0, 0, 1, 1, 1}; Point(9) = {0.5, 0.5, 0.5};\n'
+        "Point(10) = {0.3, 0.3, 1}; Point(11) = {0.6, 0.6, 1}; Line(13) = {10, 11};\n"
+        "Point{9} In Volume{1}; Curve{13} In Surface{6};\n"
+        'Periodic Surface{2} = {1} Translate{1, 0, 0}; Physical Surface("top") = {6}; Mesh.MeshSizeMax = 0.5;',
+        ["top"],
+        "top",
+    ),
+    "partitioned": (f"{BOXES}", ["2:5"], "2:5"),
+    # no geometry: from a mesh with mixed cells
+    "discrete": ("", ["slave"], "slave"),
+}
+PIN = 'SetFactory("OpenCASCADE"); Cylinder(1) = {0, 0, 0, 0, 0, 1, 1}; Physical Surface("pin") = {1};'
 
 
-def faces_at(gmsh, z, body):
-    """The faces of a volume in the plane at height z."""
-    bounds = gmsh.model.getBoundary([(3, body)], oriented=False)
-    boxes = {t: gmsh.model.getBoundingBox(d, t) for d, t in bounds}
-    return [t for t, b in boxes.items() if abs(b[2] - z) < 1e-4 and abs(b[5] - z) < 1e-4]
+def build(gmsh, name, text=""):
+    """Make a model of `MODELS`, or of another script, the current one."""
+    if name == "discrete":
+        from_mesh(random_mesh(np.random.default_rng(3), 3, slaves=4), name)
+        return
+    gmsh.model.add(name)
+    with tempfile.NamedTemporaryFile("w", suffix=".geo") as file:
+        file.write(f"{text or MODELS[name][0]}\n")  # a last line without an end is not read
+        file.flush()
+        gmsh.merge(file.name)
+    gmsh.model.mesh.generate(gmsh.model.getDimension())
+    if name == "second_order":
+        gmsh.model.mesh.setOrder(2)
+    if name == "partitioned":
+        gmsh.model.mesh.partition(3)
 
 
-def occ_volumes(gmsh):
-    """Three OCC volumes: a pin in a plate, whose faces match, and a ball apart; the slave is the bore, an interface."""
-    occ = gmsh.model.occ
-    gmsh.model.add("occ")
-    plate, pin = occ.addBox(-1, -1, 0, 2, 2, 1), occ.addCylinder(0, 0, -0.5, 0, 0, 2, 0.5)
-    occ.fragment([(3, plate)], [(3, pin)])
-    occ.addSphere(3, 0, 0, 0.7)
-    occ.synchronize()
-    (bore,) = [t for d, t in gmsh.model.getEntities(2) if gmsh.model.getType(d, t) == "Cylinder"][1:2]
-    gmsh.model.addPhysicalGroup(2, [bore], name="bore")
-    gmsh.model.addPhysicalGroup(3, [1, 2], name="parts")
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
-    gmsh.model.mesh.generate(3)
-    return ["bore", f"entity:2:{bore}"], "bore"
-
-
-def hexahedra(gmsh, order=1, incomplete=1):
-    """A transfinite, recombined box: HEXA8, or HEXA20, or HEXA27."""
-    gmsh.model.add("hexahedra")
-    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 2)
-    gmsh.model.occ.synchronize()
-    for _, tag in gmsh.model.getEntities(1):
-        gmsh.model.mesh.setTransfiniteCurve(tag, 3)
-    for _, tag in gmsh.model.getEntities(2):
-        gmsh.model.mesh.setTransfiniteSurface(tag)
-        gmsh.model.mesh.setRecombine(2, tag)
-    gmsh.model.mesh.setTransfiniteVolume(1)
-    gmsh.option.setNumber("Mesh.SecondOrderIncomplete", incomplete)
-    gmsh.option.setNumber("Mesh.ElementOrder", order)
-    gmsh.model.addPhysicalGroup(2, [5, 6], name="ends")
-    gmsh.model.addPhysicalGroup(2, [6], name="end")
-    gmsh.model.addPhysicalGroup(2, [1], name="side")
-    gmsh.model.mesh.generate(3)
-    return ["ends", "side"], "ends"
-
-
-def hexa20(gmsh):
-    return hexahedra(gmsh, 2)
-
-
-def hexa27(gmsh):
-    return hexahedra(gmsh, 2, 0)
-
-
-def second_order(gmsh):
-    slave = boxes(gmsh)
-    gmsh.model.mesh.setOrder(2)
-    return slave
-
-
-def plane(gmsh):
-    """A plate with a hole, in the plane: triangles and quadrangles, the slave is the hole's edge."""
-    occ = gmsh.model.occ
-    gmsh.model.add("plane")
-    occ.cut([(2, occ.addRectangle(0, 0, 0, 2, 1))], [(2, occ.addDisk(0.5, 0.5, 0, 0.2, 0.2))])
-    occ.fragment([(2, 1)], [(2, occ.addRectangle(2, 0, 0, 1, 1))])
-    occ.synchronize()
-    arcs = [t for d, t in gmsh.model.getEntities(1) if gmsh.model.getType(d, t) in ("Circle", "Ellipse")]
-    gmsh.model.addPhysicalGroup(1, arcs, name="hole")
-    gmsh.model.mesh.setRecombine(2, 2)
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.2)
-    gmsh.model.mesh.generate(2)
-    return ["hole"], "hole"
-
-
-def mixture(gmsh):
-    """Hexahedra below, pyramids and tetrahedra on them, prisms above: every family of solids, the slave all around."""
-    geo = gmsh.model.geo
-    gmsh.model.add("mixture")
-    corners = [geo.addPoint(x, y, 0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
-    lines = [geo.addLine(corners[k], corners[(k + 1) % 4]) for k in range(4)]
-    for line in lines:
-        geo.mesh.setTransfiniteCurve(line, 4)
-    base = geo.addPlaneSurface([geo.addCurveLoop(lines)])
-    geo.mesh.setTransfiniteSurface(base)
-    geo.mesh.setRecombine(2, base)
-    (_, top), *_ = geo.extrude([(2, base)], 0, 0, 1, [2], recombine=True)
-    (_, high), *_ = geo.extrude([(2, top)], 0, 0, 1)
-    geo.extrude([(2, high)], 0, 0, 0.5, [2], recombine=True)
-    geo.synchronize()
-    gmsh.model.mesh.setTransfiniteSurface(top)
-    gmsh.model.mesh.setRecombine(2, top)
-    gmsh.model.mesh.generate(3)
-    outer = gmsh.model.getBoundary(gmsh.model.getEntities(3), oriented=False)
-    gmsh.model.addPhysicalGroup(2, [t for _, t in outer], tag=9)
-    return [9], "9"
-
-
-def discrete(gmsh):
-    """A model that has no geometry: from a mesh with mixed cells."""
-    mesh = random_mesh(np.random.default_rng(3), 3, slaves=4)
-    from_mesh(mesh, "discrete")
-    return ["slave"], "slave"
-
-
-def periodic(gmsh):
-    """Periodic and embedded entities."""
-    occ = gmsh.model.occ
-    gmsh.model.add("periodic")
-    occ.addBox(0, 0, 0, 1, 1, 1)
-    point = occ.addPoint(0.5, 0.5, 0.5)
-    line = occ.addLine(occ.addPoint(0.3, 0.3, 1), occ.addPoint(0.6, 0.6, 1))
-    occ.synchronize()
-    gmsh.model.mesh.embed(0, [point], 3, 1)
-    gmsh.model.mesh.embed(1, [line], 2, 6)
-    gmsh.model.mesh.setPeriodic(2, [2], [1], [1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
-    gmsh.model.addPhysicalGroup(2, [6], name="top")
-    gmsh.model.mesh.setSize(gmsh.model.getEntities(0), 0.5)
-    gmsh.model.mesh.generate(3)
-    return ["top"], "top"
-
-
-def partitioned(gmsh):
-    slave = boxes(gmsh)
-    gmsh.model.mesh.partition(3)
-    return slave
-
-
-MODELS = [boxes, occ_volumes, hexahedra, hexa20, hexa27, second_order, plane, mixture, discrete, periodic, partitioned]
+@pytest.fixture(params=MODELS)
+def model(request, gmsh):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        build(gmsh, request.param)
+    return MODELS[request.param][1:]
 
 
 # ---- what is compared
 
 
-def saved(gmsh, path, **options):
+def saved(gmsh, path):
     """The current model as a msh file with everything in it, read."""
-    for name, value in {"SaveAll": 1, "Binary": 1, "MshFileVersion": 4.1, **options}.items():
-        gmsh.option.setNumber(f"Mesh.{name}", value)
+    for name, value in {"Mesh.SaveAll": 1, "Mesh.Binary": 1, "Mesh.MshFileVersion": 4.1}.items():
+        gmsh.option.setNumber(name, value)
     gmsh.write(str(path))
     gmsh.option.setNumber("PostProcessing.SaveMesh", 0)
     for view in gmsh.view.getTags():
@@ -202,52 +147,47 @@ def cells_of(mesh):
     """number -> (type, node numbers)."""
     rows = {}
     for kind, cells, nodes in mesh.select(np.arange(mesh.n_cells)):
-        rows |= {
-            int(mesh.cell_number[c]): (kind, *mesh.node_number[n].tolist()) for c, n in zip(cells, nodes, strict=True)
-        }
+        numbers, own = mesh.cell_number[cells].tolist(), mesh.node_number[nodes].tolist()
+        rows |= {number: (kind, *row) for number, row in zip(numbers, own, strict=True)}
     return rows
 
 
 def by_number(mesh, values, on="cell"):
-    numbers = mesh.cell_number if on == "cell" else mesh.node_number
-    return dict(zip(numbers.tolist(), np.asarray(values).tolist(), strict=True))
+    return dict(zip(getattr(mesh, f"{on}_number").tolist(), np.asarray(values).tolist(), strict=True))
+
+
+def members(mesh, on="cell"):
+    """The numbers of each group."""
+    numbers = getattr(mesh, f"{on}_number")
+    return {name: sorted(numbers[ids].tolist()) for name, ids in getattr(mesh, f"{on}_groups").items()}
+
+
+def same_cells(one, other):
+    assert cells_of(one) == cells_of(other)
+    assert by_number(one, one.points, "node") == by_number(other, other.points, "node")
+    assert one.space_dim == other.space_dim
 
 
 def same(one, other, model=True):
     """Assert that two meshes are the same but for the order of nodes and cells."""
-    assert cells_of(one) == cells_of(other)
-    assert by_number(one, one.points, "node") == by_number(other, other.points, "node")
-    assert one.space_dim == other.space_dim
-    for what in ("cell_groups", "node_groups"):
-        numbers = "cell_number" if what == "cell_groups" else "node_number"
-        mine, theirs = (
-            {n: sorted(getattr(m, numbers)[ids].tolist()) for n, ids in getattr(m, what).items()} for m in (one, other)
-        )
-        assert mine == theirs
-    assert one.group_tags == other.group_tags
+    same_cells(one, other)
+    assert one.group_tags == other.group_tags and one.zones == other.zones
     for on in ("cell", "node"):
+        assert members(one, on) == members(other, on)
         mine, theirs = getattr(one, f"{on}_data"), getattr(other, f"{on}_data")
-        keys = [{k for k, v in data.items() if not (v == -1).all()} for data in (mine, theirs)]
-        assert keys[0] == keys[1]
-        for key in keys[0]:
+        keys, others = ({k for k, v in data.items() if not (v == -1).all()} for data in (mine, theirs))
+        assert keys == others
+        for key in keys:
             np.testing.assert_equal(by_number(one, mine[key], on), by_number(other, theirs[key], on), err_msg=key)
-    assert one.zones == other.zones
     if model:
-        assert (one.model is None) == (other.model is None)
-    if model and one.model is not None:
-        assert dict(one.model.boundary) == dict(other.model.boundary)
-        links = [
-            sorted((p.slave, p.master, p.affine, sorted(m.node_number[p.nodes].tolist())) for p in m.model.periodic)
-            for m in (one, other)
-        ]
-        assert links[0] == links[1]
+        assert entities_of(one) == entities_of(other)
 
 
-@pytest.fixture(params=MODELS, ids=lambda f: f.__name__)
-def model(request, gmsh):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        return request.param(gmsh)
+def entities_of(mesh):
+    """The bounds of a mesh's entities, and which are periodic."""
+    periodic = mesh.model.periodic if mesh.model else ()
+    links = [(p.slave, p.master, p.affine, sorted(mesh.node_number[p.nodes].tolist())) for p in periodic]
+    return mesh.model and dict(mesh.model.boundary), sorted(links)
 
 
 # ---- the model as a mesh
@@ -266,20 +206,18 @@ def test_a_model_is_the_mesh_of_its_file(model, gmsh, tmp_path):
 def test_cells_that_get_elements_hides_are_found(gmsh, tmp_path, first):
     """Two orders in one entity: gmsh's getElements shows one of them."""
     gmsh.model.add("mixed")
-    entity = gmsh.model.addDiscreteEntity(2)
+    entity, line = gmsh.model.addDiscreteEntity(2), gmsh.model.addDiscreteEntity(1)
     gmsh.model.mesh.addNodes(2, entity, range(1, 9), np.random.default_rng(0).random(24))
     rows = {"TRIA3": (2, [1], [1, 2, 3]), "TRIA6": (9, [2], [3, 2, 4, 5, 6, 7])}
     for name in sorted(rows, reverse=first == "TRIA6"):
         gmsh.model.mesh.addElementsByType(entity, *rows[name])
-    line = gmsh.model.addDiscreteEntity(1)
     gmsh.model.mesh.addElementsByType(line, 1, [3], [1, 2])
     gmsh.model.mesh.addElementsByType(line, 8, [7], [3, 2, 5])
     gmsh.model.addPhysicalGroup(2, [entity], name="both")
     gmsh.option.setNumber("Mesh.SaveAll", 0)
     mesh = to_mesh()
     assert mesh.cells_by_type == {"SEG2": 1, "SEG3": 1, "TRIA3": 1, "TRIA6": 1}
-    assert len(mesh.cell_groups["both"]) == 2
-    assert gmsh.option.getNumber("Mesh.SaveAll") == 0
+    assert len(mesh.cell_groups["both"]) == 2 and gmsh.option.getNumber("Mesh.SaveAll") == 0
     same(mesh, saved(gmsh, tmp_path / "mixed.msh"))
 
 
@@ -292,19 +230,17 @@ def test_lines_that_get_elements_hides_are_found_whatever_their_numbers(gmsh, la
     gmsh.model.mesh.addElementsByType(line, 1, [1, 3, last + 2], [1, 2, 2, 3, 3, 4])
     gmsh.model.mesh.addElementsByType(line, 8, [last], [4, 5, 6])
     gmsh.model.mesh.setVisibility([last], int(visible))
-    mesh = to_mesh()
-    numbers = {kind: mesh.cell_number[cells].tolist() for kind, cells, _ in mesh.select(np.arange(mesh.n_cells))}
-    assert numbers == {"SEG2": [1, 3, last + 2], "SEG3": [last]}
+    numbers = {number: kind for number, (kind, *_) in cells_of(to_mesh()).items()}
+    assert numbers == {1: "SEG2", 3: "SEG2", last + 2: "SEG2", last: "SEG3"}
     assert gmsh.model.mesh.getVisibility([1, last]).tolist() == [1, int(visible)]
 
 
-def test_what_is_missing_is_said(gmsh, monkeypatch):
+def test_a_model_that_is_missing_is_refused(gmsh, monkeypatch):
     with pytest.raises(RequestError, match="has no mesh"):
         to_mesh()
-    monkeypatch.setitem(sys.modules, "gmsh", None)
-    with pytest.raises(RequestError, match=r"pip install 'lacmesh\[gmsh\]'"):
+    with monkeypatch.context() as patched, pytest.raises(RequestError, match="pip install"):
+        patched.setitem(sys.modules, "gmsh", None)
         cut_model("slave")
-    monkeypatch.undo()
     gmsh.finalize()
     with pytest.raises(RequestError, match="not running"):
         to_mesh()
@@ -315,11 +251,11 @@ def test_what_is_missing_is_said(gmsh, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
-def test_a_cut_model_is_the_cut_of_its_file(model, gmsh, tmp_path):
-    slave, _ = model
-    before = saved(gmsh, tmp_path / "before.msh")
-    expected = cut_skin(before, slave)
+def test_a_cut_model_is_the_cut_of_its_file_and_gmshs_own_functions_see_it(model, gmsh, tmp_path):
+    slave, group = model
+    expected = cut_skin(saved(gmsh, tmp_path / "before.msh"), slave)
     entities = {tag: gmsh.model.getType(*tag) for tag in gmsh.model.getEntities()}
+    parts = gmsh.model.getPartitions(*gmsh.model.getEntities(gmsh.model.getDimension())[-1]).size
     cut = cut_model(slave)
     same(cut.mesh, expected.mesh, model=False)
     now = to_mesh()
@@ -329,73 +265,47 @@ def test_a_cut_model_is_the_cut_of_its_file(model, gmsh, tmp_path):
     assert again.zones == cut.zones and again.n_macros == cut.n_macros
     for name in ("macro_of_face", "child_kind", "parent_of_cell", "zone_of_face"):
         assert by_number(now, getattr(again, name)) == by_number(cut.mesh, getattr(cut, name))
-
-
-@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
-def test_gmshs_own_functions_see_the_cut(model, gmsh, tmp_path):
-    slave, group = model
-    parts = bool(gmsh.model.getPartitions(*gmsh.model.getEntities(gmsh.model.getDimension())[-1]).size)
-    cut = cut_model(slave)
-    seen = {}
-    for kind, numbers, _ in zip(*gmsh.model.mesh.getElements(), strict=True):
-        name = next(n for n, c in CELLS.items() if c.msh == kind)
-        seen[name] = len(numbers)
-    assert seen == cut.mesh.cells_by_type
-    dim, tag = cut.mesh.group_tags[cut.mesh.group(group)][0]
-    nodes, _ = gmsh.model.mesh.getNodesForPhysicalGroup(dim, tag)
-    faces = cut.mesh.cell_groups[cut.mesh.group(group)]
-    ours = np.unique(np.concatenate([n.ravel() for _, _, n in cut.mesh.select(faces)]))
+    types, numbers, _ = gmsh.model.mesh.getElements()
+    names = {cell.msh: name for name, cell in CELLS.items()}
+    assert {names[t]: len(n) for t, n in zip(types, numbers, strict=True)} == cut.mesh.cells_by_type
+    name = cut.mesh.group(group)
+    nodes, _ = gmsh.model.mesh.getNodesForPhysicalGroup(*cut.mesh.group_tags[name][0])
+    ours = np.concatenate([n.ravel() for _, _, n in cut.mesh.select(cut.mesh.cell_groups[name])])
     assert set(nodes.tolist()) == set(cut.mesh.node_number[ours].tolist())
     _, numbers, _ = gmsh.model.mesh.getElements(cut.mesh.dim)
     assert min(gmsh.model.mesh.getElementQualities(np.concatenate(numbers), "minSJ")) > 0
+    groups = {name: len(cells) for name, cells in cut.mesh.cell_groups.items() if len(cells)}
     for suffix in (".msh", ".med", ".vtk"):
         gmsh.write(str(tmp_path / f"cut{suffix}"))
-    groups = {name: len(cells) for name, cells in cut.mesh.cell_groups.items() if len(cells)}
-    back = lacmesh.read(tmp_path / "cut.msh")
-    assert {n: len(c) for n, c in back.cell_groups.items() if len(c)} == groups
-    if not parts and not any(":" in name for name in groups):  # in MED, gmsh invents a name for unnamed groups
-        back = lacmesh.read(tmp_path / "cut.med")
-        assert {n: len(c) for n, c in back.cell_groups.items()} == groups
+    # in MED, gmsh invents a name for unnamed groups
+    for suffix in (".msh",) if parts or any(":" in name for name in groups) else (".msh", ".med"):
+        back = lacmesh.read(tmp_path / f"cut{suffix}")
+        assert {n: len(c) for n, c in back.cell_groups.items() if len(c)} == groups
 
 
 @pytest.mark.parametrize("spec", ["side", 5, "5", "2:5", "entity:2:6"])
-def test_every_way_to_name_the_slave(gmsh, spec):
-    hexahedra(gmsh)
+def test_every_way_to_name_the_slave_with_options_as_of_cut_skin(gmsh, spec):
+    ours, theirs = (inspect.signature(f).parameters for f in (cut_model, cut_skin))
+    expected = {n: (p.kind, p.default) for n, p in theirs.items() if n not in ("mesh", "slave")}
+    assert {n: (p.kind, p.default) for n, p in ours.items() if n not in ("slave", "views")} == expected
+    build(gmsh, "hexahedra")
     gmsh.model.removePhysicalGroups(gmsh.model.getPhysicalGroups())
     gmsh.model.addPhysicalGroup(2, [6], tag=5, name="side" if spec == "side" else "")
-    cut = cut_model(spec, views=False)
-    assert cut.n_macros == 4
-    assert cut.mesh.points[cut.mesh.block("TRIA3")][..., 2].min() == 2
-    assert not len(gmsh.view.getTags())
-
-
-def test_options_are_those_of_cut_skin(gmsh):
-    import inspect
-
-    ours, theirs = (inspect.signature(f).parameters for f in (cut_model, cut_skin))
-    shared = {n: (p.kind, p.default) for n, p in theirs.items() if n not in ("mesh", "slave")}
-    assert {n: (p.kind, p.default) for n, p in ours.items() if n not in ("slave", "views")} == shared
-    hexahedra(gmsh)
-    assert cut_model("ends", hexa="hexa").mesh.cells_by_type["HEXA8"] == 8 + 8 * 5
-    assert gmsh.model.mesh.getElementTypes(3).tolist() == [5]
+    cut = cut_model(spec, views=False, hexa="hexa")
+    assert cut.n_macros == 4 and cut.mesh.points[cut.mesh.block("QUAD4")][-20:, :, 2].min() == 2
+    assert cut.mesh.cells_by_type["HEXA8"] == 8 + 4 * 5 and not len(gmsh.view.getTags())
 
 
 def test_the_geometry_stays_attached(gmsh):
     """New nodes have parametric coordinates like the others; gmsh can raise the order, mid-nodes on the cylinder."""
-    gmsh.model.add("pin")
-    gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 1, 1)
-    gmsh.model.occ.synchronize()
-    gmsh.model.addPhysicalGroup(2, [1], name="pin")
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
-    gmsh.model.mesh.generate(3)
+    build(gmsh, "pin", f"{PIN} Mesh.MeshSizeMax = 0.5;")
     old = to_mesh().node_number.max()
     cut_model("pin")
     nodes, points, parameters = gmsh.model.mesh.getNodes(2, 1, returnParametricCoord=True)
     assert len(parameters) == 2 * len(nodes) and nodes.max() > old
     projected = gmsh.model.getValue(2, 1, parameters).reshape(-1, 3)
-    points = points.reshape(-1, 3)
     assert np.abs(np.hypot(*projected[:, :2].T) - 1).max() < 1e-9
-    far = np.linalg.norm(projected - points, axis=1)
+    far = np.linalg.norm(projected - points.reshape(-1, 3), axis=1)
     assert far[nodes <= old].max() < 1e-6 and 0.001 < far[nodes > old].max() < 0.1  # on chords, nearest to there
     gmsh.model.mesh.setOrder(2)
     with pytest.warns(LacmeshWarning, match="earlier mesh"):  # other faces than those that were cut
@@ -409,7 +319,7 @@ def test_the_geometry_stays_attached(gmsh):
 
 def test_many_cells_are_taken_out_at_once(gmsh, monkeypatch):
     """The quick way to take cells out of a large entity gives what the plain one does."""
-    hexahedra(gmsh)
+    build(gmsh, "hexahedra")
     mesh = to_mesh()
     expected = cut_model(["ends", "side"]).mesh
     from_mesh(mesh, "again")
@@ -420,20 +330,13 @@ def test_many_cells_are_taken_out_at_once(gmsh, monkeypatch):
 
 def dump(gmsh):
     """All that gmsh says of its current model."""
-    entities = gmsh.model.getEntities()
-    mesh = gmsh.model.mesh
-    return repr(
-        [
-            [(t, gmsh.model.getType(*t), [a.tolist() for a in mesh.getNodes(*t)]) for t in entities],
-            [[[a.tolist() for a in part] for part in mesh.getElements(*t)[1:]] for t in entities],
-            [(g, gmsh.model.getPhysicalName(*g)) for g in gmsh.model.getPhysicalGroups()],
-            [gmsh.model.getEntitiesForPhysicalGroup(*g).tolist() for g in gmsh.model.getPhysicalGroups()],
-            [gmsh.model.getBoundary([t], combined=False) for t in entities],
-            gmsh.model.getAttributeNames(),
-            gmsh.view.getTags().tolist(),
-            gmsh.model.getCurrent(),
-        ]
-    )
+    entities, groups, mesh = gmsh.model.getEntities(), gmsh.model.getPhysicalGroups(), gmsh.model.mesh
+    elements = [[[a.tolist() for a in part] for part in mesh.getElements(*t)[1:]] for t in entities]
+    nodes = [(t, gmsh.model.getType(*t), [a.tolist() for a in mesh.getNodes(*t)]) for t in entities]
+    names = [(*g, gmsh.model.getPhysicalName(*g), *gmsh.model.getEntitiesForPhysicalGroup(*g)) for g in groups]
+    bounds = [gmsh.model.getBoundary([t], combined=False) for t in entities]
+    rest = gmsh.model.getAttributeNames(), gmsh.view.getTags().tolist(), gmsh.model.getCurrent()
+    return repr([elements, nodes, names, bounds, rest])
 
 
 @pytest.mark.parametrize(
@@ -444,51 +347,23 @@ def dump(gmsh):
         ("2:5", {"hexa": "cube"}, RequestError),
         ("2:5", {"ring": 2}, RequestError),
         ("entity:2:999", {}, GroupNotFoundError),
+        (["2:5", "master"], {}, CutError),  # cut already
     ],
 )
 def test_a_failure_leaves_the_model_untouched(gmsh, slave, options, error):
-    boxes(gmsh)
+    build(gmsh, "boxes")
+    if len(slave) == 2:
+        assert cut_model("2:5").n_macros == cut_model("2:5").n_macros == len(to_mesh().cell_groups["2:5"]) // 3
     before = dump(gmsh)
     with pytest.raises(error):
         cut_model(slave, **options)
     assert dump(gmsh) == before
 
 
-def test_a_model_is_not_cut_twice(gmsh):
-    slave, _ = boxes(gmsh)
-    cut_model(slave)
-    before = dump(gmsh)
-    assert cut_model(slave).n_macros == len(to_mesh().cell_groups["2:5"]) // 3
-    with pytest.raises(CutError, match="cut already"):
-        cut_model(["2:5", "master"])
-    assert dump(gmsh) == before
-
-
-def test_an_interrupt_waits_until_the_model_is_whole(gmsh, monkeypatch):
-    slave, _ = boxes(gmsh)
-    add = gmsh.model.mesh.addElementsByType
-
-    def interrupted(*args):
-        signal.raise_signal(signal.SIGINT)
-        return add(*args)
-
-    monkeypatch.setattr(gmsh.model.mesh, "addElementsByType", interrupted)
-    handler = signal.signal(signal.SIGINT, signal.default_int_handler)  # whatever a gmsh of another test has set
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            cut_model(slave)
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, handler)
-    mesh = to_mesh()
-    assert Cut(mesh).n_macros > 10
-    assert properties.volumes(mesh)[mesh.cell_dim == 3].sum() == pytest.approx(2, rel=1e-12)
-
-
 INTERRUPTED = """
 import signal, gmsh
 from lacmesh.gmsh import cut_model
-gmsh.initialize()  # which lets an interrupt end the process
+gmsh.initialize({how})
 gmsh.option.setNumber("General.Terminal", 0)
 gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
 gmsh.model.occ.synchronize()
@@ -496,78 +371,73 @@ gmsh.model.mesh.generate(3)
 add = gmsh.model.mesh.addElementsByType
 def interrupted(*args):
     signal.raise_signal(signal.SIGINT)
-    print("went on", flush=True)
-    return add(*args)
+    print("on", flush=True)
+    add(*args)
 gmsh.model.mesh.addElementsByType = interrupted
-cut_model("entity:2:1")
-print("not interrupted", flush=True)
+try:
+    cut_model("entity:2:1")
+except KeyboardInterrupt:
+    cells = gmsh.model.mesh.getElements(3)[1][0]
+    whole = abs(sum(gmsh.model.mesh.getElementQualities(cells, "volume")) - 1) < 1e-12
+    print("interrupted", whole, signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """
 
 
-def test_an_interrupt_that_ends_the_process_waits_too():
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
-    assert done.returncode == -signal.SIGINT
-    assert set(done.stdout.splitlines()) == {"went on"}
+@pytest.mark.parametrize(
+    ("how", "status", "last"), [("interruptible=False", 0, "interrupted True True"), ("", -2, "on")]
+)
+def test_an_interrupt_waits_until_the_model_is_whole(how, status, last):
+    """Also where gmsh lets an interrupt end the process."""
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED.format(how=how)], capture_output=True, text=True)
+    assert done.returncode == status and done.stdout.splitlines()[-1] == last, done.stderr
 
 
 # ---- the records as views
 
 
-def test_records_of_an_earlier_mesh_are_not_believed(gmsh):
-    slave, _ = boxes(gmsh)
-    cut_model(slave)
-    gmsh.model.mesh.clear()
-    gmsh.option.setNumber("Mesh.MeshSizeFactor", 0.6)
-    gmsh.model.mesh.generate(3)
-    with pytest.warns(LacmeshWarning, match="earlier mesh"):
-        mesh = to_mesh()
-    assert not set(mesh.cell_data) - {"entity"}
-    with pytest.warns(LacmeshWarning, match="earlier mesh"):
-        cut = cut_model(slave)
-    assert sorted(gmsh.view.option.getString(v, "Name") for v in gmsh.view.getTags()).count("lac_macro") == 1
-    assert Cut(to_mesh()).n_macros == cut.n_macros
-
-
-def test_views_are_of_one_model(gmsh, tmp_path):
-    """A cut model and the same model uncut, side by side."""
-    slave, _ = boxes(gmsh)
+def test_views_are_of_one_model_and_not_of_an_earlier_mesh(gmsh):
+    """A cut model and the same model uncut, side by side; then the first is meshed anew."""
+    build(gmsh, "boxes")
     uncut = to_mesh()
-    cut = cut_model(slave)
+    cut = cut_model("2:5")
     from_mesh(uncut, "uncut")
     assert not lacmesh.cutting.cut.is_cut(to_mesh())
     gmsh.model.setCurrent("boxes")
     assert Cut(to_mesh()).n_macros == cut.n_macros
     gmsh.model.setCurrent("uncut")
-    assert cut_model(slave).n_macros == cut.n_macros
-    shown = [
-        gmsh.view.option.getString(v, "Name") for v in gmsh.view.getTags() if gmsh.view.option.getNumber(v, "Visible")
-    ]
+    assert cut_model("2:5").n_macros == cut.n_macros
+    option = gmsh.view.option
+    shown = [option.getString(v, "Name") for v in gmsh.view.getTags() if option.getNumber(v, "Visible")]
     assert shown == ["lac_macro", "lac_macro"]
-
-
-def test_fields_of_the_user_are_carried_to_children(gmsh):
-    slave, _ = boxes(gmsh)
-    mesh = to_mesh()
-    temperature = gmsh.view.add("temperature")
-    gmsh.view.addHomogeneousModelData(temperature, 0, "boxes", "NodeData", mesh.node_number, mesh.points[:, 0], 2.5)
-    cut = cut_model(slave)
-    kind, numbers, values, time, _ = gmsh.view.getHomogeneousModelData(temperature, 0)
-    assert (kind, time, len(numbers)) == ("NodeData", 2.5, cut.mesh.n_nodes)
-    x = dict(zip(cut.mesh.node_number.tolist(), cut.mesh.points[:, 0], strict=True))
-    assert np.allclose(values, [x[n] for n in numbers.tolist()], atol=1e-14)
+    gmsh.model.setCurrent("boxes")
+    gmsh.model.mesh.clear()
+    gmsh.option.setNumber("Mesh.MeshSizeFactor", 0.6)
+    gmsh.model.mesh.generate(3)
+    with pytest.warns(LacmeshWarning, match="earlier mesh"):
+        assert not set(to_mesh().cell_data) - {"entity"}
+    with pytest.warns(LacmeshWarning, match="earlier mesh"):
+        cut = cut_model("2:5")
+    assert [option.getString(v, "Name") for v in gmsh.view.getTags()].count("lac_macro") == 2
+    assert Cut(to_mesh()).n_macros == cut.n_macros
 
 
 @pytest.mark.filterwarnings("ignore:.*InterpolationScheme")
-def test_a_cut_saved_by_gmsh_is_a_cut_when_read(gmsh, tmp_path):
-    """Mesh and views in one file: the docs say so."""
-    slave, _ = boxes(gmsh)
-    cut = cut_model(slave)
+def test_fields_of_the_user_are_carried_to_children_and_a_saved_cut_is_a_cut_when_read(gmsh, tmp_path):
+    build(gmsh, "boxes")
+    mesh = to_mesh()
+    temperature = gmsh.view.add("temperature")
+    gmsh.view.addHomogeneousModelData(temperature, 0, "boxes", "NodeData", mesh.node_number, mesh.points[:, 0], 2.5)
+    cut = cut_model("2:5")
+    kind, numbers, values, moment, _ = gmsh.view.getHomogeneousModelData(temperature, 0)
+    assert (kind, moment, len(numbers)) == ("NodeData", 2.5, cut.mesh.n_nodes)
+    x = by_number(cut.mesh, cut.mesh.points[:, 0], "node")
+    assert np.allclose(values, [x[n] for n in numbers.tolist()], atol=1e-14)
+    gmsh.view.remove(temperature)
     back = Cut(saved(gmsh, tmp_path / "cut.msh"))
-    assert back.n_macros == cut.n_macros and back.zones == cut.zones
     gmsh.clear()
     gmsh.open(str(tmp_path / "cut.msh"))
-    again = Cut(to_mesh())
-    assert again.n_macros == cut.n_macros and again.zones == cut.zones
+    for again in (back, Cut(to_mesh())):
+        assert again.n_macros == cut.n_macros and again.zones == cut.zones
 
 
 # ---- meshes as models
@@ -575,89 +445,73 @@ def test_a_cut_saved_by_gmsh_is_a_cut_when_read(gmsh, tmp_path):
 
 @pytest.mark.parametrize("name", [name for name, cell in CELLS.items() if cell.dim > 1])
 @pytest.mark.filterwarnings("ignore:.*only lacmesh reads")
-def test_every_cell_goes_into_a_model_and_back(gmsh, name):
+def test_every_cell_goes_into_a_model_and_back(name):
     mesh = replace(cell_with_faces(name), name=name)
     from_mesh(mesh)
     back = to_mesh()
-    assert cells_of(back) == cells_of(mesh)
-    assert by_number(back, back.points, "node") == by_number(mesh, mesh.points, "node")
-    for group, cells in mesh.cell_groups.items():
-        assert set(back.cell_number[back.cell_groups[group]]) == set(mesh.cell_number[cells])
-    assert back.space_dim == mesh.space_dim and back.name == name
+    same_cells(back, mesh)
+    assert members(back) == members(mesh) and back.name == name
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_random_meshes_go_into_a_model_and_back(gmsh, seed):
-    """Overlapping groups, node groups, fields, odd numbers, orphans."""
+def test_random_meshes_go_into_a_model_and_back(seed):
+    """Overlapping groups, node groups, fields, odd numbers, orphans; gmsh adds the entity of each cell and node."""
     mesh = random_mesh(np.random.default_rng(seed), 2 + seed % 2, slaves=4)
     mesh = replace(mesh, cell_data={**mesh.cell_data, "wide": np.ones((mesh.n_cells, 2))})
     from_mesh(mesh, "random")
     back = to_mesh()
-    there = {}
-    for on in ("cell", "node"):  # the data are in the order of the numbers of `back`
-        numbers, data = f"{on}_number", f"{on}_data"
-        order = np.argsort(getattr(back, numbers))[np.argsort(np.argsort(getattr(mesh, numbers)))]
-        there[data] = {**getattr(mesh, data), "entity": getattr(back, data)["entity"][order]}
-    expected = replace(mesh, **there)
-    same(back, replace(expected, group_tags=back.group_tags), model=False)
-    for key in mesh.cell_data:
-        assert back.cell_data[key].dtype.kind == mesh.cell_data[key].dtype.kind
+    own = {
+        f"{on}_data": {k: v for k, v in getattr(back, f"{on}_data").items() if k != "entity"} for on in ("cell", "node")
+    }
+    same(replace(back, **own), replace(mesh, group_tags=back.group_tags), model=False)
+    assert all(back.cell_data[key].dtype.kind == mesh.cell_data[key].dtype.kind for key in mesh.cell_data)
 
 
-@pytest.mark.parametrize("build", [boxes, periodic, hexa20])
-def test_a_model_copied_through_a_mesh_is_the_same(gmsh, build):
-    build(gmsh)
+@pytest.mark.parametrize("name", ["boxes", "periodic", "hexa27"])
+def test_a_model_copied_through_a_mesh_is_the_same(gmsh, name):
+    build(gmsh, name)
     mesh = to_mesh()
     from_mesh(mesh, "copy")
     assert gmsh.model.getCurrent() == "copy"
     same(to_mesh(), mesh)
-    for dim, tag in gmsh.model.getEntities():
-        assert dim == 0 or gmsh.model.getType(dim, tag).startswith("Discrete")
-        if dim == 0:
-            nodes, xyz, _ = gmsh.model.mesh.getNodes(0, tag)
-            assert len(nodes) == 0 or np.allclose(gmsh.model.getValue(0, tag, []), xyz)
+    assert all(gmsh.model.getType(*entity).startswith("Discrete") for entity in gmsh.model.getEntities() if entity[0])
+    for _, tag in gmsh.model.getEntities(0):
+        nodes, xyz, _ = gmsh.model.mesh.getNodes(0, tag)
+        assert not len(nodes) or np.allclose(gmsh.model.getValue(0, tag, []), xyz)
 
 
 def test_a_wrong_mesh_leaves_no_model_behind(gmsh):
-    boxes(gmsh)
+    build(gmsh, "partitioned")
     mesh = to_mesh()
     before = dump(gmsh)
-    with pytest.raises(RequestError, match="already"):
-        from_mesh(mesh, "boxes")
-    with pytest.raises(DataError, match="entity"):
-        from_mesh(replace(mesh, cell_data={"entity": np.ones(mesh.n_cells)}), "wrong")
-    assert gmsh.model.list() == ["", "boxes"] and dump(gmsh) == before
+    wrong = replace(mesh, cell_data={"entity": np.ones(mesh.n_cells)})
+    for change, words in (
+        (lambda: from_mesh(mesh, "partitioned"), "already"),
+        (lambda: from_mesh(wrong, "wrong"), "entity"),
+        (lambda: update_model(mesh), "unpartition"),
+    ):
+        with pytest.raises((RequestError, DataError), match=words):
+            change()
+    assert gmsh.model.list() == ["", "partitioned"] and dump(gmsh) == before
 
 
 # ---- models brought to another mesh
 
 
-def test_an_order_raised_outside_comes_back(gmsh):
-    boxes(gmsh)
+def test_groups_moved_nodes_and_reversed_faces_come_back_and_nothing_else_is_touched(gmsh, monkeypatch):
+    build(gmsh, "boxes")
+    mesh = to_mesh()
+    with monkeypatch.context() as patched:
+        for name in ("removeElements", "addElementsByType", "addNodes", "setNode", "clear"):
+            patched.delattr(gmsh.model.mesh, name)
+        patched.delattr(gmsh.model, "addPhysicalGroup")
+        patched.delattr(gmsh.model, "addDiscreteEntity")
+        update_model(mesh)
     types = [gmsh.model.getType(*t) for t in gmsh.model.getEntities()]
-    mesh = lacmesh.raise_order(to_mesh())
+    update_model(lacmesh.raise_order(mesh))
+    same(to_mesh(), lacmesh.raise_order(mesh))
     update_model(mesh)
-    same(to_mesh(), mesh)
     assert [gmsh.model.getType(*t) for t in gmsh.model.getEntities()] == types
-
-
-def test_what_is_the_same_is_not_touched(gmsh, monkeypatch):
-    boxes(gmsh)
-    mesh = to_mesh()
-
-    def refuse(*args):
-        raise AssertionError(args)
-
-    for name in ("removeElements", "addElementsByType", "addNodes", "setNode", "clear"):
-        monkeypatch.setattr(gmsh.model.mesh, name, refuse)
-    monkeypatch.setattr(gmsh.model, "addPhysicalGroup", refuse)
-    monkeypatch.setattr(gmsh.model, "addDiscreteEntity", refuse)
-    update_model(mesh)
-
-
-def test_groups_moved_nodes_and_reversed_faces_come_back(gmsh):
-    boxes(gmsh)
-    mesh = to_mesh()
     faces = mesh.cell_groups["2:5"]
     k = [b.type for b in mesh.blocks].index("TRIA3")
     nodes = mesh.blocks[k].nodes.copy()
@@ -666,66 +520,44 @@ def test_groups_moved_nodes_and_reversed_faces_come_back(gmsh):
     points = mesh.points.copy()
     points[-1] += 0.01
     groups = {name: cells for name, cells in mesh.cell_groups.items() if name != "upper body"}
-    groups["half of it"] = faces[::2]
-    changed = replace(mesh, blocks=tuple(blocks), points=points, cell_groups=groups)
+    changed = replace(mesh, blocks=tuple(blocks), points=points, cell_groups={**groups, "half of it": faces[::2]})
     update_model(changed)
-    back = to_mesh()
-    assert cells_of(back) == cells_of(changed)
-    assert by_number(back, back.points, "node") == by_number(changed, changed.points, "node")
-    numbers = {n: set(changed.cell_number[c].tolist()) for n, c in groups.items()}
-    assert {n: set(back.cell_number[c].tolist()) for n, c in back.cell_groups.items()} == numbers
+    same_cells(to_mesh(), changed)
+    assert members(to_mesh()) == members(changed)
     assert len([t for t in gmsh.model.getEntities(2) if gmsh.model.getType(*t) == "Discrete surface"]) == 1
 
 
-def test_moved_nodes_keep_their_parameters(gmsh, monkeypatch):
-    """Nodes of a cylinder turned on it: gmsh is asked for an entity's once, and each node has its own parameters."""
-    gmsh.model.add("pin")
-    gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 1, 1)
-    gmsh.model.occ.synchronize()
-    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.4)
-    gmsh.model.mesh.generate(2)
+def test_moved_nodes_keep_their_parameters(gmsh):
+    """Nodes of a cylinder turned on it: each has its own parameters."""
+    build(gmsh, "pin", f"{PIN} Mesh.MeshSizeMax = 0.4;")
     mesh = to_mesh()
     side = (mesh.node_data["entity"] == [2, 1]).all(axis=1)
     points = mesh.points.copy()
-    turn = np.array([[np.cos(0.01), -np.sin(0.01)], [np.sin(0.01), np.cos(0.01)]])
-    points[side, :2] = points[side, :2] @ turn.T
-    asked, get = [], gmsh.model.mesh.getNodes
-    with monkeypatch.context() as patched:
-        patched.setattr(gmsh.model.mesh, "getNodes", lambda *a, **kw: (asked.append((a, kw)), get(*a, **kw))[1])
-        update_model(replace(mesh, points=points))
-    with_parameters = [a for a, kw in asked if kw.get("returnParametricCoord")]
-    assert side.sum() > 20 and len(with_parameters) == 1
+    points[side, :2] = points[side, :2] @ np.array([[np.cos(0.01), np.sin(0.01)], [-np.sin(0.01), np.cos(0.01)]])
+    update_model(replace(mesh, points=points))
     nodes, xyz, parameters = gmsh.model.mesh.getNodes(2, 1, returnParametricCoord=True)
-    order = np.argsort(nodes)
-    assert np.abs(xyz.reshape(-1, 3)[order] - points[side][np.argsort(mesh.node_number[side])]).max() < 1e-12
+    moved = by_number(mesh, points, "node")
+    assert side.sum() > 20 and np.abs(xyz.reshape(-1, 3) - [moved[n] for n in nodes]).max() < 1e-12
     assert np.abs(gmsh.model.getValue(2, 1, parameters) - xyz).max() < 1e-6
 
 
 def test_nodes_that_are_gone_make_the_mesh_anew(gmsh):
     """Half of the cells taken out, with the nodes that only they had."""
-    periodic(gmsh)
+    build(gmsh, "periodic")
     mesh = to_mesh()
     keep = np.sort(np.concatenate([np.arange(a, (a + b + 1) // 2) for a, b in pairwise(mesh.offsets)]))
     used = np.unique(np.concatenate([n.ravel() for _, _, n in mesh.select(keep)]))
-    new = np.full(mesh.n_nodes, -1)
-    new[used] = np.arange(len(used))
     half = Mesh.create(
         mesh.points[used],
-        [(kind, new[nodes]) for kind, _, nodes in mesh.select(keep)],
+        [(kind, np.searchsorted(used, nodes)) for kind, _, nodes in mesh.select(keep)],
         node_number=mesh.node_number[used],
         cell_number=mesh.cell_number[keep],
         cell_data={"entity": mesh.cell_data["entity"][keep]},
         node_data={"entity": mesh.node_data["entity"][used]},
         space_dim=3,
     )
-    with pytest.warns(LacmeshWarning, match="periodic links are lost"):
+    with pytest.warns(LacmeshWarning, match="periodic links"):
         update_model(half)
     back = to_mesh()
     assert cells_of(back) == cells_of(half) and back.n_nodes == half.n_nodes and not back.cell_groups
     assert gmsh.model.getType(3, 1) == "Volume"
-
-
-def test_a_partitioned_model_takes_no_other_mesh(gmsh):
-    partitioned(gmsh)
-    with pytest.raises(RequestError, match="unpartition"):
-        update_model(to_mesh())

@@ -15,8 +15,8 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
+from tests import REPOSITORY
 from tests.lacsolver.test_coupled import moment
-from tests.skips import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

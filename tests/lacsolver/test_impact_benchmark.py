@@ -8,7 +8,7 @@ from unittest.mock import patch
 import pytest
 
 from lacsolver.saddle.stiffness import FactorCache
-from tests.skips import REPOSITORY
+from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from tests.skips import REPOSITORY
+from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

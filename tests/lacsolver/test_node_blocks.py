@@ -13,9 +13,9 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
 from lacsolver.saddle.stiffness import FactorCache, Stiffness, embed
+from tests import REPOSITORY
 from tests.lacsolver.stiffnesses import BODIES, free
 from tests.lacsolver.test_coupled import moment
-from tests.skips import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

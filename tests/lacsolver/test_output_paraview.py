@@ -14,7 +14,7 @@ from lacmesh.scene.colours import RESULT
 from lacsolver.output import paraview_state
 from lacsolver.output.names import PARAVIEW, results_in
 from tests.lacsolver.written import ZONES, made_up
-from tests.xserver import display
+from tests.viewing import display
 
 SCRIPT = Path(paraview_state.__file__)
 

@@ -9,7 +9,7 @@ import pytest
 
 import lacmesh
 from lacsolver.cli import main
-from tests.skips import REPOSITORY
+from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

@@ -11,13 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lacmesh
 import lacsolver as ls
 from lacmesh import Mesh, Surface
 from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.formats.vtu.collection import read_pvd, write_pvd
 from lacmesh.scene.colours import RESULT, STATES, rgb
 from lacsolver.cli import main
+from lacsolver.output.stored import stored_fields
 from lacsolver.pictures.drawing import ContactPicture
-from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window, with_skins
+from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
 from lacsolver.pictures.profiles import along, chains
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale
 from lacsolver.pictures.skins import macro_places, outlines, rings_of, views_of
@@ -26,16 +29,12 @@ from tests.lacsolver.bad_cases import GOOD, blocks, put
 from tests.lacsolver.patch_meshes import stack
 from tests.viewing import DATA, tones
 
+JOINT = '[[contact]]\nname = "joint"\nslave = "slave"\nmaster = "master"\n'
 DISC = GOOD.replace("blocks.msh", "disc_on_block.msh").replace('"x0"', '"symmetry_x"').replace("1.0\n", "25.0\n")
 SPACE = (
     GOOD.replace("plane_strain", "3d").replace("uy = 0.0", "uz = 0.0").replace("value = 1.0", 'value = "t * (1 + x)"')
     + '[[displacement]]\ngroup = "y0"\nuy = 0.0\n'
 )
-
-
-def module():
-    """The module, whose name the function has."""
-    return sys.modules["lacsolver.pictures.drawing"]
 
 
 def solved(folder, text=GOOD, mesh=None):
@@ -72,21 +71,20 @@ def disc(tmp_path_factory):
     return solved(folder, DISC)
 
 
-def test_a_plane_model_is_drawn(disc, tmp_path):
-    assert ls.plot(disc, tmp_path / "p.png") == 1.0
-    wide, high = size(tmp_path / "p.png")
-    assert wide > 1300 and high > 500
-    dark, light = tones(tmp_path / "p.png", RESULT[-2], RESULT[1])
-    assert dark > 50 and light > 50
-
-
-def test_the_command_draws_what_python_does(disc, tmp_path):
+def test_a_plane_model_is_drawn_by_the_command_as_by_python(disc, tmp_path):
+    """Half a circle touches half of a line: what has closed limits how far displacements are magnified."""
     assert main(["plot", str(disc), "--time", "1", "--field", "recovered", "-o", str(tmp_path / "p.png"), "-q"]) == 0
     assert ls.plot(disc, tmp_path / "q.png", time=1.0, field="recovered", title="case") == 1.0
     assert (tmp_path / "p.png").read_bytes() == (tmp_path / "q.png").read_bytes()
+    wide, high = size(tmp_path / "p.png")
+    assert wide > 1300 and high > 500 and min(tones(tmp_path / "p.png", RESULT[-2], RESULT[1])) > 50
+    drawn = picture(disc)
+    zone = drawn.zones["joint"]
+    half = np.abs(zone.centre[zone.pressure > 0, 0]).max()
+    assert 0.3 * half**2 / 2 < largest_closed(drawn.mesh, drawn.u, [zone]) < 3 * half**2 / 2
 
 
-def test_the_profile_is_the_pressure_along_the_skin(disc):
+def test_the_profile_is_the_pressure_along_the_skin(disc, tmp_path):
     zone = ls.read_results(disc).solution().contact["joint"]
     x, p = zone.surface.x, zone.pressure
     ends = zone.surface.faces.nodes[:, :2]
@@ -94,9 +92,16 @@ def test_the_profile_is_the_pressure_along_the_skin(disc):
     lengths = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
     assert not np.isnan(s).any() and s[0] == 0.0 and math.isclose(s[-1], lengths.sum()) and (np.diff(s) >= 0).all()
     assert np.sum(np.diff(s)[::2] * drawn[::2]) == pytest.approx(p @ np.bincount(zone.macro, lengths))
-    assert drawn.max() == p.max() > 0 and drawn.min() == 0.0
-    begins, ends = drawn[0], drawn[-1]
-    assert max(begins, ends) > 0.5 * p.max() and min(begins, ends) == 0.0  # pressed at one end of the arc
+    assert drawn.max() == p.max() > 0
+    assert max(drawn[0], drawn[-1]) > 0.5 * p.max() and min(drawn[0], drawn[-1]) == 0.0  # pressed at one end of the arc
+    for field, values in (("pressure", p), ("gap", zone.gap)):
+        axes = picture(disc, field).figure(tmp_path / "p.png").axes
+        (profile,) = [ax for ax in axes if ax.get_xlabel().startswith("length along")]
+        curves = {line.get_label(): np.nanmax(line.get_ydata()) for line in profile.lines}
+        assert curves.pop("macro-elements") == np.nanmax(values)
+        assert curves == (
+            {"recovered": pytest.approx(np.nanmax(zone.pressure_recovered))} if field == "pressure" else {}
+        )
 
 
 @given(
@@ -118,22 +123,6 @@ def test_chains_put_each_segment_after_the_one_before(lengths, closed, random):
     assert follows.all()
 
 
-def test_a_profile_has_the_curves_of_its_field(disc, tmp_path):
-    def curves(field):
-        figure = picture(disc, field).figure(tmp_path / "p.png")
-        ((axes,),) = ([ax for ax in figure.axes if ax.get_xlabel().startswith("length along")],)
-        return axes, {line.get_label(): line.get_ydata() for line in axes.lines}
-
-    zone = ls.read_results(disc).solution().contact["joint"]
-    axes, drawn = curves("pressure")
-    assert set(drawn) == {"macro-elements", "recovered"} and np.nanmax(drawn["macro-elements"]) == zone.pressure.max()
-    assert np.nanmax(drawn["recovered"]) == pytest.approx(np.nanmax(zone.pressure_recovered))
-    assert axes.get_ylabel() == "contact pressure"
-    axes, drawn = curves("gap")
-    assert set(drawn) == {"macro-elements"} and axes.get_ylabel() == "gap"
-    assert np.nanmax(drawn["macro-elements"]) == np.nanmax(zone.gap)
-
-
 # ---- in space
 
 
@@ -147,7 +136,7 @@ def pressed(tmp_path_factory):
 @pytest.fixture(scope="module")
 def seen(pressed, tmp_path_factory):
     """The picture of these blocks, its figure, and what the scene of the model was made of."""
-    given, once = {}, module().make_scene
+    given, once = {}, sys.modules["lacsolver.pictures.drawing"].make_scene
 
     def caught(mesh, skins, **options):
         given.update(options, mesh=mesh, skins=skins)
@@ -155,7 +144,7 @@ def seen(pressed, tmp_path_factory):
 
     drawn = picture(pressed, units=Units.of("N, mm, MPa"))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(module(), "make_scene", caught)
+        patched.setattr(sys.modules["lacsolver.pictures.drawing"], "make_scene", caught)
         return drawn, drawn.figure(tmp_path_factory.mktemp("seen") / "p.png"), given
 
 
@@ -199,37 +188,25 @@ def test_a_model_in_space_is_drawn_at_the_time_that_is_asked_for(pressed, tmp_pa
     assert main(["plot", str(pressed), "--time", "0.5", "--field", "recovered", "-o", str(tmp_path / "p.png")]) == 0
     assert "MB" in capsys.readouterr().out
     assert size(tmp_path / "p.png")[0] > 1000 and min(tones(tmp_path / "p.png", "34489b", "56b4b8")) > 300
-
-
-@pytest.mark.vtk
-def test_without_a_name_a_picture_stands_in_the_folder(pressed):
-    assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0
+    assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0  # without a name, into the folder
     assert tones(pressed / "status.png", STATES[2])[0] > 3000  # all macro-elements are closed
 
 
 @pytest.mark.vtk
 def test_where_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
-    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "nothing")
-    monkeypatch.setattr("lacmesh.view.offscreen.WINDOWS", ())
-    monkeypatch.setattr(
-        "lacmesh.view.offscreen.draw_in_subprocess", lambda *a: __import__("subprocess").CompletedProcess([], 1, "", "")
-    )
-    with pytest.raises(WriteError, match="nothing can be drawn here"):
+    monkeypatch.setattr("lacmesh.view.offscreen.windows", lambda: iter(()))
+    with pytest.raises(WriteError, match="nothing can be"):
         ls.plot(pressed, tmp_path / "p.png")
     assert not (tmp_path / "p.png").exists()
 
 
 @pytest.mark.parametrize(("pressure", "place"), [(5.0, 1.0), (0.0, 0.0), (-3.0, 0.0)])
-def test_a_uniform_pressure_has_one_colour(disc, pressure, place):
-    zone = ls.read_results(disc).solution().contact["joint"]
-    p = pressure * (1 + 1e-15 * np.arange(len(zone.pressure)))
-    scale = ColourScale.of(QUANTITIES["pressure"], [replace(zone, pressure=p)], Units())
-    np.testing.assert_allclose(np.asarray(scale.norm(p)), place, rtol=0, atol=1e-9)
-
-
-def test_round_off_is_drawn_as_nothing(sheared):
+def test_round_off_is_drawn_as_nothing_and_a_uniform_pressure_has_one_colour(sheared, pressure, place):
     zone = ls.read_results(sheared).solution().contact["joint"]
     rows = np.arange(len(zone.gap))
+    uniform = pressure * (1 + 1e-15 * rows)
+    scale = ColourScale.of(QUANTITIES["pressure"], [replace(zone, pressure=uniform)], Units())
+    np.testing.assert_allclose(np.asarray(scale.norm(uniform)), place, rtol=0, atol=1e-9)
     friction = zone.friction._replace(shear=1e-13 * zone.pressure[:, None])
     noise = replace(zone, gap=-1e-16 * (1 + rows), friction=friction)
     for name in ("gap", "shear"):
@@ -237,15 +214,6 @@ def test_round_off_is_drawn_as_nothing(sheared):
         assert ColourScale.of(QUANTITIES[name], [noise], Units()).high == 1.0
     small = replace(noise, gap=1e-9 * rows)
     np.testing.assert_array_equal(QUANTITIES["gap"].of(small), small.gap)
-
-
-def test_high_values_are_dark_and_states_have_colours_of_their_own():
-    scale = ColourScale("pressure", 0.0, 2.0)
-    low, high, none = 255 * scale.rgba(np.array([0.0, 2.0, np.nan]))
-    assert np.allclose(low[:3], rgb(RESULT[:1])) and np.allclose(high[:3], rgb(RESULT[-1:])) and none[3] == 0
-    assert high[:3].sum() < 0.3 * low[:3].sum()
-    states = ColourScale("", *QUANTITIES["status"].range_of(()), states=True)
-    assert np.allclose(255 * states.rgba(np.array([-1.0, 0, 1, 2]))[:, :3], rgb(STATES), atol=1)
 
 
 # ---- skins laid flat
@@ -317,13 +285,9 @@ def test_a_flat_skin_is_seen_along_its_normal():
 def test_a_ball_is_seen_from_two_sides(kind):
     octahedron = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]], float)
     faces = np.array([[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]])
-    if kind == "TRIA6":
-        ends, back = np.unique(
-            np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0, return_inverse=True
-        )
-        octahedron = np.concatenate([octahedron, octahedron[ends].mean(axis=1)])
-        faces = np.concatenate([faces, 6 + back.reshape(-1, 3)], axis=1)
-    views = views_of(*surface_of(octahedron, kind, faces), np.arange(8))
+    mesh = Mesh.create(octahedron, [("TRIA3", faces)], space_dim=3)
+    mesh = lacmesh.raise_order(mesh) if kind == "TRIA6" else mesh
+    views = views_of(Surface.of(mesh, np.arange(8)), mesh.points, np.arange(8))
     assert len(views) == 2 and sorted(np.concatenate([view.rows for view in views])) == [*range(8)]
     assert views[0].words != views[1].words
 
@@ -340,16 +304,6 @@ def test_outlines_are_those_of_macro_elements():
         (0, [0.5, 0.5]),
         (1, [1.5, 0.5]),
     ]
-
-
-def test_skins_are_cells_of_their_own(pressed):
-    solution = ls.read_results(pressed).solution()
-    zone = solution.contact["joint"]
-    made, value, groups = with_skins(
-        solution.mesh, solution.mesh.points, {"a": zone, "b": zone}, lambda z: z.pressure[z.macro]
-    )
-    assert groups == ["zone a", "zone b"] and made.n_cells == solution.mesh.n_cells + 2 * len(zone.surface)
-    assert np.isnan(value[: solution.mesh.n_cells]).all() and np.isfinite(value[solution.mesh.n_cells :]).all()
 
 
 # ---- friction
@@ -380,20 +334,13 @@ def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp
     (band,) = [own for own in axes.collections if own.get_linewidth()[0] == 7]
     states = ColourScale("", -1.0, 2.0, states=True).rgba(np.unique(zone.status).astype(float))
     assert np.allclose(np.unique(band.get_colors(), axis=0), np.unique(states, axis=0))
-
-
-FIELDS = ["status", "slip", *(pytest.param(field, marks=pytest.mark.slow) for field in ("shear", "path", "use"))]
-
-
-@pytest.mark.parametrize("field", FIELDS)
-def test_fields_of_friction_are_drawn(sheared, tmp_path, field):
-    ls.plot(sheared, tmp_path / "p.png", field=field)
-    assert size(tmp_path / "p.png")[0] > 1000
-
-
-def test_what_only_friction_has_is_refused_without_it(disc, tmp_path):
-    with pytest.raises(RequestError, match="slip is a field of contacts with friction, and no zone here has friction"):
-        ls.plot(disc, tmp_path / "p.png", field="slip")
+    assert np.allclose(
+        255 * ColourScale("", -1.0, 2.0, states=True).rgba(np.arange(-1.0, 3))[:, :3], rgb(STATES), atol=1
+    )
+    low, high, none = 255 * ColourScale("pressure", 0.0, 2.0).rgba(np.array([0.0, 2.0, np.nan]))
+    assert np.allclose(low[:3], rgb(RESULT[:1])) and np.allclose(high[:3], rgb(RESULT[-1:])) and none[3] == 0
+    for field in ("status", "slip", "shear", "path", "use"):
+        picture(sheared, field).figure(tmp_path / "p.png")
 
 
 # ---- zoomed
@@ -408,68 +355,40 @@ def test_a_zoomed_picture_shows_the_surroundings_of_the_contact(disc, tmp_path):
     begin, end = pressed_span(zone)
     s, p = along(zone.surface.faces.nodes[:, :2], zone.pressure[zone.macro], zone.surface.x)
     assert begin <= s[p > 0].min() and s[p > 0].max() < end < s[-1]
-    axes = picture(disc, zoom=True).figure(tmp_path / "p.png").axes
-    model, profile = axes[0], next(ax for ax in axes if ax.get_xlabel().startswith("length along"))
-    assert np.allclose(
-        [model.get_xlim(), model.get_ylim()], pressed_window([zone], zone.surface.x + picture(disc).u).T[:2]
-    )
-    assert profile.get_xlim() == (begin, end)
-    ls.plot(disc, tmp_path / "zoomed.png", zoom=True)
-    assert "to scale" in picture(disc, zoom=True).heading
+    drawn = picture(disc, zoom=True)
+    axes = drawn.figure(tmp_path / "p.png").axes
+    (profile,) = [ax for ax in axes if ax.get_xlabel().startswith("length along")]
+    window = pressed_window([zone], zone.surface.x + drawn.u).T[:2]
+    assert np.allclose([axes[0].get_xlim(), axes[0].get_ylim()], window)
+    assert profile.get_xlim() == (begin, end) and "to scale" in drawn.heading
+    none = replace(zone, pressure=0 * zone.pressure)
+    assert pressed_window([none], zone.surface.x) is None and pressed_span(none) is None
 
 
-def test_a_zoomed_picture_ends_where_the_skin_does(pressed, tmp_path):
-    """All of the skin is under pressure: its surroundings are no more than the skin."""
+def test_zoomed_pictures_end_where_the_skin_does_and_have_a_frame_for_each_contact(disc, pressed, tmp_path):
+    """All of a skin is under pressure: its surroundings are no more than it. Two contacts at the ends of a body."""
     whole, near = (
         [(ax.get_xlim(), ax.get_ylim()) for ax in picture(pressed, zoom=zoom).figure(tmp_path / "p.png").axes[1:]]
         for zoom in (False, True)
     )
     assert near == whole
-
-
-def test_two_zoomed_contacts_have_a_frame_each(disc, tmp_path):
-    """Two contacts at the ends of a body, far apart: each frame is as small as the contact is."""
     solution = ls.read_results(disc).solution()
-    fields, zone = solution.fields, solution.contact["joint"]
-    far = replace(zone, pressure=zone.pressure[::-1].copy())  # the other end of the skin is pressed
-    two = replace(solution, evaluate=lambda: replace(fields, zones={"joint": zone, "far": far}))
-    drawn = ContactPicture.of(two.mesh, two.fields, "pressure", (), Units.of(None), zoom=True)
-    x = zone.surface.x + drawn.u
+    zone = solution.contact["joint"]
+    zones = {"joint": zone, "far": replace(zone, pressure=zone.pressure[::-1].copy())}  # the other end is pressed
+    drawn = ContactPicture.of(solution.mesh, replace(solution.fields, zones=zones), "pressure", zoom=True)
     frames = [ax for ax in drawn.figure(tmp_path / "p.png").axes if ax.get_ylabel() == "y"]
-    for ax, one in zip(frames, (zone, far), strict=True):
-        assert np.allclose([ax.get_xlim(), ax.get_ylim()], pressed_window([one], x).T[:2])
-
-
-def test_without_pressure_a_zoomed_picture_shows_everything(disc):
-    zone = ls.read_results(disc).solution().contact["joint"]
-    none = replace(zone, pressure=0 * zone.pressure)
-    assert pressed_window([none], zone.surface.x) is None and pressed_span(none) is None
-
-
-def test_zoom_needs_a_plot(tmp_path, capsys):
-    (tmp_path / "case.toml").write_text(GOOD)
-    assert main(["run", str(tmp_path / "case.toml"), "--zoom"]) == 2
-    assert "--plot" in capsys.readouterr().err
+    for ax, one in zip(frames, zones.values(), strict=True):
+        window = pressed_window([one], zone.surface.x + drawn.u)
+        assert np.allclose([ax.get_xlim(), ax.get_ylim()], window.T[:2])
 
 
 # ---- the request
 
 
-@pytest.mark.parametrize("model, package", [("3d", "pyvista"), ("plane_strain", "matplotlib")])
-def test_a_missing_package_is_said_before_anything_is_solved(tmp_path, capsys, monkeypatch, model, package):
-    (tmp_path / "case.toml").write_text(GOOD.replace("plane_strain", model))
-    __import__("lacsolver.pictures.drawing")
-    monkeypatch.setattr(module(), "find_spec", lambda name: None if name == package else name)
-    assert main(["run", str(tmp_path / "case.toml"), "--plot", str(tmp_path / "p.png")]) == 2
-    line = f"lacsolver: error: a plot needs {package}; pip install 'lacmesh[view]' brings it\n"
-    assert capsys.readouterr().err == line
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["case.toml"]
-
-
-def test_the_command_draws_and_says_so(tmp_path, capsys, monkeypatch):
+def test_a_run_draws_and_says_so_and_keeps_a_picture_that_is_there(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     put(blocks(), tmp_path)
-    (tmp_path / "case.toml").write_text(GOOD)
+    (tmp_path / "case.toml").write_text(GOOD.replace("[[contact]]", "[[tie]]"))
     assert main(["run", "case.toml", "--plot", "p.png"]) == 0
     assert capsys.readouterr().out.endswith("the pressure at t = 1: p.png\n")
     assert size(tmp_path / "p.png")[0] > 1000
@@ -479,72 +398,59 @@ def test_the_command_draws_and_says_so(tmp_path, capsys, monkeypatch):
     assert main(["run", "case.toml", "--plot", "p.png", "--force", "-q"]) == 0
 
 
-def test_a_case_without_contact_is_refused_before_it_is_solved(tmp_path, capsys):
-    text = GOOD.replace('[[contact]]\nname = "joint"\nslave = "slave"\nmaster = "master"\n', "")
-    (tmp_path / "case.toml").write_text(text)
-    assert main(["run", str(tmp_path / "case.toml"), "--plot", str(tmp_path / "p.png")]) == 2
-    assert "the case has no [[contact]] and no [[tie]]" in capsys.readouterr().err
-
-
-def test_a_tie_is_drawn(tmp_path):
-    folder = solved(tmp_path, GOOD.replace("[[contact]]", "[[tie]]"), blocks())
-    assert ls.plot(folder, tmp_path / "p.png") == 1.0
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"field": "presure"}, RequestError, "did you mean"),
+        ({"field": "slip"}, RequestError, "contacts with friction"),
+        ({"zone": ["jont"]}, RequestError, "did you mean"),
+        ({"time": 0.7}, RequestError, "no fields were"),
+        ({"path": "p.jpg"}, RequestError, "is written as"),
+        ({"folder": "."}, ReadError, "holds no results"),
+    ],
+)
+def test_what_is_not_there_is_refused(disc, tmp_path, options, error, words):
+    with pytest.raises(error, match=words):
+        ls.plot(**{"folder": disc, "path": tmp_path / "p.png", **options})
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("words", "change", "missing", "says"),
     [
-        ({"field": "presure"}, "no field 'presure'; did you mean pressure?"),
-        ({"zone": ["jont"]}, "no zone 'jont'; did you mean joint?"),
-        ({"time": 0.7}, "no fields were written at t = 0.7; there are 1"),
-        ({"path": "p.jpg"}, "p.jpg: a picture is written as .png"),
+        ("run case.toml --zoom", ("", ""), "", "--plot"),
+        ("run case.toml --plot p.png", (JOINT, ""), "", "no [[contact]]"),
+        ("run case.toml --plot p.png", ("", ""), "matplotlib", "needs matplotlib; pip"),
+        ("run case.toml --plot p.png", ("plane_strain", "3d"), "pyvista", "needs pyvista; pip"),
+        ("plot DISC --history reaction.* --field gap -o p.png", ("", ""), "", "--field is for"),
     ],
 )
-def test_what_is_not_there_is_said(disc, tmp_path, options, words):
-    request = {"path": tmp_path / "p.png", **options}
-    with pytest.raises(RequestError) as error:
-        ls.plot(disc, **request)
-    assert words in str(error.value)
-
-
-def test_a_folder_without_results_is_said(tmp_path):
-    with pytest.raises(ReadError, match="holds no results of a run"):
-        ls.plot(tmp_path, tmp_path / "p.png")
-
-
-def test_a_picture_of_contact_takes_no_columns(disc, capsys):
-    assert main(["plot", str(disc), "--history", "reaction.*", "--field", "gap", "-o", "p.png"]) == 2
-    assert "--field is for a picture of the contact" in capsys.readouterr().err
+def test_what_makes_no_sense_is_refused_before_anything_is_solved(
+    disc, tmp_path, monkeypatch, capsys, words, change, missing, says
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("lacsolver.pictures.drawing.find_spec", lambda name: None if name == missing else name)
+    (tmp_path / "case.toml").write_text(GOOD.replace(*change) if change[0] else GOOD)
+    assert main([word.replace("DISC", str(disc)) for word in words.split()]) == 2
+    assert says in capsys.readouterr().err and [p.name for p in tmp_path.iterdir()] == ["case.toml"]
 
 
 # ---- fields in other forms
 
 
-def test_fields_in_med_are_drawn_too(tmp_path):
-    folder = solved(tmp_path, GOOD + '[output]\nformat = "med"\n', blocks())
-    vtu = solved(tmp_path, GOOD + '[output]\nformat = "vtu"\n')
-    one, other = (picture(f) for f in (folder, vtu))
-    ls.plot(vtu, tmp_path / "p.png")
-    assert np.array_equal(one.zones["joint"].pressure, other.zones["joint"].pressure)
-
-
-def test_pieces_of_several_processes_are_joined(tmp_path):
+def test_fields_in_med_and_in_pieces_of_several_processes_are_those_of_one_file(tmp_path):
     """A VTU of a plane model, taken apart into two pieces with a common row of nodes, as two processes write it."""
-    import lacmesh
-    from lacmesh.formats.vtu.collection import read_pvd, write_pvd
-    from lacsolver.output.stored import stored_fields
-
-    folder = solved(tmp_path, GOOD, blocks())
+    folder = solved(tmp_path, GOOD + '[output]\nformat = "med"\n', blocks())
+    in_med = picture(folder).zones["joint"].pressure
+    folder = solved(tmp_path, GOOD)
     before = ls.read_results(folder).solution()
+    assert np.array_equal(before.contact["joint"].pressure, in_med)
     ((time, file),) = read_pvd(folder / "solid.pvd").items()
     whole = lacmesh.read(folder / file)
-    ends = np.split(np.arange(whole.n_cells), [whole.n_cells // 3])
-    for k, cells in enumerate(ends):
+    for k, cells in enumerate(np.split(np.arange(whole.n_cells), [whole.n_cells // 3])):
         lacmesh.write(folder / "fields" / f"piece_{k}.vtu", restricted(whole, cells))
     pieces = "".join(f'<Piece Source="piece_{k}.vtu"/>' for k in range(2))
-    (folder / "fields" / "solid_0001.pvtu").write_text(
-        f"<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>"
-    )
+    text = f"<VTKFile><PUnstructuredGrid>{pieces}</PUnstructuredGrid></VTKFile>"
+    (folder / "fields" / "solid_0001.pvtu").write_text(text)
     write_pvd(folder / "solid.pvd", {time: "fields/solid_0001.pvtu"})
     after = ls.read_results(folder).solution()
     assert stored_fields(folder).times == [time]
@@ -557,59 +463,38 @@ def test_pieces_of_several_processes_are_joined(tmp_path):
 
 def restricted(mesh, cells):
     """Some cells of a mesh, with their nodes, numbers and data."""
-    inside = np.isin(np.arange(mesh.n_cells), cells)
-    blocks = [
-        (block.type, block.nodes[inside[low : low + len(block.nodes)]])
-        for block, low in zip(mesh.blocks, mesh.offsets, strict=False)
-    ]
-    blocks = [(kind, nodes) for kind, nodes in blocks if len(nodes)]
-    used = np.unique(np.concatenate([nodes.ravel() for _, nodes in blocks]))
-    return Mesh.create(
-        mesh.points[used],
-        [(kind, np.searchsorted(used, nodes)) for kind, nodes in blocks],
-        space_dim=mesh.space_dim,
-        node_number=mesh.node_number[used],
-        cell_number=mesh.cell_number[inside],
-        node_data={name: values[used] for name, values in mesh.node_data.items()},
-        cell_data={name: values[inside] for name, values in mesh.cell_data.items()},
-        zones=mesh.zones,
-    )
+    chosen = list(mesh.select(cells))
+    used = np.unique(np.concatenate([nodes.ravel() for _, _, nodes in chosen]))
+    nodes = {name: values[used] for name, values in mesh.node_data.items()}
+    data = {name: values[cells] for name, values in mesh.cell_data.items()}
+    numbers = {"node_number": mesh.node_number[used], "cell_number": mesh.cell_number[cells]}
+    blocks = [(kind, np.searchsorted(used, own)) for kind, _, own in chosen]
+    made = Mesh.create(mesh.points[used], blocks, space_dim=mesh.space_dim, **numbers)
+    return replace(made, node_data=nodes, cell_data=data, zones=mesh.zones)
 
 
 def test_units_are_words_alone(tmp_path):
-    plain = solved(tmp_path, GOOD, blocks())
-    before = (plain / "contact_joint.csv").read_bytes()
-    assert "units" not in ls.read_results(plain).summary
-    named = solved(tmp_path, GOOD + '[output]\nunits = "N,mm, MPa"\n')
-    assert (named / "contact_joint.csv").read_bytes() == before
-    results = ls.read_results(named)
+    folder = solved(tmp_path, GOOD, blocks())
+    before = (folder / "contact_joint.csv").read_bytes()
+    assert "units" not in ls.read_results(folder).summary
+    results = ls.read_results(solved(tmp_path, GOOD + '[output]\nunits = "N,mm, MPa"\n'))
+    assert (folder / "contact_joint.csv").read_bytes() == before
     assert results.summary["units"] == "N, mm, MPa" and results.solution().units == Units("N", "mm", "MPa")
-    assert ls.solve(tmp_path / "case.toml").units.energy == "N mm"
+    assert results.solution().units.energy == "N mm"
     for wrong in ("N", "N, mm", "N, , MPa", "a, b, c, d, e"):
-        (tmp_path / "case.toml").write_text(GOOD + f'[output]\nunits = "{wrong}"\n')
-        with pytest.raises(ls.CaseError, match="it takes names for force, length, stress"):
-            ls.read_case(tmp_path / "case.toml")
+        with pytest.raises(ls.CaseError, match="names for force"):
+            ls.parse_case(GOOD + f'[output]\nunits = "{wrong}"\n', tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize(
+    ("u", "closed", "times"), [(0, None, 1), (1e-3, None, 200), (1e-3, 1e-3, 20), (1e-3, 1, 1), (5, None, 1)]
+)
+def test_displacements_are_magnified_as_far_as_bodies_do_not_overlap(u, closed, times):
+    bar = Mesh.create([[0, 0], [10, 0]], [("SEG2", [[0, 1]])])
+    assert (
+        magnification(bar, np.array([[0.0, 0, 0], [u, 0, 0]]), **({} if closed is None else {"closed": closed}))
+        == times
+    )
 
 
 # ---- magnified
-
-
-def test_displacements_are_magnified_as_far_as_bodies_do_not_overlap():
-    bar = Mesh.create([[0, 0], [10, 0]], [("SEG2", [[0, 1]])])
-    u = np.zeros((2, 3))
-    assert magnification(bar, u) == 1.0
-    u[1, 0] = 1e-3
-    assert magnification(bar, u) == 200.0
-    assert magnification(bar, u, closed=1e-3) == 20.0
-    assert magnification(bar, u, closed=1.0) == 1.0
-    u[1, 0] = 5.0
-    assert magnification(bar, u) == 1.0
-
-
-def test_a_gap_that_has_closed_limits_the_magnification(disc):
-    """The disc's arc leaves the block by x^2 / 2 r: what has closed at the end of the contact."""
-    drawn = picture(disc)
-    zone = drawn.zones["joint"]
-    closed = largest_closed(drawn.mesh, drawn.u, [zone])
-    half = np.abs(zone.centre[zone.pressure > 0, 0]).max()
-    assert 0.3 * half**2 / 2 < closed < 3 * half**2 / 2

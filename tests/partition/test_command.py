@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from itertools import pairwise
 from types import SimpleNamespace
@@ -16,18 +15,10 @@ from lacmesh.cli import main
 from lacmesh.errors import DataError, RequestError
 from lacmesh.partition import distribute_nodes, part_of, read_part
 from lacmesh.partition.metis import distribute_by_metis
+from tests import REPOSITORY
 from tests.partition.compare import differences
-from tests.test_readme import ROOT, blocks, run_commands
 
-PAGE = ROOT / "docs" / "partition.md"
-BLOCKS = str(ROOT / "data" / "two_blocks.msh")
-
-
-def test_commands_and_example_of_the_page_run(fresh):
-    assert run_commands(PAGE) == 3
-    code = "\n".join(blocks(PAGE, "python"))
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=fresh)
-    assert "of them its own" in done.stdout and " cells of 1520\n" in done.stdout, done.stderr
+BLOCKS = str(REPOSITORY / "data" / "two_blocks.msh")
 
 
 def test_parts_are_written_beside_the_mesh_and_told(fresh, capsys):

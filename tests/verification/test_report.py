@@ -13,8 +13,8 @@ import pytest
 
 from lacmesh.report import charts
 from lacmesh.report.charts import Chart, Line, Plot
-from tests.browser import Browser
 from tests.verification.report_runs import NASTY, TYPES, make_run
+from tests.viewing import Browser
 from verification import report
 from verification.records import Published, at_least, at_most, equal, informative, levels_of, rate
 from verification.report import convergence, judging, outline

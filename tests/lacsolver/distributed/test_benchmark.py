@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from tests.skips import REPOSITORY
+from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
 

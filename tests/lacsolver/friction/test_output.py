@@ -16,8 +16,8 @@ from lacsolver.case import Case, Contact, Displacement, Material, Output, Steps
 from lacsolver.output import create_output, read_state
 from lacsolver.output.tables import CONTACT_COLUMNS, contact_columns
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.test_output_docs import OF_FRICTION
 from tests.samples import each_option
+from tests.test_pages import RUBBED as OF_FRICTION
 
 # few steps leave over much of the energy that friction takes, as they should say
 pytestmark = pytest.mark.filterwarnings("ignore:steps are too long for the energy")
