@@ -549,6 +549,7 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     "slid": check_slid,
     "smooth": check_smooth,
     "by the master": check_by_the_master,
+    "by the slave": check_creased,
     "creased": check_creased,
     "tied faces": check_tied,
     "tied creased": check_tied,

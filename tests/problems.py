@@ -414,6 +414,7 @@ PROBLEMS = {
     ),
     "smooth": slanted(contact(normals="smoothed", surface="faces")),
     "by the master": slanted(contact(normals="master", surface="faces")),
+    "by the slave": slanted(contact(normals="slave", surface="faces")),
     "creased": slanted(contact(surface="smooth", crease_angle=20.0)),
     "tied faces": slanted(Tie(slave="slave", master="master", surface="faces")),
     "tied creased": slanted(Tie(slave="slave", master="master", surface="smooth", crease_angle=20.0)),

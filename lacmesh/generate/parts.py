@@ -195,7 +195,7 @@ def divided(points: Floats, boxes: Ints, patterns: Sequence[Pattern], which: Int
     rows: dict[str, list[Ints]] = defaultdict(list)
     for k, pattern in enumerate(patterns):
         own = boxes if len(patterns) == 1 else boxes[which == k]
-        for kind, corners in pattern:
+        for kind, corners in pattern if len(own) else ():
             rows[kind].append(own[:, corners])
     cells = {kind: np.concatenate(parts) for kind, parts in rows.items()}
     return points, {kind: nodes for kind, nodes in cells.items() if len(nodes)}

@@ -56,13 +56,16 @@ _BLOCKS, _FALL = 3, 0.7
 _STIFFER, _STIFF, _STIFFEST = 0.1, 0.1, 1e-12
 #: reduction of the residual in a solve with springs
 LOOSE_WITH_SPRINGS = 1e-6
+#: part of the largest displacement below which a step on springs has not moved the bodies
+_RESTS = 1e-12
 #: accuracy of gaps and pressures in a solve, relative to the tolerance: smaller ones are round-off. In thin bodies
 #: pressures within the tolerance carry a part of the load
 _ACCURACY = 1e-3
 #: relative tolerance for the rank of the active rows on the rigid-body modes, and for the load left along them
 _STOPPED = 1e-8
-#: stiffness along a mode in place of zero, in any units: a load moves the body farther than any gap
-_NO_STIFFNESS = 1e-150
+#: stiffness along a mode in place of zero, in any units: a load moves the body farther than any gap; part of the
+#: stiffness of the bodies, or of other modes, below which it is round-off
+_NO_STIFFNESS, _ROUNDING = 1e-150, 1e-15
 
 
 def active_set_iterates(
@@ -87,7 +90,7 @@ def active_set_iterates(
     """
     free = K.R if free is None else free
     vectors, accuracy = tolerance.vectors, replace(tolerance, tolerance=_ACCURACY * tolerance.tolerance)
-    resistance = products(vectors, free, product(K, free, geometric))
+    resistance = stiffness_along(K, free, geometric)
     (q, p, _), contact = start, contact_at(start.q)
     rows = contact.first_rows(start.active, p, held=not free.shape[1])
     p = np.where(rows.state, p, 0.0)
@@ -128,8 +131,10 @@ def active_set_iterates(
             if pivots.cycles(rows):
                 found = split(K, f, contact.with_gaps(contact.G + contact.rows.D @ q), free, pivots.tried)
             pivots.record(rows, wanted, better)
-        following = wanted if done or found else pivots.next(rows, wanted, reduction == 0, p, tolerance.scale(q))
-        if following is None:
+        springs, moved = pivots.springs, tolerance.scale(q)
+        following = wanted if done or found else pivots.next(rows, wanted, reduction == 0, p, moved)
+        rests = pivots.springs == springs > 0 and tolerance.scale(q - before.q) <= _RESTS * moved
+        if following is None or rests:  # bodies that have come to rest on their springs without a set have none
             return
         p, rows = found or (p, following)
 
@@ -177,6 +182,14 @@ def close_rows_against_rigid_modes(
     return rows
 
 
+def stiffness_along(K: Operator, R: Floats, C: csr_array | None = None) -> NDArray[np.floating]:
+    """Return the stiffness R^T (K + C) R (r, r) along modes R (n, r), zero where it is round-off of the bodies' own."""
+    A = products(K.vectors, R, product(K, R, C))
+    size = K.vectors.dots((R * R).T, np.abs(K.scaling)).max(initial=0.0)
+    stiffness, axes = np.linalg.eigh((A + A.T) / 2)
+    return np.asarray((axes * np.where(np.abs(stiffness) > _ROUNDING * size, stiffness, 0.0)) @ axes.T)
+
+
 def _motions(K: Floats, load: Floats, least: float) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Return two motions (r,) along modes of stiffness K (r, r): where a load pushes a body, and to its state of rest.
 
@@ -185,7 +198,8 @@ def _motions(K: Floats, load: Floats, least: float) -> tuple[NDArray[np.floating
     """
     stiffness, axes = np.linalg.eigh((K + K.T) / 2)
     along = axes.T @ load
-    pushed = np.where(np.abs(along) > least, along, 0.0) / np.maximum(np.abs(stiffness), _NO_STIFFNESS)
+    resists = np.abs(stiffness) > _ROUNDING * np.abs(stiffness).max(initial=0.0)
+    pushed = np.where(np.abs(along) > least, along, 0.0) / np.where(resists, np.abs(stiffness), _NO_STIFFNESS)
     return axes @ pushed, axes @ (np.sign(stiffness) * pushed)
 
 

@@ -29,15 +29,14 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
 from lacsolver.bodies.finite import InadmissibleError
-from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes
+from lacsolver.equilibrium.active_set import LOOSE_WITH_SPRINGS, Pivots, close_rows_against_rigid_modes, stiffness_along
 from lacsolver.equilibrium.search import Trial
 from lacsolver.equilibrium.splitting import split
 from lacsolver.linear import LinearError
-from lacsolver.linear.vectors import products
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import ContactSystem
 from lacsolver.saddle.kept_directions import KeptDirections
-from lacsolver.saddle.operator import Operator, product
+from lacsolver.saddle.operator import Operator
 from lacsolver.saddle.row_set import OUT, RowSet
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
@@ -227,7 +226,7 @@ def _resistance(there: Linearization, K: Operator, R: Floats, rows: RowSet, p: F
     if not R.shape[1]:
         return np.zeros((0, 0))
     stays = there.contact.lawful(np.where(rows.state != OUT, p, 0.0))
-    return products(K.vectors, R, product(K, R, _total(there.geometric_stiffness(stays), there.change(K))))
+    return stiffness_along(K, R, _total(there.geometric_stiffness(stays), there.change(K)))
 
 
 def _split(there: Linearization, K: Operator, step: _Step, wanted: RowSet) -> tuple[Floats, RowSet] | None:

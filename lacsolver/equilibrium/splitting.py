@@ -38,6 +38,8 @@ _MEMORY = 2**27
 _SWEEPS, _SOLVES, _EXCHANGES = 20, 10, 4
 #: residual of the laws, relative to the largest gap that pressures open, below which a set is that of the solution
 _MET = 1e-9
+#: factor by which forces grow in an iteration that diverges, as it does on faces that have turned over
+_DIVERGES = 1e6
 #: largest change of rho at a time, and change of a compliance from problem to problem
 _STEP = 5.0
 #: its change after a problem that is not solved, most of those in a row, and its least value, in parts of W
@@ -157,10 +159,10 @@ class _Condensed(NamedTuple):
 
     @property
     def metric(self) -> NDArray[np.floating]:
-        """Diagonal (m,) of W + S, its mean along the tangents of a macro-element; 0 where forces have no bound."""
+        """Diagonal (m,) of |W| + S, its mean along the tangents of a macro-element; 0 where forces have no bound."""
         m, at = len(self.DR), self.at
         size = np.zeros(m)
-        size[at] = self.W[at].diagonal() + self.contact.equations(np.zeros(m), np.ones(m, bool))[1][at]
+        size[at] = np.abs(self.W[at].diagonal()) + self.contact.equations(np.zeros(m), np.ones(m, bool))[1][at]
         return np.where(self.contact.one_sided, self.contact.alike(size), 0.0)
 
     def softened(self, compliance: Floats, p: Floats) -> _Condensed:
@@ -205,10 +207,14 @@ class _Splitting:
         self._factorise()
 
     def found(self) -> _State | None:
-        """Return the state that fulfils the laws; None if it is not found."""
+        """Return the state that fulfils the laws; None if it is not found, or if the iteration diverges."""
         tried: set[bytes] = set()
+        most = _DIVERGES * float(np.linalg.norm(self.z)) or np.inf
         for _ in range(_SOLVES):
-            self._sweeps()
+            with np.errstate(over="ignore", invalid="ignore"):
+                self._sweeps()
+                if not np.linalg.norm(self.z) < most:
+                    return None
             p = self._on_rows(self.projected(self.z))
             rows = self.problem.contact.lawful_rows(self._on_rows(self.z))
             now = self.problem.exchanged(self.problem.state(p, self.a, rows), rows, tried)

@@ -69,6 +69,7 @@ shear_limit = 5
 slave = "Group_5"
 master = "Group_6"
 hexa = "pyramid"
+normals = "slave"
 initial = "none"
 law = "table"
 pressures = [[0.0, 0.0], [1.0, 0.1], [5, 0.2]]

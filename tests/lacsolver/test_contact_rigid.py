@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lacmesh import Mesh, raise_order
+from lacmesh.generate.parts import raised
 from lacsolver.results.state import CONTACT, OPEN
-from tests.lacsolver.bodies import raised, square
+from tests.lacsolver.bodies import square
 from tests.lacsolver.contact_cases import JOINT, POISSON, SLIDING, YOUNG, held, only, resultant, stresses
 from tests.lacsolver.patch_meshes import block, joined, stack
 from tests.samples import each_option

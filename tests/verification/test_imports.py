@@ -13,6 +13,7 @@ MODULES = sorted((Path(__file__).resolve().parents[2] / "verification").rglob("*
 WHOLE = {
     *("lacmesh.reference.quadrature", "lacmesh.reference.shapes"),
     *("lacmesh.cli.program", "lacmesh.cli.options", "lacmesh.cli.terminal", "lacmesh.errors", "lacmesh.formats.output"),
+    *("lacmesh.generate", "lacmesh.generate.parts"),  # shapes, and what shapes of one's own are made of
     # parts of a mesh, and the processes that share a model (docs/partition.md, docs/install_petsc.md)
     *("lacmesh.partition", "lacsolver.distributed.launch", "lacsolver.distributed.processes"),
     # what its reports are made of, as lacmesh's own are

@@ -8,7 +8,7 @@ import pytest
 import lacsolver as ls
 from lacmesh import Mesh
 from lacsolver.case import Case, Contact, Displacement, Dynamics, Gravity, Initial, Material, Pressure, Steps
-from verification.meshes.blocks import boxed, grid, joined
+from verification.meshes.blocks import block, joined
 from verification.meshes.stacks import stack
 
 MU = 0.3
@@ -129,11 +129,9 @@ def test_a_block_held_by_friction_alone_stays_where_it_is_without_a_load(cell, p
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(kinematics):
     """It slides outwards and back by the same on all sides, as the model has two planes of symmetry."""
-    plate, block = ((0, 0, 0), (2, 2, 0.5)), ((0.5, 0.5, 0.5), (1.5, 1.5, 1.5))
+    plate, upper = ((0, 0, 0), (2, 2, 0.5)), ((0.5, 0.5, 0.5), (1.5, 1.5, 1.5))
     names = {"z0": "base", "z1": "under"}, {"z0": "foot", "z1": "top", "": "block"}
-    mesh = joined(
-        [(boxed("HEXA8", *grid((2, 2, 1), *box), *box), own) for box, own in zip((plate, block), names, strict=True)]
-    )
+    mesh = joined([(block("HEXA8", (2, 2, 1), *box), own) for box, own in zip((plate, upper), names, strict=True)])
     load = [[0, 0], [1, 6.8], [2, 0], [3, 6.8]]
     case = Case(
         model="3d", kinematics=kinematics,
@@ -145,6 +143,6 @@ def test_a_block_that_slips_as_it_is_pressed_stays_in_the_middle_without_a_load(
     for solution in ls.march(case, mesh):
         problem, state = solution._own("its displacements")[:2]
         space = problem.space
-        block = np.unique(np.concatenate([c.ravel() for *_, c in space.mesh.select(space.mesh.cell_groups["block"])]))
-        moved = state.u.reshape(-1, 3)[block]
+        nodes = np.unique(np.concatenate([c.ravel() for *_, c in space.mesh.select(space.mesh.cell_groups["block"])]))
+        moved = state.u.reshape(-1, 3)[nodes]
         np.testing.assert_allclose(moved.mean(axis=0)[:2], 0, atol=1e-5 * 6.8e-3)
