@@ -219,7 +219,9 @@ class RunOutput:
             modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
             weight = None if problem.inertia is None else problem.inertia.weight
             loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
-        message = "\n".join([*filter(None, [self._linear_solver, self._folded]), *messages])  # that was warned of when it happened
+        message = "\n".join(
+            [*filter(None, [self._linear_solver, self._folded]), *messages]
+        )  # that was warned of when it happened
         self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:
             warnings.warn(LacmeshWarning(message), stacklevel=4)

@@ -1,7 +1,7 @@
 """Cells that are folded: J = det F falls to zero inside, though it is positive at all integration points.
 
-Forces see F at integration points alone. So Newton's method may find an equilibrium in which a corner has changed places
-with its mid-side node, or in which the body is wound once around a point of a cell.
+Forces see F at integration points alone. So Newton's method may find an equilibrium in which a corner has changed
+places with its mid-side node, or in which the body is wound once around a point of a cell.
 
 The volume element of a cell is a polynomial. Its coefficients in Bernstein's basis bound it from below, and those at
 corners are its values there (Johnen, Remacle and Geuzaine, J. Comput. Phys. 233, 2013). A cell that the bound leaves in
@@ -30,8 +30,8 @@ from lacsolver.space.space import Space
 
 #: least volume element of a cell, relative to its largest coefficient, below which it is folded
 _FLAT = 1e-3
-#: bisections of each factor of a cell
-_DEPTH = 10
+#: how often a cell is halved in each direction before one that is still in doubt is taken as folded
+_DEPTH = 5
 #: dimensions of the simplices of which cells of a family are products
 _FACTORS = {"TRIA": (2,), "QUAD": (1, 1), "TETRA": (3,), "HEXA": (1, 1, 1), "PENTA": (2, 1)}
 
@@ -39,9 +39,9 @@ _FACTORS = {"TRIA": (2,), "QUAD": (1, 1), "TETRA": (3,), "HEXA": (1, 1, 1), "PEN
 class _Bernstein(NamedTuple):
     """Volume element of a type of cell in Bernstein's basis of m functions.
 
-    `dN` (m + 1, n, dim): gradients at the points that define it, and at an integration point; `coefficients` (m, m): of
-    values there; `corners` (k,): functions that are 1 at a corner; `halves`: for each factor, coefficients (m, m) on the
-    two halves of a cell from those on the cell.
+    `dN` (m + 1, n, dim): gradients at m points of a lattice, and at an integration point; `coefficients` (m, m): those
+    of values at the lattice; `corners` (k,): functions that are 1 at a corner; `halves`: for each bisection, coefficients
+    (m, m) on the two halves of a cell from those on the cell; all of them halve it in each direction.
     """
 
     dN: NDArray[np.floating]
@@ -64,9 +64,9 @@ def folded(problem: Problem, u: Floats, t: float) -> str:
     number, *place = every[every[:, 0].argmin()].tolist()
     who = f"cell {number:.0f}" if len(every) == 1 else f"{len(every)} cells, the first {number:.0f},"
     return (
-        f"{who} near ({', '.join(space.told(np.array(place)))}) folded at time {t:.6g}: the volume falls to zero between "
-        "integration points, where forces do not see it, and this may be a wrong equilibrium; take smaller steps, or "
-        "smaller or linear cells there"
+        f"{who} near ({', '.join(space.told(np.array(place)))}) folded at time {t:.6g}: the volume falls to zero "
+        "between integration points, where forces do not see it, and this may be a wrong equilibrium; take smaller "
+        "steps, or smaller or linear cells there"
     )
 
 
@@ -99,7 +99,10 @@ def _fold(name: str, nodes: Ints, x: Floats) -> NDArray[np.bool_]:
         for halves in basis.halves:
             out[cell[(b[:, basis.corners] <= 0).any(axis=1)]] = True
             doubt = (b <= 0).any(axis=1) & ~out[cell]
+            if not doubt.any():
+                return out
             b, cell = np.concatenate([b[doubt] @ half.T for half in halves]), np.tile(cell[doubt], 2)
+    out[cell[(b <= 0).any(axis=1)]] = True
     return out
 
 
@@ -116,7 +119,8 @@ def _basis(name: str) -> _Bernstein:
     halves = []
     for k, (n, degree) in enumerate(factors):
         parts = [inverse[k] @ _bernstein(n, degree, lattices[k] @ half) for half in _halves(n)]
-        halves.append(tuple(reduce(np.kron, [*whole[:k], part, *whole[k + 1 :]]) for part in parts))
+        first, second = (reduce(np.kron, [*whole[:k], part, *whole[k + 1 :]]) for part in parts)
+        halves += n * [(first, second)]  # as many bisections halve all edges of a simplex
     axes = (B[:, 1:] if B.shape[1] > 2 else 2 * B[:, 1:] - 1 for B in lattices)
     X = np.array([np.concatenate(rows) for rows in product(*axes)])
     dN = gradient(name, np.concatenate([X, cell_rule(name)[0][:1]]))
@@ -141,9 +145,9 @@ def _bernstein(n: int, degree: int, B: Floats) -> NDArray[np.floating]:
 
 
 def _halves(n: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Return the corners (n + 1, n + 1), barycentric, of the halves of a simplex whose first and last corner are parted.
+    """Return barycentric corners (n + 1, n + 1) of the halves of a simplex, bisected at its edge from first to last.
 
-    The edge to be parted next is another one, so that all become short.
+    In the order of the halves' corners the next bisection is of another edge, so that all become short.
     """
     corner = np.eye(n + 1)
     rest = [(corner[0] + corner[n]) / 2, *corner[1:n]]
