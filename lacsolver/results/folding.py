@@ -40,8 +40,8 @@ class _Bernstein(NamedTuple):
     """Volume element of a type of cell in Bernstein's basis of m functions.
 
     `dN` (m + 1, n, dim): gradients at m points of a lattice, and at an integration point; `coefficients` (m, m): those
-    of values at the lattice; `corners` (k,): functions that are 1 at a corner; `halves`: for each bisection, coefficients
-    (m, m) on the two halves of a cell from those on the cell; all of them halve it in each direction.
+    of values at the lattice; `corners` (k,): functions that are 1 at a corner; `halves`: for each bisection, from
+    coefficients on a cell those on its two halves (m, m). All bisections together halve it in each direction.
     """
 
     dN: NDArray[np.floating]
