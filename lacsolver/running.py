@@ -140,6 +140,8 @@ class RunOutput:
         self._last: State | None = None
         self._compressed: Floats | None = None
         self._linear_solver = ""
+        #: the first sentence about cells that are folded at a node, of which `march` has warned
+        self._folded = ""
         #: largest covered fraction of each zone so far, 1 once it has been in contact
         self._covered: dict[str, float] = {}
         #: macro-elements of each zone with friction in contact at the end of the last step, and the first warning of it
@@ -181,6 +183,7 @@ class RunOutput:
             covered = 1.0 if touches else float((zone.area * zone.coverage).sum() / zone.area.sum())
             self._covered[zone.name] = max(self._covered.get(zone.name, 0.0), covered)
         self._linear_solver = self._linear_solver or state.linear_solver
+        self._folded = self._folded or state.folded
         self._way = self._way or next(sliding_since_contact(state, self._touched), "")
         self._turned = self._turned or next(turned_far(problem, state, self._rigid), "")
         self._dipped = self._dipped or next(dipped(problem, state), "")
@@ -216,7 +219,9 @@ class RunOutput:
             modes = tuple(motion.words for motion in last.held if np.isnan(motion.part))
             weight = None if problem.inertia is None else problem.inertia.weight
             loads = resultants(problem.space, problem.materials, problem.case, last.time, u=last.u, weight=weight)
-        message = "\n".join([*filter(None, [self._linear_solver]), *messages])  # that was warned of when it happened
+        message = "\n".join(
+            [*filter(None, [self._linear_solver, self._folded]), *messages]
+        )  # that was warned of when it happened
         self.results = replace(self.results, status="done", held=modes, message=message, loads=loads, **self._spent())
         for message in messages:
             warnings.warn(LacmeshWarning(message), stacklevel=4)

@@ -28,6 +28,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import still_free
 from lacsolver.problem.sectors import check_stays_in_sector
 from lacsolver.problem.turned import turned_too_far
+from lacsolver.results.folding import folded
 from lacsolver.results.results import Restart
 from lacsolver.results.state import (
     CONTACT,
@@ -51,7 +52,7 @@ _SAME = 1e-9
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
-#: halvings of a step that converged, whose scheme asks for a smaller one
+#: halvings of a step that converged, whose scheme asks for a smaller one, or in which a cell folds at a node
 _REFINED = 3
 
 
@@ -80,7 +81,7 @@ class NotConvergedError(LacmeshError):
 
 @dataclass
 class _Attempts:
-    """Iterations, halvings and residuals of a step so far. `refined`: halvings that the time scheme asked for."""
+    """Iterations, halvings and residuals of a step so far. `refined`: halvings although it converged."""
 
     iterations: int = 0
     halvings: int = 0
@@ -117,7 +118,7 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned, left = start.step if start else StepState(), False, False
+    state, warned, left, told = start.step if start else StepState(), False, False, False
     acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
@@ -129,6 +130,9 @@ def march(
             left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or _acts(step, converged.u, outcome.iterate.p)
+            if converged.folded and not told:
+                warnings.warn(LacmeshWarning(converged.folded), stacklevel=2)
+                told = True
             yield converged
     if not acted:
         message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"
@@ -195,7 +199,9 @@ def _marched(
             _check_prescribed_gaps(step, q, outcome.contact)
             _check_prescribed_slips(step, outcome)
             histories = step.commit(q, p, active, outcome.contact)
-            if attempts.refined < _REFINED and model.scheme.too_coarse(model, state, histories.scheme):
+            fold = folded(model.problem, step.u(q), step.t)
+            coarse = bool(fold) and _folds_in(step, target - began)
+            if attempts.refined < _REFINED and (coarse or model.scheme.too_coarse(model, state, histories.scheme)):
                 attempts.refined += 1
                 attempts.halvings += 1
                 state = state.with_step_size((step.t - state.time) / 2)
@@ -205,8 +211,18 @@ def _marched(
             state = state.commit(step.t, iterate, state.step_size * steps.growth, histories, work)
             state = replace(state, earlier=None) if came_to_rest else state  # loads have ended: nothing to extrapolate
             last = steps.last - state.time <= _SAME * steps.last
-            yield step, outcome, _state(step, outcome, attempts, state, last)
+            yield step, outcome, replace(_state(step, outcome, attempts, state, last), folded=fold)
             attempts = _Attempts()
+
+
+def _folds_in(step: LoadStep, planned: float) -> bool:
+    """Return True if cells that end a step folded were not so at its start, and a smaller step is still worth a try.
+
+    `planned`: size of the step that was asked for. A cell that must fold does so in each of the smaller steps.
+    """
+    problem, state = step.model.problem, step.state
+    least = planned / 2 ** min(_REFINED, problem.case.steps.max_halvings)
+    return step.t - state.time > least * (1 + _SAME) and not folded(problem, step.u_before, state.time)
 
 
 def _passed(step: LoadStep, outcome: Outcome) -> str | None:

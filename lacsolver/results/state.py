@@ -193,7 +193,8 @@ class State(Described):
     `held`: rigid-body motions that only contact constrains, and `prescribed`: largest prescribed displacement.
     `equations`: forces (k,) of the equations C u = g of each record that has some, by name, which act on the bodies by
     C^T times them; `further`: values (n_s,) of the further unknowns of equations, by name. `linear_solver`: a sentence
-    about the solver that had to take the place of rslab, "" where none had.
+    about the solver that had to take the place of rslab, "" where none had; `folded`: one about cells that are folded
+    at a node, "" without any.
     """
 
     time: float
@@ -212,3 +213,4 @@ class State(Described):
     equations: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     further: Mapping[str, NDArray[np.floating]] = field(default_factory=dict)
     linear_solver: str = ""
+    folded: str = ""

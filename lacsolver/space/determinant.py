@@ -11,16 +11,13 @@ from lacmesh.mesh import Floats, Ints
 def determinant(nodes: Ints, x: Floats, dN: Floats) -> NDArray[np.floating]:
     """Return det J (c, p) of cells with nodes (c, n) at x (n_nodes, 3), for dN (p, n, dim), dim 2 (in x, y) or 3."""
     n_points, n, dim = dN.shape
-    J = np.zeros((dim, dim, n_points, len(nodes)))
-    for a in range(n):
-        x_a = x[nodes[:, a]]
-        for s in range(dim):
-            for d in range(dim):
-                J[s, d] += dN[:, a, d, None] * x_a[:, s]
+    of_nodes = x[nodes, :dim].transpose(1, 0, 2).reshape(n, -1)
+    J = (dN.transpose(2, 0, 1).reshape(-1, n) @ of_nodes).reshape(dim, n_points, len(nodes), dim)
+    J = J.transpose(0, 3, 2, 1)
     if dim == 2:
-        return (J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]).T
+        return J[0, 0] * J[1, 1] - J[0, 1] * J[1, 0]
     return (
         J[0, 0] * (J[1, 1] * J[2, 2] - J[1, 2] * J[2, 1])
         + J[0, 1] * (J[1, 2] * J[2, 0] - J[1, 0] * J[2, 2])
         + J[0, 2] * (J[1, 0] * J[2, 1] - J[1, 1] * J[2, 0])
-    ).T
+    )
