@@ -16,8 +16,8 @@ the slope of p, which alternate and decrease to about a third from one macro-ele
 those of least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of
 that for the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a
 mean on the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again. Also
-in space patches are twice as wide there, if means scatter no more about the wide fit; slopes and curvatures are left out of it
-that explain no more of the means than chance does (Fisher's F).
+in space patches are twice as wide there, if means scatter no more about the wide fit. Slopes and curvatures that
+explain no more of the means than chance does (Fisher's F) are left out of that fit.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact
