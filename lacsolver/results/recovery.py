@@ -15,7 +15,9 @@ On the boundary of contact, which is that of the slave and of what the master co
 the slope of p, which alternate and decrease to about a third from one macro-element to the next. The weights w_m are
 those of least squares for such errors: the area A_m, a ninth of it for the last macro-element but one, and a ninth of
 that for the last. Where means scatter more than p changes within a macro-element, such errors do not matter. There a
-mean on the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again.
+mean on the boundary that is as near to the fit as the others has its whole area, and the patch is fitted again. Also
+in space patches are twice as wide there, if means scatter no more about the wide fit. Slopes and curvatures that
+explain no more of the means than chance does (Fisher's F) are left out of that fit.
 
 At the edge of contact p behaves as a square root, and the last macro-element in contact shares its force wrongly with
 its neighbours (10 % of the peak; the sum is right). So for p >= 0, near an open macro-element, the last ones in contact
@@ -49,6 +51,7 @@ from lacmesh.reference.shapes import shape
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
 from lacsolver.bodies.small.fields import scatter
+from lacsolver.results.patches import beside, nodes_of, ones, only, patches_of, scaled
 from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.space.sparse import joined_columns
 
@@ -56,11 +59,17 @@ Bools = NDArray[np.bool_]
 
 #: degree of the rule on faces, by their order: N times the Jacobian, with r
 _DEGREE = {1: 5, 2: 8}
-#: by the surface's dimension: number of macro-elements that a patch is extended to, in at most so many rings, and least
-#: number for a parabola
-_MANY, _RINGS, _LEAST = {1: 6, 2: 16}, 8, {1: 3, 2: 12}
+#: by the surface's dimension: number of macro-elements that a patch is extended to, and least number for a parabola
+_MANY, _LEAST = {1: 6, 2: 16}, {1: 3, 2: 12}
 #: number of macro-elements of a patch for roots
 _MANY_ROOTS = {1: 6, 2: 36}
+#: in space: number of macro-elements of a patch, twice as wide, where means alternate
+_MANY_WIDE = 64
+#: square that slopes or curvatures explain, over that by chance (F): they are left out below the first value, and whole
+#: above the second
+_CHANCE = (0.5, 2.0)
+#: scatter squared about a wide fit, over that about the near one: the wide fit is taken below the first value
+_ALIKE = (2.0, 4.0)
 #: a term is left out if less than this fraction of its square is independent of the terms before it, and a direction if
 #: its variance is less than this fraction of the largest
 _THIN = 1e-2
@@ -117,9 +126,9 @@ def recover_pressure(
     p, scatter = _nodal_parabolas(slave, means, contact)
     if unilateral:
         opened = (status == OPEN) & (slave.area > 0)
-        edge = _beside(slave.touch, opened, 1) & contact
+        edge = beside(slave.touch, opened, 1) & contact
         near, last, outer = (
-            _nodes(slave.touch, m) for m in (_beside(slave.touch, edge, _NEAR) & contact, edge, opened)
+            nodes_of(slave.touch, m) for m in (beside(slave.touch, edge, _NEAR) & contact, edge, opened)
         )
         p = np.maximum(p, 0.0)
         if edge.any():
@@ -169,7 +178,7 @@ def _slave(surface: Surface, macro: Ints, unpaired: Bools, axisymmetric: bool) -
     m, (nodes, k) = np.concatenate(rows), np.unique(np.concatenate(columns), return_inverse=True)
     size = np.where(area > 0, area, 1.0)
     means = coo_array((np.concatenate(values) / size[m], (m, k)), shape=(n, len(nodes))).tocsr()
-    touch = _ones(coo_array((np.ones(len(m)), (k, m)), shape=(len(nodes), n)))
+    touch = ones(coo_array((np.ones(len(m)), (k, m)), shape=(len(nodes), n)))
     centroid = first / size[:, None]
     moment = second / size[:, None, None] - _square(centroid)
     trust = _trust(touch, surface, macro, unpaired)
@@ -182,8 +191,8 @@ def _trust(touch: csr_array, surface: Surface, macro: Ints, unpaired: Bools) -> 
     Their boundary is that of the slave and that of the `unpaired` macro-elements.
     """
     ends = (surface.neighbours < 0) & (np.arange(surface.neighbours.shape[1]) < surface.n_corners[:, None])
-    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)]) | _beside(touch, unpaired, 1)
-    steps = np.sum([~_beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
+    rim = np.isin(np.arange(touch.shape[1]), macro[ends.any(axis=1)]) | beside(touch, unpaired, 1)
+    steps = np.sum([~beside(touch, rim, k) for k in range(len(_RIM))], axis=0)
     return np.array([*_RIM, 1.0])[steps]
 
 
@@ -192,7 +201,7 @@ def _nodal_parabolas(slave: _Slave, means: Floats, contact: Bools) -> tuple[NDAr
 
     Nodes of no such macro-element have 0.
     """
-    touch = _only(slave.touch, contact)
+    touch = only(slave.touch, contact)
     values, scatter = _fitted(slave, touch, means)
     return _mean(touch, values), scatter
 
@@ -214,18 +223,18 @@ def _merged(slave: _Slave, contact: Bools, last: Bools) -> tuple[_Slave, csr_arr
 
     W (merged, n) takes means over macro-elements to means over the merged ones.
     """
-    shares = _scaled(_ones(slave.touch.T @ slave.touch), contact & ~last, last)
+    shares = scaled(ones(slave.touch.T @ slave.touch), contact & ~last, last)
     count = shares.sum(axis=0)
     kept = contact & (~last | (count == 0))
-    shares = _scaled(shares, 1.0, np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
+    shares = scaled(shares, 1.0, np.divide(1.0, count, out=np.zeros_like(count), where=count > 0))
     shares = (shares + diags_array(kept.astype(float))).tocsr()[np.flatnonzero(kept)]
     area = shares @ slave.area
-    W = _scaled(shares, 1 / area, slave.area)
+    W = scaled(shares, 1 / area, slave.area)
     centroid = W @ slave.centroid
     second = W @ (slave.moment + _square(slave.centroid)).reshape(-1, 9)
     merged = slave._replace(
         area=area, centroid=centroid, moment=second.reshape(-1, 3, 3) - _square(centroid), means=W @ slave.means,
-        touch=_ones(slave.touch @ shares.T), trust=np.ones_like(area),
+        touch=ones(slave.touch @ shares.T), trust=np.ones_like(area),
     )  # fmt: skip
     return merged, W
 
@@ -240,7 +249,7 @@ def _balanced(
     p_m next to them; then the `last` nodes are scaled, within bounds; then nodes where the fit misses the means by more
     than their `scatter` (n,) are corrected; then all are scaled.
     """
-    touch = _only(slave.touch, contact)
+    touch = only(slave.touch, contact)
     part = joined_columns(touch)
     held = np.flatnonzero(np.diff(touch.indptr))
     of_node = part[touch.indices[touch.indptr[held]]]
@@ -288,21 +297,47 @@ def _fitted(
     """Fit a parabola around each macro-element in `touch` to `means`, by its own means or those of its root.
 
     Return its values at the nodes of its macro-element, in the order of `touch`, and the scatter of the means about it.
+    In space, where means alternate, the fit is on a wide patch, if it is as near to these means.
     """
-    patches = _patches(touch, (_MANY_ROOTS if root else _MANY)[slave.dim], _LEAST[slave.dim], slave.trust)
-    pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root) for k in range(0, patches.shape[0], _PIECE)]
-    q, x_bar, axis, scatter = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
-    row, g = np.repeat(np.arange(len(slave.x)), np.diff(touch.indptr)), touch.indices
+    every, many = np.ones(touch.shape[1], dtype=bool), (_MANY_ROOTS if root else _MANY)[slave.dim]
+    values, scatter, alternate = _fits(slave, touch, means, every, many, root=root)
+    if slave.dim == 2 and alternate.any():
+        some = alternate > 0
+        wide, wider, _ = _fits(slave, touch, means, some, _MANY_WIDE, wide=True)
+        alternate[some] *= 1 - _between(wider**2, scatter[some] ** 2, _ALIKE)
+        values = values + alternate[touch.indices] * (wide - values)
+    return values, scatter
+
+
+def _fits(
+    slave: _Slave, touch: csr_array, means: Floats, some: Bools, many: int, *, root: bool = False, wide: bool = False
+) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+    """Fit on patches of at least so `many` macro-elements, around `some` (n,).
+
+    Return the values at their nodes, in the order of `touch`, 0 for the others; for each fit the scatter of the means,
+    and a factor, 1 where means alternate.
+    """
+    patches = patches_of(touch, many, _LEAST[slave.dim], slave.trust)[np.flatnonzero(some)]
+    pieces = [_fit_piece(slave, patches[k : k + _PIECE], means, root, wide) for k in range(0, patches.shape[0], _PIECE)]
+    q, x_bar, axis, scatter, alternate = (np.concatenate(of_pieces) for of_pieces in zip(*pieces, strict=True))
+    values, there = np.zeros(touch.nnz), some[touch.indices]
+    row = np.repeat(np.arange(len(slave.x)), np.diff(touch.indptr))[there]
+    g = (np.cumsum(some) - 1)[touch.indices[there]]
     s = np.einsum("rs,rsn->rn", slave.x[row] - x_bar[g], axis[g])
-    return np.asarray((_powers(s) * q[g]).sum(axis=1)), scatter
+    values[there] = (_powers(s) * q[g]).sum(axis=1)
+    return values, scatter, alternate
 
 
-def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> tuple[Floats, Floats, Floats, Floats]:
+def _fit_piece(
+    slave: _Slave, patches: csr_array, means: Floats, root: bool, wide: bool
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Fit the parabolas of some patches (k, n), in coordinates s = axis . (x - x_bar).
 
-    Return their coefficients (k, terms), x_bar (k, 3), axis (k, 3, dim) and the scatter (k,), 0 for roots.
+    Return their coefficients (k, terms), x_bar (k, 3), axis (k, 3, dim), the scatter (k,) of the means, and a factor
+    (k,), 1 where means alternate; for roots both are 0. Fits on `wide` patches lack terms that are due to scatter.
     """
-    row, g = np.repeat(np.arange(patches.shape[0]), np.diff(patches.indptr)), patches.indices
+    k = patches.shape[0]
+    row, g = np.repeat(np.arange(k), np.diff(patches.indptr)), patches.indices
     given, trust = means[g], slave.trust[g]
     basis = _basis(slave, patches, trust)
     if root:
@@ -311,22 +346,45 @@ def _fit_piece(slave: _Slave, patches: csr_array, means: Floats, root: bool) -> 
             value = np.sqrt(np.maximum(basis.values(basis.fit(wanted)), 0.0))
             # a third of a step: longer steps may oscillate about the solution
             wanted = (2 * wanted + given**2 + value.var(axis=1)) / 3
-        return basis.fit(wanted), basis.x_bar, basis.axis, np.zeros(patches.shape[0])
+        return basis.fit(wanted), basis.x_bar, basis.axis, np.zeros(k), np.zeros(k)
     value = basis.values(basis.fit(given))
     square = (given - value.mean(axis=1)) ** 2
-    scatter = _summed(row, basis.weight * square, patches.shape[0])
-    noisy = _between(scatter[row], 12 * value.var(axis=1), _SCATTERED)  # 12: of a linear p, from variance to change
+    scatter, change = _summed(row, basis.weight * square, k), 12 * value.var(axis=1)  # 12: of a linear p, from variance
+    noisy = _between(scatter[row], change, _SCATTERED)
     like = 1 - _between(square, scatter[row], _UNLIKE)
+    alternate = _between(scatter, _summed(row, basis.weight * change, k), _SCATTERED)
     basis = _basis(slave, patches, trust + (1 - trust) * noisy * like)
-    return basis.fit(given), basis.x_bar, basis.axis, np.sqrt(scatter)
+    q = _without_chance(basis, given) if wide else basis.fit(given)
+    if wide:
+        scatter = _summed(row, basis.weight * (given - basis.values(q).mean(axis=1)) ** 2, k)
+    return q, basis.x_bar, basis.axis, np.sqrt(scatter), alternate
+
+
+def _without_chance(basis: _Basis, given: Floats) -> NDArray[np.floating]:
+    """Return the coefficients (k, terms) of fits to `given` (r,), without terms that are due to scatter.
+
+    By Fisher's F: the square that slopes or curvatures explain, over the square that as many explain by chance.
+    """
+    k, q, square, terms = len(basis.x_bar), [], [], []
+    for fit in (basis.at_most(1), basis.at_most(1 + basis.axis.shape[2]), basis):
+        q.append(fit.fit(given))
+        off = given - fit.values(q[-1]).mean(axis=1)
+        square.append(_summed(basis.row, basis.weight * off**2, k))
+        terms.append(np.count_nonzero(np.einsum("kii->ki", fit.inverse), axis=1))
+    by_chance = square[2] / np.maximum(np.bincount(basis.row, minlength=k) - terms[2], 1)
+    found = q[0]
+    for t in (1, 2):
+        sure = _between(square[t - 1] - square[t], (terms[t] - terms[t - 1]) * by_chance, _CHANCE)
+        found = found + sure[:, None] * (q[t] - q[t - 1])
+    return np.asarray(found)
 
 
 class _Basis(NamedTuple):
     """Terms of the parabolas of k patches, with r macro-elements in all, of the patches `row` (r,).
 
     `x_bar` (k, 3), `axis` (k, 3, dim); `points` (r, p, terms): at points of each macro-element, the mean of whose
-    values is that of the macro-element; `weight` (r,), with a sum of 1 in each patch; `inverse` (k, terms, terms) of
-    the normal equations.
+    values is that of the macro-element; `weight` (r,), with a sum of 1 in each patch; `normal` (k, terms, terms):
+    the matrix of the normal equations; its `inverse`, with zeros for terms that are left out.
     """
 
     row: Ints
@@ -334,7 +392,12 @@ class _Basis(NamedTuple):
     axis: Floats
     points: Floats
     weight: Floats
+    normal: Floats
     inverse: Floats
+
+    def at_most(self, terms: int) -> _Basis:
+        """Return the basis of the first `terms`."""
+        return self._replace(inverse=_inverse_of_independent(self.normal, np.full(len(self.normal), terms)))
 
     def fit(self, wanted: Floats) -> NDArray[np.floating]:
         """Return the coefficients (k, terms) of the parabolas whose means are nearest to those `wanted` (r,)."""
@@ -362,7 +425,7 @@ def _basis(slave: _Slave, patches: csr_array, trust: Floats) -> _Basis:
     points = _powers(np.concatenate([middle - off, middle + off], axis=1))
     normal = _summed(row, weight[:, None, None] * _square(points.mean(axis=1)), k)
     inverse = _inverse_of_independent(normal, np.where(number < _LEAST[dim], 1 + dim, points.shape[2]))
-    return _Basis(row, x_bar, axis, points, weight, inverse)
+    return _Basis(row, x_bar, axis, points, weight, normal, inverse)
 
 
 def _between(x: Floats, y: Floats, ends: tuple[float, float]) -> NDArray[np.floating]:
@@ -400,57 +463,6 @@ def _inverse_of_independent(normal: Floats, most: Ints) -> NDArray[np.floating]:
         left -= inverse[:, None, None] * left[:, :, t, None] * left[:, t, None, :]
     both = independent[:, :, None] & independent[:, None, :]
     return np.where(both, np.linalg.inv(np.where(both, normal, np.eye(normal.shape[1]))), 0.0)
-
-
-# ---- patches
-
-
-def _patches(touch: csr_array, many: int, least: int, trust: Floats) -> csr_array:
-    """Return the patch of each macro-element in `touch`, (n, n), with as many rings as it takes to have enough.
-
-    Enough are `many`, if `trust` (n,) makes their effective number (Kish's) at least `least`.
-    """
-    beside = _ones(touch.T @ touch)
-    patch = beside
-    for _ in range(_RINGS - 1):
-        effective = (patch @ trust) ** 2 / np.maximum(patch @ trust**2, np.finfo(float).tiny)
-        small = (np.diff(patch.indptr) < many) | (effective < least)
-        before, patch = patch.nnz, _ones(patch + _scaled(patch, small, 1.0) @ beside)
-        if patch.nnz == before:  # no row is small, or those that are have all that is connected with them
-            break
-    return patch
-
-
-def _scaled(A: csr_array, rows: Floats | Bools | float, columns: Floats | Bools | float) -> csr_array:
-    """Return diag(rows) A diag(columns) for A (n, m)."""
-    left, right = np.broadcast_to(rows, A.shape[0]), np.broadcast_to(columns, A.shape[1])
-    data = A.data * np.repeat(left, np.diff(A.indptr)) * right[A.indices]
-    return csr_array((data, A.indices, A.indptr), shape=A.shape, copy=True)
-
-
-def _nodes(touch: csr_array, macros: Bools) -> Bools:
-    """Return a mask (k,), True for the nodes of some macro-elements."""
-    return np.asarray(touch @ macros.astype(float) > 0)
-
-
-def _beside(touch: csr_array, macros: Bools, rings: int) -> Bools:
-    """Return a mask (n,) of some macro-elements and the given number of rings of node neighbours around them."""
-    for _ in range(rings):
-        macros = touch.T @ _nodes(touch, macros).astype(float) > 0
-    return macros
-
-
-def _only(touch: csr_array, macros: Bools) -> csr_array:
-    """Return the matrix with the columns of some macro-elements, and all others empty."""
-    return _ones(_scaled(touch, 1.0, macros))
-
-
-def _ones(matrix: coo_array | csr_array) -> csr_array:
-    """Return a matrix with 1 where the given one is not 0."""
-    matrix = matrix.tocsr()
-    matrix.eliminate_zeros()
-    matrix.data[:] = 1.0
-    return matrix
 
 
 def _mean(touch: csr_array, values: Floats) -> NDArray[np.floating]:
