@@ -189,7 +189,7 @@ def integrate(
     with np.errstate(invalid="ignore", divide="ignore"):
         average = np.where(w > 0, integral / w, np.nan)
     G = np.zeros(dim * m) if tie else integral
-    centre, normal, length = _places(zone, slave, dim)
+    centre, normal, length = mean_planes(zone, slave, dim)
     if pairing.normals == "master":
         along = share.total(integrals(n, points.macro, weight, m))
         normal = np.where(w[:, None] > 0, unit(along), normal)
@@ -275,7 +275,7 @@ def with_shear(face: Interface, share: Share = ALONE) -> Interface:
     return replace(face, B_T=B_T, tangents=directions, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))
 
 
-def _places(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:
+def mean_planes(zone: Zone, slave: Surface, dim: int) -> tuple[Floats, Floats, Floats]:
     """Return centre and unit normal (m, d) of each macro-element, area-weighted means over its faces, and size (m,)."""
     normal, centre = mean_normals(slave)
     size = face_measure(slave)

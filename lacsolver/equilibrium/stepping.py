@@ -15,7 +15,7 @@ from lacmesh.records import dataclass
 from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free
-from lacsolver.contact.interface import TOUCHING, dips
+from lacsolver.contact.interface import TOUCHING, dips, mean_planes
 from lacsolver.contact.laws import RowState
 from lacsolver.equilibrium.attempt import Progress, attempt, convex, nothing_acts, rested, why
 from lacsolver.equilibrium.holding import holdings
@@ -324,20 +324,20 @@ def step_end_times(case: Case) -> list[float]:
 
 def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: StepState, last: bool) -> State:
     """Return the state of an outcome, with what the step has committed; `last`: True for the last step of the case."""
-    problem, held = step.model.problem, _held(step, outcome) if last else ()
+    problem, u, held = step.model.problem, step.u(outcome.iterate.q), _held(step, outcome) if last else ()
     q, p, active = outcome.iterate
     contact, gap = outcome.contact, outcome.contact.G / outcome.contact.rows.w
     zones = [
-        _zone(group, rows._replace(gap=gap[group.rows]), contact.above_threshold[group.rows], problem.space)
+        _zone(group, rows._replace(gap=gap[group.rows]), contact.above_threshold[group.rows], problem.space, u)
         if group.shear is None
-        else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space)
+        else _zone_with_friction(group, rows._replace(gap=gap[group.rows]), contact, outcome.iterate, problem.space, u)
         for group, rows in contact.states(p, active)
         if isinstance(group, PairGroup)
     ]
     reaction, constraints = step.reaction(q, p), problem.constraints
     rows = {group.equality.name: -p[group.rows] for group in contact.equalities}
     return State(
-        step.t, step.u(q), reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
+        step.t, u, reaction, tuple(zones), problem.constraints.rigid_motion(q, step.t),
         attempts.iterations, attempts.halvings, tuple(attempts.residuals), committed, outcome.n_unchanged_sets,
         step.state.histories.materials, held, _prescribed(step),
         constraints.equation_forces(reaction, q, step.t) | rows, constraints.further(q, step.t),
@@ -345,35 +345,37 @@ def _state(step: LoadStep, outcome: Outcome, attempts: _Attempts, committed: Ste
     )  # fmt: skip
 
 
-def _zone(group: PairGroup, rows: RowState, covered: NDArray[np.bool_], space: Space) -> ZoneState:
-    """Return the state of a pair's zone, for one row along the normal or for all components."""
-    pair, face = group.pair, group.face
+def _zone(group: PairGroup, rows: RowState, covered: NDArray[np.bool_], space: Space, u: Floats) -> ZoneState:
+    """Return the state of a pair's zone under u (n_dof,), for one row along the normal or for all components."""
+    pair, face, (centre, normal) = group.pair, group.face, (group.face.centre, group.face.normal)
+    if pair.turns:  # B is of undeformed faces
+        centre, normal, _ = mean_planes(pair.zone, pair.zone.slave.at(space.places(u)), space.dim)
     force = -(face.B.T @ rows.pressure).reshape(-1, space.dim)
-    centre = face.centre + space.origin[: space.dim]
     status = group.law.status(rows)
     if group.law.all_components:
         traction = -rows.pressure.reshape(-1, space.dim)
         on, status = covered.reshape(-1, space.dim).all(axis=1), status.reshape(-1, space.dim).max(axis=1)
-        pressure = -(traction * face.normal).sum(axis=1)
+        pressure = -(traction * normal).sum(axis=1)
         gap = np.linalg.norm(rows.gap.reshape(-1, space.dim), axis=1)
     else:
         pressure, on = (np.maximum(rows.pressure, 0.0) if group.law.compressive else rows.pressure), covered
-        traction, gap = -pressure[:, None] * face.normal, rows.gap  # round-off makes some slightly negative
+        traction, gap = -pressure[:, None] * normal, rows.gap  # round-off makes some slightly negative
         gap = face.gap if pair.moving else gap  # without what slivers may overlap
     return ZoneState(
         pair.name, pair.tie, pressure, traction, np.where(on, gap, np.nan),
-        np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre, face.normal, force,
+        np.where(on, status, UNPAIRED).astype(np.int8), face.coverage, face.area, centre + space.origin[: space.dim],
+        normal, force,
         dip=None if pair.tie else dips(face, space.share),
     )  # fmt: skip
 
 
 def _zone_with_friction(
-    group: PairGroup, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space
+    group: PairGroup, rows: RowState, contact: ContactSystem, iterate: Iterate, space: Space, u: Floats
 ) -> ZoneState:
     """Return the state of a zone with friction."""
     face, slid = group.face, contact.slid(group, iterate.p, iterate.active)
     assert face.B_T is not None and face.frame is not None
-    zone, w = _zone(group, rows, contact.above_threshold[group.rows], space), contact.rows.w[group.rows]
+    zone, w = _zone(group, rows, contact.above_threshold[group.rows], space, u), contact.rows.w[group.rows]
     force = -(face.B_T.T @ slid.t.ravel()).reshape(-1, space.dim)
     friction = ZoneFriction(
         face.frame, slid.t, slid.slip, slid.kept.path,

@@ -42,7 +42,8 @@ class ContactPair(Described):
     """A contact pair or tie: its zone, the options of its pairing, and its contact law at the start.
 
     `record`: the case's contact or tie. The kind of law stays the same, and its stiffness may change: see `law_at`.
-    `turns`: True for a tie whose arm across a gap turns with the slave (`contact.arm`), under finite kinematics.
+    `turns`: True for a tie under finite kinematics: its arm across a gap (`contact.arm`), and its normals in results,
+    turn with the slave.
     """
 
     record: Contact | Tie
@@ -155,11 +156,12 @@ class ContactPair(Described):
         return isinstance(self.record, Contact) and self.record.geometry == "current"
 
     def places(self, space: Space, u: Floats) -> NDArray[np.floating]:
-        """Return the coordinates (n_nodes, 3) at which the skins are paired under u (n_dof,).
+        """Return the coordinates (n_nodes, 3) at which forces act on the skins under u (n_dof,).
 
-        They are displaced if the zone is paired on the deformed skins, else undeformed; relative to the space's origin.
+        They are displaced if the zone is paired on the deformed skins, and of a tie under finite kinematics; else
+        undeformed. They are relative to the space's origin.
         """
-        return space.places(u) if self.moving else space.local.points
+        return space.places(u) if self.moving or self.turns else space.local.points
 
     def integrate(self, space: Space, u: Floats, t: float, closed: NDArray[np.bool_] | None = None) -> Interface:
         """Return the interface of the pair under u (n_dof,) at time t, see `places`.
@@ -172,8 +174,11 @@ class ContactPair(Described):
 
     def turned(self, face: Interface, space: Space, u: Floats) -> Interface:
         """Return an undeformed interface under u (n_dof,), where the arm of a tie turns; others as they are."""
-        moves = self.turns and arm.has_arm(face, space.share)
-        return arm.turned(face, space.places(u), space.share) if moves else face
+        return arm.turned(face, space.places(u), space.share) if self.has_turning_arm(face, space) else face
+
+    def has_turning_arm(self, face: Interface, space: Space) -> bool:
+        """True for a tie across a gap whose arm turns; that between the sides of a sector does not."""
+        return self.turns and self.pairing.turn is None and arm.has_arm(face, space.share)
 
     def above_threshold(self, face: Interface) -> NDArray[np.bool_]:
         """Return a mask (n_macros,), True for macro-elements of an interface whose coverage reaches the threshold.

@@ -26,7 +26,7 @@ from lacmesh.surface.normals import CREASE_ANGLE, unit, weighted
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import find_owners
-from lacsolver.case import Case, Contact, Cyclic, Displacement, Rigid, Tie
+from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors
 from lacsolver.contact.zone import Zone
@@ -77,9 +77,9 @@ def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
 
 
 def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:
-    """Return a pair as it moves in a case of `with_roles`: the direction of contact, the arm of a tie across a gap."""
+    """Return a pair as it moves in a case of `with_roles`: the direction of contact, a tie that turns."""
     record = pair.record
-    if isinstance(record, Tie) and not isinstance(record, Cyclic):
+    if isinstance(record, Tie):
         return replace(pair, turns=case.kinematics == "finite")
     if not isinstance(record, Contact) or record.normals != "facet":
         return pair

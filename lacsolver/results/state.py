@@ -148,7 +148,8 @@ class ZoneState(Described):
     `pressure`: p_m >= 0 in compression, 0 where open; for a tie -traction . normal. `traction` (n, d): force per area
     on the slave, -p n for a contact, less the shear of friction. `gap`: mean gap G / w, NaN where unpaired; for a tie
     the magnitude of the mean jump. `status`: CONTACT, SLIDES, OPEN, UNPAIRED. `coverage`: w / A; `area`: A, in the
-    measure that pressures refer to, with thickness or 2 pi r; `centre` and `normal` (n, d) of the macro-element.
+    measure that pressures refer to (undeformed for a tie), with thickness or 2 pi r. `centre` and `normal` (n, d) of
+    the macro-element: deformed where contact is paired again, and of a tie under finite kinematics.
     `force` (n_nodes, d): contact force on every node of slave and master. `friction`: None without it.
     `dip` (n,): how far the slave is inside the master beyond the mean gap, of the macro-element's size; None of a tie.
     """

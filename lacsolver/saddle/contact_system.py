@@ -25,7 +25,7 @@ from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
 from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import Free, moves
-from lacsolver.contact import Interface, arm
+from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed
 from lacsolver.contact.friction import Bounds, Kept, Slid, Solved, States, defect, next_states, within
 from lacsolver.contact.laws import Bools, ContactLaw, RowState, Unilateral
@@ -453,7 +453,7 @@ def contact_system(
             anchors = histories.anchors[k] if histories.anchors else Anchors.none()
             anchors = own_anchors(anchors, pair.zone, problem.space.share)
             since = anchors, pair.places(problem.space, np.zeros_like(u) if before is None else before)
-        x = problem.space.places(u) if pair.turns and arm.has_arm(face, problem.space.share) else None
+        x = problem.space.places(u) if pair.has_turning_arm(face, problem.space) else None
         fixed = symmetric or not (pair.moving or x is not None)
         group = PairGroup(
             pair.law_at(t, dt), own, memory, shear, fixed, pair=pair, face=face, share=problem.space.share, since=since,

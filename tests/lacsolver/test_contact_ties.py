@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -147,14 +148,17 @@ def test_a_tie_beside_a_contact():
     assert np.abs(glue.traction).max() <= 1e-12 * YOUNG
 
 
-def turning(angle, kind, load=0.0):
-    """(case, mesh): a block tied across a gap of 0.5 to one that is turned about z by an angle, then sheared."""
+def turning(angle, kind, load=0.0, gap=0.5):
+    """(case, mesh): a block tied across a gap to one that is turned about z by an angle, then sheared."""
     d, kind, order = CELLS[kind].dim, CELLS[kind].linear, 1 + (CELLS[kind].linear != kind)
     low, high = (
         grid((2, 1, 1)[:d], (0, 0, 0)[:d], (2, 1, 1)[:d], kind),
-        grid((3, 1, 2)[:d], (0, 1.5, 0)[:d], (2, 2.5, 1)[:d], kind),
+        grid((3, 1, 2)[:d], (0, 1 + gap, 0)[:d], (2, 2 + gap, 1)[:d], kind),
     )
-    skins = [skin(*cells, lambda x, y=y: np.isclose(x[..., 1], y)) for cells, y in ((low, 1), (high, 1.5), (high, 2.5))]
+    skins = [
+        skin(*cells, lambda x, y=y: np.isclose(x[..., 1], y))
+        for cells, y in ((low, 1), (high, 1 + gap), (high, 2 + gap))
+    ]
     of_low = {"m": skins[0], "low": skin(*low, lambda x: x[..., 0] > -1)}
     mesh = join([(*low, of_low), (*high, {"s": skins[1], "top": skins[2]})])
     phi = f"({angle} * min(t, 1))"
@@ -170,10 +174,11 @@ def turning(angle, kind, load=0.0):
     return case, mesh if order == 1 else lacmesh.raise_order(mesh)
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.5])
 @pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
-def test_a_tie_across_a_gap_turns_with_its_bodies(kind):
+def test_a_tie_turns_with_its_bodies(kind, gap):
     """A rigid turn of 90 degrees needs no force; a load that turns with it moves the bodies as the same load before."""
-    straight, turned = (list(ls.march(*turning(angle, kind, load=5.0))) for angle in (0.0, np.pi / 2))
+    straight, turned = (list(ls.march(*turning(angle, kind, 5.0, gap))) for angle in (0.0, np.pi / 2))
     R = np.eye(straight[0].mesh.space_dim)
     R[:2, :2] = [[0, -1], [1, 0]]
     for one, other in zip(straight[3:], turned[3:], strict=True):
@@ -183,7 +188,34 @@ def test_a_tie_across_a_gap_turns_with_its_bodies(kind):
     assert np.abs(turned[3].contact["s"].force).max() <= 1e-8
     u, forces = (np.pad(one, ((0, 0), (0, 3 - len(R)))) for one in (turned[4].u, turned[4].contact["s"].force))
     force, moment = unbalanced(turned[4].mesh.points + u, forces)
-    assert max(force, moment) <= 1e-10
+    assert max(force, moment) <= 1e-10 and max(turned[4].figures.balance) <= 1e-10
+    has_turned_pressures(straight[4], turned[4], R)
+
+
+def has_turned_pressures(straight, turned, R):
+    """Check that pressures are the same, and along normals that turn by R."""
+    one, other = straight.contact["s"], turned.contact["s"]
+    assert one.pressure.max() > 10
+    for name in ("pressure", "recovered", "pressure_recovered", "gap", "area"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-6, err_msg=name)
+    for name in ("normal", "centre"):
+        np.testing.assert_allclose(getattr(other, name), getattr(one, name) @ R.T, atol=1e-8, err_msg=name)
+    moment, after = (state.figures.contact["s"].moment for state in (straight, turned))
+    np.testing.assert_allclose(after, moment if len(R) == 2 else R @ moment, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "HEXA8"])
+def test_the_pressure_of_a_tie_that_is_pulled_after_a_turn(kind):
+    """Without lateral contraction it is the pull, per undeformed area, as the load is."""
+    case, mesh = turning(np.pi / 2, kind, gap=0.0)
+    bar = (Material(law="saint_venant_kirchhoff", young=1000.0, poisson=0.0),)
+    case = replace(case, material=bar, traction=(Traction(group="top", tx="-50 * max(t - 1, 0)", ty=0.0),))
+    *_, state = ls.march(case, mesh)
+    zone, d = state.contact["s"], state.mesh.space_dim
+    np.testing.assert_allclose(zone.pressure, -50.0, rtol=1e-8)
+    np.testing.assert_allclose(zone.recovered, -50.0, rtol=1e-8)
+    np.testing.assert_allclose(zone.normal, np.tile([1.0, 0.0, 0.0][:d], (len(zone.area), 1)), atol=1e-9)
+    np.testing.assert_allclose(zone.centre[:, 0], -1.0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "HEXA20"])

@@ -104,6 +104,26 @@ def test_a_patch_across_sides_that_do_not_match(cell, kinematics):
     np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("cell", ["QUAD4", "HEXA8"])
+def test_the_pressures_of_sides_turn_with_their_sector(cell):
+    """A ring that grows and turns by 80 degrees has the pressures of one that grows, along the turned normals."""
+    dim, mesh, zones = dim_of(cell), sector(cell, counts_of(cell), 6, skew=0.2), []
+    for angle in (0.0, np.radians(80)):
+        c, s = (f"1.05 * {f}({angle} * t)" for f in ("cos", "sin"))
+        turned = {"ux": f"x * ({c} - 1) - y * {s}", "uy": f"x * {s} + y * ({c} - 1)"}
+        moved = [Displacement(group=g, **turned) for g in ("in", "out")]
+        moved += [Displacement(group=g, uz=0) for g in ("bottom", "top")] if dim == 3 else []
+        case = made(mesh, "finite", cyclic=Cyclic(**SIDES), displacement=moved, steps=Steps(count=4))
+        zones.append(solved(case)[1].zones[0])
+    grown, turned = zones
+    R = np.eye(dim)
+    R[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    np.testing.assert_allclose(turned.pressure, grown.pressure, rtol=1e-7)
+    assert np.ptp(grown.pressure) < 1e-7 and grown.pressure[0] < -5
+    np.testing.assert_allclose(turned.normal, grown.normal @ R.T, atol=1e-8)
+    np.testing.assert_allclose(turned.centre, grown.centre @ R.T, atol=1e-8)
+
+
 def test_sides_that_do_not_match_come_close_to_those_that_do():
     answers = []
     for n in (4, 8):
