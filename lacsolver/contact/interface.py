@@ -114,7 +114,7 @@ class Interface:
     `points`: integration points, with their `weight` (points,) and `distance` (points,), the gap with the clearance.
     `slave`, `master`: the skins in this configuration, at time `t`. With friction, else None: `B_T` (m (d - 1), n_dof),
     the slip along the tangents of the slave, row m (d - 1) + alpha (`shear`); `frame` (m, d - 1, d): the means of the
-    `tangents` at the points.
+    `tangents` at the points. `leans`: False for directions that depend on other faces too, smoothed or the master's.
     """
 
     zone: Zone
@@ -135,6 +135,7 @@ class Interface:
     B_T: csr_array | None = None
     frame: Floats | None = None
     tangents: Tangents | None = None
+    leans: bool = True
 
     @cached_property
     def all_rows(self) -> csr_array:
@@ -193,7 +194,10 @@ def integrate(
     if pairing.normals == "master":
         along = share.total(integrals(n, points.macro, weight, m))
         normal = np.where(w[:, None] > 0, unit(along), normal)
-    face = Interface(zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t)
+    face = Interface(
+        zone, slave, master, points, weight, gap, B, G, w, total, average, centre, normal, length, t,
+        leans=pairing.normals == "facet",
+    )  # fmt: skip
     return with_shear(face, share) if pairing.friction else face
 
 
@@ -270,7 +274,8 @@ def with_shear(face: Interface, share: Share = ALONE) -> Interface:
     J = tangents(face.slave, points.slave, points.xi_slave)
     directions = frames(face.zone, points.slave, points.xi_slave, points.normal, J)
     e = directions.e
-    B_T = share.add_matrices(jump_rows(face.slave, face.master, points, face.weight, e, m, J), (False, True))
+    rows = jump_rows(face.slave, face.master, points, face.weight, e, m, J, leans=face.leans)
+    B_T = share.add_matrices(rows, (False, True))
     sums, w = share.total(integrals(e, points.macro, face.weight, m)), face.w[:, None, None]
     return replace(face, B_T=B_T, tangents=directions, frame=np.divide(sums, w, out=np.zeros_like(sums), where=w > 0))
 

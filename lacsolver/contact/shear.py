@@ -8,9 +8,14 @@ slave's face at slopes that stay, but for a part along n,
 
     dn(v) = sum_a (a^a.n) (N.dv/dxi^a) N - (n.dv/dxi^a) a^a
 
-with the dual vectors a^a of the face's tangents and its own normal N. It is that of the normals of smooth surfaces. If
-v is a rotation, dn(v) is that of any n, and the slip is 0: the moments of tractions balance across a gap, as their
-forces do.
+with the dual vectors a^a of the face's tangents and its own normal N. It is that of the normals of smooth surfaces.
+Normals that depend on other faces too, smoothed ones and those of the master, change as a vector that the face draws
+along,
+
+    dn(v) = sum_a (a^a.n) dv/dxi^a - (N.n) (N.dv/dxi^a) a^a
+
+as the other form leaves edges that fold under without an equilibrium. If v is a rotation, both are the change of n, and
+the slip is 0: the moments of tractions balance across a gap, as their forces do.
 
 The tangents move with the skin: the vector A_1, one for each macro-element (`first_directions`), has the components
 c^a = A^a.A_1 in the undeformed face, and
@@ -86,17 +91,23 @@ def frames(zone: Zone, face: Ints, xi: Floats, n: Floats, J: Floats) -> Tangents
 
 
 def jump_rows(
-    slave: Surface, master: Surface, points: ContactPoints, weight: Floats, e: Floats, m: int, J: Floats
+    slave: Surface, master: Surface, points: ContactPoints, weight: Floats, e: Floats, m: int, J: Floats,
+    leans: bool = True,
 ) -> csr_array:  # fmt: skip
     """Return the rows int e_alpha.(v(x) + r dn(v) - v(x_bar)), (m k, n_dof), of directions e (points, k, d).
 
-    `J` (points, 3, dim of the skins): tangents of the slave's faces.
+    `J` (points, 3, dim of the skins): tangents of the slave's faces; `leans`: True if normals are those of the slave's
+    faces, or lean on them.
     """
     d = e.shape[2]
     dual, N, n = dual_vectors(J), unit(normals_of(J)), points.normal
     out, along = np.einsum("psa,ps->pa", dual, n), (e @ dual[:, :d]).transpose(0, 2, 1)
-    leans = out[:, :, None] * (e @ N[:, :d, None]).transpose(0, 2, 1)
-    arms = leans[..., None] * N[:, None, None, :d] - along[..., None] * n[:, None, None, :d]
+    if leans:
+        turned = out[:, :, None] * (e @ N[:, :d, None]).transpose(0, 2, 1)
+        arms = turned[..., None] * N[:, None, None, :d] - along[..., None] * n[:, None, None, :d]
+    else:
+        share = (N * n).sum(axis=1)[:, None, None] * along
+        arms = out[:, :, None, None] * e[:, None] - share[..., None] * N[:, None, None, :d]
     arms *= (weight * points.ray)[:, None, None, None]
     return macro_rows(points, slave, master, weight[:, None, None] * e, m, arms)
 

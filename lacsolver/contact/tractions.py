@@ -5,6 +5,8 @@ e_alpha, on x and as -q on x_bar, and with the arms r m_a on the slave's face, s
 
     F.v = w [ q.(v - v_bar) + r m_a.dv/dxi^a ],        m_a = (a^a.n) (N.tau) N - (tau.a^a) n
 
+and, along normals that do not lean on the slave's face,        m_a = (a^a.n) tau - (N.n) (tau.a^a) N.
+
 The displacement changes it by
 
     dF.v = dw q.(v - v_bar) + w [ dq.(v - v_bar) - (q.dv_bar/dxi^b) dxi_bar^b ]
@@ -73,7 +75,7 @@ def _padded(values: Floats, k: int) -> NDArray[np.floating]:
 class _Traction(NamedTuple):
     """A pressure and a traction at a point, with their weight, and what they depend on; `arms`: m_1, m_2.
 
-    `crossed`: n x tau; `c`: components of a_1 over a_1.e_1; `lean`: n.a_1 over it.
+    `crossed`: n x tau; `c`: components of a_1 over a_1.e_1; `lean`: n.a_1 over it; `leans`: if n leans on the face.
     """
 
     p: float
@@ -86,6 +88,7 @@ class _Traction(NamedTuple):
     arms: Any
     c: Any
     lean: float
+    leans: bool
 
 
 @kernel
@@ -135,13 +138,19 @@ def _traction(skins: Any, points: Any, shear: Any, q: Any, s: Any, k_s: int, loa
     a_1 = _combined(shear.c[q, 0], t_1, shear.c[q, 1], t_2)
     along = dot(a_1, e_1)
     tau = _combined(load[1], e_1, load[2], e_2)
-    out = dot(N, tau)
-    arms = (
-        _combined(dot(dual[0], n) * out, N, -dot(tau, dual[0]), n),
-        _combined(dot(dual[1], n) * out, N, -dot(tau, dual[1]), n),
-    )
+    out, share, leans = dot(N, tau), dot(N, n), len(skins.normals) == 0
+    if leans:
+        arms = (
+            _combined(dot(dual[0], n) * out, N, -dot(tau, dual[0]), n),
+            _combined(dot(dual[1], n) * out, N, -dot(tau, dual[1]), n),
+        )
+    else:
+        arms = (
+            _combined(dot(dual[0], n), tau, -share * dot(tau, dual[0]), N),
+            _combined(dot(dual[1], n), tau, -share * dot(tau, dual[1]), N),
+        )
     c = (shear.c[q, 0] / along, shear.c[q, 1] / along)
-    return _Traction(load[0], tau, cross(n, tau), n, N, e_2, dual, arms, c, dot(n, a_1) / along)
+    return _Traction(load[0], tau, cross(n, tau), n, N, e_2, dual, arms, c, dot(n, a_1) / along, leans)
 
 
 @kernel
@@ -149,11 +158,16 @@ def _change_of_arm(at: Any, a: Any, dn: Any, dt: Any, dN: Any, dtau: Any) -> Any
     """Return dm_a of the dual vector a."""
     da = _combined(-dot(a, dt[0]), at.dual[0], -dot(a, dt[1]), at.dual[1])
     da = _combined(1.0, da, -dot(a, dN), at.N)
+    if not at.leans:
+        share, along = dot(at.N, at.n), dot(at.tau, a)
+        change = (dot(dN, at.n) + dot(at.N, dn)) * along + share * (dot(dtau, a) + dot(at.tau, da))
+        drawn = _combined(dot(da, at.n) + dot(a, dn), at.tau, dot(a, at.n), dtau)
+        return _combined(1.0, _combined(1.0, drawn, -change, at.N), -share * along, dN)
     out, lean = dot(at.N, at.tau), dot(a, at.n)
     change = (dot(da, at.n) + dot(a, dn)) * out + lean * (dot(dN, at.tau) + dot(at.N, dtau))
     leans = _combined(change, at.N, lean * out, dN)
-    along = _combined(dot(da, at.tau) + dot(a, dtau), at.n, dot(a, at.tau), dn)
-    return _combined(1.0, leans, -1.0, along)
+    back = _combined(dot(da, at.tau) + dot(a, dtau), at.n, dot(a, at.tau), dn)
+    return _combined(1.0, leans, -1.0, back)
 
 
 @kernel(borrows=True)
