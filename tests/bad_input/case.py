@@ -56,20 +56,20 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class Case:
-    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern in the words.
+    """`make`: the content of the input, or what makes it or puts files into a folder.
 
-    `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
-    `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond; `needs`:
-    a package that may be missing, by its marker.
+    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words that the page leaves
+    out, as the line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
+    user who owns nothing; `file_size`: no file may grow beyond; `needs`: a package that may be missing, by its marker.
     """
 
     kind: str
     format: str
     what: str
     make: bytes | Callable[[Path], object]
-    says: str
     status: int = 3
     command: tuple[str, ...] = CUT
+    says: str = ""
     file: str = ""
     out: str = "out.msh"
     then: Callable[[Path], object] | None = None
