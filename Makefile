@@ -17,7 +17,7 @@ QUICK := \
   $(addprefix tests/cutting/test_,regroup.py) \
   $(addprefix tests/partition/test_,bisection.py) \
   $(addprefix tests/checks/test_,corpus.py) \
-  $(addprefix tests/formats/test_,exchange.py) \
+  $(addprefix tests/formats/test_,exodus.py) \
   $(addprefix tests/surface/test_,kernels.py mortar.py record.py) \
   $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \

@@ -1,10 +1,10 @@
-"""MED: what we write and read again is the same; medcoupling and gmsh see the same; damage is an error."""
+"""MED: what we write and read again is the same; medcoupling and gmsh see the same; what is left out is said."""
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
+import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -16,14 +16,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from lacmesh.cells import ALL_CELLS, CELLS
-from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, WriteError
+from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
-from lacmesh.formats.med.hdf5 import add_group, created
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Block, Mesh, Model, Periodic, Step
-from tests.formats.med_old import write_old
+from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
-from tests.fuzz.mutate_hdf5 import VALUES
 from tests.samples import samples
 
 HERE = Path(__file__).parents[1]
@@ -64,13 +62,6 @@ def cube():
     )
 
 
-# The table
-
-
-def test_types_are_those_of_the_reference():
-    assert {kind.type: (kind.name, list(kind.nodes)) for kind in MED_TYPES} == ORDERS
-
-
 def test_numbers_and_bits_of_types():
     """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
     for kind in MED_TYPES:
@@ -82,8 +73,6 @@ def test_numbers_and_bits_of_types():
 
 
 # There and back
-
-
 def arrays(rng, n):
     """Data of every kind that MED holds, with rows that are missing, one array all missing."""
     reals, vectors = rng.normal(size=n), rng.normal(size=(n, 3))
@@ -218,23 +207,6 @@ def test_integers_of_a_cut_are_read_back_as_written(tmp_path, cube):
         assert len(file["PROFILS"]) == 1  # the node alone; cells are there or not type by type
 
 
-def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
-    points = np.random.default_rng(0).random((6, 3))
-    macro = np.array([0, 0, 1, -1, 2], np.int32)
-    mesh = Mesh.create(
-        points,
-        [("TRIA3", [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 4, 5]])],
-        cell_groups={"slave": [0, 1, 3], "all": range(5), "zone": [0, 1], "big": [0, 1, 2, 3]},
-        cell_data={"lac_macro": macro, "lac_zone": np.array([0, 0, 1, -1, 2], np.int32)},
-        zones=("a", "b", "c"),
-    )
-    med.write(tmp_path / "a.med", mesh)
-    assert med.read(tmp_path / "a.med").zones == ("a", "b", "c")
-    with h5py.File(tmp_path / "a.med", "r+") as file:
-        del file["LACMESH"]
-    assert med.read(tmp_path / "a.med").zones == ("zone", "zone2", "zone3")
-
-
 def test_what_msh_knows_goes_through(tmp_path, cube):
     model = Model(
         {(3, 1): (-1, 2), (2, 1): ()},
@@ -257,27 +229,39 @@ def test_what_msh_knows_goes_through(tmp_path, cube):
 
 @pytest.mark.parametrize("content", [b"{", b"[1]", b'{"mesh": "mesh", "model": 3}', b'{"mesh": "mesh", "zones": 1}'])
 def test_damaged_notes_are_left_out(tmp_path, cube, content):
-    med.write(tmp_path / "a.med", cube)
-    with h5py.File(tmp_path / "a.med", "r+") as file:
-        file["LACMESH/notes"] = np.frombuffer(content, np.uint8)
+    path = edited(tmp_path, cube, lambda file, _: put(file, "LACMESH/notes", np.frombuffer(content, np.uint8)))
     with pytest.warns(LacmeshWarning, match="notes"):
-        assert_same(replace(cube, zones=()), med.read(tmp_path / "a.med"))
+        assert_same(replace(cube, zones=()), med.read(path))
 
 
-def test_a_mesh_without_cells_or_nodes(tmp_path):
-    for points in (np.zeros((0, 3)), np.ones((2, 3))):
-        mesh = Mesh.create(points, [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
-        med.write(tmp_path / "a.med", mesh)
-        assert_same(mesh, med.read(tmp_path / "a.med"))
+def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
+    rows = [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 4, 5]]
+    mesh = Mesh.create(
+        np.random.default_rng(0).random((6, 3)),
+        [("TRIA3", rows)],
+        cell_groups={"slave": [0, 1, 3], "all": range(5), "zone": [0, 1], "big": [0, 1, 2, 3]},
+        cell_data={name: np.array([0, 0, 1, -1, 2], np.int32) for name in ("lac_macro", "lac_zone")},
+        zones=("a", "b", "c"),
+    )
+    path = tmp_path / "a.med"
+    med.write(path, mesh)
+    assert med.read(path).zones == ("a", "b", "c")
+    with h5py.File(path, "r+") as file:
+        del file["LACMESH"]
+    assert med.read(path).zones == ("zone", "zone2", "zone3")
 
 
-def test_plane_meshes_keep_their_number_of_coordinates(tmp_path):
+def test_plane_and_empty_meshes(tmp_path):
     square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
     for mesh, esp in ((square, 2), (replace(square, space_dim=3), 3)):
         med.write(tmp_path / "a.med", mesh)
         with h5py.File(tmp_path / "a.med") as file:
             assert (file["ENS_MAA/mesh"].attrs["DIM"], file["ENS_MAA/mesh"].attrs["ESP"]) == (2, esp)
         assert med.read(tmp_path / "a.med").space_dim == esp
+    for points in (np.zeros((0, 3)), np.ones((2, 3))):
+        mesh = Mesh.create(points, [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
+        med.write(tmp_path / "a.med", mesh)
+        assert_same(mesh, med.read(tmp_path / "a.med"))
 
 
 def test_data_that_med_holds_otherwise(tmp_path, cube):
@@ -298,8 +282,6 @@ def test_data_that_med_holds_otherwise(tmp_path, cube):
 
 
 # Other programs read what we write
-
-
 def ours(mesh):
     """Expected result of `med_peer.say`, built from the mesh and the reference's node orders."""
     types, place = {}, {}
@@ -439,39 +421,20 @@ def test_gmsh_opens_what_we_write(tmp_path):
         assert said["views"] == 4
 
 
-# We read what other programs write
-
-
-@pytest.fixture(scope="module")
-def reference_meshes():
-    """{file: what medcoupling says} of all shared meshes."""
-    pytest.importorskip("medcoupling")
-    files = sorted(SHARED.glob("*.med"))
-    if not files:
-        pytest.skip(f"no meshes in {SHARED}")
-    return ask("say", *files)
-
-
 @pytest.mark.shared
 @pytest.mark.medcoupling
-def test_code_asters_meshes_are_what_medcoupling_says(reference_meshes):
-    for path, said in reference_meshes.items():
+def test_code_asters_meshes_are_what_medcoupling_says(tmp_path):
+    """And they go there and back."""
+    pytest.importorskip("medcoupling")
+    files = sorted(map(str, SHARED.glob("*.med")))
+    if not files:
+        pytest.skip(f"no meshes in {SHARED}")
+    for path, said in ask("say", *files).items():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)
             mesh = med.read(Path(path))
         assert said["types"], path
         assert_says(said, mesh)
-
-
-@pytest.mark.shared
-def test_code_asters_meshes_go_there_and_back(tmp_path):
-    files = sorted(SHARED.glob("*.med"))
-    if not files:
-        pytest.skip(f"no meshes in {SHARED}")
-    for path in files:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
-            mesh = med.read(path)
         med.write(tmp_path / "a.med", mesh)
         assert_same(mesh, med.read(tmp_path / "a.med"))
 
@@ -517,11 +480,8 @@ def test_med_2_3_as_libmed_reads_it(tmp_path):
     """Our reader and libmed agree on files of the layout of MED 2.3, whose cells have no order of types."""
     pytest.importorskip("medcoupling")
     meshes = {}
-    for seed, space_dim, faces, esp in (
-        (0, 3, (), True),
-        (1, 2, (), True),
-        (2, 3, ("TRIA6",), True),
-        (3, 3, (), False),
+    for seed, (space_dim, faces, esp) in enumerate(
+        ((3, (), True), (2, (), True), (3, ("TRIA6",), True), (3, (), False))
     ):
         path = tmp_path / f"{seed}.med"
         mesh = old_mesh(seed, space_dim)
@@ -535,23 +495,13 @@ def test_med_2_3_as_libmed_reads_it(tmp_path):
         assert_says(said, meshes[path])
         if "2.med" not in path:  # libmed looks for the field of a face among cells
             assert_fields(said["fields"], meshes[path])
-
-
-def test_families_of_med_2_3_may_stand_at_the_root(tmp_path):
-    mesh = old_mesh(4, 3)
-    write_old(tmp_path / "a.med", mesh, ORDERS)
-    with h5py.File(tmp_path / "a.med", "r+") as file:
+    with h5py.File(tmp_path / "3.med", "r+") as file:  # families may stand at the root
         file.create_group("FAS")
         file.move("ENS_MAA/old/FAS", "FAS/old")
-    again = med.read(tmp_path / "a.med")
-    assert {name: len(ids) for name, ids in again.cell_groups.items()} == {
-        n: len(i) for n, i in mesh.cell_groups.items()
-    }
+    assert_same(read, med.read(tmp_path / "3.med"))
 
 
 # What a file may say, and what we say to it
-
-
 def edited(tmp_path, mesh, change):
     """The mesh as a file, changed by `change(file, group of the step)`."""
     path = tmp_path / "edited.med"
@@ -584,82 +534,79 @@ def test_several_meshes(tmp_path, cube):
     assert (other.name, dict(other.cell_groups), dict(other.cell_data)) == ("other", {}, {})
 
 
-def test_numbers_that_are_missing_are_counted_in_libmeds_order(tmp_path, cube):
-    def without(_, step):
-        del step["NOE/NUM"], step["MAI/QU4/NUM"], step["MAI/HE8/NUM"]
-
-    mesh = med.read(edited(tmp_path, cube, without))
-    np.testing.assert_array_equal(mesh.node_number, range(1, 10))
-    np.testing.assert_array_equal(mesh.cell_number, [3, 1, 2])  # HEXA8 first in the file, QUAD4 first in libmed
+def _without_numbers(_, step):
+    del step["NOE/NUM"], step["MAI/QU4/NUM"], step["MAI/HE8/NUM"]
 
 
-def test_numbers_given_twice_are_counted(tmp_path, cube):
-    path = edited(tmp_path, cube, lambda _, step: put(step, "MAI/QU4/NUM", np.array([7, 8], "i4")))
-    with pytest.warns(LacmeshWarning, match="cells are numbered from 1"):
-        np.testing.assert_array_equal(med.read(path).cell_number, [3, 1, 2])
+def _unordered(file, step):
+    parts = file.create_group("parts")
+    for name in step["MAI"]:
+        step.copy(f"MAI/{name}", parts, name)
+    del step["MAI"]
+    file.move("parts", f"{step.name}/MAI")
 
 
-def test_types_without_order_of_links_come_in_libmeds_order(tmp_path, cube):
-    def unordered(file, step):
-        parts = file.create_group("parts")
-        for name in step["MAI"]:
-            step.copy(f"MAI/{name}", parts, name)
-        del step["MAI"]
-        file.move("parts", f"{step.name}/MAI")
-
-    mesh = med.read(edited(tmp_path, cube, unordered))
-    assert [b.type for b in mesh.blocks] == ["QUAD4", "HEXA8"]
-    np.testing.assert_array_equal(mesh.cell_number, [70, 71, 7])
-    np.testing.assert_array_equal(mesh.cell_groups["both"], [0, 1])
+def _latin_1(file, _):
+    for family in file["FAS/mesh/ELEME"].values():
+        names = family["GRO/NOM"]
+        rows = [
+            b"c\xf4t\xe9".ljust(80) if bytes(row.view("u1")).startswith(b"slave") else bytes(row) for row in names[()]
+        ]
+        names[...] = np.array([np.frombuffer(row, "i1") for row in rows])
 
 
-def test_latin_1_and_blanks_in_names(tmp_path, cube):
-    def rename(file, _):
-        for family in file["FAS/mesh/ELEME"].values():
-            names = family["GRO/NOM"]
-            values = names[()]
-            for k, row in enumerate(values):
-                if bytes(row.view("u1")).startswith(b"slave"):
-                    values[k] = np.frombuffer("côté".encode("latin-1").ljust(80, b" "), "i1")
-            names[...] = values
-
-    mesh = med.read(edited(tmp_path, cube, rename))
-    np.testing.assert_array_equal(mesh.cell_groups["côté"], [1])
+def _gauss(file, _):
+    leaf = file[f"CHA/colour/{STEP}/MAI.HE8/MED_NO_PROFILE_INTERNAL"]
+    put(leaf, "CO", np.arange(8.0))
+    leaf.attrs["NGA"] = 8
 
 
-def test_what_is_left_out_is_said(tmp_path, cube):
-    def more(file, step):
-        put(step, "NOE/NOM", np.zeros(9 * 16, "i1"))
-        file["ENS_MAA/mesh"].create_group("EQS/twins")
-        file.copy(step, f"ENS_MAA/mesh/{0:020d}{-1:020d}")
-        put(step, "MAI/HE8/FAM", np.array([-99], "i4"))
-
-    with pytest.warns(LacmeshWarning) as caught:
-        mesh = med.read(edited(tmp_path, cube, more))
-    (warning,) = caught
-    for said in ("one of the 2 steps", "names of single nodes", "1 undefined families", "equivalences"):
-        assert said in str(warning.message)
-    assert "body" in mesh.cell_groups
+def _more(file, step):
+    put(step, "NOE/NOM", np.zeros(9 * 16, "i1"))
+    file["ENS_MAA/mesh"].create_group("EQS/twins")
+    file.copy(step, f"ENS_MAA/mesh/{0:020d}{-1:020d}")
+    put(step, "MAI/HE8/FAM", np.array([-99], "i4"))
 
 
-def test_gauss_points_are_left_out_whole(tmp_path, cube):
-    def gauss(file, _):
-        leaf = file[f"CHA/colour/{STEP}/MAI.HE8/MED_NO_PROFILE_INTERNAL"]
-        put(leaf, "CO", np.arange(8.0))
-        leaf.attrs["NGA"] = 8
+#: what a file may say: an edit of it, words of the only warning, and what holds of the mesh all the same
+EDITS = {
+    "numbers that are missing are counted in libmed's order": (  # HEXA8 first in the file, QUAD4 first in libmed
+        _without_numbers, [], lambda m: (m.node_number.tolist(), m.cell_number.tolist()) == ([*range(1, 10)], [3, 1, 2]),
+    ),
+    "numbers given twice are counted": (
+        lambda _, step: put(step, "MAI/QU4/NUM", np.array([7, 8], "i4")), ["cells are numbered from 1"],
+        lambda m: m.cell_number.tolist() == [3, 1, 2],
+    ),
+    "types without order of links come in libmed's order": (
+        _unordered, [],
+        lambda m: ([b.type for b in m.blocks], m.cell_number.tolist(), m.cell_groups["both"].tolist())
+        == (["QUAD4", "HEXA8"], [70, 71, 7], [0, 1]),
+    ),
+    "Latin-1 and blanks in names": (_latin_1, [], lambda m: m.cell_groups["côté"].tolist() == [1]),
+    "Gauss points are left out whole": (_gauss, ["of colour$"], lambda m: set(m.cell_data) == {"lac_macro"}),
+    "what is left out": (
+        _more, ["one of the 2 steps", "names of single nodes", "1 undefined families", "equivalences"],
+        lambda m: "body" in m.cell_groups,
+    ),
+}  # fmt: skip
 
-    with pytest.warns(LacmeshWarning, match="of colour$"):
-        assert set(med.read(edited(tmp_path, cube, gauss)).cell_data) == {"lac_macro"}
+
+@pytest.mark.parametrize("what", EDITS)
+@pytest.mark.filterwarnings("always")
+def test_what_a_file_may_say(tmp_path, cube, what, recwarn):
+    edit, words, holds = EDITS[what]
+    path = edited(tmp_path, cube, edit)
+    recwarn.clear()
+    assert holds(med.read(path))
+    assert len(recwarn) == bool(words)
+    assert all(re.search(word, str(one.message)) for one in recwarn for word in words)
 
 
 @pytest.mark.parametrize("name", ["x" * 81, "é" * 41, "blank ", "", "nul\0l"])
-def test_group_names_that_med_lacks(tmp_path, cube, name):
+def test_names_that_med_lacks(tmp_path, cube, name):
     for groups in ({"cell_groups": {name: np.array([0])}}, {"node_groups": {name: np.array([0])}}):
         with pytest.raises(WriteError, match="name"):
             med.write(tmp_path / "a.med", replace(cube, **groups))
-
-
-def test_long_names_of_fields_and_meshes(tmp_path, cube):
     for change in ({"name": "m" * 65}, {"cell_data": {"d" * 65: np.zeros(3)}}):
         with pytest.raises(WriteError, match="64 bytes at most"):
             med.write(tmp_path / "a.med", replace(cube, **change))
@@ -674,57 +621,3 @@ def test_groups_track_the_order_of_links_and_not_of_attributes(tmp_path, cube):
         for group in groups:
             made = group.id.get_create_plist()
             assert (made.get_link_creation_order(), made.get_attr_creation_order()) == (3, 0)
-
-
-# Damage
-
-
-def outcome(path):
-    """A mesh or a LacmeshError; anything else goes up and fails the test."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)
-        try:
-            mesh = med.read(path)
-        except LacmeshError as error:
-            return type(error).__name__
-    for block in mesh.blocks:
-        assert block.nodes.min() >= 0 and block.nodes.max() < mesh.n_nodes
-    assert np.isfinite(mesh.points).all()
-    return "Mesh"
-
-
-@pytest.mark.fuzz
-def test_every_part_missing_or_of_another_kind(tmp_path, cube):
-    """Each link and attribute in turn: gone or a group, or replaced by text, reals, too few or very large integers."""
-    step = samples(6, 1)
-    source, path = tmp_path / "source.med", tmp_path / "damaged.med"
-    med.write(source, replace(cube, zones=("a",)))
-    places = []
-    with h5py.File(source) as file:
-        file.visititems(lambda name, o: places.extend([(name, None), *((name, key) for key in o.attrs)]))
-    found = []
-    for number, (name, key) in list(enumerate(places))[::step]:
-        for change in (None, VALUES[np.random.default_rng(number).integers(len(VALUES))]()):
-            shutil.copy(source, path)
-            with h5py.File(path, "r+") as file:
-                _replace(*((file, name) if key is None else (file[name].attrs, key)), change)
-            found.append(outcome(path))
-    assert found.count("ReadError") > 100 / step
-    assert found.count("Mesh") > 100 / step
-
-
-def _replace(holder, name, value):
-    """Put a value, or None for a group, in place of a link or an attribute."""
-    del holder[name]
-    if value is not None:
-        holder[name] = value
-    elif not isinstance(holder, h5py.AttributeManager):
-        holder.create_group(name)
-
-
-def test_the_writers_own_groups_are_closed_on_failure(tmp_path):
-    with pytest.raises(KeyError), created(tmp_path / "a.med") as root:
-        add_group(root, "x")
-        raise KeyError
-    with h5py.File(tmp_path / "a.med") as file:
-        assert list(file) == ["x"]

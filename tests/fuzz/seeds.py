@@ -20,11 +20,9 @@ from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Model, Periodic, Step
 from tests.bad_input import raw
 from tests.bad_input.mesh_cases import WRITERS
-from tests.bad_input.raw import two_hexahedra
-from tests.formats.decks import pressed
-from tests.formats.med_old import write_old
-from tests.formats.test_deck_parts import two
-from tests.fuzz import texts
+from tests.bad_input.raw import two_hexahedra, write_old
+from tests.formats import texts
+from tests.formats.decks import pressed, two
 from tests.meshes import cell_with_faces, random_mesh
 
 
@@ -120,9 +118,9 @@ def _by_hand(name: str) -> Iterator[Seed]:
         return
     yield Seed(main, {main: WRITERS[name](two_hexahedra())})
     if name == "inp":
-        yield Seed(main, {main: texts.INP.encode(), "more.inp": texts.INCLUDED.encode()})
+        yield Seed(main, {main: texts.INP.encode(), "more.inp": texts.MORE.encode()})
     if name == "mail":
-        yield Seed(main, {main: texts.MAIL.encode("latin-1")})
+        yield Seed(main, {main: texts.MAIL.replace("COIN", "c\xf4t\xe9").encode("latin-1")})
 
 
 def _old() -> bytes:

@@ -20,7 +20,7 @@ from lacmesh.quality import measure_quality
 from lacmesh.report import describe
 from lacmesh.view import page
 from tests.bad_input.case import SECONDS, TooSlow, alarm
-from tests.fuzz import mutate, mutate_hdf5
+from tests.fuzz import mutate
 from tests.fuzz.seeds import FORMATS, Seed, seeds
 
 #: Suffixes of the formats that lacmesh writes itself.
@@ -43,7 +43,7 @@ def spoilt(name: str, number: int) -> Seed:
     file = rng.choice([*files, seed.main])
     hdf5 = files[file].startswith(b"\x89HDF")
     if hdf5 and rng.random() < 0.6:
-        files[file] = mutate_hdf5.mutated(rng, files[file])
+        files[file] = mutate.mutated_hdf5(rng, files[file])
     else:
         others = [other.files.get(file, b"\n") for other in seeds(name)]
         files[file] = mutate.mutated(rng, files[file], others, FORMATS[name].text and not hdf5)
