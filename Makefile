@@ -86,7 +86,6 @@ noise: $(INSTALLED) ## the tests of make test with last bits as other processors
 
 fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
 	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz
-	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact moving peers; do OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/$$name.py || exit 1; done

@@ -5,10 +5,8 @@ Decks of parts and instances are carried as they stand, and written without part
 from __future__ import annotations
 
 import re
-import shutil
 import warnings
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,54 +23,11 @@ from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.formats.inp.writer_types import card as element_of
 from lacmesh.mesh import Mesh
-from tests.formats.decks import LOWER, NODE, UPPER, E, K, P, pressed, tables, two
-from tests.formats.decks import solved as run_calculix
+from tests.formats.decks import LOWER, NODE, UPPER, pressed, two
 from tests.formats.feature_cases import told
-from tests.formats.texts import PARTS
+from tests.formats.texts import MESH, MODEL, PARTS, STEP
 from tests.lacsolver.deck_texts import solved as import_solved
 from tests.meshes import cell_with_faces
-from tests.samples import each_option, samples
-
-MESH = """\
-** made by hand
-*NODE, NSET=Nall
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-** the brick
-*ELEMENT, TYPE=C3D8R, ELSET=Eall
-1, 1, 2, 3, 4, 5, 6, 7, 8
-*NSET, NSET=Bottom
-1, 2, 3, 4
-*NSET, NSET=Top, GENERATE
-5, 8
-*ELSET, ELSET=Few
-1
-*SURFACE, NAME=slave
-Few, S2
-*SURFACE, NAME=side, TYPE=ELEMENT
-1, S3
-*SURFACE, NAME=Nodes, TYPE=NODE
-5
-6
-7
-8
-"""
-MODEL = """\
-*Material, Name = "Steel of  1990"
-*ELASTIC
- 2.1e5 , .3
-*SOLID SECTION, ELSET=EALL,
- MATERIAL="Steel of  1990"
-*CARD OF NO PROGRAM, ELSET=nothing
- whatever it says; 1, 2
-"""
-STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
 
 
 def read_text(folder, text, name="a.inp"):
@@ -547,139 +502,3 @@ def test_a_mesh_with_other_elements_is_written_anew(tmp_path):
     assert "written without parts" in flat(tmp_path, raise_order(mesh))[1]
     fewer = Mesh.create(mesh.points, [("HEXA8", mesh.block("HEXA8")[:2])])
     assert "written anew and not as the deck" in flat(tmp_path, replace(fewer, deck=mesh.deck))[1]
-
-
-# ---- CalculiX judges: the same answers before and after a conversion, and reactions that a cut does not change
-
-
-#: Elements of the decks of our own, one of each family in short: dimension and letters of a type.
-OWN = each_option(
-    [
-        (name,)
-        for name in ["C3D8", "C3D8I", "C3D8R", "C3D20", "C3D20R", "C3D4", "C3D10", "CPE4", "CPS4R", "CPE3", "CAX4"]
-    ],
-    of=lambda row: [row[0].rstrip("0123456789IR")],
-)
-
-
-def by_calculix(test):
-    marks = pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning"), pytest.mark.calculix
-    return marks[0](marks[1](test))
-
-
-def results(folder, *names):
-    """Tables of CalculiX's answers to decks."""
-    return [tables(run_calculix(folder / f"{name}.inp", shutil.which("ccx"))) for name in names]
-
-
-#: Decks of CalculiX that take a second or more.
-LONG = ("bolt", "ball", "beamptied5", "contact12", "beamcontact")
-
-
-def family(row):
-    """Dimension and letters of a type of CalculiX: one of each is tried in short."""
-    return [row[0].rstrip("0123456789IR")]
-
-
-def convert(source, target, *command):
-    """Run a command of lacmesh on a deck."""
-    assert main([*(command or ("convert",)), str(source), *(("-o",) if command else ()), str(target), "-q"]) == 0
-
-
-def cut_slave(source, target, slave="slave"):
-    convert(source, target, "cut", "--slave", slave, "--hexa", "hexa")
-
-
-@by_calculix
-@pytest.mark.parametrize("name", OWN)
-def test_our_decks_have_the_same_answers_and_a_cut_slave_passes_the_load(name, tmp_path):
-    """Two columns under a pressure: the reaction, the shortening and the stress are those of the uniform state."""
-    (tmp_path / "a.inp").write_text(pressed(name))
-    convert(tmp_path / "a.inp", tmp_path / "b.inp")
-    cut_slave(tmp_path / "a.inp", tmp_path / "c.inp")
-    before, after, ((_, force), (_, u), (_, stress)) = results(tmp_path, "a", "b", "c")
-    assert len(before) == len(after) == 3
-    for (what, old), (_, new) in zip(before, after, strict=True):
-        assert np.array_equal(old, new), what
-    a, c = (lacmesh.read(tmp_path / f"{k}.inp") for k in "ac")
-    assert {card.options["TYPE"] for card in c.deck.named("ELEMENT")} == {name}
-    assert len(c.cell_groups["slave"]) > len(a.cell_groups["slave"])
-    up = 2 if name.startswith(("CP", "CA")) else 3
-    area = np.pi * (2**2 - 1**2) / 180 if name.startswith("CAX") else 1  # CalculiX makes a wedge of two degrees
-    # the incompatible modes of CalculiX's C3D8I are too soft in the distorted children; C3D8 there is exact
-    rel = 3e-2 if name == "C3D8I" else 1e-3
-    assert force[-1][up - 1] == pytest.approx(P * area, rel=1e-3)
-    assert np.allclose(u[:, up], -P * (2 / E + 1 / K), rtol=rel)
-    assert np.allclose(stress[:, 1 + up], -P, rtol=rel)
-
-
-@by_calculix
-def test_calculix_runs_decks_of_parts(tmp_path, monkeypatch):
-    """Cut: the force, and the shortening under 20 over two lengths of 1 and a contact of 1e5; or named as the target."""
-    monkeypatch.chdir(tmp_path)
-    mesh = quiet_read(tmp_path, two().replace(", 1, 0.5", ", 1, 0."))
-    flat(tmp_path, cut_skin(mesh, "Upper", hexa="hexa").mesh)
-    Path("c.inp").write_text(two())
-    convert("c.inp", "same.inp")
-    assert Path("same.inp").read_text() == two()
-    assert main(["convert", "c.inp", "d.inp", "--for", "calculix", "-q"]) == 0
-    ((_, force), (_, u)), ((_, other), (_, top)) = results(tmp_path, "b", "d")
-    assert force[-1][2] == pytest.approx(20.0, rel=1e-6)
-    assert np.allclose(u[:, 3], -20 * (2 / 1000 + 1 / 1e5), rtol=1e-6)
-    assert np.allclose(other[-1], [0, 0, 20.0], atol=1e-5) and len(top) == len(UPPER.at(2, 2))
-
-
-@by_calculix
-@pytest.mark.shared
-@pytest.mark.fuzz
-def test_decks_of_calculix_have_the_same_answers(shared, tmp_path):
-    """Every deck of CalculiX's own tests that is here: a .dat that is the same to the digits printed."""
-    decks = sorted((shared / "reference" / "decks").glob("*.inp"))
-    assert len(decks) > 20
-    for deck in decks:
-        if deck.stem in samples(LONG, ()):
-            continue
-        shutil.copy(deck, tmp_path / "a.inp")
-        convert(deck, tmp_path / "b.inp")
-        before, after = results(tmp_path, "a", "b")
-        assert len(before) == len(after), deck.stem
-        for (what, old), (_, new) in zip(before, after, strict=True):
-            assert np.array_equal(old, new, equal_nan=True), f"{deck.stem}: {what}"
-        for file in tmp_path.iterdir():
-            file.unlink()
-
-
-@by_calculix
-@pytest.mark.shared
-@pytest.mark.parametrize(
-    "name",
-    [
-        "contact5",
-        *(pytest.param(n, marks=pytest.mark.slow) for n in ("contact13", "friction1", "beamcontact", "cubes")),
-    ],
-)
-def test_decks_of_calculix_run_with_their_slave_cut(shared, name, tmp_path):
-    """The reactions of the fixed nodes and the forces of contact change by 1 % of the largest at most."""
-    deck = tmp_path / "a.inp"
-    text = (shared / "reference" / "decks" / f"{name}.inp").read_text()
-    deck.write_text(text.replace("*END STEP", "*NODE PRINT, NSET=Nfix, TOTALS=ONLY\nRF\n*END STEP"))
-    cut_slave(deck, tmp_path / "b.inp", {"beamcontact": "Sslav1"}.get(name, "Sslav"))
-    assert lacmesh.read(tmp_path / "b.inp").n_nodes > lacmesh.read(deck).n_nodes
-    before, after = results(tmp_path, "a", "b")
-    assert [what for what, _ in before] == [what for what, _ in after]
-    forces = [(what, old, new) for (what, old), (_, new) in zip(before, after, strict=True) if "force" in what]
-    assert forces
-    for what, old, new in forces:
-        if old.shape[1] in (3, 6):
-            assert np.allclose(new[:, :3], old[:, :3], rtol=0, atol=1e-2 * np.abs(old[:, :3]).max()), what
-
-
-@by_calculix
-@pytest.mark.shared
-def test_a_deck_whose_tied_skin_is_cut_has_the_same_frequencies(shared, tmp_path):
-    """A cut leaves stiffness and mass of the bodies what they are."""
-    shutil.copy(shared / "reference" / "decks" / "beamptied5.inp", tmp_path / "a.inp")
-    cut_slave(tmp_path / "a.inp", tmp_path / "b.inp", "depf")
-    texts = [run_calculix(tmp_path / f"{k}.inp", shutil.which("ccx")).split("P A R T I C")[0] for k in "ab"]
-    rows = [np.array(re.findall(r"^ +\d+ +(\S+E\+\d+)", text, re.MULTILINE), float) for text in texts]
-    assert len(rows[0]) == 10 and np.allclose(*rows, rtol=3e-3)

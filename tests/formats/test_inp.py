@@ -5,7 +5,6 @@ Damaged files are in `test_damaged.py`; what becomes of a deck's other cards is 
 from __future__ import annotations
 
 import re
-import shutil
 import warnings
 from dataclasses import replace
 
@@ -25,7 +24,6 @@ from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
-from tests.formats.decks import E, P, on_springs, solved, tables
 from tests.formats.msh_meshes import lenient
 from tests.formats.texts import INP, MORE, PARTS
 from tests.meshes import cell_with_faces, random_mesh
@@ -305,25 +303,13 @@ def one_element(name):
     return nodes(20, cell.dim < 3) + f"*ELEMENT, TYPE={name}\n1, {', '.join(map(str, range(1, cell.n_nodes + 1)))}\n"
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "C3D8R",
-        "C3D8I",
-        "C3D20RH",
-        "DC3D4",
-        "S4R",
-        "S8R",
-        "M3D4",
-        "B31",
-        "SPRINGA",
-        "SPRING1",
-        "CAX4R",
-        "CPEG4",
-        "CGAX4",
-        "DC2D4",
-    ],
-)
+PLAIN_AS_CELLS = [
+    *["C3D8R", "C3D8I", "C3D20RH", "DC3D4", "S4R", "S8R", "M3D4", "B31", "SPRINGA", "SPRING1"],
+    *["CAX4R", "CPEG4", "CGAX4", "DC2D4"],
+]
+
+
+@pytest.mark.parametrize("name", PLAIN_AS_CELLS)
 def test_elements_that_become_plain_are_named(tmp_path, name):
     """Whatever the letters of a name mean, a cell does not keep it; a deck does."""
     text = one_element(name)
@@ -546,38 +532,3 @@ NAMES = {
 def test_names_of_elements(name, kind):
     found = element(name.strip("-"))
     assert (found.type if found else "") == kind
-
-
-# ---- CalculiX runs what we write
-
-
-VOLUMES = [kind for kind, cell in CELLS.items() if cell.dim == 3 and card(kind, "calculix", None, False)]
-
-
-@pytest.mark.calculix
-@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
-@pytest.mark.parametrize("kind", [*VOLUMES, "TRIA3", "QUAD4", "TRIA6", "QUAD8"])
-def test_pressure_pushes_the_facet(tmp_path, kind):
-    """A cell on springs under a pressure on one facet is held by a force of the facet's area, inward.
-
-    In the plane, strain and linear shells, both one unit thick.
-    """
-    cell = CELLS[kind]
-    plane = "*SOLID SECTION, ELSET=body, MATERIAL=M\n1."
-    for j, facet in enumerate(cell.facets):
-        mesh = cell_with_faces(kind, facets=[j], inward=True)
-        corners = mesh.points[list(facet.nodes[: CELLS[facet.type].n_corners])]  # plane: the cell is an affine image
-        if cell.dim == 3:
-            area = np.cross(corners[1:-1] - corners[0], corners[2:] - corners[0]).sum(axis=0) / 2
-            jobs = [(mesh, on_springs(cell.n_nodes))]
-        else:
-            area = (corners[1] - corners[0])[[1, 0, 2]] * [1, -1, 0]
-            jobs = [(mesh, on_springs(cell.n_nodes, plane, axes=(1, 2)))]
-            if cell.order == 1:
-                raised = replace(mesh, points=mesh.points + np.array([0, 0, 1]), space_dim=3)
-                jobs.append((raised, on_springs(cell.n_nodes, plane.replace("SOLID", "SHELL"))))
-        for one, job in jobs:
-            inp.write(tmp_path / "mesh.inp", one, WriteOptions(plane="CPE") if cell.dim < 3 else WriteOptions())
-            (tmp_path / "job.inp").write_text(job)
-            ((_, u),) = tables(solved(tmp_path / "job.inp", shutil.which("ccx")))
-            assert np.allclose(E * u[:, 1:].sum(axis=0), -P * area, atol=1e-5 * np.linalg.norm(P * area))

@@ -62,16 +62,6 @@ def cube():
     )
 
 
-def test_numbers_and_bits_of_types():
-    """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
-    for kind in MED_TYPES:
-        cell = ALL_CELLS[kind.type]
-        assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
-    geos = sorted([*(kind.geo for kind in MED_TYPES), 312])
-    assert [geos.index(kind.geo) for kind in MED_TYPES] == [kind.bit for kind in MED_TYPES]
-    assert [kind.geo for kind in MED_TYPES] == sorted(kind.geo for kind in MED_TYPES)
-
-
 # There and back
 def arrays(rng, n):
     """Data of every kind that MED holds, with rows that are missing, one array all missing."""
@@ -367,19 +357,6 @@ def test_medcoupling_reads_what_we_write(tmp_path):
 
 
 @pytest.mark.medcoupling
-def test_medcoupling_finds_no_cell_inside_out(tmp_path):
-    pytest.importorskip("medcoupling")
-    files = {}
-    for kind in sorted(k for k in ORDERS if k in CELLS and CELLS[k].dim == 3):
-        path = tmp_path / f"{kind}.med"
-        med.write(path, Mesh.create(CELLS[kind].reference, [(kind, [range(CELLS[kind].n_nodes)])]))
-        files[str(path)] = CELLS[kind].family
-    volume = {"TETRA": 1 / 6, "HEXA": 8, "PENTA": 1, "PYRAM": 4 / 3}
-    for path, said in ask("say", *files).items():
-        assert [v for part in said["volumes"].values() for v in part] == pytest.approx([volume[files[path]]]), path
-
-
-@pytest.mark.medcoupling
 def test_nodes_of_quadratic_cells_stand_where_medcoupling_puts_them(tmp_path):
     """A cell that medcoupling made quadratic: each node we read is at the mean of the corners that the table says."""
     pytest.importorskip("medcoupling")
@@ -393,32 +370,6 @@ def test_nodes_of_quadratic_cells_stand_where_medcoupling_puts_them(tmp_path):
             np.testing.assert_allclose(x, means, atol=1e-12, err_msg=path.name)
             found.add(block.type)
     assert found >= {"TRIA6", "QUAD8", "TETRA10", "PYRAM13", "PENTA15", "HEXA20", "TRIA7", "QUAD9", "HEXA27"}
-
-
-@pytest.mark.gmsh
-def test_gmsh_opens_what_we_write(tmp_path):
-    pytest.importorskip("gmsh")
-    meshes = {}
-    known = [k for k in sorted(ORDERS) if k in CELLS and CELLS[k].msh is not None]
-    linear = [k for k in known if CELLS[k].order < 2]  # gmsh loses cells of meshes that mix orders
-    for seed, types in enumerate((linear, *([k] for k in known if k not in linear))):
-        rng = np.random.default_rng(seed)
-        mesh = random_mesh(rng, types, 30, ["slave", "peau é", "last"], data=False)
-        n = mesh.n_cells
-        data = {
-            "lac_macro": np.arange(n, dtype=np.int32) - 2,
-            "entity": np.ones((n, 2), np.int32),
-            "u": rng.normal(size=n),
-        }
-        mesh = replace(mesh, cell_data=data, zones=("a",), node_data={"heat": rng.normal(size=30)})
-        path = tmp_path / f"{seed}.med"
-        med.write(path, mesh)
-        meshes[str(path)] = mesh
-    for path, mesh in meshes.items():
-        said = ask("gmsh", path)[path]
-        assert said["cells"] == {str(CELLS[b.type].msh): len(b.nodes) for b in mesh.blocks}
-        assert said["groups"] == {name: len(ids) for name, ids in mesh.cell_groups.items() if len(ids)}
-        assert said["views"] == 4
 
 
 @pytest.mark.shared
@@ -571,7 +522,8 @@ def _more(file, step):
 #: what a file may say: an edit of it, words of the only warning, and what holds of the mesh all the same
 EDITS = {
     "numbers that are missing are counted in libmed's order": (  # HEXA8 first in the file, QUAD4 first in libmed
-        _without_numbers, [], lambda m: (m.node_number.tolist(), m.cell_number.tolist()) == ([*range(1, 10)], [3, 1, 2]),
+        _without_numbers, [],
+        lambda m: (m.node_number.tolist(), m.cell_number.tolist()) == ([*range(1, 10)], [3, 1, 2]),
     ),
     "numbers given twice are counted": (
         lambda _, step: put(step, "MAI/QU4/NUM", np.array([7, 8], "i4")), ["cells are numbered from 1"],

@@ -12,8 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
-from lacmesh.formats.entities import Entity, assign
-from lacmesh.formats.ids import Index
+from lacmesh.formats.entities import assign
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
@@ -276,18 +275,6 @@ def test_boxes_of_entities(tmp_path):
     assert text[1:4] == ["1 2.0 0.0 0.0 0", "8 -5.0 1.0 1.0 -5.0 1.0 1.0 0 0", "1 0.0 0.0 0.0 9.0 9.0 9.0 0 0"]
 
 
-def test_absent_values_are_not_written(tmp_path):
-    mesh = Mesh.create(
-        np.eye(3),
-        [("SEG2", [[0, 1], [1, 2], [2, 0]])],
-        cell_data={"lac_macro": np.array([-1, 5, -1], np.int32), "T": np.array([np.nan, np.nan, 1.5])},
-    )
-    assert plain(again(tmp_path, mesh, "4.1", False)) == plain(mesh)
-    text = (tmp_path / "again.msh").read_text()
-    assert '"lac_macro"\n1\n0.0\n3\n0\n1\n1\n2 5.0\n$End' in text
-    assert '"T"\n1\n0.0\n3\n0\n1\n1\n3 1.5\n$End' in text
-
-
 #: a text in our section, another one, the warning of it, and what is read of a group of node 4
 NOT_OURS = [
     ('"nodes":4', '"nodes":5', "written for 5 nodes", {}),
@@ -312,20 +299,6 @@ def test_our_section(tmp_path):
         again(tmp_path, mesh, version, binary)
         assert b"LacMesh" not in path.read_bytes()
         assert max(map(len, path.read_bytes().splitlines())) < 200 or binary
-
-
-@pytest.mark.parametrize("numbers", [[1, 2, 3], [3, 1, 2], [7, 10**12, 8]])
-def test_numbers_and_places(numbers):
-    index = Index(np.array(numbers))
-    asked = np.array([*numbers, 0, -1, -2, -4, 4, 9, 10**12 + 1, -(2**63), 2**63 - 1])
-    assert index.places(asked).tolist() == [0, 1, 2] + [-1] * 9
-    out = np.empty((2, 1), np.int64)
-    assert index.convert(np.array([[numbers[1]], [numbers[0]]]), out) is None
-    assert out.ravel().tolist() == [1, 0]
-    for wrong in (0, -1, -3, 11, 2**63 - 1, -(2**63)):
-        assert index.convert(np.array([[numbers[0]], [wrong]]), out) == 1
-    aliased = Index(np.array(numbers), np.array([50, 60]), np.array([numbers[2], numbers[0]]))
-    assert aliased.places(np.array([60, 50, 70, numbers[1]])).tolist() == [0, 2, -1, 1]
 
 
 def data(name, partition, number, value):
@@ -538,27 +511,6 @@ def test_the_table_says_what_the_groups_say(mesh):
 
 def order_of_cell(mesh, cell):
     return next(ALL_CELLS[kind].order for kind, _, _ in mesh.select(np.array([cell])))
-
-
-def test_the_largest_part_keeps_the_tag():
-    entity = np.array([[1, 7]] * 4 + [[1, 3]])
-    groups = {"a": [1], "b": [2, 3], "c": [0, 1, 2, 3, 4]}
-    mesh = chain(5, cell_data={"entity": entity}, cell_groups=groups, group_tags={"b": ((1, 5),)})
-    assert tags(mesh) == [(1, 8), (1, 9), (1, 7), (1, 7), (1, 3)]
-    assert assign(mesh).group_tags == {"a": ((1, 6),), "b": ((1, 5),), "c": ((1, 7),)}
-    assert assign(mesh).entities[1] == Entity(1, 7, (5, 7))
-
-
-def test_without_entities_there_is_one_for_each_combination():
-    mesh = Mesh.create(
-        np.eye(4, 3),
-        [("TRIA3", [[0, 1, 2], [0, 1, 3]]), ("SEG2", [[0, 1], [1, 2], [2, 3]])],
-        cell_groups={"a": [0, 2], "b": [2, 3]},
-    )
-    assert tags(mesh) == [(2, 2), (2, 1), (1, 2), (1, 3), (1, 1)]
-    assert assign(mesh).group_tags == {"a": ((1, 1), (2, 1)), "b": ((1, 2),)}
-    mesh = chain(3, cell_data={"entity": np.array([[2, 4], [1, 4], [-1, -1]])})  # of another dimension, or unknown
-    assert tags(mesh) == [(1, 5), (1, 4), (1, 5)]
 
 
 def test_nodes_lie_on_the_lowest_cell_and_orphans_somewhere():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import lzma
 import struct
 import tracemalloc
@@ -24,7 +23,6 @@ from lacmesh.formats.table import WriteOptions
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
-from tests.formats.feature_cases import one_cell
 from tests.formats.msh_meshes import meshes, same
 from tests.meshes import random_mesh
 from tests.samples import samples
@@ -89,34 +87,6 @@ def grid_of(path):
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE])
-def test_vtk_sees_the_cell(kind, tmp_path):
-    """VTK maps the same reference points to the same places, so that volumes agree and no cell is inverted."""
-    pytest.importorskip("vtk")
-    mesh = one_cell(kind)
-    write(tmp_path / "a.vtu", mesh)
-    cell = grid_of(tmp_path / "a.vtu").GetCell(0)
-    table = CELLS[kind]
-    assert cell.GetNumberOfPoints() == table.n_nodes
-    reference = np.array(table.reference).reshape(table.n_nodes, -1)
-    theirs = np.array([cell.GetParametricCoords()[k] for k in range(3 * table.n_nodes)]).reshape(-1, 3)[:, : table.dim]
-    if table.family in ("SEG", "QUAD", "HEXA"):
-        reference = (reference + 1) / 2
-    elif table.family == "PENTA":
-        reference = reference * [1, 1, 0.5] + [0, 0, 0.5]
-    elif table.family == "PYRAM":
-        reference = (reference * [1, 1, 1]) / [2, 2, 1] + np.stack(
-            [*2 * [0.5 * np.ones(len(reference))], 0 * reference[:, 2]], 1
-        )
-        keep = reference[:, 2] == 0  # above its base VTK's pyramid is collapsed, ours is not
-        reference, theirs = reference[keep], theirs[keep[list(OF_TYPE[kind].nodes)]]
-        places = [n for n in OF_TYPE[kind].nodes if keep[n]]
-        np.testing.assert_allclose(theirs, reference[np.searchsorted(np.flatnonzero(keep), places)], atol=1e-6)
-        return
-    np.testing.assert_allclose(theirs, reference[list(OF_TYPE[kind].nodes)], atol=1e-6)
-
-
-@pytest.mark.vtk
 @pytest.mark.parametrize("kind", [k for k in ALL_CELLS if k not in CELLS and k in OF_TYPE])
 def test_vtk_and_gmsh_agree_on_lagrange_cells(kind):
     """The place of each node in VTK's reference cell is that of the node in gmsh's."""
@@ -141,35 +111,6 @@ def test_vtk_and_gmsh_agree_on_lagrange_cells(kind):
     np.testing.assert_allclose(
         found, (ours if cell.number in (69, 71) else (ours + 1) / 2)[list(cell.nodes)], atol=1e-6
     )
-
-
-@pytest.mark.vtk
-@codings
-def test_pyvista_sees_groups_data_and_numbers(options, tmp_path):
-    mesh = random_mesh(np.random.default_rng(5), slaves=4)
-    mesh = replace(
-        mesh, zones=("zone ä",), cell_data={**mesh.cell_data, "rank": mesh.cell_data["rank"].astype(np.int32)}
-    )
-    write(tmp_path / "a.vtu", mesh, **options)
-    grid = grid_of(tmp_path / "a.vtu")
-    rows = mesh.file_order
-    assert grid.n_cells == mesh.n_cells and grid.n_points == mesh.n_nodes
-    np.testing.assert_array_equal(grid.points, mesh.points)
-    np.testing.assert_array_equal(grid.cell_data["cell_number"], mesh.cell_number[rows])
-    np.testing.assert_array_equal(grid.point_data["node_number"], mesh.node_number)
-    for name, members in mesh.cell_groups.items():
-        np.testing.assert_array_equal(grid.cell_data[f"group:{name}"], np.isin(rows, members))
-    for name, members in mesh.node_groups.items():
-        np.testing.assert_array_equal(np.flatnonzero(grid.point_data[f"group:{name}"]), members)
-    for name, values in mesh.cell_data.items():
-        np.testing.assert_array_equal(grid.cell_data[name], values[rows])
-    for name, values in mesh.node_data.items():
-        np.testing.assert_array_equal(grid.point_data[name], values)
-    told = json.loads(bytes(grid.field_data["lacmesh"]))
-    assert told["zones"] == ["zone ä"] and told["space_dim"] == 3
-    for k in range(mesh.n_cells):
-        kind, _, nodes = next(iter(mesh.select([rows[k]])))
-        assert list(grid.get_cell(k).point_ids) == nodes[0][list(OF_TYPE[kind].nodes)].tolist()
 
 
 @codings

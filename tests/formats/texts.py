@@ -133,70 +133,83 @@ WRONG_INP = {
     "an endless keyword": ("*NODE" + ", A" * 3000 + "\n1, 0.\n", 1, "more than 4096 characters"),
 }
 
-#: A deck with every card that is rewritten where elements are cut.
-DECK = """** a deck
-*INCLUDE, INPUT=more.inp
+#: A deck of a brick: its mesh, cards before the steps, and a step.
+MESH = """\
+** made by hand
+*NODE, NSET=Nall
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 1., 0.
+4, 0., 1., 0.
+5, 0., 0., 1.
+6, 1., 0., 1.
+7, 1., 1., 1.
+8, 0., 1., 1.
+** the brick
+*ELEMENT, TYPE=C3D8R, ELSET=Eall
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*NSET, NSET=Bottom
+1, 2, 3, 4
 *NSET, NSET=Top, GENERATE
-7, 12
-*NSET, NSET=Fix
-1, 2, 3
-4, 5, 6
-*ELEMENT, TYPE=C3D8, ELSET=Body
-1, 1, 2, 5, 4, 7, 8, 11, 10
-*ELEMENT, TYPE=B31, ELSET=Beam
-41, 1, 4, 3
-*ELEMENT, TYPE=S4, ELSET=Shell
-30, 7, 8, 11, 10
-*ELEMENT, TYPE=MASS, ELSET=point
-31, 3
-*NSET, NSET=Free, UNSORTED
-1, 2
-Top
-*SURFACE, NAME=slave
-Body, S2
-*SURFACE, NAME=shells
-Shell, SPOS
-*SURFACE, NAME=master, TYPE=ELEMENT
-Second, S1
-2, S3
-*SURFACE, NAME=Nodes, TYPE=NODE
-Top
+5, 8
+*ELSET, ELSET=Few
 1
-*MATERIAL, NAME=steel
+*SURFACE, NAME=slave
+Few, S2
+*SURFACE, NAME=side, TYPE=ELEMENT
+1, S3
+*SURFACE, NAME=Nodes, TYPE=NODE
+5
+6
+7
+8
+"""
+MODEL = """\
+*Material, Name = "Steel of  1990"
 *ELASTIC
-210000., .3
-*SOLID SECTION, ELSET=Body, MATERIAL=steel
-*SOLID SECTION, ELSET=Second, MATERIAL=steel
+ 2.1e5 , .3
+*SOLID SECTION, ELSET=EALL,
+ MATERIAL="Steel of  1990"
+*CARD OF NO PROGRAM, ELSET=nothing
+ whatever it says; 1, 2
+"""
+STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
+#: A deck with every card that is rewritten where elements are cut.
+DECK = (
+    MESH.replace("*NSET, NSET=Bottom", "*INCLUDE, INPUT=more.inp\n*NSET, NSET=Bottom")
+    + MODEL
+    + """\
 *SURFACE INTERACTION, NAME=I
 *SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD
 *CONTACT PAIR, INTERACTION=I
-slave, master
+slave, side
 *EQUATION
 2
-Fix, 1, 1., 9, 1, -1.
+Bottom, 1, 1., 7, 1, -1.
 *INITIAL CONDITIONS, TYPE=TEMPERATURE
-Fix, 20.
-7, 1.
-8, 2.
-10, 3.
-11, 4.
+Bottom, 20.
+5, 1.
+6, 2.
+7, 3.
+8, 4.
 *INITIAL CONDITIONS, TYPE=STRESS
 2, 1, 1., 2., 3., 4., 5., 6.
 *AMPLITUDE, NAME=A
 0., 0., 1., 1.
-*STEP, NLGEOM
-*STATIC
+"""
+    + STEP.format(
+        cards="""\
 *BOUNDARY, AMPLITUDE=A
-Fix, 1, 3
-7, 1, 2, .5
-8, 1, 2, 1.
-10, 1, 2
-11, 1, 2, 1.d0
+Bottom, 1, 3
+5, 1, 2, .5
+6, 1, 2, 1.
+7, 1, 2
+8, 1, 2, 1.d0
 *CLOAD
 Top, 3, -1.
 *DLOAD
 1, P2, 3.
-Body, P3, 4.
+Eall, P3, 4.
 Second, GRAV, 9.81, 0., 0., -1.
 1, BX, 1.
 *FILM
@@ -205,26 +218,28 @@ Second, GRAV, 9.81, 0., 0., -1.
 1, Second
 *TEMPERATURE
 Top, 5.
-*NODE PRINT, NSET=Top
-U
-*END STEP
 """
-
-INCLUDED = """*NODE
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 2., 0., 0.
-4, 0., 1., 0.
-5, 1., 1., 0.
-6, 2., 1., 0.
-7, 0., 0., 1.
-8, 1., 0., 1.
-9, 2., 0., 1.
-10, 0., 1., 1.
-11, 1., 1., 1.
-12, 2., 1., 1.
+    )
+)
+#: The file "more.inp" of `DECK`.
+INCLUDED = """\
+*NODE
+11, 2., 0., 0.
+12, 2., 1., 0.
+13, 2., 0., 1.
+14, 2., 1., 1.
 *ELEMENT, TYPE=C3D8, ELSET=Second
-2, 2, 3, 6, 5, 8, 9, 12, 11
+2, 2, 11, 12, 3, 6, 13, 14, 7
+*ELEMENT, TYPE=B31, ELSET=Beam
+41, 1, 4, 3
+*ELEMENT, TYPE=S4, ELSET=Shell
+30, 5, 6, 7, 8
+*ELEMENT, TYPE=MASS, ELSET=point
+31, 3
+*NSET, NSET=Free, UNSORTED
+1, 2
+*SURFACE, NAME=shells
+Shell, SPOS
 """
 
 # ---- .mail
