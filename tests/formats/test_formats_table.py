@@ -109,7 +109,7 @@ LISTED = {
     ".inp": ("inp", lambda path: re.search(r"\*ELEMENT[^\n]*\n\d+,([\d,\s]*)", path.read_text())[1].replace(",", " ")),
     ".mail": ("mail", lambda path: re.search(r"\nM1 (.*?)FINSF", path.read_text(), re.DOTALL)[1].replace("N", " ")),
 }
-#: Orders that the reference lacks: corners as ours, then nodes at the middle of some. U3.01.00, Abaqus's Elements Guide.
+#: Orders that the reference lacks: corners as ours, then nodes in the middle of some (U3.01.00, Elements Guide).
 MIDDLES = {
     "mail:SEG3": "12", "mail:TRIA6": "12 23 31", "mail:TRIA7": "12 23 31 123", "mail:QUAD8": "12 23 34 41",
     "mail:QUAD9": "12 23 34 41 1234", "mail:TETRA10": "12 23 31 14 24 34", "mail:PYRAM13": "12 23 34 41 15 25 35 45",
