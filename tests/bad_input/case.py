@@ -31,27 +31,8 @@ BYTES = 1 << 30
 PRECIOUS = b"an older result"
 CUT = ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}", "--force")
 INFO = ("info", "{in}")
-
-#: How formats are called in the page -> the suffix of their files.
-FORMATS = {
-    "msh 2.2 ASCII": ".msh",
-    "msh 2.2 binary": ".msh",
-    "msh 4.1 ASCII": ".msh",
-    "msh 4.1 binary": ".msh",
-    "MED 2.3": ".med",
-    "MED 3.0": ".med",
-    "MED 4.1": ".med",
-    "mail": ".mail",
-    "inp": ".inp",
-    "vtu": ".vtu",
-    "xdmf": ".xdmf",
-    "STEP": ".step",
-    "IGES": ".igs",
-    "BREP": ".brep",
-    "STL": ".stl",
-    "geo": ".geo",
-    "any": ".msh",
-}
+#: Suffixes of files, by the first word of what formats are called in the page, where they are not that word.
+SUFFIXES = {"IGES": ".igs", "any": ".msh"}
 
 
 @dataclass(frozen=True)
@@ -80,7 +61,8 @@ class Case:
     @property
     def input(self) -> str:
         """The name of the input file."""
-        return self.file or "bad" + FORMATS[self.format]
+        word = self.format.split()[0]
+        return self.file or "bad" + SUFFIXES.get(word, f".{word.lower()}")
 
     @property
     def key(self) -> str:

@@ -196,32 +196,27 @@ def tagged(**arrays):
     return lacmesh.Mesh.create(mesh.points, mesh.blocks, cell_data=arrays), mesh
 
 
-def dolfinx(path, mesh, tags, with_names=False):
+def dolfinx(path, mesh, tags):
     """Write XDMF as dolfinx does: a grid of the cells, and one for the tags of each dimension on some cells."""
     h5py = pytest.importorskip("h5py")
-    shapes = {"TETRA4": "Tetrahedron", "TRIA3": "Triangle"}
     grids = []
     with h5py.File(path.with_suffix(".h5"), "w") as file:
-        file["points"] = mesh.points
 
-        def grid(name, kind, nodes, values=None):
-            file[f"{name}/nodes"] = nodes
-            item = f'<DataItem Dimensions="{{}}" NumberType="Int" Format="HDF">{path.stem}.h5:/{name}/{{}}</DataItem>'
-            topology = item.format(f"{nodes.shape[0]} {nodes.shape[1]}", "nodes")
-            text = (
-                f'<Grid Name="{name}" GridType="Uniform"><Topology TopologyType="{shapes[kind]}">{topology}</Topology>'
-            )
-            text += f'<Geometry GeometryType="XYZ"><DataItem Dimensions="{len(mesh.points)} 3" Format="HDF">'
-            text += f"{path.stem}.h5:/points</DataItem></Geometry>"
-            if values is not None:
-                file[f"{name}/values"] = values
-                values = item.format(f"{len(values)} 1", "values")
-                text += f'<Attribute Name="{name}" AttributeType="Scalar" Center="Cell">{values}</Attribute>'
-            grids.append(text + "</Grid>")
+        def item(place, values):
+            if place not in file:
+                file[place] = values
+            size = f'Dimensions="{len(values)} {np.size(values) // len(values)}"'
+            return f'<DataItem {size} NumberType="Int" Format="HDF">{path.stem}.h5:/{place}</DataItem>'
 
-        grid("mesh", "TETRA4", mesh.block("TETRA4"))
-        for name, (kind, rows, values) in tags.items():
-            grid(name, kind, mesh.block(kind)[rows], np.asarray(values, np.int32))
+        cells = {"mesh": ("TETRA4", slice(None), ()), **tags}
+        for name, (kind, rows, values) in cells.items():
+            shape = {"TETRA4": "Tetrahedron", "TRIA3": "Triangle"}[kind]
+            text = f'<Topology TopologyType="{shape}">{item(f"{name}/nodes", mesh.block(kind)[rows])}</Topology>'
+            text += f'<Geometry GeometryType="XYZ">{item("points", mesh.points)}</Geometry>'
+            if len(values):
+                marks = item(f"{name}/values", np.asarray(values, np.int32))
+                text += f'<Attribute Name="{name}" AttributeType="Scalar" Center="Cell">{marks}</Attribute>'
+            grids.append(f'<Grid Name="{name}" GridType="Uniform">{text}</Grid>')
     path.write_text(f'<?xml version="1.0"?><Xdmf Version="3.0"><Domain>{"".join(grids)}</Domain></Xdmf>')
     return path
 

@@ -20,7 +20,6 @@ from lacmesh.formats import inp
 from lacmesh.formats import text as text_files
 from lacmesh.formats.inp.scope import ElementCard, NodesOf
 from lacmesh.formats.inp.types import element
-from lacmesh.formats.inp.writer_types import card
 from lacmesh.formats.labels import labels
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
@@ -29,7 +28,6 @@ from tests.formats.texts import INP, MORE, PARTS
 from tests.meshes import cell_with_faces, random_mesh
 
 some = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
-KINDS = [kind for kind in CELLS if card(kind, "abaqus", None, False)]
 
 
 def read_text(folder, text):
@@ -144,27 +142,6 @@ def rotated(row, kind):
     corners = row[: CELLS[kind].n_corners]
     k = corners.index(min(corners))
     return (kind, *corners[k:], *corners[:k]) if len(corners) > 2 else (kind, *corners)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("target", ["calculix", "abaqus"])
-def test_every_facet_of_every_type(tmp_path, kind, target):
-    """A surface of each facet alone comes back as that facet, however the skin cell was listed."""
-    cell = CELLS[kind]
-    if cell.dim < 2:
-        return
-    if card(kind, target, "CPS" if cell.dim == 2 else None, False) is None:
-        with pytest.raises(WriteError, match=rf"no element (in the plane )?for {kind}, and the mesh has 1; "):
-            inp.write(tmp_path / "a.inp", cell_with_faces(kind, facets=()), WriteOptions(target=target))
-        return
-    for j, facet in enumerate(cell.facets):
-        mesh = cell_with_faces(kind, facets=[j], rotation=j, inward=bool(j % 2))
-        read = again(tmp_path, mesh, target=target, plane="CPS")
-        assert read.cell_groups["slave"].tolist() == [1]
-        assert read.cells_by_type == {kind: 1, facet.type: 1}
-        assert read.block(facet.type).tolist() == [list(facet.nodes)]
-        assert read.block(kind).tolist() == [list(range(cell.n_nodes))]
-        assert set(read.node_groups["slave"]) == set(facet.nodes)
 
 
 def test_grammar(tmp_path):

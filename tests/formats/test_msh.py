@@ -13,6 +13,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
+from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
@@ -299,6 +300,20 @@ def test_our_section(tmp_path):
         again(tmp_path, mesh, version, binary)
         assert b"LacMesh" not in path.read_bytes()
         assert max(map(len, path.read_bytes().splitlines())) < 200 or binary
+
+
+@pytest.mark.parametrize("numbers", [[1, 2, 3], [3, 1, 2], [7, 10**12, 8]])
+def test_numbers_and_places(numbers):
+    index = Index(np.array(numbers))
+    asked = np.array([*numbers, 0, -1, -2, -4, 4, 9, 10**12 + 1, -(2**63), 2**63 - 1])
+    assert index.places(asked).tolist() == [0, 1, 2] + [-1] * 9
+    out = np.empty((2, 1), np.int64)
+    assert index.convert(np.array([[numbers[1]], [numbers[0]]]), out) is None
+    assert out.ravel().tolist() == [1, 0]
+    for wrong in (0, -1, -3, 11, 2**63 - 1, -(2**63)):
+        assert index.convert(np.array([[numbers[0]], [wrong]]), out) == 1
+    aliased = Index(np.array(numbers), np.array([50, 60]), np.array([numbers[2], numbers[0]]))
+    assert aliased.places(np.array([60, 50, 70, numbers[1]])).tolist() == [0, 2, -1, 1]
 
 
 def data(name, partition, number, value):
