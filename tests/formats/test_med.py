@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
+from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
@@ -63,6 +64,16 @@ def cube():
 
 
 # There and back
+def test_numbers_and_bits_of_types():
+    """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
+    for kind in MED_TYPES:
+        cell = ALL_CELLS[kind.type]
+        assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
+    geos = sorted([*(kind.geo for kind in MED_TYPES), 312])
+    assert [geos.index(kind.geo) for kind in MED_TYPES] == [kind.bit for kind in MED_TYPES]
+    assert [kind.geo for kind in MED_TYPES] == sorted(kind.geo for kind in MED_TYPES)
+
+
 def arrays(rng, n):
     """Data of every kind that MED holds, with rows that are missing, one array all missing."""
     reals, vectors = rng.normal(size=n), rng.normal(size=(n, 3))
