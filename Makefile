@@ -17,7 +17,7 @@ QUICK := \
   $(addprefix tests/cutting/test_,regroup.py) \
   $(addprefix tests/partition/test_,bisection.py) \
   $(addprefix tests/checks/test_,corpus.py) \
-  $(addprefix tests/formats/test_,exchange.py) \
+  $(addprefix tests/formats/test_,exodus.py) \
   $(addprefix tests/surface/test_,kernels.py mortar.py record.py) \
   $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
@@ -86,7 +86,6 @@ noise: $(INSTALLED) ## the tests of make test with last bits as other processors
 
 fuzz: $(INSTALLED) ## all tries of random tests, and 10,000 damaged files of each format that is read here (half an hour or more)
 	LACMESH_FUZZ=1 $(PYTEST) -q -m fuzz
-	$(BIN)/python -m tests.fuzz
 
 bench: $(INSTALLED) ## measure speed and memory
 	for name in start run check partition quality surface assembly linear contact moving peers; do OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/$$name.py || exit 1; done

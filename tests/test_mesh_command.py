@@ -437,7 +437,7 @@ def test_every_command_takes_every_way_to_name_a_group(tagged, tmp_path, spec, m
         assert main(["orient", str(cut), "--group", spec, "-o", str(tmp_path / "o.msh"), "-q"]) == 0
 
 
-# ---- what is wrong (tests/bad_input/cad_cases.py has the others)
+# ---- what is wrong (tests/bad_input/command_cases.py has the others)
 
 
 @pytest.mark.parametrize(

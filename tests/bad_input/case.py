@@ -31,45 +31,26 @@ BYTES = 1 << 30
 PRECIOUS = b"an older result"
 CUT = ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}", "--force")
 INFO = ("info", "{in}")
-
-#: How formats are called in the page -> the suffix of their files.
-FORMATS = {
-    "msh 2.2 ASCII": ".msh",
-    "msh 2.2 binary": ".msh",
-    "msh 4.1 ASCII": ".msh",
-    "msh 4.1 binary": ".msh",
-    "MED 2.3": ".med",
-    "MED 3.0": ".med",
-    "MED 4.1": ".med",
-    "mail": ".mail",
-    "inp": ".inp",
-    "vtu": ".vtu",
-    "xdmf": ".xdmf",
-    "STEP": ".step",
-    "IGES": ".igs",
-    "BREP": ".brep",
-    "STL": ".stl",
-    "geo": ".geo",
-    "any": ".msh",
-}
+#: Suffixes of files, by the first word of what formats are called in the page, where they are not that word.
+SUFFIXES = {"IGES": ".igs", "any": ".msh"}
 
 
 @dataclass(frozen=True)
 class Case:
-    """`make`: the content of the input, or what makes it or puts files into a folder; `says`: a pattern in the words.
+    """`make`: the content of the input, or what makes it or puts files into a folder.
 
-    `{in}`, `{out}` in the command stand for the input and the output. Status 0: the pattern is found in a warning, and
-    `then` looks at the folder. `nobody`: run as a user who owns nothing; `file_size`: no file may grow beyond; `needs`:
-    a package that may be missing, by its marker.
+    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words that the page leaves
+    out, as the line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
+    user who owns nothing; `file_size`: no file may grow beyond; `needs`: a package that may be missing, by its marker.
     """
 
     kind: str
     format: str
     what: str
     make: bytes | Callable[[Path], object]
-    says: str
     status: int = 3
     command: tuple[str, ...] = CUT
+    says: str = ""
     file: str = ""
     out: str = "out.msh"
     then: Callable[[Path], object] | None = None
@@ -80,7 +61,8 @@ class Case:
     @property
     def input(self) -> str:
         """The name of the input file."""
-        return self.file or "bad" + FORMATS[self.format]
+        word = self.format.split()[0]
+        return self.file or "bad" + SUFFIXES.get(word, f".{word.lower()}")
 
     @property
     def key(self) -> str:

@@ -1,15 +1,16 @@
-"""A good mesh and a command that cannot be carried out: wrong names, places that take no file, a disk that is full."""
+"""Commands that cannot be carried out: wrong names and wishes, unfit meshes and geometries, places, a full disk."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from tests.bad_input import raw
 from tests.bad_input.case import CUT, PRECIOUS, Case
-from tests.bad_input.mesh_cases import WRITERS
-from tests.bad_input.raw import Cell, two_hexahedra
+from tests.bad_input.mesh_cases import DEFECTS, WRITERS, Defect, _cut, png
+from tests.bad_input.raw import Cell, Raw, two_hexahedra
 
 GOOD = WRITERS["msh 4.1 binary"](two_hexahedra())
 #: Suffix and options -> how the output is called in the page.
@@ -24,62 +25,126 @@ OUTPUTS = {
     "vtu": (".vtu",),
     "xdmf": (".xdmf",),
 }
+CHECK = ("check", "{in}", "--slave")
+QUALITY = ("quality", "{in}")
+VIEW = ("view", "{in}", "-o")
+ORIENT = ("orient", "{in}", "-o", "{out}", "--force", "--group")
+SPLIT = ("split", "{in}", "-o", "{out}", "--force", "--faces")
+CONVERT = ("convert", "{in}", "{out}", "--force")
 
 
-def _cut(group: str, *more: str) -> tuple[str, ...]:
-    return ("cut", "{in}", "--slave", group, "-o", "{out}", "--force", *more)
+def _without_parent(mesh: Raw) -> None:
+    mesh.cells.append(Cell(107, "QUAD4", [11, 13, 21, 17], "SLAVE"))
 
 
-def _points(folder: Path) -> None:
+def _inside_out(mesh: Raw) -> None:
+    nodes = mesh.cells[0].nodes
+    nodes[:] = nodes[4:] + nodes[:4]
+
+
+def _edited(*edits: Callable[[Raw], object]) -> bytes:
     mesh = two_hexahedra()
+    for edit in edits:
+        edit(mesh)
+    return raw.msh41(mesh)
+
+
+def _lines(mesh: Raw) -> None:
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
-    (folder / "bad.msh").write_bytes(raw.msh41(mesh))
 
 
-GROUPS: list[tuple[str, bytes | Callable[[Path], object], tuple[str, ...], int, str]] = [
-    ("a tag that no group has", GOOD, _cut("77"), 2, "no cell group named '77'"),
-    ("a dimension and tag that no group has", GOOD, _cut("1:2"), 2, "no cell group named '1:2'"),
-    ("an entity that is not there", GOOD, _cut("entity:2:99"), 2, "no entity named 'entity:2:99'"),
-    ("an entity without a tag", GOOD, _cut("entity:2"), 2, "'entity:2' is no entity; write entity:DIM:TAG"),
-    ("an entity named by letters", GOOD, _cut("entity:two:x"), 2, "is no entity; write entity:DIM:TAG"),
-    ("an empty name", GOOD, _cut(""), 2, "no cell group named ''"),
-    ("a name in another case", GOOD, _cut("slave"), 2, "no cell group named 'slave'; did you mean SLAVE"),
-    ("the same group twice", GOOD, _cut("SLAVE", "--slave", "SLAVE"), 2, "given twice"),
-    ("a second group that is not there", GOOD, _cut("SLAVE", "--slave", "MASTR"), 2, "'MASTR'; did you mean MASTER"),
-    ("a mesh of lines only", _points, _cut("SLAVE"), 1, "."),
-    ("--mesh for a msh file", GOOD, _cut("SLAVE", "--mesh", "mesh"), 2, "holds one mesh"),
+Make = bytes | Callable[[Path], object]
+GROUPS: list[tuple[str, Make, tuple[str, ...], int]] = [
+    ("a tag that no group has", GOOD, _cut("77"), 2),
+    ("a dimension and tag that no group has", GOOD, _cut("1:2"), 2),
+    ("an entity that is not there", GOOD, _cut("entity:2:99"), 2),
+    ("an entity without a tag", GOOD, _cut("entity:2"), 2),
+    ("an entity named by letters", GOOD, _cut("entity:two:x"), 2),
+    ("an empty name", GOOD, _cut(""), 2),
+    ("a name in another case", GOOD, _cut("slave"), 2),
+    ("the same group twice", GOOD, (*CUT, "--slave", "SLAVE"), 2),
+    ("a second group that is not there", GOOD, (*CUT, "--slave", "MASTR"), 2),
+    ("a mesh of lines only", _edited(_lines), CUT, 1),
+    ("--mesh for a msh file", GOOD, (*CUT, "--mesh", "mesh"), 2),
 ]
-REQUESTS: list[tuple[str, tuple[str, ...], str]] = [
-    ("no slave group", ("cut", "{in}", "-o", "{out}"), "give --slave GROUP, or --pair"),
-    ("an option that nobody knows", (*CUT, "--quickly"), "unrecognized arguments: --quickly"),
-    ("a variant that nobody knows", (*CUT, "--hexa", "tetra"), "--hexa: invalid choice: 'tetra'"),
-    ("an order that nobody knows", ("convert", "{in}", "{out}", "--order", "7"), "--order: invalid choice: '7'"),
-    ("a command that nobody knows", ("chop", "{in}"), "invalid choice: 'chop'"),
-    ("the output exists", ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}"), "out.msh exists already; --force"),
-    ("the output is the input", ("cut", "{in}", "--slave", "SLAVE", "-o", "{in}"), "bad.msh exists already; --force"),
+#: what is wrong, content, command: `lacmesh check` and the limits of `lacmesh cut` say no
+VERDICTS: list[tuple[str, bytes, tuple[str, ...]]] = [
+    ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE")),
+    ("check: a slave group of volumes", GOOD, (*CHECK, "BODY")),
+    ("check: a cell is inverted", _edited(_inside_out), (*CHECK, "SLAVE")),
+    ("check: slave and master are one", GOOD, (*CHECK, "SLAVE", "--master", "SLAVE")),
+    ("check: a mesh of lines only", _edited(_lines), (*CHECK, "SLAVE")),
+    ("cut: cells would be worse than --min-quality", GOOD, (*CUT, "--min-quality", "2")),
+    ("cut: a cell is inverted, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0")),
+    ("cut: the check against the master finds an error", GOOD, (*CUT, "--master", "SLAVE")),
+    ("cut: CalculiX has no pyramids", GOOD, (*CUT, "--for", "calculix")),
+    ("orient: a group of volumes", GOOD, (*ORIENT, "BODY")),
+    ("split: a group of volumes", GOOD, (*SPLIT, "BODY")),
+    ("split: faces on the surface", GOOD, (*SPLIT, "SLAVE")),
+    ("split: a face of no cell", _edited(_without_parent), (*SPLIT, "SLAVE")),
 ]
+REQUESTS: list[tuple[str, bytes, tuple[str, ...]]] = [
+    ("no slave group", GOOD, ("cut", "{in}", "-o", "{out}")),
+    ("an option that nobody knows", GOOD, (*CUT, "--quickly")),
+    ("a variant that nobody knows", GOOD, (*CUT, "--hexa", "tetra")),
+    ("an order that nobody knows", GOOD, ("convert", "{in}", "{out}", "--order", "7")),
+    ("a command that nobody knows", GOOD, ("chop", "{in}")),
+    ("the output exists", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}")),
+    ("the output is the input", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{in}")),
+    ("check: no slave group", GOOD, ("check", "{in}")),
+    (
+        "check: several slaves with several masters",
+        GOOD,
+        (*CHECK, "SLAVE", "--slave", "BODY", "--master", "MASTER", "--master", "x"),
+    ),
+    ("check: a pair with a master that is not there", GOOD, ("check", "{in}", "--pair", "SLAVE:x")),
+    ("check: a slave that is not there", GOOD, (*CHECK, "SLVE")),
+    ("check: a master that is not there", GOOD, (*CHECK, "SLAVE", "--master", "x")),
+    ("check: held nodes that are not there", GOOD, (*CHECK, "SLAVE", "--dirichlet", "MASTR")),
+    ("check: axisymmetric, and in space", GOOD, (*CHECK, "SLAVE", "--master", "MASTER", "--axisymmetric")),
+    ("quality: a group that is not there", GOOD, (*QUALITY, "--group", "BODI")),
+    ("quality: a measure that nobody knows", GOOD, (*QUALITY, "--measures", "beauty")),
+    ("quality: a plot that is no picture", GOOD, (*QUALITY, "--plot", "q.txt")),
+    ("quality: nothing to plot", _edited(_lines), (*QUALITY, "--plot", "q.png")),
+    ("orient: no group", GOOD, ("orient", "{in}", "-o", "{out}")),
+    ("orient: a group that is not there", GOOD, (*ORIENT, "SLAV")),
+    ("split: no group", GOOD, ("split", "{in}", "-o", "{out}")),
+    ("split: a group that is not there", GOOD, (*SPLIT, "SLAV")),
+    ("view: neither a picture nor a page", GOOD, (*VIEW, "v.jpg")),
+    ("view: a slave that is not there", GOOD, (*VIEW, "v.html", "--slave", "SLAV")),
+    ("view: a direction of no length", GOOD, (*VIEW, "v.png", "--camera", "0", "0", "0")),
+    ("view: a size that is none", GOOD, (*VIEW, "v.png", "--size", "big")),
+    ("view: a size of 10^6", GOOD, (*VIEW, "v.png", "--size", "1000000x9")),
+    ("view: a measure that nobody knows", GOOD, (*VIEW, "v.html", "--quality", "beauty")),
+    ("view: a mesh of nothing", _edited(lambda m: m.cells.clear()), (*VIEW, "v.html")),
+    ("cut: --min-quality is NaN", GOOD, (*CUT, "--min-quality", "nan")),
+    ("cut: --min-quality in letters", GOOD, (*CUT, "--min-quality", "high")),
+    ("cut: a program that nobody knows", GOOD, (*CUT, "--for", "ansys")),
+    ("cut: a report that is none", GOOD, (*CUT, "--report", "r.pdf")),
+    ("cut: the report is the mesh", GOOD, (*CUT, "--report", "{out}")),
+    ("cut: the master is not there", GOOD, (*CUT, "--master", "MASTR")),
+]
+#: command, its other output
+OTHERS: dict[str, tuple[tuple[str, ...], str]] = {
+    "cut --report": ((*CUT, "--report", "r.html"), "r.html"),
+    "cut --report (Markdown)": ((*CUT, "--report", "r.md"), "r.md"),
+    "cut --report (JSON)": ((*CUT, "--report", "r.json"), "r.json"),
+    "quality --plot": ((*QUALITY, "--plot", "q.png"), "q.png"),
+    "view": ((*VIEW, "v.html"), "v.html"),
+}
 
 
-def _folder(folder: Path) -> None:
+def _put(folder: Path, **things: bytes | Callable[[Path], object]) -> None:
+    """Put the good mesh into a folder, and other things: files, or what makes a folder, a pipe or a link."""
     (folder / "bad.msh").write_bytes(GOOD)
-    (folder / "out.msh").mkdir()
-
-
-def _device(folder: Path) -> None:
-    (folder / "bad.msh").write_bytes(GOOD)
-    os.mkfifo(folder / "out.msh")
-
-
-def _to_device(folder: Path) -> None:
-    (folder / "bad.msh").write_bytes(GOOD)
-    os.mkfifo(folder / "device")
-    (folder / "out.msh").symlink_to("device")
+    for name, thing in things.items():
+        path = folder / name.replace("_", ".")
+        path.write_bytes(thing) if isinstance(thing, bytes) else thing(path)
 
 
 def _closed(folder: Path) -> None:
     """A folder in which nobody may write; where we own it, `nobody` does not."""
-    (folder / "bad.msh").write_bytes(GOOD)
-    (folder / "out.msh").write_bytes(PRECIOUS)
+    _put(folder, out_msh=PRECIOUS)
     folder.chmod(0o555)
 
 
@@ -87,50 +152,152 @@ def _replaced(folder: Path) -> None:
     assert (folder / "out.msh").read_bytes() != PRECIOUS
 
 
-PLACES: list[tuple[str, bytes | Callable[[Path], object], str, int, str]] = [
-    ("no format has the suffix", GOOD, "out.xyz", 2, "no format has the suffix '.xyz'"),
-    ("there is no suffix", GOOD, "out", 2, "no format has the suffix ''"),
-    ("the suffix is nearly one", GOOD, "out.mssh", 2, "no format has the suffix '.mssh'; did you mean .msh"),
-    ("the folder is not there", GOOD, "no/folder/out.msh", 3, "the folder no/folder does not exist"),
-    ("the folder is a file", GOOD, "bad.msh/out.msh", 3, "the folder bad.msh does not exist"),
-    ("it is a folder", _folder, "out.msh", 3, "out.msh: is no file"),
-    ("it is a pipe", _device, "out.msh", 3, "out.msh: is no file"),
-    ("it is a link to a pipe", _to_device, "out.msh", 3, "out.msh: is no file"),
-    ("the system takes no file there", GOOD, "/proc/out.msh", 3, "/proc/out.msh: cannot be written"),
-    ("its name is too long", GOOD, "x" * 300 + ".msh", 3, "cannot be written .File name too long"),
+PLACES: list[tuple[str, Make, str, int]] = [
+    ("no format has the suffix", GOOD, "out.xyz", 2),
+    ("there is no suffix", GOOD, "out", 2),
+    ("the suffix is nearly one", GOOD, "out.mssh", 2),
+    ("the folder is not there", GOOD, "no/folder/out.msh", 3),
+    ("the folder is a file", GOOD, "bad.msh/out.msh", 3),
+    ("it is a folder", partial(_put, out_msh=Path.mkdir), "out.msh", 3),
+    ("it is a pipe", partial(_put, out_msh=os.mkfifo), "out.msh", 3),
+    (
+        "it is a link to a pipe",
+        partial(_put, device=os.mkfifo, out_msh=lambda path: path.symlink_to("device")),
+        "out.msh",
+        3,
+    ),
+    ("the system takes no file there", GOOD, "/proc/out.msh", 3),
+    ("its name is too long", GOOD, "x" * 300 + ".msh", 3),
+]
+
+
+# ---- geometry
+
+_SQUARE = b"""lc = 0.5;
+Point(1) = {0, 0, 0, lc}; Point(2) = {1, 0, 0, lc}; Point(3) = {1, 1, 0, lc}; Point(4) = {0, 1, 0, lc};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+"""
+BOX = b'SetFactory("OpenCASCADE");\nBox(1) = {0, 0, 0, 1, 1, 1};\nPhysical Surface("top") = {6};\n'
+_STEP = b"ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\n"
+_STEP += b"FILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO-10303-21;\n"
+_TRIANGLE = "facet normal 0 0 1\nouter loop\nvertex {0}\nvertex {1}\nvertex {2}\nendloop\nendfacet\n"
+
+
+def _stl(*triangles: tuple[str, str, str]) -> bytes:
+    return ("solid a\n" + "".join(_TRIANGLE.format(*t) for t in triangles) + "endsolid a\n").encode()
+
+
+MESH = ("mesh", "{in}", "-o", "{out}", "--force")
+LIST = ("mesh", "{in}", "--list")
+#: format, what is wrong, content, status, words of gmsh that the page leaves out
+FILES: list[tuple[str, str, bytes, int, str]] = [
+    ("STEP", "empty", b"", 3, ""),
+    ("STEP", "text", b"Dear all,\n", 3, ""),
+    ("STEP", "a picture (PNG)", png(), 3, ""),
+    ("STEP", "no shape in it", _STEP, 3, ""),
+    ("STEP", "cut short", _STEP[:120], 3, ""),
+    ("IGES", "text", b"Dear all,\n", 3, ""),
+    ("BREP", "text", b"Dear all,\n", 3, ""),
+    ("STL", "text", b"Dear all,\n", 3, ""),
+    ("STL", "a surface that is not closed", _stl(("0 0 0", "1 0 0", "0 1 0")), 1, ""),
+    ("STL", "a coordinate is NaN", _stl(("0 0 0", "1 0 0", "nan 1 0"), ("0 0 0", "1 0 0", "0 0 1")), 1, ""),
+    ("geo", "empty", b"", 3, ""),
+    ("geo", "a picture (PNG)", png(), 3, ""),
+    ("geo", "an error of syntax", _SQUARE + b"Foo(3;\n", 3, "line 5"),
+    ("geo", "it ends gmsh", b"Exit;\n", 3, ""),
+    ("geo", "a file that it merges is not there", b'Merge "no.step";\n', 3, "no.step"),
+    ("geo", "a curve that is not there", _SQUARE.replace(b"{1, 2, 3, 4}", b"{1, 2, 3, 9}"), 3, "9"),
+    ("geo", "points and curves only", _SQUARE.split(b"Curve")[0], 1, ""),
+    ("geo", "a surface of which a side is missing", _SQUARE.replace(b"{1, 2, 3, 4}", b"{1, 2, 3}"), 1, "closed loop"),
+    ("geo", "a size of nothing", _SQUARE.replace(b"lc = 0.5", b"lc = 1/0"), 3, "Division by zero"),
+]
+#: what is wrong, options
+WISHES: list[tuple[str, tuple[str, ...]]] = [
+    ("a surface that is not there", ("--group", "x=99")),
+    ("a volume that is not there", ("--group", "x=3:99")),
+    ("a box in which nothing lies", ("--group", "x=box:8,8,8,9,9,9")),
+    ("a box with its corners exchanged", ("--group", "x=box:1,0,0,0,1,1")),
+    ("a group without a tag", ("--group", "x")),
+    ("a size without a slave", ("--slave-size", "1")),
+    ("a slave that is not there", ("--slave", "tops", "--slave-size", "1")),
+    ("a size of -1", ("--size", "-1")),
+    ("a size that is NaN", ("--size", "nan")),
+    ("a size in letters", ("--size", "small")),
+    ("an order that gmsh has and we have not", ("--order", "3")),
+    ("a list and a mesh", ("--list",)),
 ]
 
 
 def cases() -> Iterator[Case]:
-    """Groups, requests, places, permissions, a full disk."""
-    for what, make, command, status, says in GROUPS:
-        yield Case("groups", "any", what, make, says, status, command)
-    for what, command, says in REQUESTS:
-        yield Case("request", "any", what, GOOD, says, 2, command)
-    for what, make, out, status, says in PLACES:
-        yield Case("output", "any", what, make, says, status, out=out)
-    yield Case(
-        "permission",
-        "any",
-        "the folder of the output takes no files",
-        _closed,
-        "no file may be made in the folder",
-        nobody=True,
-    )
-    yield Case(
-        "permission",
-        "any",
-        "the folder and the older output are another's, but open",
-        GOOD,
-        "",
-        0,
-        then=_replaced,
-        nobody=True,
-    )
+    """Groups, requests, verdicts, places, permissions, a full disk, geometries."""
+    for what, make, command, status in GROUPS:
+        yield Case("groups", "any", what, make, status, command)
+    for what, content, command in REQUESTS:
+        yield Case("request", "any", what, content, 2, command)
+    for what, content, command in VERDICTS:
+        yield Case("verdicts", "any", what, content, 1, command)
+    for what, make, out, status in PLACES:
+        yield Case("output", "any", what, make, status, out=out)
+    yield Case("permission", "any", "the folder of the output takes no files", _closed, nobody=True)
+    there = "the folder and the older output are another's, but open"
+    yield Case("permission", "any", there, GOOD, 0, then=_replaced, nobody=True)
     for name, (suffix, *options) in OUTPUTS.items():
         for size in (0, 700):
             what = f"no room at all for {name}" if not size else f"no room after {size} bytes of {name}"
-            command = (*_cut("SLAVE"), *options)
-            yield Case(
-                "full disk", "any", what, GOOD, "cannot be written", 3, command, out="out" + suffix, file_size=size
-            )
+            yield Case("full disk", "any", what, GOOD, 3, (*CUT, *options), out="out" + suffix, file_size=size)
+    yield from _other_outputs()
+    yield from _geometry()
+
+
+def _other_outputs() -> Iterator[Case]:
+    for what, (command, name) in OTHERS.items():
+        force = () if "--force" in command else ("--force",)
+        elsewhere = tuple(word.replace(name, f"no/{name}") for word in command)
+        there, taken = (
+            partial(_put, **{name.replace(".", "_"): PRECIOUS}),
+            partial(_put, **{name.replace(".", "_"): Path.mkdir}),
+        )
+        yield Case("output", "any", f"{what}: the folder is not there", GOOD, 3, (*elsewhere, *force))
+        yield Case("output", "any", f"{what}: it is a folder", taken, 3, (*command, *force))
+        # where the mesh is written with the same --force: under a new name
+        new = tuple("new.msh" if word == "{out}" else word for word in command if word != "--force")
+        yield Case("output", "any", f"{what}: it exists", there, 2, command if force else new)
+        yield Case("full disk", "any", f"no room for {what}", there, 3, (*command, *force), file_size=1000)
+
+
+def _geometry() -> Iterator[Case]:
+    for name, what, content, status, says in FILES:
+        yield Case("geometry", name, what, content, status, MESH, says, needs="gmsh")
+    yield Case("geometry", "STEP", "no shape in it, listed", _STEP, 3, LIST, needs="gmsh")
+    for what, options in WISHES:
+        yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), needs="gmsh")
+    yield Case("geometry", "any", "a mesh", b"$MeshFormat\n", 2, MESH)
+    yield Case("geometry", "any", "no CAD file has the suffix", png(), 2, MESH, file="bad.png")
+    for what, size in (("no room for temporary files", 0), ("no room for gmsh's mesh", 2000)):
+        yield Case("full disk", "geo", what, BOX, 3, MESH, needs="gmsh", file_size=size)
+
+
+#: Commands that are run on every mesh that is wrong and can be read.
+EVERY: dict[str, tuple[str, ...]] = {
+    "check": (*CHECK, "SLAVE", "--master", "MASTER", "--dirichlet", "MASTER", "--json"),
+    "check, for people": (*CHECK, "SLAVE"),
+    "quality": (*QUALITY, "--measures", "all", "--json"),
+    "quality of a group": (*QUALITY, "--group", "SLAVE"),
+    "orient": (*ORIENT, "SLAVE"),
+    "split": (*SPLIT, "SLAVE"),
+    "view": (*VIEW, "v.html", "--slave", "SLAVE", "--check", "--quality"),
+    "convert": ("convert", "{in}", "new.vtu"),
+    "convert --order": (*CONVERT, "--order", "2"),
+    "info": ("info", "{in}"),
+    "partition": ("partition", "{in}", "-n", "2"),
+    "cut --report": (*CUT, "--report", "r.html"),
+    "cut --master": (*CUT, "--master", "MASTER"),
+    "cut --hexa hexa": (*CUT, "--hexa", "hexa", "--min-quality", "0.1"),
+}
+
+
+def readable() -> list[tuple[str, Defect]]:
+    """Formats, and defects that are no error of the file in them."""
+    names = ("msh 4.1 ASCII", "MED 4.1")
+    return [(name, defect) for defect in DEFECTS for name in names if defect.status_in(name) not in (None, 3)]

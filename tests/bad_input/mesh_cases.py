@@ -1,16 +1,22 @@
-"""Errors in a mesh, in every format that can express them."""
+"""Files that hold no mesh, or a part of one; and errors in a mesh, in every format that can express them."""
 
 from __future__ import annotations
 
+import os
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
+from io import BytesIO
 from math import inf, nan
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
+
 import lacmesh
 from tests.bad_input import raw
-from tests.bad_input.case import CUT, Case
+from tests.bad_input.case import CUT, INFO, Case
 from tests.bad_input.raw import Cell, Raw, two_hexahedra
 
 WRITERS: dict[str, Callable[[Raw], bytes]] = {
@@ -25,17 +31,98 @@ WRITERS: dict[str, Callable[[Raw], bytes]] = {
     "vtu": raw.vtu,
     "xdmf": raw.xdmf,
 }
-MED = tuple(name for name in WRITERS if name.startswith("MED"))
+
+
+# ---- files
+
+
+def png() -> bytes:
+    """A picture of one white pixel."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">2I5B", 1, 1, 8, 0, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b"\0\xff")) + chunk(b"IEND", b"")
+
+
+def other_hdf5() -> bytes:
+    """HDF5 that has nothing to do with MED."""
+    image = BytesIO()
+    with h5py.File(image, "w") as file:
+        file["pressure"] = [1.0, 2.0]
+    return image.getvalue()
+
+
+def _secret(folder: Path) -> None:
+    (folder / "bad.msh").write_bytes(WRITERS["msh 4.1 ASCII"](two_hexahedra()))
+    (folder / "bad.msh").chmod(0)
+
+
+TEXT = b"Dear all,\nthe mesh is in the annex.\n"
+NOT_A_MESH: list[tuple[str, bytes | Callable[[Path], object]]] = [
+    ("a picture (PNG)", png()),
+    ("text", TEXT),
+    ("a page (HTML)", b"<!DOCTYPE html>\n<html><body>404 not found</body></html>\n"),
+    ("XML that is no mesh", b'<?xml version="1.0"?>\n<note>no mesh</note>\n'),
+    ("numbers separated by blanks", b"0 0 0\n1 0 0\n" * 40),
+    ("zeros", b"\0" * 4096),
+    ("UTF-16", "$MeshFormat\n4.1 0 8\n".encode("utf-16")),
+    ("gzip", b"\x1f\x8b\x08\x00" + bytes(range(200))),
+    ("CAD (STEP)", b"ISO-10303-21;\nHEADER;\nENDSEC;\n"),
+    ("HDF5 without MED", other_hdf5()),
+    ("empty", b""),
+    ("blanks and line ends", b"  \n\r\n\t\n" * 10),
+    ("a folder", lambda folder: (folder / "bad.msh").mkdir()),
+    ("missing", lambda folder: (folder / "good.msh").touch()),
+    ("a link to nothing", lambda folder: (folder / "bad.msh").symlink_to("nowhere.msh")),
+    ("a link to itself", lambda folder: (folder / "bad.msh").symlink_to("bad.msh")),
+    ("a pipe", lambda folder: os.mkfifo(folder / "bad.msh")),
+]
+#: Where a file is cut short, as parts of its length.
+PARTS = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98)
+#: .inp has no end: cut between two lines, it is a shorter file, whose slave group may be missing.
+_IN_TWO = {("inp", part): 2 for part in (0.1, 0.25, 0.5, 0.75)} | {("inp", 0.9): 0}
+
+
+def _files() -> Iterator[Case]:
+    """Files that are no meshes, then files that are cut short or begin otherwise, for each format."""
+    for what, make in NOT_A_MESH:
+        yield Case("not a mesh", "any", what, make)
+    for suffix in (".med", ".mail", ".inp", ".vtu", ".xdmf"):
+        for what, content in (("text", TEXT), ("a picture (PNG)", png())):
+            yield Case("not a mesh", "any", f"{what} in a file named {suffix}", content, file=f"bad{suffix}")
+    yield Case("permission", "any", "the input may not be read", _secret, nobody=True)
+    for name, writer in WRITERS.items():
+        content = writer(two_hexahedra())
+        for part in PARTS:
+            whole = content[: int(part * len(content))]
+            yield Case("cut short", name, f"after {part:.0%} of the file", whole, _IN_TWO.get((name, part), 3))
+        yield Case("cut short", name, "the last 4 bytes are missing", content[:-4])
+        begin = content.index(b"\n") + 1 if name.startswith("msh") else 8
+        for what, spoilt in (
+            ("zeros before the file", b"\0" * 16 + content),
+            ("without its beginning", content[begin:]),
+        ):
+            yield Case("magic", name, what, spoilt, 0 if name == "inp" else 3, INFO)
+
+
+# ---- meshes
 
 
 class Defect(NamedTuple):
-    """`edit` spoils the mesh; `says`: format, or its first word -> the pattern of the sentence, and the status."""
+    """`edit` spoils the mesh; `status`: in all formats, or by the first word of some; `lines`: as `Case.says`."""
 
     kind: str
     what: str
     edit: Callable[[Raw], object]
-    says: dict[str, tuple[int, str]]
+    status: int | dict[str, int] = 3
     command: tuple[str, ...] = CUT
+    lines: dict[str, str] = {}
+
+    def status_in(self, name: str) -> int | None:
+        """Exit status for a file of a format; None where the format cannot have the defect."""
+        return self.status if isinstance(self.status, int) else self.status.get(name.split()[0])
 
 
 def _set(attribute: str, at: int, value: object) -> Callable[[Raw], None]:
@@ -68,8 +155,16 @@ def _count(**counts: int) -> Callable[[Raw], None]:
     return lambda mesh: mesh.count.update(counts)
 
 
-def _more(*cells: Cell) -> Callable[[Raw], None]:
-    return lambda mesh: mesh.cells.extend(cells)
+def _more(*nodes: int) -> Callable[[Raw], None]:
+    return lambda mesh: mesh.cells.append(Cell(107, "QUAD4", list(nodes), "SLAVE"))
+
+
+def _only(*types: str) -> Callable[[Raw], None]:
+    return lambda mesh: setattr(mesh, "cells", [cell for cell in mesh.cells if cell.type in types])
+
+
+def _cut(group: str) -> tuple[str, ...]:
+    return (*CUT[:3], group, *CUT[4:])
 
 
 def _both(*edits: Callable[[Raw], object]) -> Callable[[Raw], None]:
@@ -84,324 +179,81 @@ def _all_points(mesh: Raw) -> None:
     mesh.points = [[0.5, 0.5, 0.5] for _ in mesh.points]
 
 
+def _nothing(mesh: Raw) -> None:
+    mesh.points, mesh.node_number, mesh.cells = [], [], []
+
+
 def _type(at: int, kind: object) -> Callable[[Raw], None]:
     return lambda mesh: setattr(mesh.cells[at], "type", kind)
 
 
-NOT_FINITE = {
-    "msh": (3, r"(line|byte) \d+: the coordinates of nodes 14 are not finite"),
-    "MED": (3, r"NOE/COO: the coordinates of nodes 14 are not finite"),
-    "mail": (3, "line 4: the coordinates of node N14 are not finite"),
-    "inp": (3, "line 7: the coordinates of node 14 are not finite"),
-    "vtu": (3, "<Points>: the coordinates of points 3 .from 0. are not finite"),
-    "xdmf": (3, "<Geometry>: the coordinates of points 3 .from 0. are not finite"),
-}
-COLLAPSED = {"any": (1, r"slave faces 103 have no parent cell")}
-COUNTED = {
-    "vtu": (0, "counted from 1: .*_number is not positive"),
-    "xdmf": (0, "counted from 1: .*_number is not positive"),
-}
-TWICE = {
-    "msh": (3, "two nodes have the number 13"),
-    "MED": (0, "nodes are numbered from 1, the file gives several the number 13"),
-    "mail": (3, "two nodes have the name N13"),
-    "inp": (3, "two nodes have the number 13"),
-    **COUNTED,
-}
-LOST = {
-    "msh": (3, r"(line|byte) \d+: the HEXA8 101 has node {}, which \$Nodes does not hold"),
-    "MED": (3, r"MAI/HE8/NOD: the HEXA8 101 has node {}, and there are 12"),
-    "mail": (3, "line 19: HEXA8 M101 has the node N{}, which is not among the nodes"),
-    "inp": (
-        3,
-        "line 16: (element 101 has the node {}, which is not|numbers of elements and nodes run .* one here is {})",
-    ),
-    "vtu": (3, "<Cells>: cell 0 .from 0. has point {}, and there are 12"),
-    "xdmf": (3, "<Topology Mixed>: cell 0 .from 0. has point {}, and there are 12"),
-}
+#: statuses of formats that say how many nodes and cells there are, and of those in which numbers are fields
+ANNOUNCED = {"msh": 3, "MED": 3, "vtu": 3, "xdmf": 3}
+COUNTED = {"vtu": 0, "xdmf": 0}
+NOT_FINITE = {"mail": "line 4: ", "inp": "line 7: "}
+LOST = {"mail": "line 19: ", "inp": "line 16: "}
 
 
-def _lost(node: int) -> dict[str, tuple[int, str]]:
-    there = ("vtu", "xdmf") if node == 0 else ()  # they count from 0
-    return {name: (status, says.format(node, node)) for name, (status, says) in LOST.items() if name not in there}
-
-
+BOTH_TWICE = _both(_node(0, 5), _node(2, 1))
+TWICE = {"msh": 3, "MED": 0, "mail": 3, "inp": 3, **COUNTED}
+NODES, FACES = "nodes of cells", "slave faces"
 DEFECTS = [
-    Defect("coordinates", "a coordinate is NaN", _set("points", 3, nan), NOT_FINITE),
-    Defect("coordinates", "a coordinate is infinite", _set("points", 3, -inf), NOT_FINITE),
-    Defect(
-        "coordinates",
-        "all nodes stand at one point",
-        _all_points,
-        {"any": (0, "cells behind the slave faces were inverted or degenerate")},
-    ),
-    Defect(
-        "coordinates",
-        "a coordinate is 1e308",
-        _set("points", 3, 1e308),
-        {"any": (0, "cells behind the slave faces were inverted or degenerate")},
-    ),
+    Defect("coordinates", "a coordinate is NaN", _set("points", 3, nan), lines=NOT_FINITE),
+    Defect("coordinates", "a coordinate is infinite", _set("points", 3, -inf), lines=NOT_FINITE),
+    Defect("coordinates", "all nodes stand at one point", _all_points, 0),
+    Defect("coordinates", "a coordinate is 1e308", _set("points", 3, 1e308), 0),
     Defect("numbers", "two nodes have one number", _set("node_number", 3, 13), TWICE),
-    Defect(
-        "numbers",
-        "a node has the number 0",
-        _set("node_number", 0, 0),
-        {
-            "msh": (3, "a node has the number 0"),
-            "MED": (0, "the numbers of nodes are not positive"),
-            "inp": (3, "number should be an integer from 1 to 999999999, not 0"),
-            **COUNTED,
-        },
-    ),
-    Defect(
-        "numbers",
-        "a node has the number -1",
-        _set("node_number", 0, -1),
-        {
-            "msh": (3, "a node has the number -1"),
-            "MED": (1, "the numbers of nodes .* negative"),
-            "inp": (3, "number should be an integer from 1 to 999999999, not -1"),
-            **COUNTED,
-        },
-    ),
-    Defect(
-        "numbers",
-        "two cells have one number",
-        _number(3, 103),
-        {
-            "msh": (3, "two cells have the number 103"),
-            "MED": (0, "cells are numbered from 1, the file gives several the number 103"),
-            "mail": (3, "two cells have the name M103"),
-            "inp": (3, "two elements have the number 103"),
-            **COUNTED,
-        },
-    ),
-    Defect(
-        "numbers",
-        "a cell has the number 0",
-        _number(3, 0),
-        {
-            "msh": (3, "a cell has the number 0"),
-            "MED": (0, "the numbers of cells are not positive"),
-            "mail": (0, "the numbers of cells are not positive"),
-            "inp": (3, "run from 1 to 999999999, and one here is 0"),
-            **COUNTED,
-        },
-    ),
-    Defect(
-        "numbers",
-        "a cell has the number -7",
-        _number(3, -7),
-        {
-            "msh": (3, "a cell has the number -7"),
-            "MED": (1, "the numbers of cells .* negative"),
-            "mail": (0, "as M-7. are not distinct numbers"),
-            "inp": (3, "run from 1 to 999999999, and one here is -7"),
-            **COUNTED,
-        },
-    ),
-    Defect("nodes of cells", "a cell has a node that is not there", _node(0, 2, 99), _lost(99)),
-    Defect("nodes of cells", "a cell has node 0", _node(0, 2, 0), _lost(0)),
-    Defect("nodes of cells", "a cell has node -1", _node(0, 2, -1), _lost(-1)),
-    Defect("nodes of cells", "a cell has node 2147483647", _node(0, 2, 2**31 - 1), _lost(2**31 - 1)),
-    Defect("nodes of cells", "a hexahedron has a corner of the slave face twice", _node(0, 5), COLLAPSED),
-    Defect("nodes of cells", "a slave face has a node twice", _node(2, 1), COLLAPSED),
-    Defect(
-        "nodes of cells",
-        "the hexahedron behind a slave face has a node twice, away from it",
-        _node(0, 1),
-        {"any": (0, "cells behind the slave faces were inverted or degenerate")},
-    ),
-    Defect(
-        "nodes of cells",
-        "a slave face and the hexahedron behind it have the same node twice",
-        _both(_node(0, 5), _node(2, 1)),
-        {"any": (0, "cells behind the slave faces were inverted or degenerate")},
-    ),
-    Defect(
-        "slave faces",
-        "a slave face is no facet of a cell",
-        _more(Cell(107, "QUAD4", [11, 13, 21, 17], "SLAVE")),
-        {"any": (1, "slave faces 107 have no parent cell; gmsh saves .*--skin-only")},
-    ),
-    Defect(
-        "slave faces",
-        "there are no volumes at all",
-        lambda mesh: setattr(mesh, "cells", [c for c in mesh.cells if c.type == "QUAD4"]),
-        {"any": (1, "has cells of dimension|no cell behind|skin")},
-    ),
-    Defect(
-        "slave faces",
-        "a slave face stands twice in the file",
-        _more(Cell(107, "QUAD4", [17, 18, 21, 20], "SLAVE")),
-        {"any": (0, r"stand twice in the slave groups \(cells 107 repeat others\)")},
-    ),
-    Defect(
-        "groups",
-        "the slave group holds a volume too",
-        lambda mesh: setattr(mesh.cells[1], "group", "SLAVE"),
-        {"any": (1, r"'SLAVE' holds cells of dimension 3 \(102\)")},
-    ),
-    Defect(
-        "groups",
-        "the slave group holds volumes only",
-        lambda mesh: None,
-        {"any": (1, r"'BODY' holds cells of dimension 3 \(101, 102\)")},
-        ("cut", "{in}", "--slave", "BODY", "-o", "{out}", "--force"),
-    ),
-    Defect(
-        "groups",
-        "the slave group is not there",
-        lambda mesh: None,
-        {"any": (2, "no cell group named 'SLAVES'; did you mean SLAVE")},
-        ("cut", "{in}", "--slave", "SLAVES", "-o", "{out}", "--force"),
-    ),
-    Defect(
-        "groups",
-        "the slave group is not there, and nothing is like it",
-        lambda mesh: None,
-        {"any": (2, "no cell group named 'q'; there are: BODY, MASTER, SLAVE")},
-        ("cut", "{in}", "--slave", "q", "-o", "{out}", "--force"),
-    ),
-    Defect(
-        "counts",
-        "fewer nodes are announced than there are",
-        _count(nodes=5),
-        {
-            "msh": (3, r"the section \$Nodes should end here"),
-            "MED": (3, "COO: holds 36 values for 5 nodes"),
-            "vtu": (3, "<Points>: .* 5 points"),
-            "xdmf": (3, "<Geometry>: .* 5 3"),
-        },
-    ),
-    Defect(
-        "counts",
-        "no nodes are announced",
-        _count(nodes=0),
-        {
-            "msh": (3, r"the section \$Nodes should end here"),
-            "MED": (3, "COO: holds 36 values for 0 nodes"),
-            "vtu": (3, "<Points>: .* 0 points"),
-            "xdmf": (3, "<Geometry>: .* 0 3"),
-        },
-    ),
-    Defect(
-        "counts",
-        "-1 nodes are announced",
-        _count(nodes=-1),
-        {
-            "msh": (3, "how much follows|a negative count"),
-            "MED": (3, "COO: holds 36 values for -1 nodes"),
-            "vtu": (3, "NumberOfPoints should be"),
-            "xdmf": (3, "<Geometry>: .*-1 3"),
-        },
-    ),
-    Defect(
-        "counts",
-        "10^12 nodes are announced",
-        _count(nodes=10**12),
-        {
-            "msh": (3, r"\d000000000000 values should"),
-            "MED": (3, "COO: holds 36 values for 1000000000000 nodes"),
-            "vtu": (3, "<Points>: .* 1000000000000 points"),
-            "xdmf": (3, "<Geometry>: .* 1000000000000 3"),
-        },
-    ),
-    Defect(
-        "counts",
-        "2^63 - 1 nodes are announced",
-        _count(nodes=2**63 - 1),
-        {
-            "msh": (3, "how much follows|an integer should|9223372036854775807 values"),
-            "MED": (3, "COO: holds 36 values for 9223372036854775807 nodes"),
-            "vtu": (3, "NumberOfPoints should be"),
-            "xdmf": (3, "<Geometry>: .*9223372036854775807 3"),
-        },
-    ),
-    Defect(
-        "counts",
-        "-1 cells are announced",
-        _count(cells=-1),
-        {
-            "msh": (3, "how much follows|a negative count"),
-            "MED": (3, "NOD: holds 16 values for -1 cells of 4 nodes"),
-            "vtu": (3, "NumberOfCells should be"),
-            "xdmf": (3, "holds 6 cells, and announces -1"),
-        },
-    ),
-    Defect(
-        "counts",
-        "10^12 cells are announced",
-        _count(cells=10**12),
-        {
-            "msh": (
-                3,
-                "too early: (999999999994 more|1000000000000 elements) were announced|9000000000000 values should",
-            ),
-            "MED": (3, "NOD: holds 16 values for 1000000000000 cells of 4 nodes"),
-            "vtu": (3, "<Cells>: .*1000000000000 cells"),
-            "xdmf": (3, "holds 6 cells, and announces 1000000000000"),
-        },
-    ),
-    Defect(
-        "counts",
-        "fewer cells are announced than there are",
-        _count(cells=1),
-        {
-            "msh": (
-                3,
-                r"section \$Elements should end|elements of type \d+|should (end|stand) here|there cannot be an entity",
-            ),
-            "MED": (3, "NOD: holds 16 values for 1 cells"),
-            "vtu": (3, "<Cells>: .* 1 cells"),
-            "xdmf": (3, "holds 6 cells, and announces 1$"),
-        },
-    ),
-    Defect(
-        "types",
-        "a cell is of a type that nobody knows",
-        _type(3, 199),
-        {
-            "msh": (3, "elements of type 199 of gmsh"),
-            "MED": (3, "MAI/199: cells of type 199 are not read"),
-            "mail": (3, "'199' is no keyword"),
-            "inp": (3, "elements of type 199 are not known"),
-            "vtu": (3, "VTK's type 199"),
-            "xdmf": (3, "XDMF's type 199"),
-        },
-    ),
-    Defect(
-        "content",
-        "there are nodes and no cells",
-        lambda mesh: mesh.cells.clear(),
-        {"any": (2, "no cell group named 'SLAVE'; there are none")},
-    ),
-    Defect(
-        "content",
-        "there is nothing in it",
-        _both(lambda mesh: mesh.cells.clear(), lambda mesh: mesh.points.clear(), lambda mesh: mesh.node_number.clear()),
-        {"any": (2, "no cell group named 'SLAVE'; there are none")},
-    ),
-]
+    Defect("numbers", "a node has the number 0", _set("node_number", 0, 0), {"msh": 3, "MED": 0, "inp": 3, **COUNTED}),
+    Defect("numbers", "a node has the number -1", _set("node_number", 0, -1), {"msh": 3, "MED": 1, "inp": 3} | COUNTED),
+    Defect("numbers", "two cells have one number", _number(3, 103), TWICE),
+    Defect("numbers", "a cell has the number 0", _number(3, 0), TWICE | {"mail": 0}),
+    Defect("numbers", "a cell has the number -7", _number(3, -7), TWICE | {"mail": 0, "MED": 1}),
+    Defect(NODES, "a cell has a node that is not there", _node(0, 2, 99), lines=LOST),
+    Defect(NODES, "a cell has node 0", _node(0, 2, 0), {"msh": 3, "MED": 3, "mail": 3, "inp": 3}, lines=LOST),
+    Defect(NODES, "a cell has node -1", _node(0, 2, -1), lines=LOST),
+    Defect(NODES, "a cell has node 2147483647", _node(0, 2, 2**31 - 1), lines=LOST),
+    Defect(NODES, "a hexahedron has a corner of the slave face twice", _node(0, 5), 1),
+    Defect(NODES, "a slave face has a node twice", _node(2, 1), 1),
+    Defect(NODES, "the hexahedron behind a slave face has a node twice, away from it", _node(0, 1), 0),
+    Defect(NODES, "a slave face and the hexahedron behind it have the same node twice", BOTH_TWICE, 0),
+    Defect(FACES, "a slave face is no facet of a cell", _more(11, 13, 21, 17), 1),
+    Defect(FACES, "there are no volumes at all", _only("QUAD4"), 1),
+    Defect(FACES, "a slave face stands twice in the file", _more(17, 18, 21, 20), 0),
+    Defect("groups", "the slave group holds a volume too", lambda mesh: setattr(mesh.cells[1], "group", "SLAVE"), 1),
+    Defect("groups", "the slave group holds volumes only", _count(), 1, _cut("BODY")),
+    Defect("groups", "the slave group is not there", _count(), 2, _cut("SLAVES")),
+    Defect("groups", "the slave group is not there, and nothing is like it", _count(), 2, _cut("q")),
+    Defect("counts", "fewer nodes are announced than there are", _count(nodes=5), ANNOUNCED),
+    Defect("counts", "no nodes are announced", _count(nodes=0), ANNOUNCED),
+    Defect("counts", "-1 nodes are announced", _count(nodes=-1), ANNOUNCED),
+    Defect("counts", "10^12 nodes are announced", _count(nodes=10**12), ANNOUNCED),
+    Defect("counts", "2^63 - 1 nodes are announced", _count(nodes=2**63 - 1), ANNOUNCED),
+    Defect("counts", "-1 cells are announced", _count(cells=-1), ANNOUNCED),
+    Defect("counts", "10^12 cells are announced", _count(cells=10**12), ANNOUNCED),
+    Defect("counts", "fewer cells are announced than there are", _count(cells=1), ANNOUNCED),
+    Defect("types", "a cell is of a type that nobody knows", _type(3, 199)),
+    Defect("content", "there are nodes and no cells", _only(), 2),
+    Defect("content", "there is nothing in it", _nothing, 2),
+]  # fmt: skip
 
 
 def cases() -> Iterator[Case]:
-    """Every defect in every format that can have it."""
+    """Files, then every defect in every format that can have it."""
+    yield from _files()
     for defect in DEFECTS:
-        for name, writer in WRITERS.items():
-            expected = next((defect.says[key] for key in (name, name.split()[0], "any") if key in defect.says), None)
-            if expected is None:
-                continue
-            make = partial(_spoilt, defect, writer)
-            yield Case(defect.kind, name, defect.what, make, expected[1], expected[0], defect.command)
+        for name in WRITERS:
+            status = defect.status_in(name)
+            if status is not None:
+                make, says = partial(spoilt, name, defect), defect.lines.get(name, "")
+                yield Case(defect.kind, name, defect.what, make, status, defect.command, says)
     yield from _latin()
 
 
-def _spoilt(defect: Defect, writer: Callable[[Raw], bytes], _: Path) -> bytes:
+def spoilt(name: str, defect: Defect, _: Path | None = None) -> bytes:
     """The content of a file with a defect."""
     mesh = two_hexahedra()
     defect.edit(mesh)
-    return writer(mesh)
+    return WRITERS[name](mesh)
 
 
 def _latin() -> Iterator[Case]:
@@ -410,9 +262,8 @@ def _latin() -> Iterator[Case]:
         mesh = two_hexahedra()
         for cell in mesh.cells:
             cell.group = "Körper" if cell.group == "SLAVE" else cell.group
-        command = ("cut", "{in}", "--slave", "Körper", "-o", "{out}", "--force")
 
         def then(folder: Path) -> None:
             assert lacmesh.read(folder / "out.msh").zones == ("Körper",)
 
-        yield Case("names", name, "a group's name is in Latin-1", WRITERS[name](mesh), "", 0, command, then=then)
+        yield Case("names", name, "a group's name is in Latin-1", WRITERS[name](mesh), 0, _cut("Körper"), then=then)

@@ -4,101 +4,54 @@ from __future__ import annotations
 
 import re
 import tempfile
-import textwrap
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.bad_input import case, stop_cases
+from tests.bad_input import case, command_cases, mesh_cases, stop_cases, text_cases, xml_med_cases
 from tests.bad_input.case import Case, Outcome
-from tests.bad_input.corpus import all_cases
 from tests.bad_input.stop_cases import Stop
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "bad_input.md"
 BEGIN, END = "<!-- cases: begin -->", "<!-- cases: end -->"
 
-#: What is decided for each kind, in the order of the page: title, and a sentence or two.
+#: kind -> title of its section in the page, which says what is decided for it
 KINDS = {
-    "not a mesh": (
-        "Files that are no mesh",
-        "A file is known by its first bytes, whatever its suffix. A pipe is refused: it gives its content once.",
-    ),
-    "cut short": (
-        "Files that are cut short",
-        "No part of a truncated file is taken for the whole, wherever it ends.",
-    ),
-    "magic": ("Files that begin otherwise", "What begins as no format does is not searched for a mesh."),
-    "version": ("Versions", "A version that is not read is refused, with the way to one that is."),
-    "sections": (
-        "Parts of a file",
-        "What must be there is missed, what may be there once is refused twice. What nobody knows is left out, and "
-        "named.",
-    ),
-    "counts": (
-        "Counts",
-        "What a file announces is compared with what it holds before any memory is taken.",
-    ),
-    "numbers": (
-        "Numbers of nodes and cells, and what is no number",
-        "Numbers must tell nodes and cells apart. Where a format only carries them (MED) they are counted anew, which "
-        "is said; where its cells are made of them they are an error.",
-    ),
-    "coordinates": (
-        "Coordinates",
-        "A coordinate that is no finite number is an error when it is read, in every command. A mesh that is flat or "
-        "inverted is a mesh: it is read, cut with a warning, and `lacmesh check` and `lacmesh quality` say where.",
-    ),
-    "nodes of cells": (
-        "Nodes of cells",
-        "A node that is not there is an error. A node that stands twice in a cell is not: many meshers collapse cells "
-        "that way. Such a cell is read; behind a slave face it is cut with a warning where its facet is whole.",
-    ),
-    "types": ("Types of cells", "A type that cannot be kept is an error, so that no cell is lost without a word."),
-    "content": ("Meshes without content", "A file without cells is a mesh; it has no group to cut."),
-    "names": ("Names", "UTF-8, or else Latin-1. Control characters of a name are shown as escapes in messages."),
-    "groups": ("Groups", "A name that is not there is answered with those that are like it."),
-    "slave faces": (
-        "Slave faces",
-        "A slave face needs a cell behind it. A face that stands twice is one face: both copies are cut alike.",
-    ),
-    "fields": (
-        "Fields",
-        "A field that does not fit the mesh is an error; one that is outside it is left out, and said.",
-    ),
-    "links": ("Links inside and between files", "What another file holds is not fetched."),
-    "our notes": (
-        "lacmesh's own notes",
-        "In msh they hold groups and cells: damaged ones are an error. In MED they hold only names and tags: damaged "
-        "ones are left out, and said.",
-    ),
-    "several meshes": ("Several meshes in a file", "None is chosen for the user."),
-    "verdicts": (
-        "Meshes that cannot be used",
-        "What a command was asked to see to is not so: nothing is written, and the status is 1. `lacmesh check` prints "
-        "its findings first; `lacmesh quality` measures, and its status is 0 whatever it measures.",
-    ),
-    "decks": (
-        "Decks that contradict themselves",
-        "A deck is judged where it is written as a deck: `info` and `check` need its mesh alone. `--lenient` goes on "
-        "with a warning.",
-    ),
-    "geometry": (
-        "Geometry",
-        "`lacmesh mesh` lets gmsh work in a process of its own, so that gmsh may fail in any way, and may be stopped.",
-    ),
-    "request": ("Commands", "A wrong command does nothing."),
-    "output": ("Places of the output", "They are looked at before anything is read."),
-    "permission": ("Permissions", "Whether a file may be made in the folder is known before anything is read."),
-    "full disk": (
-        "A full disk",
-        "The output is written beside its place and renamed when it is whole and on the disk.",
-    ),
-    "stopped": (
-        "Interrupted, terminated",
-        "SIGINT and SIGTERM stop the command wherever it is (in the middle of a MED file: when HDF5 has closed it; of "
-        "the two files of XDMF: when both are in their place).",
-    ),
+    "not a mesh": "Files that are no mesh",
+    "cut short": "Files that are cut short",
+    "magic": "Files that begin otherwise",
+    "version": "Versions",
+    "sections": "Parts of a file",
+    "counts": "Counts",
+    "numbers": "Numbers of nodes and cells, and what is no number",
+    "coordinates": "Coordinates",
+    "nodes of cells": "Nodes of cells",
+    "types": "Types of cells",
+    "content": "Meshes without content",
+    "names": "Names",
+    "groups": "Groups",
+    "slave faces": "Slave faces",
+    "fields": "Fields",
+    "links": "Links inside and between files",
+    "our notes": "lacmesh's own notes",
+    "several meshes": "Several meshes in a file",
+    "verdicts": "Meshes that cannot be used",
+    "decks": "Decks that contradict themselves",
+    "geometry": "Geometry",
+    "request": "Commands",
+    "output": "Places of the output",
+    "permission": "Permissions",
+    "full disk": "A full disk",
+    "stopped": "Interrupted, terminated",
 }
+
+
+@cache
+def all_cases() -> tuple[Case, ...]:
+    """Every case but those of `stop_cases`."""
+    sources = (mesh_cases, text_cases, xml_med_cases, command_cases)
+    return tuple(case for source in sources for case in source.cases())
 
 
 class Row(NamedTuple):
@@ -135,15 +88,15 @@ def _place(found: re.Match[str]) -> str:
     return f"FILE{rest}"
 
 
-def written(rows: dict[str, dict[Row, list[str]]]) -> str:
-    """The tables, from kind -> row -> formats."""
-    lines = []
-    for kind, (title, decision) in KINDS.items():
-        lines += [f"## {title}", "", textwrap.fill(decision, 120, break_long_words=False), ""]
-        lines += ["| what is wrong | in | status | what is said |", "|---|---|---:|---|"]
-        lines += [_line(whats, *answer) for answer, whats in _alike(rows[kind]).items()]
-        lines.append("")
-    return "\n".join(lines)
+def written(text: str, rows: dict[str, dict[Row, list[str]]]) -> str:
+    """The page with other tables, from kind -> row -> formats; what it says above them stays."""
+    for kind, title in KINDS.items():
+        lines = [_line(whats, *answer) for answer, whats in _alike(rows[kind]).items()]
+        table = re.compile(rf"\n## {re.escape(title)}\n[^|]*(?:\|[^\n]*\n){{2}}((?:\|[^\n]*\n)*)").search(text)
+        assert table is not None, title
+        begin, end = table.span(1)
+        text = text[:begin] + "".join(f"{line}\n" for line in lines) + text[end:]
+    return text
 
 
 def _alike(rows: dict[Row, list[str]]) -> dict[tuple[str, int, str], list[str]]:
@@ -179,7 +132,7 @@ def parsed(text: str) -> dict[tuple[str, str, str], str]:
 def entry(case: Case | Stop, outcome: Outcome) -> tuple[tuple[str, str, str], str]:
     """Entry of a case that `parsed` should find in the page: key, then status and sentence."""
     line = row(case, outcome)
-    return (KINDS[case.kind][0], _safe(line.what), case.format), f"{line.status} {_safe(line.said) or 'nothing'}"
+    return (KINDS[case.kind], _safe(line.what), case.format), f"{line.status} {_safe(line.said) or 'nothing'}"
 
 
 def main() -> None:
@@ -189,9 +142,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             outcome = stop_cases.run(one, Path(folder)) if isinstance(one, Stop) else case.run(one, Path(folder))
         rows[one.kind].setdefault(row(one, outcome), []).append(one.format)
-    before, rest = PAGE.read_text(encoding="utf-8").split(BEGIN)
-    text = f"{before}{BEGIN}\n{written(rows)}{END}{rest.split(END)[1]}"
-    PAGE.write_text(text, encoding="utf-8")
+    PAGE.write_text(written(PAGE.read_text(encoding="utf-8"), rows), encoding="utf-8")
     print(f"{PAGE}: {len(all_cases()) + len(stop_cases.cases())} cases")
 
 

@@ -16,10 +16,10 @@ import pytest
 
 from lacmesh import read
 from lacmesh.errors import LacmeshWarning, ReadError
-from tests.bad_input import case, page, stop_cases, tool_cases
+from tests.bad_input import case, command_cases, mesh_cases, page, stop_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD
-from tests.bad_input.corpus import all_cases
+from tests.bad_input.page import all_cases
 from tests.samples import each_option
 
 
@@ -29,7 +29,7 @@ def the_page() -> dict[tuple[str, str, str], str]:
 
 
 def holds(one, outcome):
-    """The status and words that are expected, and those in the page."""
+    """The status that is expected, the sentence in the page, and the words that the page leaves out."""
     assert outcome.status == one.status, outcome.sentence
     assert re.search(one.says, outcome.sentence), outcome.sentence
     key, said = page.entry(one, outcome)
@@ -85,7 +85,7 @@ def test_the_reader_says_what_the_command_says(one, folder):
 
 def every_command():
     """Each defect, in a file of each format, with a third of the commands by turns."""
-    rows = [(name, defect, turn) for name, defect in tool_cases.readable() for turn in range(3)]
+    rows = [(name, defect, turn) for name, defect in command_cases.readable() for turn in range(3)]
     for row in each_option(rows, of=lambda row: [row[1].what, row[2]]):
         name, defect, turn = row.values
         yield pytest.param(*row.values, marks=row.marks, id=f"{name}: {defect.what}, {turn}")
@@ -94,11 +94,11 @@ def every_command():
 @pytest.mark.parametrize(("name", "defect", "turn"), [*every_command()])
 def test_every_command_takes_what_can_be_read(name, defect, turn, tmp_path):
     """No exception, one sentence where there is an error, nothing left: whatever is wrong with the mesh."""
-    content = tool_cases.spoilt(name, defect)
-    for what, words in [*tool_cases.EVERY.items()][turn::3]:
+    content = mesh_cases.spoilt(name, defect)
+    for what, words in [*command_cases.EVERY.items()][turn::3]:
         folder = tmp_path / what
         folder.mkdir()
-        outcome = case.run(Case("", name, defect.what, content, "", command=words), folder)
+        outcome = case.run(Case("", name, defect.what, content, command=words), folder)
         assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
@@ -117,7 +117,7 @@ def test_stopped(key, tmp_path):
 
 def test_the_page_holds_these_cases_and_no_other():
     every = (*all_cases(), *stop_cases.cases())
-    keys = [(page.KINDS[c.kind][0], page._safe(page.row(c, case.Outcome(0, [], 0)).what), c.format) for c in every]
+    keys = [(page.KINDS[c.kind], page._safe(page.row(c, case.Outcome(0, [], 0)).what), c.format) for c in every]
     assert len(set(keys)) == len(keys), "two cases have the same name"
     assert set(keys) == set(the_page())
     assert len(keys) >= 250
@@ -171,7 +171,7 @@ def test_the_run_of_a_case_sees_what_is_wrong(tmp_path):
     def stray(folder: Path) -> None:
         (folder / "bad.msh").write_bytes(GOOD)
 
-    one = Case("output", "any", "", stray, "", command=("nothing",))
+    one = Case("output", "any", "", stray, command=("nothing",))
 
     def tried(monkeypatched):
         with pytest.MonkeyPatch.context() as patch:

@@ -1,4 +1,4 @@
-"""Decks of our own: two bodies in contact, with a little of all that decks hold; and CalculiX's answers to them."""
+"""Decks and jobs of our own, two bodies in contact with a little of all that decks hold; and CalculiX's answers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,9 @@ import lacmesh
 from lacmesh import LacmeshWarning
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.types import element
-from tests.formats.inp_blocks import two_blocks
+from lacmesh.generate.parts import assembled
+from tests.lacsolver.deck_texts import Block
+from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
@@ -121,3 +123,124 @@ def tables(text):
         if numbers:
             found.append((head, np.array(numbers)))
     return found
+
+
+# ---- jobs on meshes that lacmesh wrote as mesh.inp
+
+#: To be filled with springs, three at each node: their elements, and sets of those along x, y and z.
+ONE_FACET = f"""\
+*INCLUDE, INPUT=mesh.inp
+{{springs}}
+*MATERIAL, NAME=M
+*ELASTIC
+{E}, 0.
+*SOLID SECTION, ELSET=body, MATERIAL=M
+*STEP
+*STATIC
+*DSLOAD
+slave, P, {P}
+*NODE PRINT, NSET=all
+U
+*END STEP
+"""
+
+
+def on_springs(n_nodes, section="", axes=(1, 2, 3)):
+    """`ONE_FACET` with springs of stiffness E at nodes 1 to n_nodes; `section`: of a plane cell, or a shell."""
+    lines = []
+    for axis in axes:
+        lines.append(f"*ELEMENT, TYPE=SPRING1, ELSET=along{axis}")
+        lines += [f"{1000 * axis + node}, {node}" for node in range(1, n_nodes + 1)]
+        lines += [f"*SPRING, ELSET=along{axis}", f"{axis}", f"{E}"]
+    job = ONE_FACET.replace("{springs}", "\n".join(lines))
+    return job.replace("*SOLID SECTION, ELSET=body, MATERIAL=M", section) if section else job
+
+
+def two_blocks(kind):
+    """Unit cubes, or squares one unit from the axis, of 2 and 3 cells a side, the second on the first.
+
+    Their groups are those of `PRESSED`; other sides have no cells.
+    """
+    dim = CELLS[kind].dim
+    up, low = "xyz"[dim - 1], np.array([1.0, 0.0]) if dim == 2 else np.zeros(3)
+    parts = []
+    for body, n, below, above in (("lower", 2, "base", "slave"), ("upper", 3, "master", "press")):
+        names = {"": body, f"{up}0": below, f"{up}1": above}
+        box = block(kind, n, low, low + 1)
+        rows = {(face, names[side]): nodes for (face, side), nodes in rows_of(box).items() if side in names}
+        parts.append((assembled(box.points, rows, dim), {}))
+        low[-1] += 1
+    mesh = joined(parts, keep=True)
+    return replace(mesh, node_groups={"all": np.arange(mesh.n_nodes)})
+
+
+# ---- parts
+
+LOWER = Block(cells=(2, 2, 1))
+UPPER = Block("C", (0, 0, 1), (1, 1, 2), (3, 3, 1))
+#: two parts with numbers of their own, and names that a part and the assembly share, as Abaqus/CAE writes them
+TWO = """\
+*Heading
+a press
+*Part, name=Lower
+{lower}*Nset, nset=Set-1
+1
+*Orientation, name=Ori
+1., 0., 0., 0., 1., 0.
+*Solid Section, elset=B, material=Steel, orientation=Ori
+,
+*End Part
+*Part, name=Upper
+{upper}*Solid Section, elset=C, material=Steel
+,
+*End Part
+** the assembly
+*Assembly, name=Assembly
+*Instance, name=Lower-1, part=Lower
+*End Instance
+*Instance, name=Upper-1, part=Upper
+0., 0., {gap}
+*End Instance
+*Elset, elset=_Press, internal, instance=Upper-1
+ C_EZ1
+*Surface, type=ELEMENT, name=Press
+_Press, S2
+*Surface, type=ELEMENT, name=Upper
+Upper-1.C_EZ0, S1
+*Surface, type=ELEMENT, name=Lower
+Lower-1.B_EZ1, S2
+*Nset, nset=Set-1, instance=Lower-1
+B_Z0
+*End Assembly
+** the material
+*Material, name=Steel
+*Elastic
+1000., 0.
+*Surface Interaction, name=Touch
+*Surface Behavior, pressure-overclosure=LINEAR
+1e5
+*Contact Pair, interaction=Touch, type=SURFACE TO SURFACE
+Upper, Lower
+*Boundary
+Set-1, 1, 3
+Upper-1.C_X0, 1
+ Upper-1.{node}, 2
+*Step, name=Press, nlgeom=NO
+*Static
+1., 1., 1e-05, 1.
+*Dsload
+Press, P, 20.
+*Cload
+Upper-1.{node}, 1, 0.5
+*Node print, nset=Set-1, totals=only
+RF
+*Node print, nset=Upper-1.C_Z1
+U
+*End Step
+"""
+NODE = int(UPPER.at(2, 2)[0])
+
+
+def two(**parts):
+    made = {"lower": LOWER.text(), "upper": UPPER.text(), "gap": "0.", "node": NODE} | parts
+    return TWO.format(**made)

@@ -208,31 +208,14 @@ BESIDE_A_CUT = ("group", "cell_number", "order", "loose_skin", "digits")
 #: every column of the table, by its key
 FEATURES = {
     "group": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), cell_groups, "group"),
-    "overlap": Feature(
-        lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}),
-        cell_groups,
-        "group",
-    ),
+    "overlap": Feature(lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}), cell_groups, "group"),
     "lower": Feature(lambda one: solid(cell_groups={"slave": [4, 5], "rest": [6]}), cell_groups, "group"),
-    "dims": Feature(
-        lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}),
-        cell_groups,
-        "group|all",
-    ),
+    "dims": Feature(lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}), cell_groups, "group|all"),
     "empty": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), cell_groups, "none|group"),
-    "loose": Feature(
-        lambda one: one(cell_groups={"a": [0]}),
-        same_cells,
-        "cells",
-        also=("group", "node_number"),
-    ),
+    "loose": Feature(lambda one: one(cell_groups={"a": [0]}), same_cells, "cells", also=("group", "node_number")),
     "loose_skin": Feature(lambda one: solid(), same_cells, "cells", also=("cell_number",)),
     "nodes": Feature(lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), node_groups, "node"),
-    "names": Feature(
-        lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}),
-        cell_groups,
-        "nam|Körper",
-    ),
+    "names": Feature(lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}), cell_groups, "nam|Körper"),
     "long": Feature(lambda one: one(cell_groups={LONG: [0, 1]}), cell_groups, "nam|characters"),
     "orphan": Feature(
         lambda one: Mesh.create([*one().points, (3, 3, 3), (4, 3, 3)], one().blocks),
@@ -242,9 +225,7 @@ FEATURES = {
     "node_number": Feature(lambda one: one(node_number=range(10, 80, 10)), number("node"), "number"),
     "cell_number": Feature(lambda one: one(cell_number=[1003, 1001, 1009, 1004]), number("cell"), "number"),
     "order": Feature(
-        lambda one: solid(file_order=[4, 0, 5, 1, 2, 6, 3]),
-        lambda b, a, to: order(b) == order(a),
-        "order",
+        lambda one: solid(file_order=[4, 0, 5, 1, 2, 6, 3]), lambda b, a, to: order(b) == order(a), "order"
     ),
     "turn": Feature(turned, same_cells, "turn", also=("node_number",)),
     "field": Feature(
@@ -259,11 +240,7 @@ FEATURES = {
         data,
         "move|field|data",
     ),
-    "gap": Feature(
-        lambda one: one(cell_data={"stress": np.array([1.5, np.nan, 2, 3])}),
-        data,
-        "stress|field|data",
-    ),
+    "gap": Feature(lambda one: one(cell_data={"stress": np.array([1.5, np.nan, 2, 3])}), data, "stress|field|data"),
     "integer": Feature(
         lambda one: one(cell_data={"rank": np.array([1, -1, 7, 2**30])}, node_data={"level": np.arange(7)}),
         integers,
@@ -283,15 +260,9 @@ FEATURES = {
     "flat": Feature(lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),
     "periodic": Feature(lambda one: periodic(), links, "periodic|model"),
     "partition": Feature(
-        lambda one: one(cell_data={"partition": np.array([1, 1, 2, 2], np.int32)}),
-        integers,
-        "partition|field|data",
+        lambda one: one(cell_data={"partition": np.array([1, 1, 2, 2], np.int32)}), integers, "partition|field|data"
     ),
-    "entity": Feature(
-        with_entities,
-        integers,
-        "entit|field|data",
-    ),
+    "entity": Feature(with_entities, integers, "entit|field|data"),
     "tags": Feature(
         lambda one: one(cell_groups={"all": [0, 1, 2, 3]}, group_tags={"all": ((3, 7),)}),
         lambda b, a, to: b.group_tags == a.group_tags,

@@ -1,6 +1,6 @@
-"""medcoupling and gmsh, asked in a process of their own (they can abort): `python med_peer.py COMMAND FILE ...`.
+"""medcoupling, asked in a process of its own (it can abort): `python med_peer.py COMMAND FILE ...`.
 
-`say` prints what medcoupling finds in MED files, `gmsh` what gmsh finds, as JSON; `make` lets medcoupling write a file.
+`say` prints what medcoupling finds in MED files, as JSON; `make` and `raised` let medcoupling write files.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def say(path):
     data = mc.MEDFileData(path)
     mesh = data.getMeshes()[0]
     said = {"name": mesh.getName(), "space_dim": mesh.getSpaceDimension(), "points": _rows(mesh.getCoords())}
-    said |= {"types": {}, "groups": {}, "node_groups": {}, "volumes": {}, "node_number": _numbers(mesh, 1)}
+    said |= {"types": {}, "groups": {}, "node_groups": {}, "node_number": _numbers(mesh, 1)}
     for level in mesh.getNonEmptyLevels():
         part = mesh[level]
         where = []
@@ -49,10 +49,6 @@ def say(path):
         for group in mesh.getGroupsOnSpecifiedLev(level):
             ids = mesh.getGroupArr(level, group).getValues()
             said["groups"][group] = sorted(said["groups"].get(group, []) + [where[i] for i in ids])
-        if part.getMeshDimension() == 3:
-            part.convertQuadraticCellsToLinear()
-            for (name, _), volume in zip(where, part.getMeasureField(False).getArray().getValues(), strict=True):
-                said["volumes"].setdefault(name, []).append(volume)
     for group in mesh.getGroupsOnSpecifiedLev(1):
         said["node_groups"][group] = sorted(mesh.getGroupArr(1, group).getValues())
     said["all_groups"] = sorted(mesh.getGroupsNames())
@@ -86,42 +82,11 @@ def _fields(mc, fields, names):
     return said
 
 
-def gmsh(path):
-    """Contents of the model named after the mesh, as gmsh reads it: cells by gmsh's type number, groups, fields."""
-    import gmsh as api
-
-    api.initialize(interruptible=False)
-    api.option.setNumber("General.Terminal", 0)
-    api.open(path)
-    types, cells = api.model.mesh.getElements()[:2]
-    groups = {}
-    for dim, tag in api.model.getPhysicalGroups():
-        n = 0
-        for entity in api.model.getEntitiesForPhysicalGroup(dim, tag):
-            n += sum(len(found) for found in api.model.mesh.getElements(dim, entity)[1])
-        name = api.model.getPhysicalName(dim, tag).rstrip()
-        groups[name] = groups.get(name, 0) + n
-    views = len(api.view.getTags())
-    counts = {int(t): len(found) for t, found in zip(types, cells, strict=True)}
-    return {"cells": counts, "groups": groups, "views": views}
-
-
 def make(path):
     """Files PATH.30.med ... PATH.42.med: one mesh with everything, written by medcoupling in each version of MED."""
     import medcoupling as mc
 
-    points = [
-        [0, 0, 0],
-        [1, 0, 0],
-        [1, 1, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-        [1, 0, 1],
-        [1, 1, 1],
-        [0, 1, 1],
-        [2, 0, 0],
-        [9, 9, 9],
-    ]
+    points = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))] + [[2, 0, 0], [9, 9, 9]]
     coords = mc.DataArrayDouble([float(x) for p in points for x in p], len(points), 3)
     solid, skin = mc.MEDCouplingUMesh("maillage é", 3), mc.MEDCouplingUMesh("maillage é", 2)
     for part, cells in (
@@ -212,5 +177,5 @@ def raised(path):
 
 
 if __name__ == "__main__":
-    chosen = {"say": say, "gmsh": gmsh, "make": make, "raised": raised}[sys.argv[1]]
+    chosen = {"say": say, "make": make, "raised": raised}[sys.argv[1]]
     print("\n" + json.dumps({given: chosen(given) for given in sys.argv[2:]}))

@@ -1,4 +1,6 @@
-"""Decks: the record of their cards, and what becomes of every card in a file that is written again."""
+"""Decks: the record of their cards, what becomes of every card in a file that is written again, and CalculiX's answers.
+
+Decks of parts and instances are carried as they stand, and written without parts once their mesh has changed."""
 
 from __future__ import annotations
 
@@ -14,55 +16,18 @@ from lacmesh import LacmeshWarning, cut_skin, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.cut import is_cut
+from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, WriteError
 from lacmesh.formats.inp.deck_writer import variant
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.formats.inp.writer_types import card as element_of
 from lacmesh.mesh import Mesh
-from tests.formats.decks import pressed
+from tests.formats.decks import LOWER, NODE, UPPER, pressed, two
+from tests.formats.feature_cases import told
+from tests.formats.texts import MESH, MODEL, PARTS, STEP
+from tests.lacsolver.deck_texts import solved as import_solved
 from tests.meshes import cell_with_faces
-
-MESH = """\
-** made by hand
-*NODE, NSET=Nall
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-** the brick
-*ELEMENT, TYPE=C3D8R, ELSET=Eall
-1, 1, 2, 3, 4, 5, 6, 7, 8
-*NSET, NSET=Bottom
-1, 2, 3, 4
-*NSET, NSET=Top, GENERATE
-5, 8
-*ELSET, ELSET=Few
-1
-*SURFACE, NAME=slave
-Few, S2
-*SURFACE, NAME=side, TYPE=ELEMENT
-1, S3
-*SURFACE, NAME=Nodes, TYPE=NODE
-5
-6
-7
-8
-"""
-MODEL = """\
-*Material, Name = "Steel of  1990"
-*ELASTIC
- 2.1e5 , .3
-*SOLID SECTION, ELSET=EALL,
- MATERIAL="Steel of  1990"
-*CARD OF NO PROGRAM, ELSET=nothing
- whatever it says; 1, 2
-"""
-STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
 
 
 def read_text(folder, text, name="a.inp"):
@@ -249,29 +214,24 @@ def test_forces_on_nodes_stay_on_those_nodes(tmp_path):
     assert lines == ["5, 3, -1.", "6, 3, -1.", "7, 3, -1.", "8, 3, -1.", "5, 1, 2."]
 
 
-def test_initial_conditions(tmp_path):
-    text = MESH + "*INITIAL CONDITIONS, TYPE=TEMPERATURE\n" + "".join(f"{k}, {k}.\n" for k in range(1, 9)) + MODEL
-    cut = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
-    assert len(next(lacmesh.read(_path(tmp_path, cut)).deck.named("INITIALCONDITIONS")).data) == cut.n_nodes
+def test_initial_conditions_and_children_that_calculix_lacks(tmp_path):
     text = MESH + "*INITIAL CONDITIONS, TYPE=STRESS\n1, 1, 5., 0., 0., 0., 0., 0.\n" + MODEL
     cut = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
-    words = r"a\.inp, line 30: \*INITIAL CONDITIONS: element 1 was cut, and its children have other integration points"
-    with pytest.raises(DataError, match=words):
+    with pytest.raises(DataError, match=r"a\.inp, line 30: .*other integration points"):
         written(tmp_path, cut)
-    with pytest.warns(LacmeshWarning, match=words + ".*; the line is left out"):
+    with pytest.warns(LacmeshWarning, match="line 30: .*the line is left out"):
         assert "*INITIAL CONDITIONS, TYPE=STRESS\n*Material" in written(tmp_path, cut, lenient=True)
-
-
-def _path(folder, mesh):
-    written(folder, mesh)
-    return folder / "b.inp"
+    mesh = cut_skin(read_text(tmp_path, MESH + MODEL), "slave").mesh
+    with pytest.raises(WriteError, match=r"no element for PYRAM5.*--hexa hexa"):
+        written(tmp_path, mesh)
+    assert "TYPE=C3D5, ELSET=Eall" in written(tmp_path, mesh, target="abaqus")
 
 
 def test_sets_that_would_catch_new_numbers_are_written_anew(tmp_path):
     """GENERATE beyond the last number means more once there are more; a cut set would hold what it should not."""
     text = MESH.replace("*NSET, NSET=Top, GENERATE\n5, 8\n", "*NSET, NSET=Top, GENERATE\n5, 100\n") + MODEL
     mesh = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
-    back = lacmesh.read(_path(tmp_path, mesh))
+    back = read_text(tmp_path, written(tmp_path, mesh), "c.inp")
     for name in ("Top", "Nall", "Bottom"):
         assert set(back.node_number[back.node_groups[name]]) == set(mesh.node_number[mesh.node_groups[name]])
     assert len(back.node_groups["Top"]) < back.n_nodes - 4
@@ -283,7 +243,7 @@ def test_a_deck_is_cut_twice(tmp_path):
     once = cut_skin(deck, "slave", hexa="hexa").mesh
     with pytest.warns(LacmeshWarning, match="records .* are replaced"):
         twice = cut_skin(once, "side", hexa="hexa", recognise=False).mesh
-    back = lacmesh.read(_path(tmp_path, twice))
+    back = read_text(tmp_path, written(tmp_path, twice), "c.inp")
     assert len(back.cell_groups["Eall"]) == len(twice.cell_groups["Eall"]) > len(once.cell_groups["Eall"]) > 1
     sides = [(int(line.fields[0]), int(line.fields[1][1:])) for line in next(back.deck.named("DLOAD")).data]
     areas = [_side_area(back, *side) for side in sides]
@@ -331,32 +291,13 @@ def test_a_mesh_that_was_changed_in_python(tmp_path):
         assert "MATERIAL" not in written(tmp_path, fewer)
 
 
-def test_a_raised_deck_keeps_its_cards(tmp_path):
-    mesh = raise_order(read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\n1, 1\n2, 1\n3, 1\n4, 1\n")))
-    text = written(tmp_path, mesh)
-    assert "*ELEMENT, TYPE=C3D20R, ELSET=Eall" in text
-    assert len(next(lacmesh.read(tmp_path / "b.inp").deck.named("BOUNDARY")).data) == 8
-
-
-def test_orient_carries_the_deck(tmp_path, capsys):
-    (tmp_path / "a.inp").write_text(MESH + MODEL)
-    assert main(["orient", str(tmp_path / "a.inp"), "--group", "slave", "-o", str(tmp_path / "b.inp"), "-q"]) == 0
-    assert others((tmp_path / "b.inp").read_text()) == others(MESH + MODEL)
-    assert main(["convert", str(tmp_path / "a.inp"), str(tmp_path / "c.inp"), "--mesh-only", "-q"]) == 0
-    assert "MATERIAL" not in (tmp_path / "c.inp").read_text()
-
-
-def test_children_that_calculix_lacks_are_an_error(tmp_path):
-    mesh = cut_skin(read_text(tmp_path, MESH + MODEL), "slave").mesh
-    with pytest.raises(WriteError, match=r"CalculiX has no element for PYRAM5, and the mesh has .*--hexa hexa"):
-        written(tmp_path, mesh)
-    assert "TYPE=C3D5, ELSET=Eall" in written(tmp_path, mesh, target="abaqus")
-
-
 def test_elements_that_are_raised_have_their_new_nodes(tmp_path):
     """Also where their lines list more than their nodes, which are carried word for word as long as nothing changes."""
+    mesh = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\n1, 1\n2, 1\n3, 1\n4, 1\n"))
+    assert "*ELEMENT, TYPE=C3D20R, ELSET=Eall" in written(tmp_path, raise_order(mesh))
+    assert len(next(lacmesh.read(tmp_path / "b.inp").deck.named("BOUNDARY")).data) == 8
     text = MESH.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8, 1\n*NSET")
-    with pytest.warns(LacmeshWarning, match="list more nodes than these have"):
+    with pytest.warns(LacmeshWarning, match="more nodes than these have"):
         mesh = read_text(tmp_path, text)
     assert "1, 1, 2, 3, 4, 5, 6, 7, 8, 1\n" in written(tmp_path, mesh)
     raised = raise_order(mesh)
@@ -366,63 +307,49 @@ def test_elements_that_are_raised_have_their_new_nodes(tmp_path):
     with pytest.warns(LacmeshWarning, match="orientation nodes of 1 beams"):
         mesh = read_text(tmp_path, beam)
     assert "1, 1, 2, 3\n" in written(tmp_path, mesh)
-    with pytest.raises(DataError, match=r"line 5: \*ELEMENT: these beams have changed"):
+    with pytest.raises(DataError, match=r"line 5: \*ELEMENT: these beams"):
         written(tmp_path, raise_order(mesh))
 
 
-@pytest.mark.parametrize(
-    ("old", "cell", "new"),
-    [
-        *[("C3D20R", "HEXA20", "C3D20R"), ("C3D20R", "PENTA15", "C3D15"), ("C3D8I", "PENTA6", "C3D6")],
-        *[("C3D8RT", "TETRA4", "C3D4T"), ("DC3D8", "TETRA4", "DC3D4"), ("C3D10M", "TETRA10", "C3D10M")],
-        *[("CPS8R", "TRIA6", "CPS6"), ("CAX4R", "QUAD4", "CAX4R"), ("S8R", "TRIA6", "S6"), ("M3D4R", "TRIA3", "M3D3")],
-        *[
-            ("C3D8R", "HEXA20", "C3D20R"),
-            ("C3D8I", "HEXA20", "C3D20"),
-            ("STRI65", "TRIA3", "STRI3"),
-            ("C3D8", "PYRAM5", None),
-        ],
-    ],
-)
-def test_elements_keep_their_names(old, cell, new):
-    assert variant(old, cell, "calculix") == new
+#: a name, the cell that is written, and the name that it gets
+VARIANTS = """C3D20R HEXA20 C3D20R, C3D20R PENTA15 C3D15, C3D8I PENTA6 C3D6, C3D8RT TETRA4 C3D4T, DC3D8 TETRA4 DC3D4,
+C3D10M TETRA10 C3D10M, CPS8R TRIA6 CPS6, CAX4R QUAD4 CAX4R, S8R TRIA6 S6, M3D4R TRIA3 M3D3, C3D8R HEXA20 C3D20R,
+C3D8I HEXA20 C3D20, STRI65 TRIA3 STRI3, C3D8 PYRAM5 None"""
 
 
-#: cards behind the mesh, the line of these that is wrong, what is said
+def test_elements_keep_their_names():
+    for row in VARIANTS.split(","):
+        old, cell, new = row.split()
+        assert str(variant(old, cell, "calculix")) == new, row
+
+
+#: cards behind the mesh -> the line of these that is wrong, what is said; each is refused with its file and card
 WRONG = {
-    "section without its set": (
-        "*SOLID SECTION, ELSET=Eal, MATERIAL=M\n*MATERIAL, NAME=M\n",
-        1,
-        "no element set 'Eal'; did you mean Eall",
-    ),
-    "section without its material": ("*SOLID SECTION, ELSET=Eall, MATERIAL=M\n", 1, "no material 'M'; there are none"),
-    "condition on no set": ("*BOUNDARY\nBotom, 1, 3\n", 2, "no node set 'Botom'; did you mean Bottom"),
-    "condition on no node": ("*BOUNDARY\n99, 1, 3\n", 2, "there is no node 99"),
-    "load on no element": ("*DLOAD\n7, P1, 1.\n", 2, "there is no element 7"),
-    "load on no surface": ("*DSLOAD\nslav, P, 1.\n", 2, "no surface 'slav'; did you mean slave"),
-    "pair of no surface": (
-        "*CONTACT PAIR, INTERACTION=I\nslave, master\n*SURFACE INTERACTION, NAME=I\n",
-        2,
-        "no surface 'master'",
-    ),
-    "pair without its law": ("*CONTACT PAIR, INTERACTION=I\nslave, side\n", 1, "no interaction 'I'"),
-    "no amplitude": ("*CLOAD, AMPLITUDE=A\n5, 3, 1.\n", 1, "no amplitude 'A'"),
-    "step in a step": ("*STEP\n*STATIC\n*STEP\n*END STEP\n", 3, "the step of line 29 has no *END STEP before it"),
-    "end of no step": ("*END STEP\n", 1, "there is no *STEP above it"),
-    "step without end": ("*STEP\n*STATIC\n", 1, "this step has no *END STEP"),
-    "two values": ("*BOUNDARY, OP=NEW, OP=MOD\n5, 3\n", 1, "OP is both NEW and MOD"),
+    "*SOLID SECTION, ELSET=Eal, MATERIAL=M\n*MATERIAL, NAME=M\n": (1, "'Eal'; did you mean Eall"),
+    "*SOLID SECTION, ELSET=Eall, MATERIAL=M\n": (1, "no material 'M'"),
+    "*BOUNDARY\nBotom, 1, 3\n": (2, "'Botom'; did you mean Bottom"),
+    "*BOUNDARY\n99, 1, 3\n": (2, "no node 99"),
+    "*DLOAD\n7, P1, 1.\n": (2, "no element 7"),
+    "*DSLOAD\nslav, P, 1.\n": (2, "'slav'; did you mean slave"),
+    "*CONTACT PAIR, INTERACTION=I\nslave, master\n*SURFACE INTERACTION, NAME=I\n": (2, "no surface 'master'"),
+    "*CONTACT PAIR, INTERACTION=I\nslave, side\n": (1, "no interaction 'I'"),
+    "*CLOAD, AMPLITUDE=A\n5, 3, 1.\n": (1, "no amplitude 'A'"),
+    "*STEP\n*STATIC\n*STEP\n*END STEP\n": (3, "line 29 has no *END STEP"),
+    "*END STEP\n": (1, "no *STEP above"),
+    "*STEP\n*STATIC\n": (1, "no *END STEP"),
+    "*BOUNDARY, OP=NEW, OP=MOD\n5, 3\n": (1, "both NEW and MOD"),
 }
 
 
-@pytest.mark.parametrize("name", WRONG)
-def test_a_deck_that_contradicts_itself_is_refused(name, tmp_path, capsys):
+@pytest.mark.parametrize("cards", WRONG)
+def test_a_deck_that_contradicts_itself_is_refused(cards, tmp_path, capsys):
     """With its file, line and card; `--lenient` carries the line as it stands. The mesh can be used in any case."""
-    cards, line, words = WRONG[name]
-    line += MESH.count("\n")
+    line, words = WRONG[cards]
     (tmp_path / "a.inp").write_text(MESH + cards)
     command = ["convert", str(tmp_path / "a.inp"), str(tmp_path / "b.inp"), "-q"]
     assert main(command) == 1
     said = capsys.readouterr().err
+    line += MESH.count("\n")
     assert re.search(rf"a\.inp, line {line}: \*[A-Z ]+: .*{re.escape(words)}.*; --lenient", said), said
     assert not (tmp_path / "b.inp").exists()
     assert main([*command, "--lenient"]) == 0
@@ -430,7 +357,148 @@ def test_a_deck_that_contradicts_itself_is_refused(name, tmp_path, capsys):
     assert main(["info", str(tmp_path / "a.inp"), "-q"]) == 0
 
 
-def test_the_options_are_of_inp_alone(tmp_path, capsys):
+@pytest.mark.parametrize("option", [["--lenient"], ["--plane", "CPE"], ["--all-cells"]])
+def test_commands_and_their_options(option, tmp_path, capsys):
     (tmp_path / "a.inp").write_text(MESH + MODEL)
-    assert main(["convert", str(tmp_path / "a.inp"), str(tmp_path / "a.msh"), "--lenient"]) == 2
-    assert "--lenient is for an .inp output" in capsys.readouterr().err
+    convert = ["convert", str(tmp_path / "a.inp")]
+    assert main([*convert, str(tmp_path / "a.msh"), *option]) == 2
+    assert f"{option[0]} is for an .inp output" in capsys.readouterr().err
+    assert main(["orient", str(tmp_path / "a.inp"), "--group", "slave", "-o", str(tmp_path / "b.inp"), "-q"]) == 0
+    assert others((tmp_path / "b.inp").read_text()) == others(MESH + MODEL)
+    assert main([*convert, str(tmp_path / "c.inp"), "--mesh-only", "-q"]) == 0
+    assert "MATERIAL" not in (tmp_path / "c.inp").read_text()
+
+
+def quiet_read(folder, text, name="a.inp"):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LacmeshWarning)
+        return read_text(folder, text, name)
+
+
+def flat(folder, mesh, **options):
+    """A deck of a mesh that has changed, and what was said of it."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", LacmeshWarning)
+        text = written(folder, mesh, **options)
+    return text, " ".join(str(one.message) for one in said)
+
+
+def test_decks_of_parts_are_carried_as_they_stand(tmp_path):
+    """A name of the only instance stands before that of its set where the assembly has a set of the same name."""
+    for text in (PARTS.replace("*End Assembly", "*End Assembly\n*Material, name=M"), two()):
+        mesh = quiet_read(tmp_path, text)
+        assert mesh.deck.apart
+        assert flat(tmp_path, mesh) == (text, "")
+    text = two().partition("*Instance, name=Upper-1")[0]
+    groups = quiet_read(tmp_path, text + "*Nset, nset=Set-1, instance=Lower-1\nB_Z0\n*End Assembly\n").node_groups
+    assert len(groups["Lower-1.Set-1"]) == 1
+    assert len(groups["Set-1"]) == 9
+
+
+def test_a_cut_deck_has_no_parts(tmp_path):
+    """All cards are there, with names of both programs; what is read of it is the mesh that was written."""
+    mesh = quiet_read(tmp_path, two())
+    cut = cut_skin(mesh, "Upper", hexa="hexa").mesh
+    text, said = flat(tmp_path, cut)
+    assert "written without parts and instances" in said and "records" not in said
+    assert not re.search(r"^\*(PART|INSTANCE|ASSEMBLY)", text, re.MULTILINE | re.IGNORECASE)
+    for line in ("** the material", "*Nset, nset=Set-1", "Upper-1_C_X0, 1", "*Heading", "a press", "Upper, Lower"):
+        assert line.upper() in text.upper()
+    node = NODE + LOWER.numbers.max()
+    assert f" {node}, 2\n" in text and f"{node}, 1, 0.5\n" in text
+    lines = text.splitlines()
+    assert lines.index("*Material, name=Steel") < lines.index("*Orientation, NAME=Lower-1_Ori")
+    assert "*Solid Section, ELSET=Lower-1_B, material=Steel, ORIENTATION=Lower-1_Ori" in lines
+    back = quiet_read(tmp_path, text, "c.inp")
+    assert back.cells_by_type == cut.cells_by_type
+    assert {name.replace(".", "_"): len(cells) for name, cells in cut.cell_groups.items()} == {
+        name: len(cells) for name, cells in back.cell_groups.items()
+    }
+    assert np.array_equal(np.sort(back.node_number), np.sort(cut.node_number))
+
+
+#: surfaces of two blocks of cards, as `two` has them of parts
+SURFACES = "*SURFACE, NAME=Upper\nC_EZ0, S1\n*SURFACE, NAME=Lower\nB_EZ1, S2\n"
+
+
+def test_records_of_the_cut_are_beside_the_deck(tmp_path):
+    """New nodes follow the first card of nodes, and so stand in another order in the mesh that is read."""
+    for name, text in (("parts", two()), ("cards", LOWER.text() + replace(UPPER, first=100).text() + SURFACES)):
+        cut = cut_skin(quiet_read(tmp_path, text), "Upper", hexa="hexa")
+        flat(tmp_path, cut.mesh, name=f"{name}.inp")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)
+            back = Cut(lacmesh.read(tmp_path / f"{name}.inp"))
+        assert not np.array_equal(back.mesh.points, cut.mesh.points)
+        assert told(cut) == told(back) and back.n_macros == 9
+
+
+def test_lacsolver_imports_it(tmp_path):
+    found = import_solved(tmp_path, two().replace(", 1, 0.5", ", 1, 0."))
+    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
+    assert {record.group for record in found.made.case.displacement} >= {"Set-1", "Upper-1.C_X0"}
+    (node,) = found.made.mesh.node_groups[f"node_{NODE + LOWER.numbers.max()}"]
+    assert np.allclose(found.made.mesh.points[node], UPPER.points[NODE - 1])
+
+
+def test_two_instances_of_one_part_and_a_part_without_one(tmp_path):
+    """A part that stands twice is written twice, each with its section; one that does not is no part of the model."""
+    again = "*Instance, name=Lower-2, part=Lower\n5., 0., 0.\n*End Instance\n"
+    spare = "*Part, name=S\n*Node\n1, 0., 0., 0.\n2, 1., 0., 0.\n*Element, type=B31\n1, 1, 2, 3\n*MPC\nBEAM, 1, 2\n"
+    text = two().replace("*Instance, name=Upper-1", again + "*Instance, name=Upper-1")
+    mesh = quiet_read(tmp_path, text.replace("*Part, name=Lower\n", spare + "*End Part\n*Part, name=Lower\n"))
+    out, _ = flat(tmp_path, cut_skin(mesh, "Upper", hexa="hexa").mesh)
+    assert "MPC" not in out and "B31" not in out
+    assert out.count("*Solid Section, ELSET=Lower-1_B") == out.count("*Solid Section, ELSET=Lower-2_B") == 1
+    back = quiet_read(tmp_path, out, "c.inp")
+    assert np.ptp(back.points[back.node_groups["Lower-2_B_N"]], axis=0).tolist() == [1, 1, 1]
+    assert back.points[back.node_groups["Lower-2_B_N"]].min(axis=0).tolist() == [5, 0, 0]
+
+
+def test_nodes_of_the_assembly(tmp_path):
+    """A node of the assembly has a raised number, also where a card names it."""
+    text = two().replace("*Nset, nset=Set-1, instance", "*Node\n1, 9., 9., 9.\n*Nset, nset=Set-1, instance")
+    text = text.replace("*Boundary\n", "*Rigid Body, ref node=Ref, elset=Upper-1.C\n*Boundary\n1, 1, 6\n")
+    text = text.replace("*End Assembly", "*Nset, nset=Ref\n1\n*End Assembly")
+    mesh = quiet_read(tmp_path, text)
+    last = int(mesh.node_number.max())
+    out, _ = flat(tmp_path, cut_skin(mesh, "Lower", hexa="hexa").mesh)
+    assert f"*Boundary\n{last}, 1, 6\n" in out
+    assert "elset=Upper-1_C\n" in out.replace("ELSET", "elset")
+
+
+#: text to be replaced, what replaces it, the card that the error names, words of its message
+REFUSED = {
+    "a card of a part": ("*Nset, nset=Set-1\n1\n", "*MPC\nBEAM, 1, 2\n", "MPC", "names and numbers are the part's"),
+    "a number": ("Set-1, 1, 3", "7, 1, 3", "BOUNDARY", "name a set, or write instance.number"),
+    "beams": (
+        "*Nset, nset=Set-1\n1\n", "*Element, type=B31\n901, 1, 2, 3\n", "ELEMENT", "more than their nodes",
+    ),
+    "directions": (
+        "0., 0., 0.\n*End", "0., 0., 0.\n0., 0., 0., 0., 0., 1., 90.\n*End", "ORIENTATION", "which the rotation",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_written_without_parts(tmp_path, name):
+    old, new, card, words = REFUSED[name]
+    text = two()
+    if name == "directions":
+        text = text.replace("*Solid Section, elset=C", "*Orientation, name=O\n1,0,0,0,1,0\n*Solid Section, elset=C")
+    text = text.replace(old, new, 1)
+    mesh = quiet_read(tmp_path, text)
+    changed = replace(mesh, points=mesh.points * 2)
+    with pytest.raises(DataError, match=rf"a.inp, line \d+: \*{card}: .*{words}"):
+        flat(tmp_path, changed)
+    line = f"*{card}".upper()
+    out, said = flat(tmp_path, changed, lenient=True)
+    assert "it is left out" in said
+    assert name == "a number" or out.upper().count(line) < text.upper().count(line)
+
+
+def test_a_mesh_with_other_elements_is_written_anew(tmp_path):
+    mesh = quiet_read(tmp_path, two())
+    assert "written without parts" in flat(tmp_path, raise_order(mesh))[1]
+    fewer = Mesh.create(mesh.points, [("HEXA8", mesh.block("HEXA8")[:2])])
+    assert "written anew and not as the deck" in flat(tmp_path, replace(fewer, deck=mesh.deck))[1]

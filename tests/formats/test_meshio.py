@@ -1,24 +1,31 @@
-"""Formats through meshio: what it breaks is an error, what it loses is said, and nothing is left half-written."""
+"""meshio, pyvista and trimesh: formats through meshio, whose faults are said; meshes there and back, and what they see.
+
+What a format of meshio keeps is in `test_formats_table.py`, files that are cut short in `test_damaged.py`."""
 
 from __future__ import annotations
 
+import re
 import signal
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from lacmesh.cells import CELLS
-from lacmesh.cutting.cut import cut_skin
-from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cutting.cut import Cut, cut_skin
+from lacmesh.errors import DataError, GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError
+from lacmesh.exchange.libraries import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import detect_format, read, title_of, write
-from lacmesh.formats.meshio_mesh import NAMES
-from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
+from lacmesh.formats.round_trip import misplaced_mid_nodes
 from lacmesh.formats.table import OF_NAME
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
-from tests.formats.feature_cases import OF_MESHIO, bare, one_cell, solid
+from lacmesh.reference.shapes import shape
+from tests.formats.feature_cases import bare, one_cell, solid
+from tests.formats.msh_meshes import order, plain
+from tests.meshes import random_mesh
 
 meshio = pytest.importorskip("meshio")
 
@@ -103,32 +110,24 @@ def of_vtk(path, cells, data=""):
 
 def test_cells_that_meshio_drops_are_named(tmp_path):
     voxel, line, tetra = (11, range(8)), (4, (0, 1, 3)), (10, (0, 1, 2, 4))
-    with pytest.raises(
-        ReadError, match=r"a\.vtk: has no cells as meshio reads it \(File .*\(type 11, voxels\)\); .*\.vtu"
-    ):
+    with pytest.raises(ReadError, match=r"a\.vtk: has no cells .*\(type 11, voxels\)\); .*\.vtu"):
         read(of_vtk(tmp_path / "a.vtk", [voxel]))
     with pytest.warns(LacmeshWarning) as said:
         mesh = read(of_vtk(tmp_path / "b.vtk", [voxel, tetra, voxel, line]))
-    cannot = "File contains cells that meshio cannot handle"
-    assert [str(w.message) for w in said] == [
-        f"b.vtk as meshio reads it: {cannot} (type 11, voxels); {cannot} (type 4, lines of several pieces)"
-    ]
-    assert mesh.cells_by_type == {"TETRA4": 1}
-
-
-def test_colours_that_meshio_skips_are_named(tmp_path):
-    path = of_vtk(
-        tmp_path / "a.vtk", [(10, (0, 1, 2, 4))], "POINT_DATA 8\nCOLOR_SCALARS the%20tint 1\n" + "0.5 " * 8 + "\n"
-    )
-    with pytest.warns(LacmeshWarning, match=r"^a\.vtk as meshio reads it: the colours 'the tint' are left out$"):
-        assert read(path).node_data == {}
+    assert mesh.cells_by_type == {"TETRA4": 1} and len(said) == 1
+    assert re.search(r"^b\.vtk.*\(type 11, voxels\);.*\(type 4, lines of several pieces\)$", str(said[0].message))
+    colours = "POINT_DATA 8\nCOLOR_SCALARS the%20tint 1\n" + "0.5 " * 8 + "\n"
+    with pytest.warns(LacmeshWarning, match=r"the colours 'the tint'"):
+        assert read(of_vtk(tmp_path / "a.vtk", [tetra], colours)).node_data == {}
 
 
 def test_what_meshio_warns_of_is_one_warning(tmp_path, monkeypatch, capfd):
     from meshio._common import info, warn
 
+    long = "that is " + "rather long, " * 12 + "for one line"
+
     def speak(*args, **options):
-        for word in ("Skipping some time data.", "that is " + "rather long, " * 12 + "for one line"):
+        for word in ("Skipping some time data.", long):
             warn(word)
             info("not for the user")
             warn(word)
@@ -139,16 +138,13 @@ def test_what_meshio_warns_of_is_one_warning(tmp_path, monkeypatch, capfd):
     (tmp_path / "a.stl").write_text("solid\nendsolid\n")
     with pytest.warns(LacmeshWarning) as said:
         read(tmp_path / "a.stl")
-    long = "that is " + "rather long, " * 12 + "for one line"
-    assert [str(w.message) for w in said] == [f"a.stl as meshio reads it: Skipping some time data; {long}"]
+    assert [str(w.message).split(": ")[1] for w in said] == [f"Skipping some time data; {long}"]
     assert capfd.readouterr() == ("", "")
 
 
 def test_a_third_component_is_said(tmp_path):
     u = np.arange(14.0).reshape(7, 2)
-    with pytest.warns(
-        LacmeshWarning, match=r"loses that the node data 'u' have 2 components \(a third, 0, is added\)$"
-    ):
+    with pytest.warns(LacmeshWarning, match=r"'u' have 2 components \(a third, 0, is added\)$"):
         write(tmp_path / "a.vtk", bare(node_data={"u": u}))
     assert read(tmp_path / "a.vtk").node_data["u"].tolist() == np.pad(u, ((0, 0), (0, 1))).tolist()
 
@@ -191,47 +187,10 @@ def test_gmsh_reads_linear_cells_of_other_formats(suffix, kind, tmp_path):
     np.testing.assert_allclose([place[n] for n in nodes[here].tolist()], mesh.points, atol=1e-6)
 
 
-def test_a_cgns_file_is_named(tmp_path):
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(tmp_path / "a.cgns", "w") as file:
-        file.create_group("CGNSLibraryVersion")
-    with pytest.raises(ReadError, match=r"is a CGNS file, which is not read; gmsh makes a \.msh of it"):
-        read(tmp_path / "a.cgns")
-
-
-@pytest.mark.parametrize("suffix", sorted(OF_MESHIO))
-def test_a_surface_or_solid_goes_there_and_back(suffix, tmp_path):
-    """The cells of a mesh that the format takes, whatever else it loses."""
-    mesh = Mesh.create(bare().points, [("TRIA3", [[0, 2, 1], [0, 1, 3], [4, 5, 6]])])
-    if suffix in (".f3grid", ".su2"):
-        mesh = bare()
-    try:
-        write(tmp_path / f"a{suffix}", mesh)
-    except LacmeshWarning as said:  # warnings are errors here
-        assert "loses" in str(said)
-        with pytest.warns(LacmeshWarning):
-            write(tmp_path / f"a{suffix}", mesh)
-    back = read(tmp_path / f"a{suffix}")
-    assert back.cells_by_type == mesh.cells_by_type
-    kind = mesh.blocks[0].type
-    np.testing.assert_allclose(back.points[back.block(kind)], mesh.points[mesh.block(kind)], atol=1e-6)
-    assert detect_format(tmp_path / f"a{suffix}").format == OF_MESHIO[suffix]
-
-
-def test_what_is_lost_is_said(tmp_path):
-    mesh = solid(cell_groups={"slave": [4, 5]}, node_number=range(10, 80, 10), cell_data={"x": np.arange(7.0)})
-    with pytest.warns(LacmeshWarning) as said:
-        write(tmp_path / "a.mesh", mesh)
-    assert [str(w.message) for w in said] == [
-        "written by meshio as medit, which loses the cell groups 'slave'; "
-        "the numbers of nodes (they are 1, 2, ...); the cell data 'x'"
-    ]
-
-
 def test_cells_that_come_out_otherwise_are_an_error(tmp_path):
-    with pytest.raises(WriteError, match=r"format off does not keep the cells \(0 TETRA4 of 4 are left\)"):
+    with pytest.raises(WriteError, match=r"0 TETRA4 of 4 are left"):
         write(tmp_path / "a.off", solid())
-    with pytest.raises(WriteError, match=r"a\.mesh: cells of type TETRA10 \(the mesh has 1\) are not written as medit"):
+    with pytest.raises(WriteError, match=r"cells of type TETRA10 .* not written as medit"):
         write(tmp_path / "a.mesh", one_cell("TETRA10"))
     assert not list(tmp_path.iterdir())
 
@@ -262,14 +221,10 @@ def test_files_that_are_not_what_their_suffix_says(tmp_path):
     assert read(tmp_path / "a.msh").cells_by_type == {"TETRA4": 4}
     (tmp_path / "b.nas").write_text("$ a comment\nGRID    1               0.      0.      0.\n")
     assert detect_format(tmp_path / "b.nas").format == "nastran"
-
-
-def test_without_meshio_the_line_that_installs_it(tmp_path, monkeypatch):
-    (tmp_path / "a.stl").write_text("solid\nendsolid\n")
-    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
-    for call in (lambda: read(tmp_path / "a.stl"), lambda: write(tmp_path / "b.stl", bare())):
-        with pytest.raises(RequestError, match=r"this needs meshio; pip install 'lacmesh\[io\]' brings it"):
-            call()
+    with pytest.importorskip("h5py").File(tmp_path / "a.cgns", "w") as file:
+        file.create_group("CGNSLibraryVersion")
+    with pytest.raises(ReadError, match="is a CGNS file"):
+        read(tmp_path / "a.cgns")
 
 
 def test_mid_nodes_far_from_their_edges_are_seen(tmp_path):
@@ -282,17 +237,134 @@ def test_mid_nodes_far_from_their_edges_are_seen(tmp_path):
         read(tmp_path / "a.bdf")
 
 
-def test_names_are_meshios():
-    from meshio._common import num_nodes_per_cell
+# meshio
+@pytest.mark.parametrize("seed", range(12))
+def test_meshio_gives_back_what_it_got(seed):
+    mesh = random_mesh(np.random.default_rng(seed), dim=2 + seed % 2, order=1 + seed // 6)
+    back = from_meshio(to_meshio(mesh))
+    assert plain(mesh) == plain(back) and order(mesh) == order(back)
 
-    for ours, theirs in NAMES.items():
-        count = num_nodes_per_cell.get(theirs)
-        assert count in (None, OF_TYPE[ours].nodes and len(OF_TYPE[ours].nodes) if ours in OF_TYPE else count), ours
-    assert NAMES["TETRA10"] == "tetra10" and NAMES["POI1"] == "vertex" and NAMES["PENTA15"] == "wedge15"
+
+@pytest.mark.parametrize("kind", ALL_CELLS)
+def test_every_type_goes_through_meshio(kind):
+    n = ALL_CELLS[kind].n_nodes
+    mesh = Mesh.create(np.random.default_rng(0).random((n, 3)), [(kind, [np.random.default_rng(1).permutation(n)])])
+    given = to_meshio(mesh)
+    if kind in OF_TYPE and kind in CELLS:  # meshio's own order is VTK's
+        assert given.cells[0].data[0].tolist() == mesh.blocks[0].nodes[0][list(OF_TYPE[kind].nodes)].tolist()
+    assert plain(from_meshio(given)) == plain(mesh)
 
 
-def test_losses_of_nothing_are_none():
-    mesh = solid(cell_groups={"slave": [4, 5]}, node_data={"x": np.arange(7.0)})
-    where = match(mesh, mesh)
-    assert not isinstance(where, str) and round_trip_losses(mesh, mesh, where) == []
-    assert match(mesh, bare()) == "0 TRIA3 of 3"
+def test_a_cut_goes_through_meshio():
+    cut = cut_skin(solid(cell_groups={"slave": [4, 5]}), "slave")
+    given = to_meshio(cut.mesh)
+    assert Cut(from_meshio(given)).zones == ("slave",)
+    given.info = None
+    assert Cut(from_meshio(given)).n_macros == cut.n_macros
+
+
+@pytest.mark.parametrize("version", ["2.2", "4.1"])
+def test_what_meshio_reads_from_gmsh_has_groups(version, tmp_path):
+    mesh = solid(cell_groups={"body": [0, 1, 2, 3], "slave": [4, 5, 6]})
+    write(tmp_path / "a.msh", mesh, msh=version)
+    found = from_meshio(meshio.read(tmp_path / "a.msh"))
+    assert {name: len(cells) for name, cells in found.cell_groups.items()} == {"body": 4, "slave": 3}
+    assert found.cells_by_type == mesh.cells_by_type
+
+
+def test_blocks_that_repeat_a_type_become_one():
+    blocks = [("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]]), ("triangle", [[1, 2, 3]])]
+    given = meshio.Mesh(np.eye(4, 3), blocks, cell_data={"x": [[1], [2], [3]]}, cell_sets={"a": [[0], [], [0]]})
+    mesh = from_meshio(given)
+    assert mesh.cells_by_type == {"TRIA3": 2, "QUAD4": 1}
+    assert mesh.cell_data["x"][mesh.file_order].tolist() == [1, 2, 3]
+    assert mesh.cell_data["x"][mesh.cell_groups["a"]].tolist() == [1, 3]
+
+
+# pyvista
+@pytest.mark.vtk
+def test_pyvista_has_cells_groups_data_and_numbers():
+    pytest.importorskip("pyvista")
+    mesh = random_mesh(np.random.default_rng(8), slaves=4)
+    grid, rows = to_pyvista(mesh), mesh.file_order
+    np.testing.assert_array_equal(grid.points, mesh.points)
+    np.testing.assert_array_equal(grid.cell_data["cell_number"], mesh.cell_number[rows])
+    np.testing.assert_array_equal(grid.point_data["node_number"], mesh.node_number)
+    np.testing.assert_array_equal(
+        np.flatnonzero(grid.cell_data["group:slave"]), np.flatnonzero(np.isin(rows, mesh.cell_groups["slave"]))
+    )
+    np.testing.assert_array_equal(grid.cell_data["colour"], mesh.cell_data["colour"][rows])
+    np.testing.assert_array_equal(grid.point_data["where"], mesh.node_data["where"])
+    solid_cells = mesh.cell_dim[rows] == 3
+    assert (grid.compute_cell_sizes()["Volume"][solid_cells] > 0).all()
+    few = to_pyvista(mesh, groups=False, data=False)
+    assert set(few.cell_data) == {"cell_number"} and set(few.point_data) == {"node_number"}
+
+
+@pytest.mark.vtk
+@pytest.mark.parametrize("kind", OF_TYPE)
+def test_pyvista_has_every_type_of_vtk(kind):
+    pytest.importorskip("pyvista")
+    n = ALL_CELLS[kind].n_nodes
+    grid = to_pyvista(Mesh.create(np.random.default_rng(0).random((n, 3)), [(kind, [range(n)])]))
+    assert grid.n_cells == 1 and int(grid.celltypes[0]) == OF_TYPE[kind].number
+    assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
+
+
+# trimesh
+@pytest.mark.parametrize("kind", TRIANGLES)
+def test_triangles_tile_the_face(kind):
+    """In the reference element: the triangles turn as the face, use every node, and their areas make its area."""
+    x = np.array(CELLS[kind].reference)[np.array(TRIANGLES[kind])]
+    areas = np.linalg.det(np.stack([x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]], axis=1)) / 2
+    assert (areas > 0).all()
+    assert areas.sum() == pytest.approx({"TRIA": 0.5, "QUAD": 4}[CELLS[kind].family], rel=1e-14)
+    assert set(np.ravel(TRIANGLES[kind])) == set(range(CELLS[kind].n_nodes))
+    assert shape(kind, x.reshape(-1, 2)) is not None
+
+
+def test_trimesh_has_the_faces_of_a_group():
+    trimesh = pytest.importorskip("trimesh")
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [9, 9, 9], [2, 1, 0]], float)
+    mesh = Mesh.create(
+        points,
+        [("TRIA3", [[1, 4, 2]]), ("QUAD4", [[0, 1, 2, 3]]), ("SEG2", [[0, 1]])],
+        cell_groups={"slave": [0, 1, 2], "line": [2]},
+        cell_number=[30, 10, 20],
+        node_number=range(100, 107),
+    )
+    skin = to_trimesh(mesh, "slave")
+    assert isinstance(skin, trimesh.Trimesh) and skin.area == pytest.approx(1.5, rel=1e-14)
+    assert skin.metadata["cell"].tolist() == [0, 1, 1] and skin.metadata["cell_number"].tolist() == [30, 10, 10]
+    assert skin.metadata["node"].tolist() == [0, 1, 2, 3, 4]
+    assert skin.metadata["node_number"].tolist() == [100, 101, 102, 103, 104]
+    np.testing.assert_array_equal(skin.vertices, points[:5])
+    assert (skin.face_normals == [0, 0, 1]).all()
+    with pytest.raises(DataError, match="'line' has no faces of dimension 2"):
+        to_trimesh(mesh, "line")
+    with pytest.raises(GroupNotFoundError, match="did you mean slave"):
+        to_trimesh(mesh, "slav")
+
+
+MISSING = {
+    "lacmesh[io]": [to_meshio, lambda m: to_trimesh(m, "a"), lambda m: write("a.stl", m), lambda m: read("a.stl")],
+    "lacmesh[view]": [to_pyvista],
+}
+
+
+@pytest.mark.parametrize("extra", MISSING)
+def test_what_is_missing_is_named_with_the_line_that_installs_it(extra, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    Path("a.stl").write_text("solid\nendsolid\n")
+    monkeypatch.setattr("lacmesh.errors.find_spec", lambda name: None)
+    for call in MISSING[extra]:
+        with pytest.raises(RequestError, match=rf"pip install '{re.escape(extra)}'"):
+            call(solid())
+
+
+def test_cells_that_others_lack_are_an_error():
+    with pytest.raises(DataError, match="type 'polygon' are not read"):
+        from_meshio(meshio.Mesh(np.eye(5, 3), [("polygon", [[0, 1, 2, 3, 4]])]))
+    pytest.importorskip("pyvista")
+    with pytest.raises(DataError, match="no cells of type PYRAM14"):
+        to_pyvista(one_cell("PYRAM14"))

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import base64
-import json
 import lzma
 import struct
 import tracemalloc
 import warnings
 import zlib
 from dataclasses import replace
-from pathlib import Path
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -19,29 +18,16 @@ from hypothesis import HealthCheck, given, settings
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError
 from lacmesh.formats import detect_format, read, vtu, write
-from lacmesh.formats.meshio_mesh import NAMES, from_meshio
+from lacmesh.formats.meshio_mesh import from_meshio
 from lacmesh.formats.table import WriteOptions
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
 from lacmesh.mesh import Mesh
-from tests.formats.feature_cases import one_cell
 from tests.formats.msh_meshes import meshes, same
 from tests.meshes import random_mesh
 from tests.samples import samples
 
-REFERENCE = json.loads((Path(__file__).parents[1] / "reference" / "node_orders.json").read_text())
 KINDS = tuple(OF_TYPE)
-
-
-# The table
-
-
-def test_node_orders_are_those_of_the_reference():
-    for ours, row in REFERENCE.items():
-        for key, places in row.items() if ours != "about" else ():
-            if key.startswith("vtk") and places:
-                assert (OF_TYPE[ours].number, list(OF_TYPE[ours].nodes)) == (int(key[4:]), places), ours
-    assert "PYRAM14" not in OF_TYPE and not {"TRIA9", "TRIA12", "QUAD12", "PENTA40", "PYRAM30"} & set(OF_TYPE)
 
 
 def test_the_table_is_sound():
@@ -50,24 +36,26 @@ def test_the_table_is_sound():
     assert len(OF_NUMBER) == len(VTK_TYPES) + len(READ_TOO) and len(OF_TYPE) == len(VTK_TYPES)
 
 
-# There and back
+#: how a file is coded
+CODINGS = {"raw": {}, "text": {"binary": False}, "zlib": {"compress": True}}
+codings = pytest.mark.parametrize("options", CODINGS.values(), ids=CODINGS)
 
 
 @pytest.mark.fuzz
 @settings(max_examples=samples(20, 120), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(mesh=meshes(kinds=KINDS))
 def test_what_is_written_is_read(mesh, tmp_path):
-    for k, options in enumerate(({}, {"binary": False}, {"compress": True})):
+    for coding, options in CODINGS.items():
         path = tmp_path / "mesh.vtu"
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             vtu.write(path, mesh, WriteOptions(**options))
             assert same(mesh, vtu.read(path)) == [], options
-        assert detect_format(path).binary == (k != 1)
+        assert detect_format(path).binary == (coding != "text")
 
 
 @pytest.mark.parametrize("dtype", ["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8", ">i4", ">f8"])
-@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+@codings
 def test_every_kind_of_number(dtype, options, tmp_path):
     values = np.array([0, 1, 100, 127], dtype) if "f" not in dtype else np.array([np.pi, np.nan, -1e-30, 1e30], dtype)
     mesh = Mesh.create(np.eye(4, 3), [("POI1", [[0], [1], [2], [3]])], cell_data={"x": values}, space_dim=3)
@@ -93,46 +81,9 @@ def test_odd_data(tmp_path):
 
 
 # What VTK sees
-
-
 def grid_of(path):
     pyvista = pytest.importorskip("pyvista")
     return pyvista.read(path)
-
-
-@pytest.mark.vtk
-@pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE])
-def test_vtk_sees_the_cell(kind, tmp_path):
-    """VTK maps the same reference points to the same places, so that volumes agree and no cell is inverted."""
-    pytest.importorskip("vtk")
-    mesh = one_cell(kind)
-    write(tmp_path / "a.vtu", mesh)
-    cell = grid_of(tmp_path / "a.vtu").GetCell(0)
-    table = CELLS[kind]
-    assert cell.GetNumberOfPoints() == table.n_nodes
-    reference = np.array(table.reference).reshape(table.n_nodes, -1)
-    theirs = np.array([cell.GetParametricCoords()[k] for k in range(3 * table.n_nodes)]).reshape(-1, 3)[:, : table.dim]
-    if table.family in ("SEG", "QUAD", "HEXA"):
-        reference = (reference + 1) / 2
-    elif table.family == "PENTA":
-        reference = reference * [1, 1, 0.5] + [0, 0, 0.5]
-    elif table.family == "PYRAM":
-        reference = (reference * [1, 1, 1]) / [2, 2, 1] + np.stack(
-            [*2 * [0.5 * np.ones(len(reference))], 0 * reference[:, 2]], 1
-        )
-        keep = reference[:, 2] == 0  # above its base VTK's pyramid is collapsed, ours is not
-        reference, theirs = reference[keep], theirs[keep[list(OF_TYPE[kind].nodes)]]
-        places = [n for n in OF_TYPE[kind].nodes if keep[n]]
-        np.testing.assert_allclose(theirs, reference[np.searchsorted(np.flatnonzero(keep), places)], atol=1e-6)
-        return
-    np.testing.assert_allclose(theirs, reference[list(OF_TYPE[kind].nodes)], atol=1e-6)
-
-
-@pytest.mark.vtk
-@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6", "PYRAM5"])
-def test_vtk_finds_a_positive_volume(kind, tmp_path):
-    write(tmp_path / "a.vtu", one_cell(kind))
-    assert grid_of(tmp_path / "a.vtu").compute_cell_sizes()["Volume"][0] > 0.1
 
 
 @pytest.mark.vtk
@@ -162,36 +113,7 @@ def test_vtk_and_gmsh_agree_on_lagrange_cells(kind):
     )
 
 
-@pytest.mark.vtk
-@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
-def test_pyvista_sees_groups_data_and_numbers(options, tmp_path):
-    mesh = random_mesh(np.random.default_rng(5), slaves=4)
-    mesh = replace(
-        mesh, zones=("zone ä",), cell_data={**mesh.cell_data, "rank": mesh.cell_data["rank"].astype(np.int32)}
-    )
-    write(tmp_path / "a.vtu", mesh, **({"compress": True} if "compress" in options else options))
-    grid = grid_of(tmp_path / "a.vtu")
-    rows = mesh.file_order
-    assert grid.n_cells == mesh.n_cells and grid.n_points == mesh.n_nodes
-    np.testing.assert_array_equal(grid.points, mesh.points)
-    np.testing.assert_array_equal(grid.cell_data["cell_number"], mesh.cell_number[rows])
-    np.testing.assert_array_equal(grid.point_data["node_number"], mesh.node_number)
-    for name, members in mesh.cell_groups.items():
-        np.testing.assert_array_equal(grid.cell_data[f"group:{name}"], np.isin(rows, members))
-    for name, members in mesh.node_groups.items():
-        np.testing.assert_array_equal(np.flatnonzero(grid.point_data[f"group:{name}"]), members)
-    for name, values in mesh.cell_data.items():
-        np.testing.assert_array_equal(grid.cell_data[name], values[rows])
-    for name, values in mesh.node_data.items():
-        np.testing.assert_array_equal(grid.point_data[name], values)
-    told = json.loads(bytes(grid.field_data["lacmesh"]))
-    assert told["zones"] == ["zone ä"] and told["space_dim"] == 3
-    for k in range(mesh.n_cells):
-        kind, _, nodes = next(iter(mesh.select([rows[k]])))
-        assert list(grid.get_cell(k).point_ids) == nodes[0][list(OF_TYPE[kind].nodes)].tolist()
-
-
-@pytest.mark.parametrize("options", [{}, {"binary": False}, {"compress": True}], ids=["raw", "text", "zlib"])
+@codings
 def test_meshio_reads_all_of_it(options, tmp_path):
     meshio = pytest.importorskip("meshio")
     mesh = random_mesh(np.random.default_rng(9), slaves=4)
@@ -200,16 +122,6 @@ def test_meshio_reads_all_of_it(options, tmp_path):
     found = meshio.read(tmp_path / "a.vtu")
     assert {"group:slave", "cell_number", "rank"} <= found.cell_data.keys() and "node_number" in found.point_data
     assert same(mesh, from_meshio(found)) == []
-
-
-@pytest.mark.parametrize("kind", [k for k in CELLS if k in OF_TYPE and k not in ("PENTA15", "PYRAM13", "TRIA7")])
-def test_meshio_sees_the_cell(kind, tmp_path):
-    meshio = pytest.importorskip("meshio")  # whose reader fails on wedge15 and pyramid13, and does not know triangle7
-    write(tmp_path / "a.vtu", one_cell(kind))
-    found = meshio.read(tmp_path / "a.vtu")
-    assert [block.type for block in found.cells] == [NAMES[kind]]
-    places = [0, 2, 1, 3, 5, 4] if kind == "PENTA6" else list(OF_TYPE[kind].nodes)  # it turns VTK's wedges over
-    assert found.cells[0].data.tolist() == [places]
 
 
 WRITERS = [
@@ -265,7 +177,6 @@ def test_other_cells_of_vtk(tmp_path):
 
 
 # Files by hand
-
 HEAD = '<VTKFile type="UnstructuredGrid" version="{version}" byte_order="LittleEndian"{more}><UnstructuredGrid>'
 
 
@@ -286,24 +197,18 @@ def text_of(points, connectivity, offsets, types, version="1.0", more="", extra=
 TRIANGLE = (np.eye(3), [0, 1, 2], [3], [5])
 
 
-def test_lagrange_hexahedra_of_vtk_8(tmp_path):
+@pytest.mark.parametrize(("kind", "n"), [("HEXA27", 27), ("HEXA64", 64)])
+def test_lagrange_hexahedra_of_vtk_8(tmp_path, kind, n):
     """VTK 9 reads files older than 2.1 with the last two vertical edges swapped, and so do we."""
-    x = np.random.default_rng(0).random((27, 3))
+    x, found = np.random.default_rng(0).random((n, 3)), {}
     for version in ("1.0", "2.1"):
-        (tmp_path / f"{version}.vtu").write_text(text_of(x, range(27), [27], [72], version))
-    old, new = (read(tmp_path / f"{v}.vtu").block("HEXA27")[0][list(OF_TYPE["HEXA27"].nodes)] for v in ("1.0", "2.1"))
-    assert new.tolist() == list(range(27))
-    assert old.tolist() == [*range(18), 19, 18, *range(20, 27)]
-
-
-@pytest.mark.vtk
-def test_vtk_agrees_on_old_lagrange_hexahedra(tmp_path):
-    pytest.importorskip("pyvista")
-    x = np.random.default_rng(0).random((64, 3))
-    for version in ("1.0", "2.1"):
-        (tmp_path / "a.vtu").write_text(text_of(x, range(64), [64], [72], version))
-        ours = read(tmp_path / "a.vtu").block("HEXA64")[0][list(OF_TYPE["HEXA64"].nodes)]
-        assert list(grid_of(tmp_path / "a.vtu").get_cell(0).point_ids) == ours.tolist()
+        path = tmp_path / f"{version}.vtu"
+        path.write_text(text_of(x, range(n), [n], [72], version))
+        found[version] = read(path).block(kind)[0][list(OF_TYPE[kind].nodes)].tolist()
+        if kind == "HEXA64" and find_spec("pyvista"):
+            assert list(grid_of(path).get_cell(0).point_ids) == found[version]
+    assert found["2.1"] == list(range(n))
+    assert kind == "HEXA64" or found["1.0"] == [*range(18), 19, 18, *range(20, 27)]
 
 
 def test_pieces_are_put_together(tmp_path):
@@ -319,14 +224,6 @@ def test_pieces_are_put_together(tmp_path):
     np.testing.assert_array_equal(mesh.cell_data["x"], [5, np.nan])
 
 
-def test_a_header_encoded_by_itself(tmp_path):
-    """Some writers encode the header of an array apart from its bytes, though VTK does not."""
-    raw = np.array([0, 1, 2], "<i8").tobytes()
-    apart = base64.b64encode(struct.pack("<I", len(raw))) + base64.b64encode(raw)
-    (tmp_path / "a.vtu").write_text(coded(f'format="binary">{apart.decode()}'))
-    assert read(tmp_path / "a.vtu").block("TRIA3").tolist() == [[0, 1, 2]]
-
-
 def _packed(values, head=None):
     raw = np.array(values, "<i8").tobytes()
     block = zlib.compress(raw)
@@ -337,26 +234,22 @@ def _packed(values, head=None):
 ZLIB = ' compressor="vtkZLibDataCompressor"'
 
 
-def coded(into, more=""):
+def coded(packed, more=""):
     """A triangle, whose nodes stand there in another way."""
-    return text_of(*TRIANGLE, more=more).replace('format="ascii">0 1 2', into)
-
-
-def in_base64(values, head=None):
-    return f'format="binary">{_packed(values, head)}'
+    return text_of(*TRIANGLE, more=more).replace('format="ascii">0 1 2', f'format="binary">{packed}')
 
 
 WRONG = {
     "no piece": (HEAD.format(version="1.0", more="") + "</UnstructuredGrid></VTKFile>", "has no <Piece>"),
-    "no count": (text_of(*TRIANGLE, k="many"), "NumberOfCells should be a number, not 'many'"),
+    "no count": (text_of(*TRIANGLE, k="many"), "NumberOfCells should be a number"),
     "offsets short": (text_of(np.eye(3), [0, 1, 2], [2], [5]), "offsets do not fit"),
-    "types short": (text_of(np.eye(3), [0, 1, 2], [3], [], k=1), "0 types and 1 offsets for 1 cells"),
-    "a polygon": (text_of(np.eye(5, 3), range(5), [5], [7]), "polygons of more than 4 corners"),
+    "types short": (text_of(np.eye(3), [0, 1, 2], [3], [], k=1), "0 types and 1 offsets"),
+    "a polygon": (text_of(np.eye(5, 3), range(5), [5], [7]), "polygons of more than 4"),
     "a wide number": (text_of(np.eye(3), [0, 1, 2], [3], [300]), "too large for uint8"),
     "no base64": (text_of(*TRIANGLE).replace('format="ascii"', 'format="binary"'), "cannot be read"),
-    "a bad header": (coded(in_base64([0, 1, 2], [2**31, 8, 0]), ZLIB), "more than the file holds"),
-    "a bomb": (coded(in_base64(np.zeros(10**5), [1, 2**31, 0, 789]), ZLIB), "cannot be read"),
-    "an odd compressor": (coded(in_base64([0, 1, 2]), ' compressor="vtkX"'), "vtkX is not known"),
+    "a bad header": (coded(_packed([0, 1, 2], [2**31, 8, 0]), ZLIB), "more than the file holds"),
+    "a bomb": (coded(_packed(np.zeros(10**5), [1, 2**31, 0, 789]), ZLIB), "cannot be read"),
+    "an odd compressor": (coded(_packed([0, 1, 2]), ' compressor="vtkX"'), "vtkX is not known"),
 }  # fmt: skip
 
 
@@ -389,7 +282,7 @@ def test_no_array_is_expanded_beyond_its_size(compressor, place, tmp_path):
     (tmp_path / "a.vtu").write_text(whole[:start] + 'format="binary">' + text + whole[end:])
     tracemalloc.start()
     try:
-        with pytest.raises(ReadError, match=r"its header claims 20000000 bytes, where \d+ should be"):
+        with pytest.raises(ReadError, match=r"claims 20000000 bytes"):
             vtu.read(tmp_path / "a.vtu")
         peak = tracemalloc.get_traced_memory()[1]
     finally:
@@ -399,11 +292,16 @@ def test_no_array_is_expanded_beyond_its_size(compressor, place, tmp_path):
 
 @pytest.mark.parametrize("compressor", EXPANDABLE)
 def test_arrays_of_their_size_are_expanded(compressor, tmp_path):
+    """Some writers encode the header of an array apart from its bytes, as here, though VTK does not."""
     more, text = _claimed(compressor, EXPANDABLE[compressor], 800)
     field = f'<PointData><DataArray type="Float64" Name="T" format="binary">{text}</DataArray></PointData>'
     whole = text_of(np.eye(100, 3), [0, 1, 2], [3], [5], more=more).replace("</Piece>", field + "</Piece>")
     (tmp_path / "a.vtu").write_text(whole)
     assert vtu.read(tmp_path / "a.vtu").node_data["T"].tolist() == [0] * 100
+    raw = np.array([0, 1, 2], "<i8").tobytes()
+    apart = base64.b64encode(struct.pack("<I", len(raw))) + base64.b64encode(raw)
+    (tmp_path / "a.vtu").write_text(coded(apart.decode()))
+    assert read(tmp_path / "a.vtu").block("TRIA3").tolist() == [[0, 1, 2]]
 
 
 def test_lists_of_files_are_named(tmp_path):

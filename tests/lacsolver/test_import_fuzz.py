@@ -6,7 +6,7 @@ import pytest
 
 from lacmesh.errors import LacmeshError
 from lacsolver import CaseError, parse_case
-from tests.formats.test_deck_parts import two
+from tests.formats.decks import two
 from tests.fuzz.mutate import mutated
 from tests.lacsolver.deck_texts import Block, held, imported, section, step
 from tests.lacsolver.test_import import ABAQUS, CONTACT, ORTHOTROPIC, on_each_other, two_blocks
