@@ -14,6 +14,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.surface.normals import normals_of
 from lacmesh.surface.rules import CENTROID
 from lacsolver.saddle.contact_system import ContactSystem
+from verification.families import balance, sliding
 from verification.families.inf_sup import uncut
 
 
@@ -99,3 +100,32 @@ def _with_normals(patch, normals):
         return replace(found, normal=normals(slave, master, found))
 
     patch.setattr(interface, "contact_points", points)
+
+
+def no_heights(patch):
+    """Smooth surfaces are their flat faces."""
+    patch.setattr("lacmesh.smooth.surfaces.height_of", lambda *_: None)
+
+
+def apart(patch):
+    """Bodies are moved so that they never meet."""
+    patch.setattr(balance, "_DOWN", 0.1)
+
+
+def unequal_forces(patch):
+    """The largest force on the slave is a little larger than that on the master."""
+    right = balance.solve
+
+    def off(text, mesh):
+        solved = right(text, mesh)
+        force = solved.state.zones[0].force
+        force[np.abs(force).max(axis=1).argmax()] *= 1 + 1e-9
+        return solved
+
+    patch.setattr(balance, "solve", off)
+
+
+def other_pressure(patch):
+    """A block that slides is pressed a little more than is asked for."""
+    right = sliding.slid
+    patch.setattr(sliding, "slid", lambda given, n: right(replace(given, pressure=50.1), n))

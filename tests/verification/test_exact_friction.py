@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from verification.exact import half_space, impact
+from tests.verification.test_exact import divergence, gradient, hooke, stress_of
+from verification.exact import impact
 from verification.exact.cattaneo import Cylinders, pressure, shear
+from verification.exact.coulomb import Condensed, bounded, complementary, gauss_seidel, lemke, tresca
 from verification.exact.crack import Crack
-from verification.exact.fits import SlidingFit, capstan
+from verification.exact.fits import SlidingFit
 from verification.exact.half_plane import Ellipse
 from verification.exact.lame import Fit, Shell
 from verification.exact.spence import stick_edge, tractions, uncoupled_edge
 from verification.exact.spheres import LikeSpheres
 
 CYLINDERS, SPHERES, CRACK = Cylinders(), LikeSpheres(), Crack()
-STEP = 1e-5
 #: Q / (mu P) after the turns of a load that goes to 0.6, back and forth
 TURNS = ((0.6,), (0.6, -0.6), (0.6, -0.6, 0.6), (0.6, 0.0), (0.6, -0.2), (-1.0,))
 
@@ -30,44 +31,19 @@ def inside():
     return np.column_stack([rng.uniform(-2, 2, 30), rng.uniform(0.1, 2, 30)])
 
 
-def gradient(displacement, x):
-    """(n, dim, dim): du_i / dx_j by differences."""
-    steps = STEP * np.eye(x.shape[1])
-    return np.stack([(displacement(x + h) - displacement(x - h)) / (2 * STEP) for h in steps], axis=-1)
-
-
-def hooke(slope, young, poisson):
-    """Stress (n, dim, dim) of a displacement gradient, plane strain or space."""
-    strain = (slope + slope.swapaxes(1, 2)) / 2
-    two_mu, dim = young / (1 + poisson), slope.shape[-1]
-    lam = two_mu * poisson / (1 - 2 * poisson)
-    return two_mu * strain + lam * np.trace(strain, axis1=1, axis2=2)[:, None, None] * np.eye(dim)
-
-
 # ---- half-planes
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_stress_of_half_planes_is_that_of_their_displacement(side, inside):
+def test_stress_of_half_planes_is_that_of_their_displacement_and_on_the_surface_the_tractions(side, inside):
     body, loads, x = CYLINDERS.body(side), CYLINDERS.rolling(0.5), inside * [1, side]
-    sigma = hooke(gradient(lambda x: body.displacement(x, loads), x), body.young, body.poisson)
+    sigma = stress_of(lambda x: body.displacement(x, loads), body, 1e-5)(x)
     found = body.stress(x, loads)
     np.testing.assert_allclose(np.stack([sigma[:, 0, 0], sigma[:, 1, 1], sigma[:, 0, 1]], axis=1), found, atol=1e-9)
-
-
-@pytest.mark.parametrize("side", [1, -1])
-def test_stress_on_the_surface_is_the_tractions(side):
-    x, loads = np.linspace(-1.6, 1.6, 33), CYLINDERS.rolling(0.5)
-    stress = CYLINDERS.body(side).stress(np.stack([x, 0 * x], axis=1), loads)
+    x = np.linspace(-1.6, 1.6, 33)
+    stress = body.stress(np.stack([x, 0 * x], axis=1), loads)
     np.testing.assert_allclose(stress[:, 1], -pressure(x, loads), atol=1e-14)
     np.testing.assert_allclose(stress[:, 2], shear(x, loads), atol=1e-14)
-
-
-def test_half_planes_under_pressure_are_those_of_hertz(inside):
-    x, z = inside.T
-    hertz = half_space.strains(half_space.plane(x, z, 1.0, CYLINDERS.peak), z, CYLINDERS.young, CYLINDERS.poisson)
-    apart = CYLINDERS.body(1).displacement(inside, CYLINDERS.sheared()) - np.stack([hertz.u_r, hertz.u_z], axis=1)
-    assert np.ptp(apart, axis=0).max() < 1e-14
 
 
 @pytest.mark.parametrize("side", [1, -1])
@@ -108,6 +84,9 @@ def test_a_full_loop_is_the_load_that_grew_from_zero():
     once, loop = (shear(x, CYLINDERS.sheared(*turns)) for turns in ((0.6,), (0.6, -0.6, 0.6)))
     np.testing.assert_allclose(loop, once, atol=1e-15)
     np.testing.assert_allclose(shear(x, CYLINDERS.sheared(0.6, -0.6)), -once, atol=1e-15)
+    x = np.linspace(0.7, 1, 9)  # all that slipped slips back, twice as far: Masing's rule
+    once, back = (CYLINDERS.slip(x, CYLINDERS.sheared(*turns)) for turns in ((0.6,), (0.6, -0.6)))
+    np.testing.assert_allclose(once - back, 2 * once, atol=1e-15)
 
 
 def test_dissipation_of_cylinders_is_the_work_on_the_way():
@@ -117,13 +96,6 @@ def test_dissipation_of_cylinders_is_the_work_on_the_way():
     states = [(shear(x, at), CYLINDERS.slip(x, at)) for at in map(CYLINDERS.sheared, np.linspace(0.0, 0.6, 400)[1:])]
     work = sum(w @ ((t + t2) / 2 * (s2 - s)) for (t, s), (t2, s2) in pairwise(states))
     assert CYLINDERS.dissipation(0.6) == pytest.approx(work, rel=2e-3)
-
-
-def test_reversed_cylinders_dissipate_twice_as_much():
-    """All that slipped slips back, twice as far: Masing's rule."""
-    x = np.linspace(0.7, 1, 9)
-    back = CYLINDERS.slip(x, CYLINDERS.sheared(0.6)) - CYLINDERS.slip(x, CYLINDERS.sheared(0.6, -0.6))
-    np.testing.assert_allclose(back, 2 * CYLINDERS.slip(x, CYLINDERS.sheared(0.6)), atol=1e-15)
 
 
 def test_rolling_cylinders_stick_at_the_leading_edge():
@@ -148,14 +120,9 @@ def test_half_spaces_under_tractions_are_in_equilibrium():
     h = 1e-3
 
     def stress(x):
-        slope = np.stack([(u(x + h * e) - u(x - h * e)) / (2 * h) for e in np.eye(3)], axis=-1)
-        return hooke(slope, SPHERES.young, 0.0)
+        return hooke(gradient(lambda x: SPHERES.far(x, 1, 0.6), x, h), SPHERES.young, 0.0)
 
-    def u(x):
-        return SPHERES.far(x, 1, 0.6)
-
-    force = sum((stress(x + h * e) - stress(x - h * e))[:, :, k] / (2 * h) for k, e in enumerate(np.eye(3)))
-    assert np.abs(force).max() < 1e-5 * np.abs(stress(x)).max()
+    assert np.abs(divergence(stress, x, h)).max() < 1e-5 * np.abs(stress(x)).max()
     outside = np.array([[1.6, 0, h], [0.9, 1.3, h], [0, -2.0, h]])
     assert np.abs(stress(outside)[:, 2]).max() < 2e-2 * np.abs(stress(outside)).max()  # free, to the step
 
@@ -173,13 +140,6 @@ def test_half_spaces_carry_the_forces_of_their_tractions():
         force = 2.5**2 * np.einsum("p,pij,pj->i", w, sigma, n * [1, 1, side])
         pulled = side * 0.6 * SPHERES.friction * SPHERES.force  # the lower body along +x: its far side pulls back
         np.testing.assert_allclose(force, [pulled, 0, -side * SPHERES.force], atol=2e-4 * SPHERES.force)
-
-
-def test_half_spaces_under_pressure_are_those_of_hertz():
-    r = np.array([1.3, 1.7, 2.5])
-    place = np.column_stack([r, 0 * r, 0.5 + 0 * r])
-    hertz = half_space.strains(half_space.about_axis(r, place[:, 2], 1.0, SPHERES.peak), place[:, 2], 1.0, 0.0)
-    np.testing.assert_allclose(SPHERES.far(place, 1, 0.0)[:, [0, 2]], np.stack([hertz.u_r, hertz.u_z], 1), atol=1e-10)
 
 
 def test_spheres_stick_slip_and_dissipate_as_johnson_says():
@@ -214,14 +174,8 @@ def test_stress_at_a_crack_is_in_equilibrium_and_carried_by_its_faces():
     x = np.random.default_rng(2).uniform(0.2, 2, (20, 2)) * [1, -1]
     h = 1e-3
 
-    def stress(x):
-        slope = np.stack(
-            [(CRACK.displacement(x + h * e) - CRACK.displacement(x - h * e)) / (2 * h) for e in np.eye(2)], axis=-1
-        )
-        return hooke(slope, CRACK.young, CRACK.poisson)
-
-    force = sum((stress(x + h * e) - stress(x - h * e))[:, :, k] / (2 * h) for k, e in enumerate(np.eye(2)))
-    assert np.abs(force).max() < 2e-3 * CRACK.load
+    stress = stress_of(CRACK.displacement, CRACK, h)
+    assert np.abs(divergence(stress, x, h)).max() < 2e-3 * CRACK.load
     faces = stress(np.array([[0.0, 2 * h], [0.5, 2 * h], [0.5, -2 * h]]))
     np.testing.assert_allclose(faces[:, 1, 1], -CRACK.pressure, rtol=1e-2)
     np.testing.assert_allclose(faces[:, 0, 1], CRACK.shear, rtol=3e-2)
@@ -291,11 +245,6 @@ def test_force_and_moment_of_a_fit_are_friction_times_its_pressure():
     assert FIT.torque == pytest.approx(FIT.pull_out)  # radius 1
 
 
-def test_capstan_is_the_end_of_many_small_turns():
-    steps = np.prod(np.full(100000, 1 + 0.3 * np.pi / 100000))
-    assert capstan(0.3, np.pi) == pytest.approx(steps, rel=1e-5)
-
-
 # ---- an oblique impact
 
 
@@ -305,3 +254,89 @@ def test_an_oblique_impact_is_linear_while_it_sticks_and_coulombs_while_it_slide
     assert up == pytest.approx(2.0, abs=1e-3) and two == pytest.approx(2 * one, rel=1e-3)
     assert 0 < one / 0.1 < 2 / 3.5  # less than what turns the velocity round
     assert impact.rebound(3.0, 0.2, 0.3) == pytest.approx((2.0, 0.4), rel=1e-3)
+
+
+# ---- Coulomb's problem: Lemke's method, Tresca's fixed point and projections, three independent ways
+
+FRICTION = (0.1, 0.3, 0.6, 1.0, 1.5)
+
+
+def random_problem(m, across, friction, seed):
+    """A chain of macro-elements, pressed, opened and sheared at random; pressure and shear are coupled."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(m) / m
+    near = np.exp(-3 * np.abs(x[:, None] - x))
+    A = 0.3 * np.eye(m * (1 + across))
+    A[:m, :m] += near
+    for axis in range(across):
+        A[m + axis :: across, m + axis :: across] += near
+    A[:m, m::across] += 0.25 * np.sign(x[:, None] - x) * near
+    A[m::across, :m] = A[:m, m::across].T
+    return Condensed(A, rng.normal(-0.5, 0.7, m), rng.standard_normal((m, across)), np.full(m, friction))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_three_ways_find_the_same_tractions(seed):
+    given = random_problem(12, 1, FRICTION[seed % 5], seed)
+    solutions = [way(given) for way in (lemke, tresca, gauss_seidel)]
+    for p, t in solutions:
+        assert given.residual(p, t) < 1e-11
+        np.testing.assert_allclose(p, solutions[0][0], atol=1e-9)
+        np.testing.assert_allclose(t, solutions[0][1], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_projections_solve_problems_in_space(seed):
+    given = random_problem(9, 2, 0.6, seed)
+    p, t = gauss_seidel(given)
+    G, S = given.gaps(p, t)
+    assert p.min() >= 0 and G.min() > -1e-10 and np.abs(p * G).max() < 1e-9
+    length, slides = np.linalg.norm(t, axis=1), np.linalg.norm(S, axis=1) > 1e-8
+    slides &= p > 0
+    assert (length <= 0.6 * p + 1e-12).all() and slides.any() and not slides.all()
+    np.testing.assert_allclose(
+        t[slides], 0.6 * p[slides, None] * S[slides] / np.linalg.norm(S[slides], axis=1)[:, None], atol=1e-8
+    )
+
+
+def test_residual_sees_what_is_wrong():
+    given = random_problem(8, 1, 0.3, 0)
+    p, t = lemke(given)
+    closed = int(p.argmax())
+    for off_p, off_t in ((1e-3, 0.0), (0.0, 1e-3)):
+        q, s = p.copy(), t.copy()
+        q[closed], s[closed] = q[closed] + off_p, s[closed] + off_t
+        assert given.residual(q, s) > 1e-5
+
+
+def test_one_block_on_a_plane_slides_where_more_than_friction_is_asked():
+    """A spring of stiffness 1 either way, pressed in by 2 and moved aside by s: t = min(s, mu 2)."""
+    for s, t in ((0.1, 0.1), (0.59, 0.59), (0.61, 0.6), (-5.0, -0.6)):
+        given = Condensed(np.eye(2), np.array([-2.0]), np.array([[s]]), np.array([0.3]))
+        for way in (lemke, tresca, gauss_seidel):
+            found = way(given)
+            assert (found[0][0], found[1][0, 0]) == pytest.approx((2.0, t))
+
+
+def test_complementarity_problems_are_solved():
+    """Against trying every set of unknowns that are zero."""
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        L, q = rng.standard_normal((5, 5)), rng.standard_normal(5)
+        M = L @ L.T + 0.1 * np.eye(5)
+        z, w = by_trying(M, q)
+        np.testing.assert_allclose(complementary(M, q), z, atol=1e-10)
+        np.testing.assert_allclose(bounded(M, q, np.zeros(5), np.full(5, np.inf)), z, atol=1e-10)
+        assert w.min() >= -1e-12
+    with pytest.raises(ArithmeticError):
+        complementary(np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([-1.0, -1.0]))
+
+
+def by_trying(M, q):
+    for free in product([False, True], repeat=len(q)):
+        at, z = np.array(free), np.zeros(len(q))
+        z[at] = np.linalg.solve(M[np.ix_(at, at)], -q[at])
+        w = M @ z + q
+        if z.min() >= -1e-12 and w.min() >= -1e-12:
+            return z, w
+    raise AssertionError

@@ -6,9 +6,6 @@ import json
 import math
 import os
 import re
-import signal
-import subprocess
-import sys
 import time
 import xml.etree.ElementTree as ET
 from contextlib import suppress
@@ -23,9 +20,8 @@ from hypothesis import strategies as st
 from lacmesh.errors import RequestError, WriteError
 from tests.verification.fakes import Given, command, outcome_of, planned, ran
 from verification import families
-from verification.records import Case, Family, Outcome, Picture, informative
+from verification.records import Case, Family, Outcome, Picture, informative, levels_of, rate
 from verification.running import plan, pool, worker
-from verification.running.environment import environment
 from verification.running.folder import (
     CaseResult,
     FolderError,
@@ -34,8 +30,6 @@ from verification.running.folder import (
     read_case_result,
     read_run,
     rows,
-    sweep,
-    write_results,
 )
 from verification.running.suite import junit, locked_run, run_suite
 
@@ -112,69 +106,14 @@ def test_no_case_stops_the_others(prepared, folder, monkeypatch, jobs):
     assert read_run(folder) == made
 
 
-def test_cores_are_shared_and_cases_that_measure_time_are_alone(prepared, folder):
-    cases = planned(prepared, ["timed", "a", "halting", "b"], alone=("timed",))
-    done = [done.case for done in pool.solve_all(cases, folder, 2)]
-    began = ran(prepared)
-    cores = len(os.sched_getaffinity(0))
-    assert list(began)[-1] == done[-1] == "timed"
-    assert began["timed"][1] > began["halting"][1] + 0.3
-    assert began["timed"][2] == cores and all(began[name][2] <= max(1, (cores + 1) // 2) for name in ("a", "b"))
-
-
-def test_what_takes_longest_is_begun_first(prepared, folder):
-    cases = [
-        replace(p, case=replace(p.case, seconds=k)) for k, p in enumerate(planned(prepared, ["a", "b", "c"]), start=1)
-    ]
-    list(pool.solve_all(cases, folder, 1))
+def test_what_takes_longest_is_begun_first_and_the_time_that_is_left_is_told(prepared, folder):
+    cases = [replace(p, case=replace(p.case, seconds=k)) for k, p in enumerate(planned(prepared, "abc"), start=4)]
+    _, (begun, *said) = run(cases, folder, 1)
     assert list(ran(prepared)) == ["c", "b", "a"]
-
-
-def test_the_time_that_is_left_is_told(prepared, folder):
-    _, (begun, *said) = run(planned(prepared, ["a", "b", "c"]), folder, 1)
     assert (begun.count, begun.kept, begun.ended) == (3, 0, 0) and begun.left == pytest.approx(15)
     assert [(p.ended, p.count) for _, p in said] == [(1, 3), (2, 3), (3, 3)]
     left = [p.left for _, p in said]
     assert 15 > left[0] > 0 and left[-1] == pytest.approx(0)  # they are much faster than was thought
-
-
-def test_a_run_that_is_stopped_leaves_no_process_and_no_half(prepared, folder):
-    cases = [
-        replace(p, case=replace(p.case, seconds=k))
-        for p, k in zip(planned(prepared, ["slow", "good", "missed"]), (3, 2, 1), strict=True)
-    ]
-
-    def stop(done, progress):
-        if progress.ended == 2:
-            wait_for(prepared / "child")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run_suite(cases, "quick", folder, 2, lambda progress: None, stop)
-    assert gone(int((prepared / "child").read_text())) and gone(ran(prepared)["slow"][0])
-    assert sorted(path.name for path in folder.rglob("*") if path.is_file()) == [
-        "good.json", "junit.xml", "missed.json", "results.json",
-    ]  # fmt: skip
-    assert [done.case for done in read_run(folder).done] == ["good", "missed"]
-
-
-def test_a_signal_that_meets_a_start_leaves_no_process(prepared, folder, monkeypatch):
-    """Between the process and its being known."""
-    start, began = pool._start, []
-
-    def met(*words):
-        began.append(start(*words))
-        signal.raise_signal(signal.SIGINT)
-        return began[-1]
-
-    monkeypatch.setattr(pool, "_start", met)
-    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            run(planned(prepared, ["slow"]), folder)
-    finally:
-        signal.signal(signal.SIGINT, handler)
-    assert began[0].process.returncode == -signal.SIGKILL and not list((folder / "cases" / "cut").iterdir())
 
 
 def wait_for(path):
@@ -201,45 +140,26 @@ def test_what_is_done_is_not_done_again(prepared, folder):
     ids=lambda changed: next(iter(changed)),
 )
 def test_what_is_not_the_same_case_is_run_again(prepared, folder, changed):
-    run(planned(prepared, ["a", "b"]), folder)
+    run(planned(prepared, "ab"), folder)
     ran(prepared)
-    cases = [*planned(prepared, ["a"], **changed), *planned(prepared, ["b"])]
+    cases = [*planned(prepared, "a", **changed), *planned(prepared, "b")]
     made, _ = run(cases, folder)
     assert [*ran(prepared)] == ["a"] and len(made.done) == 2
     run(cases, folder)
     assert not (prepared / "ran").exists()
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 1}', '{"format": 0}', '{"format": 1, "results": [3]}'])
-def test_a_damaged_case_is_run_again(prepared, folder, content):
-    cases = planned(prepared, ["a", "b"])
+def test_a_damaged_case_is_run_again(prepared, folder):
+    cases = planned(prepared, "ab")
     run(cases, folder)
-    ran(prepared)
-    (folder / "cases" / "cut" / "a.json").write_text(content)
-    with pytest.raises(FolderError, match=r"cut/a is missing or damaged"):
-        read_run(folder)
-    run(cases, folder)
-    assert [*ran(prepared)] == ["a"] and len(read_run(folder).done) == 2
-
-
-def test_a_part_that_is_run_again_keeps_the_others(prepared, folder):
-    """Except for those that other code than today's had made."""
-    run([*planned(prepared, ["a", "b", "c"]), *planned(prepared, ["old"], digest="older")], folder)
-    ran(prepared)
-    made, _ = run(planned(prepared, ["b"], levels=3), folder)
-    assert [*ran(prepared)] == ["b"]
-    assert {done.case: done.levels for done in made.done} == {"a": 2, "b": 3, "c": 2} and read_run(folder) == made
-    assert (folder / "cases" / "cut" / "old.json").exists()
-
-
-def test_an_outcome_of_before_is_not_taken_for_one_of_now(prepared, folder):
-    run(planned(prepared, ["a"]), folder)
-    cases = planned(prepared, ["a"], levels=3)
-    (prepared / "cases" / "cut" / "a.json").unlink()  # the worker fails
-    made, _ = run(cases, folder)
-    assert (
-        "status 1 and no results" in made.done[0].failure and "FileNotFound" in (folder / "cases/cut/a.log").read_text()
-    )
+    for content in ("", "{", "[]", '{"format": 1}', '{"format": 0}', '{"format": 1, "results": [3]}'):
+        (folder / "cases" / "cut" / "a.json").write_text(content)
+        with pytest.raises(FolderError, match=r"cut/a is missing or damaged"):
+            read_run(folder)
+        ran(prepared)
+        run(cases, folder)
+        assert [*ran(prepared)] == ["a"] and len(read_run(folder).done) == 2, content
+        (prepared / "ran").touch()
 
 
 def test_a_folder_is_held_by_one_run(tmp_path):
@@ -260,16 +180,27 @@ def test_a_folder_is_held_by_one_run(tmp_path):
         assert [path.name for path in folder.rglob(".*")] == [".mine"]
 
 
-def test_a_folder_that_cannot_be_made_is_said(tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(WriteError, match="file: cannot be used"), locked_run(tmp_path / "file", resume=False):
+def test_a_part_that_is_run_again_keeps_the_others_and_what_measures_time_is_alone(prepared, folder):
+    """All but those that other code than today's had made."""
+    kept = [
+        *planned(prepared, ["timed", "a", "halting"], alone=("timed",)),
+        *planned(prepared, ["old"], digest="older"),
+    ]
+    run(kept, folder)
+    began = ran(prepared)
+    assert began["timed"][1] > began["halting"][1] + 0.3 and began["timed"][2] == len(os.sched_getaffinity(0))
+    made, _ = run(planned(prepared, "a", levels=3), folder)
+    assert {done.case: done.levels for done in made.done} == {"timed": 2, "a": 3, "halting": 2}
+    assert read_run(folder) == made and (folder / "cases" / "cut" / "old.json").exists()
+
+
+def test_what_cannot_be_made_or_started_is_said(prepared, folder, monkeypatch):
+    (folder / "file").write_text("")
+    with pytest.raises(WriteError, match="file: cannot be used"), locked_run(folder / "file", resume=False):
         pass
-
-
-def test_a_worker_that_cannot_be_started_is_said(prepared, folder, monkeypatch):
     monkeypatch.setattr(pool, "COMMAND", ("/nowhere/python",))
     with pytest.raises(WriteError, match="cut/a cannot be started"):
-        run(planned(prepared, ["a"]), folder)
+        run(planned(prepared, "a"), folder)
 
 
 CASE = Case("cut", "one", "a case", partial(outcome_of, Given()), {"quick": 2})
@@ -310,32 +241,16 @@ def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
     assert solved(lambda levels: Outcome(())).failure == "there is no result"
 
 
-def test_a_worker_ends_with_its_run():
-    code = "import time\nfrom verification.running import worker\nworker._PAUSE = 0.05\n"
-    child = f"{code}import os\nworker.end_with(os.getppid())\nprint(os.getpid(), flush=True)\ntime.sleep(60)"
-    parent = f"import subprocess, sys\nsubprocess.Popen([sys.executable, '-c', {child!r}]).wait()"
-    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE, text=True) as process:
-        pid = int(process.stdout.readline())
-        process.send_signal(signal.SIGKILL)
-        assert gone(pid)
-
-
 def test_results_have_the_keys_that_are_promised(prepared, folder):
     run(planned(prepared, ["a", "exits"]), folder)
     told = json.loads((folder / "results.json").read_text())
     assert set(told) >= {"version", "environment", "results"} and "numpy" in told["environment"]
     promised = ("family", "case", "quantity", "value", "expected", "tolerance", "passed", "source", "reason", "seconds")
     assert all(set(row) >= {*promised, "levels"} for row in told["results"]) and len(told["results"]) == 3
-
-
-def test_rows_of_a_convergence():
-    from verification.records import levels_of, rate
-
+    assert {"lacmesh", "commit", "processor", "cores", "scipy", "rslab"} <= set(told["environment"])
     result = rate("u", levels_of((1.0, 0.5), (9, 25), (1.0, 0.25)), 2.0, source="theory")
     (row,) = rows(CaseResult("cut", "a", "", {}, 2, 1.5, 0, (result,)))
-    assert row["levels"] == [
-        {"h": 1.0, "unknowns": 9, "error": 1.0, "rate": None}, {"h": 0.5, "unknowns": 25, "error": 0.25, "rate": 2.0},
-    ]  # fmt: skip
+    assert [list(level.values()) for level in row["levels"]] == [[1.0, 9, 1.0, None], [0.5, 25, 0.25, 2.0]]
     assert row["seconds"] == 1.5
 
 
@@ -364,36 +279,13 @@ def test_a_folder_that_is_no_run_is_said(tmp_path, content):
         read_run(tmp_path)
 
 
-def test_a_run_without_cases_is_read(tmp_path):
-    made = Run(tmp_path, "1", "quick", {"Python": "3"}, 0.0, ())
-    write_results(tmp_path, made)
-    assert read_run(tmp_path) == made
-
-
-def test_sweeping_an_empty_folder_is_nothing(tmp_path):
-    sweep(tmp_path)
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_code_of_a_family_is_known():
-    found = plan._imported("verification.families.manufactured", set())
-    wanted = {"records", "solving", "exact.sources", "measures.norms", "meshes.blocks"}
-    assert {f"verification.{name}" for name in wanted} <= found
-    assert not [name for name in found if re.match(r"verification\.(report|running|cli)", name)]
-    assert plan.sources("cut") != plan.sources("patch")
-
-
-def test_every_import_of_the_harness_is_seen():
-    import ast
-
-    said = "from verification import records\nfrom verification.measures import norms\nfrom verifications import x"
-    assert set(plan._names(ast.parse(said))) == {
-        "verification", "verification.records", "verification.measures", "verification.measures.norms",
-    }  # fmt: skip
-
-
 def test_the_digest_follows_the_code(tmp_path, monkeypatch):
-    """A file that grows, and one that is moved."""
+    """The modules that a family imports; a file that grows, and one that is moved."""
+    names = plan._imported("verification.families.manufactured", set())
+    wanted = {"records", "solving", "exact.sources", "measures.norms", "meshes.blocks"}
+    assert {f"verification.{name}" for name in wanted} <= names
+    assert not [name for name in names if re.match(r"verification\.(report|running|cli)", name)]
+    assert plan.sources("cut") != plan.sources("patch")
     for name in ("lacmesh/a.py", "lacsolver/b.py", "verification/__init__.py", "verification/families/cut.py"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("x = 1\n")
@@ -405,9 +297,3 @@ def test_the_digest_follows_the_code(tmp_path, monkeypatch):
     (tmp_path / "lacmesh/a.py").rename(tmp_path / "lacmesh/c.py")
     found.append(digest("cut"))
     assert found[0] == found[1] and len(set(found)) == 3
-
-
-def test_the_environment_is_told_in_words():
-    found = environment()
-    assert {"lacmesh", "commit", "Python", "processor", "cores", "numpy", "scipy", "rslab"} <= set(found)
-    assert all(isinstance(value, str) and value for value in found.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 import signal
@@ -9,13 +10,15 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from functools import partial
+from pathlib import Path
 
 import pytest
 
 from tests.verification.fakes import command, planned
 from tests.verification.test_running import gone, wait_for
-from verification import families
+from verification import families, mpiexec
 from verification.cli import main
+from verification.cli import run as command_run
 from verification.running import plan, pool
 
 
@@ -37,9 +40,6 @@ def test_every_case_is_listed_as_data(capsys):
     listed = json.loads(capsys.readouterr().out)
     assert [f"{row['family']}/{row['case']}" for row in listed] == [case.id for case in families.cases()]
     assert all(row["given"] and row["about"] and row["levels"] and row["seconds"] > 0 for row in listed)
-
-
-def test_a_suite_is_listed(capsys):
     assert main(["list", "--suite", "quick", "--family", "inf-sup"]) == 0
     told = capsys.readouterr().out
     wanted = [case.id for case in families.cases("quick", ("inf-sup",))]
@@ -83,25 +83,14 @@ def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
     assert (tmp_path / "run" / "report.html").exists()
 
 
-@pytest.mark.parametrize(("name", "short"), [("missed", "cut/missed: error"), ("exits", "cut/exits has no outcome")])
-def test_one_that_falls_short_is_enough(fakes, tmp_path, capsys, name, short):
-    fakes("good", name)
-    assert main(["run", "-q", "-j", "1", "-o", str(tmp_path / "run")]) == 1
-    assert f"1 of the results fall short ({short})" in capsys.readouterr().err
-
-
-def test_a_quiet_run_says_nothing(fakes, tmp_path, capsys):
-    fakes("good")
-    assert main(["run", "-q", "-j", "2", "-o", str(tmp_path / "run")]) == 0
-    assert main(["report", "-q", str(tmp_path / "run")]) == 0
-    assert capsys.readouterr() == ("", "")
-
-
-def test_a_run_goes_to_build_by_default(fakes, tmp_path, monkeypatch, capsys):
+def test_a_quiet_run_says_nothing_and_goes_to_build_by_default(fakes, tmp_path, monkeypatch, capsys):
     fakes("good")
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "--suite", "full"]) == 0
-    assert (tmp_path / "build" / "verification-full" / "results.json").exists()
+    assert main(["run", "-q", "-j", "2", "--suite", "full"]) == 0
+    assert main(["report", "-q", "build/verification-full"]) == 0
+    assert capsys.readouterr() == ("", "")
+    (tmp_path / "file").write_text("")
+    assert main(["run", "-o", "file"]) == 3 and "file: cannot be used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -132,7 +121,7 @@ def test_a_wrong_command_is_one_sentence(tmp_path, monkeypatch, capsys, words, s
 
 
 def test_a_family_that_a_suite_has_not_is_said(monkeypatch, capsys):
-    case = planned_case()
+    case = families.Case("cut", "long", "a long one", partial(print), {"full": 4, "all": 5})
     monkeypatch.setattr(families, "family", lambda name: families.Family(name, "", "", (case,)))
     assert main(["list", "--family", "cut", "--suite", "quick"]) == 2
     assert "suite quick has no case of family cut; try --suite full" in capsys.readouterr().err
@@ -140,22 +129,11 @@ def test_a_family_that_a_suite_has_not_is_said(monkeypatch, capsys):
     assert "long" in capsys.readouterr().out
 
 
-def planned_case():
-    return families.Case("cut", "long", "a long one", partial(print), {"full": 4, "all": 5})
-
-
 @pytest.mark.parametrize("words", ["report {}", "compare {0} {0}", "report {}/none"])
 def test_a_folder_that_is_no_run_has_its_status(tmp_path, capsys, words):
     assert main(words.format(tmp_path).split()) == 3
     told = capsys.readouterr().err
     assert "is not the folder of a run" in told and told.count("\n") == 1 and not list(tmp_path.iterdir())
-
-
-def test_an_output_that_is_a_file_has_its_status(fakes, tmp_path, capsys):
-    fakes("good")
-    (tmp_path / "file").write_text("")
-    assert main(["run", "-o", str(tmp_path / "file")]) == 3
-    assert "file: cannot be used" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -190,3 +168,42 @@ def test_a_signal_stops_a_run_that_can_be_resumed(tmp_path, sent, status):
     assert [line.split()[0] for line in (prepared / "ran").read_text().splitlines()] == ["halting"]
     found = json.loads((folder / "results.json").read_text())["results"]
     assert sorted({row["case"] for row in found}) == ["good", "halting", "other"] and len(found) == 6
+
+
+# ---- without PETSc
+
+
+def test_without_petsc_the_family_is_refused_or_left_out(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(mpiexec, "python_with_petsc", lambda: "")
+    monkeypatch.setattr(mpiexec, "_complaint", lambda python: "MPI is not installed")
+    words = ["run", "--suite", "all", "-o", str(tmp_path / "run"), "--case"]
+    assert main([*words, "distributed/tie-2d"]) == 2
+    said = capsys.readouterr().err
+    assert (
+        "family distributed cannot be run: MPI is not installed; in a checkout, make petsc installs all of it" in said
+    )
+    assert not (tmp_path / "run").exists()
+    cases = [families.Case(name, "a", "", partial(print), {"all": 1}) for name in ("distributed", "patch")]
+    left = command_run._possible([plan.Planned(case, 1, "") for case in cases])
+    assert [planned.case.family for planned in left] == ["patch"]
+    assert "family distributed is left out (1 of the cases): MPI" in capsys.readouterr().out
+
+
+def test_the_family_is_run_without_a_suite():
+    assert plan.suite_of(None, "distributed", "quick") == "all"
+    assert plan.suite_of(None, "patch", "quick") == plan.suite_of(None, None, "quick") == "quick"
+    assert plan.suite_of("full", "distributed", "quick") == "full"
+
+
+# ---- docs/verification.md
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+
+
+def test_the_page_is_that_of_the_cases_that_there_are_and_of_their_figures(monkeypatch):
+    spec = importlib.util.spec_from_file_location("make_verification", DOCS / "make_verification.py")
+    page = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(page)
+    assert page.out_of_date() == []
+    monkeypatch.setattr("verification.families.friction_published.there", lambda name: False)
+    assert page.out_of_date() == []  # without the meshes of others
