@@ -118,7 +118,8 @@ def convex(step: LoadStep, at: Iterate) -> bool:
 
 def nothing_acts(step: LoadStep) -> bool:
     """Return True if a step has no load and no prescribed displacement."""
-    return not (step.u0.any() or step.load(step.u_before).any() or step.model.problem.constraints.force(step.t).any())
+    largest, rigid = step.model.problem.space.largest, step.model.problem.constraints.force(step.t)
+    return not (rigid.any() or largest(step.u0) or largest(step.load(step.u_before)))
 
 
 def _released(step: LoadStep, outcome: Outcome | None, report: IterationCallback) -> Outcome | None:

@@ -47,7 +47,7 @@ def start_of_motion(
     c = problem.constraints
     displacements, velocities = initial_motion(problem.space, problem.case, t)
     now = state.iterate or first_iterate(_resting(model, inertia, state, np.zeros(c.n_q), _TINY * dt))
-    if (displacements.record >= 0).any():
+    if problem.space.largest((displacements.record >= 0).astype(float)):  # on any process
         now = now._replace(q=fitted(problem, displacements, c.u0(t), "displacement"))
     path = _Path(inertia, t, dt / 2)
     rate = fitted(problem, velocities, path.velocity(now.q, np.zeros(c.n_q))[: problem.space.n_dof], "velocity")

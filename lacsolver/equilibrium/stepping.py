@@ -141,7 +141,8 @@ def march(
 
 def _acts(step: LoadStep, u: Floats, p: Floats) -> bool:
     """Return True if displacements u (n_dof,), pressures p (m,), loads or the forces of strains are not 0."""
-    return bool(u.any() or p.any() or step.load(u).any() or step.internal_force(u).any())
+    largest = step.model.problem.space.largest
+    return bool(p.any() or largest(u) or largest(step.load(u)) or largest(step.internal_force(u)))
 
 
 def _phases(problem: Problem, scheme: TimeScheme | None, now: float) -> Iterator[tuple[TimeScheme, Sequence[float]]]:

@@ -92,7 +92,7 @@ def compared(name, backend, comm, alone):
     worst, sizes = {"u": 0.0, "p": 0.0, "sets": True, "closed": 0, "sliding": 0}, {}
 
     def add(key, value, expected, least=0.0):
-        far, size = np.abs(value - expected).max(), max(np.abs(expected).max(), least)
+        far, size = np.abs(value - expected).max(initial=0.0), max(np.abs(expected).max(initial=0.0), least)
         if key in worst:
             worst[key] = max(worst[key], float(far / size) if far else 0.0)
         else:
@@ -101,7 +101,7 @@ def compared(name, backend, comm, alone):
 
     for one, other, of_other in zip(march(problem), alone.states, alone.figures, strict=True):
         add("u", whole(problem.space, one.u), other.u)
-        pushed = max(np.abs(zone.force).max() for zone in other.zones)
+        pushed = max((np.abs(zone.force).max() for zone in other.zones), default=0.0)
         add("reaction", whole(problem.space, one.reaction), other.reaction, pushed)
         figures = step_figures(problem, one), of_other
         add("energy", *(np.float64(found.energy) for found in figures))

@@ -14,6 +14,10 @@ _SPACE = """
 [[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0\nuz = 0.0
 [[displacement]]\ngroup = "top"\nux = "0.07 * sin(5 * t)"\nuy = "0.05 * t"\nuz = "-0.05 * t - 0.1 * x * t"
 """
+_DRAWN = """
+[[displacement]]\ngroup = "bottom"\nux = 0.0\nuy = 0.0
+[[traction]]\ngroup = "top"\ntx = "2e-4 * t"\nty = "-5e-3 * t"
+"""
 _MOVING = _RUBBED.replace("0.1", "0.3") + 'geometry = "current"\n'
 
 #: the text of each case, and its mesh
@@ -30,5 +34,8 @@ CASES = {
     ),
     "rubbed in space, in the current geometry": (
         SPACE + SMALL + _MOVING + _SPACE + steps(0.5, 3), lambda: bars(("TETRA4", "HEXA8"), (4, 3), (3, 2)),
+    ),
+    "held by contact alone": (  # loads act on nodes of some processes only
+        PLANE + SMALL + _RUBBED + _DRAWN + steps(1.0, 2), lambda: bars(("QUAD4", "TRIA3"), (4, 4), (2, 2)),
     ),
 }  # fmt: skip

@@ -38,6 +38,8 @@ RIGID = {
         lambda: bar_on_wall("QUAD8", 8),
     ),
 }  # fmt: skip
+#: a case without contact: no process has nodes of both bars, one of which stays at rest
+APART = "thrown away from a bar at rest"
 #: the text of each case, and its mesh
 CASES = {
     "bar on a wall": (
@@ -73,5 +75,10 @@ CASES = {
         SPACE + SMALL + _TOUCH + _PROBE + _BOTTOM + '[[rigid]]\ngroup = "top"\n' + _ALL
         + "mass = 0.01\ninertia = [1e-4, 1e-4, 2e-4]\n[dynamics]\n" + thrown("upper", vz=-0.1) + steps(1.0, 4),
         lambda: bars(("HEXA8", "TETRA4"), (4, 3), (2, 1), 0.01),
+    ),
+    APART: (
+        PLANE + SMALL + _PROBE + held_sideways() + thrown("upper", uy='"0.01 * y"', vy=0.15) + "[dynamics]\n"
+        + steps(1.0, 2),
+        lambda: bars(("QUAD4", "TRIA3"), (4, 4), (2, 2), 0.1),
     ),
 }  # fmt: skip

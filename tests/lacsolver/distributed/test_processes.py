@@ -84,7 +84,7 @@ def test_several_processes_find_what_one_finds(slow, ranks, backend, names):
 @rows_of("motion")
 def test_several_processes_find_the_motion_that_one_finds(slow, ranks, backend, names):
     for one in differences(slow, ranks, backend, names):
-        assert one["sets"] and one["closed"] and one["told"], one
+        assert one["sets"] and one["told"] and (one["closed"] or one["name"] == moving_cases.APART), one
         assert all(one[key] <= bound for key, bound in BOUNDS.items()), one
         assert all(one[key] <= BOUNDS["u"] for key in MOVING), one
 
