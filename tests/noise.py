@@ -158,7 +158,7 @@ def change(module):
 class AfterImport(MetaPathFinder):
     """Finder of the modules of `CHANGES`, which changes each of them after it is imported."""
 
-    def find_spec(self, name, path, target):
+    def find_spec(self, name, path, target=None):
         """Return the module's own spec, whose loader changes the module in the end."""
         spec = PathFinder.find_spec(name, path, target) if name in CHANGES else None
         if spec is None or spec.loader is None:
