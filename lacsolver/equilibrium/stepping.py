@@ -52,7 +52,7 @@ _SAME = 1e-9
 #: displacements below this multiple of the round-off of gaps are too small for reliable pressures
 _CLEAR = 100
 _EPSILON = float(np.finfo(float).eps)
-#: halvings of a step that converged, whose scheme asks for a smaller one, or in which a cell folds at a node
+#: halvings of a step that converged, whose scheme asks for a smaller one, or in which a cell folds
 _REFINED = 3
 
 
@@ -118,7 +118,7 @@ def march(
     0.5 True
     1.0 True
     """
-    state, warned, left, told = start.step if start else StepState(), False, False, False
+    state, warned, left, folds = start.step if start else StepState(), False, False, False
     acted = start is not None
     for one, times in _phases(problem, scheme, state.time):
         model = ReducedProblem(problem, one)
@@ -130,9 +130,9 @@ def march(
             left = _check_sectors(step, outcome, left)
             warned, state = warned or _warn_of_rounding(step, outcome), converged.step
             acted = acted or _acts(step, converged.u, outcome.iterate.p)
-            if converged.folded and not told:
+            if converged.folded and not folds:
                 warnings.warn(LacmeshWarning(converged.folded), stacklevel=2)
-                told = True
+                folds = True
             yield converged
     if not acted:
         message = "nothing acts on the bodies: the case has no load, prescribed motion or overlap that is not 0"

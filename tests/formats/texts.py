@@ -72,9 +72,8 @@ MORE = """\
 22, 0, 1, 2
 """
 
-PARTS = """\
-*Part, name=Brick
-*Node
+#: the nodes of a brick
+_BRICK = """\
 1, 0., 0., 0.
 2, 1., 0., 0.
 3, 1., 1., 0.
@@ -83,7 +82,12 @@ PARTS = """\
 6, 1., 0., 1.
 7, 1., 1., 1.
 8, 0., 1., 1.
-*Element, type=C3D8
+"""
+
+PARTS = f"""\
+*Part, name=Brick
+*Node
+{_BRICK}*Element, type=C3D8
 1, 1, 2, 3, 4, 5, 6, 7, 8
 *Elset, elset=Body
 1
@@ -134,18 +138,10 @@ WRONG_INP = {
 }
 
 #: A deck of a brick: its mesh, cards before the steps, and a step.
-MESH = """\
+MESH = f"""\
 ** made by hand
 *NODE, NSET=Nall
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-** the brick
+{_BRICK}** the brick
 *ELEMENT, TYPE=C3D8R, ELSET=Eall
 1, 1, 2, 3, 4, 5, 6, 7, 8
 *NSET, NSET=Bottom
