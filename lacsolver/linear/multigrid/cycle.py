@@ -86,7 +86,7 @@ class Team(Vectors):
         """Return A x for a few long rows A (k, n), summed in parts that do not depend on the threads, in order."""
         n_parts = -(-len(x) // _PART)
         out = np.zeros((n_parts, len(A)))
-        self.run(_dots, n_parts, np.ascontiguousarray(A), x, out, worth=_WORTH_PARTS)
+        self.run(_dots, n_parts, np.ascontiguousarray(A), np.ascontiguousarray(x), out, worth=_WORTH_PARTS)
         return self.comm.total(np.asarray(out.sum(axis=0)))
 
     def dot(self, x: Floats, y: Floats) -> float:
