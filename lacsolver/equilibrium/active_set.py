@@ -160,25 +160,28 @@ def close_rows_against_rigid_modes(
 ) -> RowSet:
     """Return the row set with rows added until no rigid-body mode R (n, r) moves along its load (r,).
 
-    Each added row is the first that the moving body reaches. No row is added where the body has a state of rest, stable
-    or not, before it reaches one: `resistance` (r, r), zero by default, is the stiffness along the modes from springs,
-    from follower forces and from contact forces that move with the body. A load along a mode that no row constrains
-    remains. p (m,): pressures and tractions, for what slides.
+    Each added row is the first that the body reaches, which moves on from there. No row is added where the body has a
+    state of rest, stable or not, before it reaches one: `resistance` (r, r), zero by default, is the stiffness along
+    the modes from springs, from follower forces and from contact forces that move with the body. A load along a mode
+    that no row constrains remains. p (m,): pressures and tractions, for what slides.
     """
     if not R.shape[1]:
         return rows
     moves = (contact.rows.D @ R) / contact.rows.w[:, None]
     stiffness = np.zeros((R.shape[1],) * 2) if resistance is None else resistance
+    place, least = np.zeros(R.shape[1]), _STOPPED * float(np.linalg.norm(load))
     for _ in range(R.shape[1]):
         linear = contact.linear(rows, p)
         w = linear.rows.w[:, None]
         free, loaded = (_null_space((A @ R / w)[linear.active]) for A in (linear.rows.D, linear.rows.B))
-        left, least = free.T @ (loaded @ (loaded.T @ load)), _STOPPED * float(np.linalg.norm(load))
-        onward, to_rest = (moves @ (free @ motion) for motion in _motions(free.T @ stiffness @ free, left, least))
-        way = _part_to_rows(contact, rows, onward)
-        if np.isinf(way).all() or min(way.min(), _part_to_rows(contact, rows, to_rest).min()) > 1:
+        left = free.T @ (loaded @ (loaded.T @ (load - stiffness @ place)))
+        onward, to_rest = (free @ motion for motion in _motions(free.T @ stiffness @ free, left, least))
+        gaps = contact.G / contact.rows.w - moves @ place
+        way = _part_to_rows(contact, rows, gaps, moves @ onward)
+        if np.isinf(way).all() or min(way.min(), _part_to_rows(contact, rows, gaps, moves @ to_rest).min()) > 1:
             break
         rows = contact.with_closed(rows, int(way.argmin()))
+        place += max(float(way.min()), 0.0) * onward
     return rows
 
 
@@ -203,14 +206,14 @@ def _motions(K: Floats, load: Floats, least: float) -> tuple[NDArray[np.floating
     return axes @ pushed, axes @ (np.sign(stiffness) * pushed)
 
 
-def _part_to_rows(contact: ContactSystem, rows: RowSet, closing: Floats) -> NDArray[np.floating]:
+def _part_to_rows(contact: ContactSystem, rows: RowSet, gaps: Floats, closing: Floats) -> NDArray[np.floating]:
     """Return the part (m,) of a motion after which it closes each open row, inf where it does not.
 
-    `closing` (m,): change of each mean gap in the whole motion.
+    `gaps` (m,): mean gaps before the motion; `closing` (m,): what the whole motion takes from each.
     """
     open_rows = contact.may_carry & (rows.state == OUT) & ~contact.along_tangents
     nearing = open_rows & (closing > _STOPPED * np.abs(closing).max(initial=0.0))
-    return np.where(nearing, contact.G / contact.rows.w / np.where(nearing, closing, 1.0), np.inf)
+    return np.where(nearing, gaps / np.where(nearing, closing, 1.0), np.inf)
 
 
 def _null_space(A: Floats) -> NDArray[np.floating]:
