@@ -40,7 +40,7 @@ class FittedShape(Described):
 
     >>> from lacmesh import read
     >>> (plane,) = fit_surface(read("data/two_blocks.msh"), "slave")
-    >>> plane.shape, plane.axis.tolist(), plane.nodes
+    >>> plane.shape, plane.axis.round(12).tolist(), plane.nodes
     ('plane', [0.0, 0.0, -1.0], 49)
     """
 

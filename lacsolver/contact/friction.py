@@ -170,9 +170,9 @@ def defect(t: Floats, s: Floats, b: Floats, stiffness: Floats) -> NDArray[np.flo
 
     It is (t - P(t + c s)) / c, with P the projection on the disc of radius b and c the `stiffness` (m,).
 
-    >>> defect(np.array([[0.2]]), np.array([[0.0]]), np.array([0.3]), np.array([10.0])).tolist()  # sticks
+    >>> defect(np.array([[0.25]]), np.array([[0.0]]), np.array([0.5]), np.array([8.0])).tolist()  # sticks
     [[0.0]]
-    >>> defect(np.array([[0.3]]), np.array([[5.0]]), np.array([0.3]), np.array([10.0])).tolist()  # slides
+    >>> defect(np.array([[0.5]]), np.array([[5.0]]), np.array([0.5]), np.array([8.0])).tolist()  # slides
     [[0.0]]
     """
     c = stiffness[:, None]

@@ -55,7 +55,7 @@ class ContactSolution(Described):
     it slides, and `shear`, the traction on the master, and the `slip` integral B_T u are (m, k) each; else None.
 
     >>> found = solve_contact([[2.0]], [6.0], [[1.0]], [1.0])
-    >>> found.u.tolist(), found.pressure.tolist()
+    >>> found.u.round(12).tolist(), found.pressure.round(12).tolist()
     ([1.0], [4.0])
     """
 

@@ -216,6 +216,7 @@ def test_a_fingerprint_of_an_older_version_is_compared_as_it_was_made():
     """The digests are those that commit 5e38391 made of these meshes."""
     case = parse_case(NAMED)
     cut = cut_skin(mesh(), "lower").mesh
+    cut = replace(cut, points=np.round(3 * cut.points) / 3)  # to the bit: the digests are those of bits
     for some, digest in ((mesh(), "ed2c0bdf9bbe1600eda12f11e344dcbf"), (cut, "6ed56fad9dce9ce9b856e2433bdf9947")):
         now = fingerprint(case, some)
         older = {**now, "mesh": digest}

@@ -69,7 +69,7 @@ def rated(errors, wanted=2.0, **more):
         ([1.0, 2**-1.0, 2**-3.0, 2**-5.0], None, False),  # the slope is 1.7 over all
         ([1.0, 2**-1.0, 2**-3.0, 2**-5.0], 3, True),
         ([1.0, 0.25, math.nan], None, False),
-        ([1.0, 0.25, 0.0625, 0.0], None, True),  # nothing is left: faster than any rate
+        ([1.0, 0.24, 0.0576, 0.0], None, True),  # nothing is left: faster than any rate
         ([1.0, 0.5, 0.25, 0.0], None, False),
     ],
 )
