@@ -51,7 +51,7 @@ def solve_spinning(
 ) -> Outcome:
     """An elastic sphere that hits a rigid plane with spin. `slip`: speed of its skin along the plane, over the normal
     one; `approach`: largest, over the radius. Half of the sphere; small strains, since it turns by a few thousandths
-    during the impact.
+    during the impact. The normals are the sphere's own, which its small rotation does not move.
     """
     nu, mu = poisson, friction
     speed = impact.speed_for(approach, 1.0, 1.0, nu, 1.0)
@@ -60,7 +60,7 @@ def solve_spinning(
     text = case_text(
         "3d",
         entry("material", young=1.0, poisson=nu, density=1.0),
-        entry("contact", slave="slave", master="wall", friction=mu),
+        entry("contact", slave="slave", master="wall", friction=mu, normals="slave"),
         entry("rigid", group="wall"),
         *(entry("displacement", group=plane, uy=0.0) for plane in ("x0", "y0")),
         entry("initial", groups=["ball"], vz=-speed, rotation=[0.0, -slip * speed, 0.0], centre=[0.0, 0.0, 1.0]),
