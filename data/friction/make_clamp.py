@@ -9,49 +9,34 @@ The heads press on 32 < x < 48. Cells of the plates do not match. Skins turn out
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 import lacmesh
-from lacmesh import Mesh
+from lacmesh.generate import rectangle
 
 THICK, LONG, OVERLAP, HEAD = 5.0, 60.0, 20.0, (32.0, 48.0)
+NEAR = 1e-9
 CELLS = {"lower": (60, 4), "upper": (75, 5)}  # along and across a plate
 
 
 def main(path: Path) -> None:
     """Write both plates to `path`."""
-    points, quads, skins = [], {}, {}
-    first = 0
-    for name, shift in (("lower", 0.0), ("upper", OVERLAP)):
-        nx, ny = CELLS[name]
-        x = shift + np.linspace(0, LONG, nx + 1)
-        y = np.linspace(0, THICK, ny + 1) + (THICK if name == "upper" else 0.0)
-        points.append(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
-        node = first + np.arange((nx + 1) * (ny + 1)).reshape(nx + 1, ny + 1)
-        corners = node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]
-        quads[name] = np.stack([c.ravel() for c in corners], axis=1)
-        low, high = np.stack([node[:-1, 0], node[1:, 0]], axis=1), np.stack([node[1:, -1], node[:-1, -1]], axis=1)
-        under = np.flatnonzero((x[:-1] > HEAD[0] - 1e-9) & (x[1:] < HEAD[1] + 1e-9))
-        if name == "lower":
-            over = np.flatnonzero(x[:-1] > OVERLAP - 1e-9)
-            skins |= {"master": high[over], "nut": low[under], "held": np.stack([node[0, 1:], node[0, :-1]], axis=1)}
-        else:
-            over = np.flatnonzero(x[1:] < LONG + 1e-9)
-            skins |= {
-                "slave": low[over],
-                "head": high[under],
-                "pulled": np.stack([node[-1, :-1], node[-1, 1:]], axis=1),
-            }
-        first += node.size
-    blocks = [("QUAD4", np.concatenate(list(quads.values()))), ("SEG2", np.concatenate(list(skins.values())))]
-    groups, at = {}, 0
-    for name, cells in {**quads, **skins}.items():
-        groups[name] = at + np.arange(len(cells))
-        at += len(cells)
-    flat = np.pad(np.concatenate(points), ((0, 0), (0, 1)))
-    lacmesh.write(path, lacmesh.raise_order(Mesh.create(flat, blocks, cell_groups=groups, space_dim=2), "2"))
+    lower = rectangle(CELLS["lower"], (LONG, THICK))
+    lower = lower.renamed(body="lower", left="held", right="", bottom="", top="")
+    lower = lower.with_groups(master=on(THICK, OVERLAP, LONG), nut=on(0.0, *HEAD))
+    upper = rectangle(CELLS["upper"], (LONG, THICK), corner=(OVERLAP, THICK))
+    upper = upper.renamed(body="upper", right="pulled", left="", bottom="", top="")
+    upper = upper.with_groups(slave=on(THICK, OVERLAP, LONG), head=on(2 * THICK, *HEAD))
+    both = lacmesh.join(lower.only("lower", "master", "nut", "held"), upper.only("upper", "slave", "head", "pulled"))
+    lacmesh.write(path, lacmesh.raise_order(both, "2"))
+
+
+def on(y: float, left: float, right: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a condition on points: at the height y, between two places along x."""
+    return lambda x: (abs(x[1] - y) < NEAR) & (x[0] > left - NEAR) & (x[0] < right + NEAR)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import lacmesh
-from lacmesh import Mesh
+from lacmesh.generate import rectangle
 
 HALF, HIGH, NEAR = 8.0, 8.0, 1.0
 FINE = {"upper": 0.04, "lower": 0.05}
@@ -22,25 +22,13 @@ FINE = {"upper": 0.04, "lower": 0.05}
 
 def main(path: Path) -> None:
     """Write both blocks to `path`."""
-    points, quads, skins = [], {}, {}
-    first = 0
-    for name, side in (("upper", 1), ("lower", -1)):
-        aside = lines(FINE[name], HALF)
-        x, y = np.concatenate([-aside[:0:-1], aside]), side * lines(FINE[name], HIGH)[::side]
-        points.append(np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2))
-        node = first + np.arange(len(x) * len(y)).reshape(len(x), len(y))
-        corners = node[:-1, :-1], node[1:, :-1], node[1:, 1:], node[:-1, 1:]
-        quads[name] = np.stack([c.ravel() for c in corners], axis=1)
-        low, high = np.stack([node[:-1, 0], node[1:, 0]], axis=1), np.stack([node[1:, -1], node[:-1, -1]], axis=1)
-        skins |= {"slave": low, "top": high} if side > 0 else {"bottom": low, "master": high}
-        first += node.size
-    groups, at = {}, 0
-    for name, cells in {**quads, **skins}.items():
-        groups[name] = at + np.arange(len(cells))
-        at += len(cells)
-    blocks = [("QUAD4", np.concatenate(list(quads.values()))), ("SEG2", np.concatenate(list(skins.values())))]
-    flat = np.pad(np.concatenate(points), ((0, 0), (0, 1)))
-    lacmesh.write(path, Mesh.create(flat, blocks, cell_groups=groups, space_dim=2))
+    x, y = {}, {}
+    for name, fine in FINE.items():
+        aside = lines(fine, HALF)
+        x[name], y[name] = np.concatenate([-aside[:0:-1], aside]), lines(fine, HIGH)
+    upper = rectangle((x["upper"], y["upper"])).renamed(body="upper", bottom="slave").only("upper", "slave", "top")
+    lower = rectangle((x["lower"], -y["lower"][::-1])).renamed(body="lower", top="master")
+    lacmesh.write(path, lacmesh.join(upper, lower.only("lower", "master", "bottom")))
 
 
 def lines(fine: float, end: float) -> np.ndarray:

@@ -14,28 +14,20 @@ from pathlib import Path
 import numpy as np
 
 import lacmesh
-from lacmesh import Mesh
+from lacmesh.generate import line, rectangle
 
 RADIUS, SIZE, FINE, H, GROWTH = 5.0, 8.0, 1.0, 0.05, 1.2
 
 
 def main(path: Path) -> None:
     """Write the plate and the ball to `path`."""
-    line = spaced()
-    x, y = np.meshgrid(line, -line[::-1])
-    number = np.arange(x.size).reshape(x.shape)
-    cells = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], axis=-1).reshape(-1, 4)
-    angle = np.linspace(0, 0.4, 41)
-    ball = RADIUS * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
-    lines = {"top": number[-1, ::-1], "bottom": number[0], "ball": x.size + np.arange(len(ball))}
-    points = np.concatenate([np.column_stack([x.ravel(), y.ravel()]), ball])
-    faces = [np.column_stack([nodes[:-1], nodes[1:]]) for nodes in lines.values()]
-    ends = len(cells) + np.cumsum([0, *map(len, faces)])
-    groups = {"plate": np.arange(len(cells))}
-    groups |= {name: np.arange(a, b) for name, a, b in zip(lines, ends, ends[1:], strict=False)}
-    groups["pole"] = np.array([ends[-1]])
-    blocks = [("QUAD4", cells), ("SEG2", np.concatenate(faces)), ("POI1", number[-1:, :1])]
-    lacmesh.write(path, Mesh.create(np.pad(points, ((0, 0), (0, 1))), blocks, cell_groups=groups, space_dim=2))
+    lines = spaced()
+    plate = rectangle((lines, -lines[::-1])).renamed(body="plate")
+    plate = plate.with_groups("nodes", pole=lambda x: (x[0] == 0) & (x[1] == 0)).only("plate", "top", "bottom")
+    angle = np.radians(90) - np.linspace(0, 0.4, 41)
+    ball = [RADIUS * np.cos(angle), RADIUS * (1 - np.sin(angle))]
+    arc = line(40, (0, 0), (1, 0)).moved(lambda x: ball).renamed(body="ball")
+    lacmesh.write(path, lacmesh.join(plate, arc))
 
 
 def spaced() -> np.ndarray:
