@@ -20,9 +20,14 @@ from lacsolver.case.formula import Formula
 from lacsolver.case.keys import defaults_of, keys_of, sections_of
 from lacsolver.case.kinds import Choice
 from lacsolver.case.value import Value
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.newmark import Newmark
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import QuasiStatic
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
+from lacsolver.results.state import StepState
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
 from tests.lacsolver.invariant_cases import permuted
@@ -90,6 +95,34 @@ def test_a_run_that_goes_on_is_one_that_did_not_stop(name, tmp_path):
     for again, state in zip(march(Problem.of(case, case.mesh), start=start), states[first:], strict=True):
         np.testing.assert_array_equal(again.u, state.u)
         np.testing.assert_array_equal(again.step.iterate.p, state.step.iterate.p)
+
+
+# ---- derivatives
+
+#: of a problem whose skins are paired anew at every place: rules of a few points, and rims that pieces cross
+PAIRED_ANEW = 2e-3
+
+
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("given up", "fields", "symmetric")])
+def test_the_tangent_is_the_difference_of_forces_and_of_gaps(name):
+    """At the last state, along a random motion of all unknowns (`fields` has none, `symmetric` leaves a part out)."""
+    problem, states = Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh()), states_of(name)
+    before = states[-2].step if len(states) > 1 else StepState()
+    scheme = QuasiStatic() if problem.case.dynamics is None else Newmark(problem)
+    step = LoadStep(ReducedProblem(problem, scheme), states[-1].time, before)
+    q, p, _ = states[-1].step.iterate
+    v, now = 1e-6 * np.random.default_rng(0).uniform(-1, 1, len(q)), step.linearize(q)
+    bent, D = now.geometric_stiffness(p), step.contact(q).rows.D
+    wanted = now.stiffness(0.0, False).K @ v + (0.0 if bent is None else bent @ v)
+
+    def at(q):
+        one = step.linearize(q)
+        return one.r - one.contact.rows.B_T @ p, step.contact(q).G
+
+    (less, gaps), (more, wide) = at(q + v), at(q - v)
+    within = PAIRED_ANEW if any(joint.moving for joint in problem.joints) else 1e-6
+    assert np.abs((more - less) / 2 - wanted).max() <= within * np.abs(wanted).max()
+    assert np.abs((wide - gaps) / 2 - D @ v).max(initial=0.0) <= within * np.abs(D @ v).max(initial=0.0)
 
 
 # ---- a case and its file
