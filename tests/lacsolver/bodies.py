@@ -1,12 +1,18 @@
-"""Bodies that the solver is tested on: boxes of every cell type, mixtures, one distorted cell."""
+"""Bodies that the solver is tested on: boxes of every cell type, mixtures, one distorted cell; their forces."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.generate.parts import box_of
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.pointwise import DisplacedBodies
+from lacsolver.space.space import Space
 from tests.meshes import grid as mixed_grid
 from tests.meshes import pad
 
@@ -14,6 +20,7 @@ from tests.meshes import pad
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
 PLANES = [name for name, cell in CELLS.items() if cell.dim == 2]
 PLANE_MODELS = ("plane_strain", "plane_stress", "axisymmetric")
+MIXTURES = [(order, model) for order in ("1", "2", "2-full") for model in ("3d", *PLANE_MODELS)]
 #: (cell, model): every pair there is
 PAIRS = [(name, "3d") for name in SOLIDS] + [(name, model) for name in PLANES for model in PLANE_MODELS]
 
@@ -97,3 +104,105 @@ def distorted(mesh, size, seed=0):
     rng = np.random.default_rng(seed)
     move = rng.uniform(-size, size, mesh.points.shape) * [1, 1, mesh.space_dim == 3]
     return Mesh.create(mesh.points + move, [(b.type, b.nodes) for b in mesh.blocks], space_dim=mesh.space_dim)
+
+
+def made(mesh, model, law):
+    """The space and the materials of a mesh; plane stress with a thickness."""
+    space = Space.of(mesh, model, thickness=0.4 if model == "plane_stress" else None)
+    return space, Materials.of(space, law)
+
+
+def unturned(order, model):
+    """A mixture of cells in space or in a plane."""
+    return mixture(order) if model == "3d" else plane_mixture(order)
+
+
+def mixed(order, model, size=0.06):
+    """A distorted mixture."""
+    return distorted(unturned(order, model), size * (0.5 if order != "1" else 1.0), seed=4)
+
+
+def in_two(mesh):
+    """The mesh with its cells in the groups `a` and `b` in turn."""
+    return replace(mesh, cell_groups={"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)})
+
+
+def rigid(space):
+    """(n_dof, modes): the rigid motions that a model has."""
+    x = space.mesh.points
+    if space.model.axisymmetric:
+        return np.tile([[0.0], [1.0]], (len(x), 1))
+    zero, one = np.zeros(len(x)), np.ones(len(x))
+    if space.dim == 2:
+        modes = [[one, zero], [zero, one], [-x[:, 1], x[:, 0]]]
+    else:
+        shifts = [[one if s == k else zero for s in range(3)] for k in range(3)]
+        turns = [np.cross(np.eye(3)[k], x).T for k in range(3)]
+        modes = [*shifts, *turns]
+    return np.stack([np.stack(m, axis=1).ravel() for m in modes], axis=1)
+
+
+def uniform(space, seed=0):
+    """A displacement of uniform strain (n_dof,), and the strain."""
+    rng = np.random.default_rng(seed)
+    x = space.mesh.points[:, : space.dim]
+    A = rng.uniform(-1, 1, (space.dim, space.dim)) * 1e-3
+    shift = rng.uniform(-1, 1, space.dim) * 1e-3
+    if space.model.axisymmetric:
+        A[0, 1] = A[1, 0] = shift[0] = 0.0
+    strain = [A[0, 0], A[1, 1], 0.0, A[0, 1] + A[1, 0]]
+    if space.model.axisymmetric:
+        strain[2] = A[0, 0]
+    if space.dim == 3:
+        strain = [*strain[:2], A[2, 2], strain[3], A[1, 2] + A[2, 1], A[0, 2] + A[2, 0]]
+    return (x @ A.T + shift).ravel(), np.array(strain)
+
+
+def solved(K, u, free, f=None):
+    """u where it is given (not free), and the rest in equilibrium with forces f."""
+    f = np.zeros(len(u)) if f is None else f
+    out = u.copy()
+    out[free] = spsolve(K[free][:, free], (f - K[:, ~free] @ u[~free])[free])
+    return out
+
+
+# ---- at finite strains, each by one call
+
+
+def internal_force(space, materials, u, **options):
+    """Return f_int (n_dof,)."""
+    return DisplacedBodies(space, materials, u, **options).internal_force()
+
+
+def tangent(space, materials, u, *, out=None, **options):
+    """Return K (n_dof, n_dof)."""
+    return DisplacedBodies(space, materials, u, **options).tangent(out)
+
+
+def force_and_tangent(space, materials, u, *, out=None, **options):
+    """Return f_int (n_dof,) and K (n_dof, n_dof)."""
+    body = DisplacedBodies(space, materials, u, **options)
+    return body.internal_force(), body.tangent(out)
+
+
+def stored_energy(space, materials, u, **options):
+    """Return the stored energy."""
+    return DisplacedBodies(space, materials, u, **options).energy()
+
+
+def cauchy_stress(space, materials, u, **options):
+    """Return the Cauchy stress (cells, points, 4 or 6) of each block."""
+    return DisplacedBodies(space, materials, u, **options).cauchy_stress()
+
+
+def first_piola(space, materials, u, **options):
+    """Return the first Piola stress P_si (cells, points, 3, 3) of each block."""
+    return DisplacedBodies(space, materials, u, **options).evaluated(lambda P, F: P)
+
+
+def agree(one, other):
+    """True if two arrays or sparse matrices agree to round-off, relative to the largest entry.
+
+    Their last bits may depend on the number of threads: numpy has other loops for other layouts of an array.
+    """
+    return bool(abs(one - other).max() <= 1e-14 * abs(other).max())

@@ -14,8 +14,8 @@ from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import Material
 from lacsolver.problem.laws import law_of
 from lacsolver.space.space import Space
-from tests.lacsolver import plain_finite
-from tests.lacsolver.assembled import (
+from tests.lacsolver import plain as plain_finite
+from tests.lacsolver.bodies import (
     agree,
     cauchy_stress,
     first_piola,

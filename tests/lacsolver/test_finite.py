@@ -18,8 +18,8 @@ from lacsolver.bodies.finite import InadmissibleError, NeoHookean, SaintVenantKi
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import MODELS, Space
-from tests.lacsolver import plain_finite
-from tests.lacsolver.assembled import (
+from tests.lacsolver import plain as plain_finite
+from tests.lacsolver.bodies import (
     agree,
     cauchy_stress,
     first_piola,

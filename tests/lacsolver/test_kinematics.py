@@ -16,7 +16,7 @@ from lacsolver.case import Material, parse_case
 from lacsolver.problem import acting, loads
 from lacsolver.problem.laws import law_of
 from lacsolver.space.space import MODELS, Space
-from tests.lacsolver.assembled import cauchy_stress, internal_force
+from tests.lacsolver.bodies import cauchy_stress, internal_force
 from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
 from tests.lacsolver.held import with_sides
 from tests.lacsolver.test_finite import by_differences, linearised, shaken

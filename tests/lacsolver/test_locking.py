@@ -25,7 +25,7 @@ from lacsolver.results.figures import step_figures
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
 from tests.lacsolver import plain
-from tests.lacsolver.assembled import agree, tangent
+from tests.lacsolver.bodies import agree, tangent
 from tests.lacsolver.bodies import body, distorted, mixture, one_cell, plane_mixture, rim
 from tests.lacsolver.mode_cases import block, hold, modes_of, text, waves
 from tests.lacsolver.rings import case_text, exact, ring
