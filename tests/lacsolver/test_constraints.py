@@ -397,7 +397,7 @@ def _linear(row, x, t):
 def test_any_conditions_together(seed):
     """A random skin of a distorted mixture in overlapping groups, prescribed by a linear field: u0 and T are right."""
     rng = np.random.default_rng(seed)
-    solid = distorted(mixture("1", seed), 0.1, seed)
+    solid = distorted(mixture("1"), 0.1, seed)
     mesh = with_sides(solid, {"s": lambda x: rng.random(len(x)) < 0.2, "q": lambda x: rng.random(len(x)) < 0.2})
     A = rng.normal(size=(3, 3))
     parts = {"s": ("ux", "uz"), "q": ("uy", "ux")}
