@@ -13,7 +13,7 @@ from lacsolver.linear import LinearError, SingularError, analyse
 from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from tests.lacsolver.bodies import cube
-from tests.lacsolver.stiffnesses import above, free, held, rigid_modes, stiffness
+from tests.lacsolver.systems import above, free, held, rigid_modes, stiffness
 from tests.lacsolver.systems import factorise
 
 

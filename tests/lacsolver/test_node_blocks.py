@@ -14,7 +14,7 @@ from lacsolver.equilibrium.stepping import march
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
 from lacsolver.saddle.stiffness import FactorCache, Stiffness, embed
 from tests import REPOSITORY
-from tests.lacsolver.stiffnesses import BODIES, free
+from tests.lacsolver.systems import BODIES, free
 from tests.lacsolver.test_coupled import moment
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
