@@ -177,9 +177,9 @@ def test_bodies_that_only_contact_holds(stiff, kind):
 # ---- cycles
 
 
-def exchanged(M, r, most=200):
-    """True if exchanging all violated rows at once converges, starting with every row open."""
-    active = np.zeros(len(r), bool)
+def exchanged(M, r, most=200, first=False):
+    """True if exchanging all violated rows at once converges, starting with every row open, or with `first`."""
+    active = np.zeros(len(r), bool) | first
     for _ in range(most):
         p = np.zeros(len(r))
         p[active] = np.linalg.solve(M[np.ix_(active, active)], -r[active])
@@ -211,20 +211,28 @@ def test_where_plain_exchange_goes_round_the_search_ends():
             assert len(outcome.residuals) <= 40
 
 
-@pytest.mark.parametrize("cycle", [4 * np.roll(np.eye(5), 1, axis=1), 2 * np.roll(np.eye(3), 1, axis=1)], ids=str)
-def test_matrices_with_positive_minors_that_are_not_symmetric(cycle):
-    """Rows of gaps that are others than those of forces: M = 1 + 4 P, P a cycle of five, has minors 1 and 1 + 4^5."""
-    rng, count, M = np.random.default_rng(2), 0, np.eye(len(cycle)) + cycle
+def test_matrices_with_positive_minors_that_are_not_symmetric():
+    """Rows of gaps that are others than those of forces: M = 1 + 4 P, P a cycle of five, has minors 1 and 1 + 4^5.
+
+    And Murty's of three rows, with whom Newton's method starts in a ring of three sets.
+    """
+    rng, count, M = np.random.default_rng(2), 0, np.eye(5) + 4 * np.roll(np.eye(5), 1, axis=1)
     while count < 5:
-        r = rng.normal(size=len(M))
+        r = rng.normal(size=5)
         if exchanged(M, r):
             continue
         count += 1
-        s = complementarity(np.eye(len(M)), r)._replace(D=M)  # q = -p, G = r - M q
+        s = complementarity(np.eye(5), r)._replace(D=M)  # q = -p, G = r - M q
         for kind in STARTS:
-            for outcome in (found(s, start(s, kind), LONG), solve_newton(linear(s), start(s, kind), LONG)):
-                p = outcome.iterate.p
-                assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
+            outcome = found(s, start(s, kind), LONG)
+            p = outcome.iterate.p
+            assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
+    M = np.eye(3) + 2 * np.roll(np.eye(3), 1, axis=1)
+    assert not exchanged(M, -np.ones(3), first=[True, False, False])
+    s = complementarity(np.eye(3), -np.ones(3))._replace(D=M)
+    outcome = solve_newton(linear(s), start(s, "none")._replace(active=np.array([True, False, False])), EXACT)
+    assert outcome.converged and outcome.iterate.active.all()
+    np.testing.assert_allclose(outcome.iterate.p, 1 / 3, rtol=1e-12)
 
 
 # ---- where it ends, and what it costs

@@ -1,8 +1,4 @@
-"""Finite strains: differences, twins, turns, the linear limit, stretches with known stress; loads that follow; presses.
-
-A press is a stack of blocks at a uniform finite strain, whatever the cells: pressed down to 0.85 of its height by its
-top, sides free (or, for some, held). Its lateral stretches make the stress on free sides vanish. With `current` areas
-the pressure is Cauchy's, with `reference` ones the nominal one."""
+"""Finite strains: differences, twins, turns, the linear limit, stretches with known stress; loads that follow."""
 
 from __future__ import annotations
 
@@ -22,11 +18,9 @@ from lacsolver.bodies.finite import InadmissibleError, NeoHookean, SaintVenantKi
 from lacsolver.bodies.kinematics import kinematics_of
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.case import Material, Pressure, Solver, Steps, Temperature
-from lacsolver.equilibrium.stepping import march
+from lacsolver.case import Material, Pressure, Temperature
 from lacsolver.problem import acting, loads
 from lacsolver.problem.laws import law_of
-from lacsolver.problem.problem import Problem
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import (
@@ -53,12 +47,9 @@ from tests.lacsolver.bodies import (
     unturned,
 )
 from tests.lacsolver.held import with_sides
-from tests.lacsolver.patch_meshes import placed, stack, ways
-from tests.problems import case_of, contact, move
+from tests.problems import case_of
 from tests.quality_cells import rotation
 from tests.samples import each_option
-from verification.measures.balance import unbalanced
-from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, tilt
 
 LAWS = {
     "kirchhoff": SaintVenantKirchhoff(200.0, 0.3, expansion=2e-3, reference_temperature=20.0),
@@ -197,8 +188,6 @@ def stretches(law, along, stretch, free):
         out[along], out[list(free)] = stretch, wide
         return out
 
-    if not free:
-        return with_sides_at(1.0)
     return with_sides_at(brentq(lambda w: nominal(law, with_sides_at(w))[free[0]], 0.3, 3.0, xtol=1e-15, rtol=1e-15))
 
 
@@ -427,110 +416,3 @@ def test_the_loads_of_a_case_follow_where_they_are_told_to(model):
     still = replace(case, pressure=(dead,))
     assert acting.load_tangent(space, still, u, 0.5) is None
     np.testing.assert_allclose(acting.load(space, materials, still, 0.5, u=u), parts[0], atol=1e-14)
-
-
-# ---- presses
-
-DOWN, EXACT, BALANCED = 0.85, 1e-10, 1e-12
-#: laws by turns
-TURNS = {"neo_hookean": NeoHookean(1000.0, 0.3), "saint_venant_kirchhoff": SaintVenantKirchhoff(1000.0, 0.3)}
-#: stretches that are free, by model
-FREE = {"plane_strain": (0,), "plane_stress": (0, 2), "axisymmetric": (0, 2), "3d": (0, 1)}
-
-
-def press(slave, master, k, *, model="3d", way="pyramid", tilted=False, walls=False, load="", backend="auto", **moves):
-    """Check stress, displacement, pressure, gap, coverage and balance; measures, normals and laws take turns with k.
-
-    `load`: a pressure, the force that the press takes, per undeformed area or, of a follower, per deformed.
-    """
-    dim = 3 if model == "3d" else 2
-    mesh, turn, up = stack(slave, master, dim, **{"counts": (2, 1) if dim == 3 else (3, 2)} | moves), np.eye(3), dim - 1
-    if tilted:
-        turn = tilt(dim)
-        mesh = placed(mesh, turn)
-    measure, normals = ("reference", "current")[k // 2 % 2], ("facet", "smoothed")[k % 2]
-    name, law = list(TURNS.items())[k // 4 % 2]
-    stretch = stretches(law, up, DOWN, () if walls else FREE[model])
-    P = nominal(law, stretch)
-    size, area = abs(P[up]), stretch.prod() / stretch[up]
-    ends = "01" if walls else "0"
-    sides = [f"{a}{e}" for a in "xyz"[:up] for e in ends] if model != "axisymmetric" else []
-    held = [(side, side[0], 0.0) for side in [*sides]] + [("bottom", "xyz"[up], 0.0)]
-    held += [] if load else [("top", "xyz"[up], 2.0 * (DOWN - 1))]
-    records = [move(group, **{"un" if tilted else f"u{axis}": value}) for group, axis, value in held]
-    if load:
-        value = float(size / area) if load == "follower" else float(size)
-        records += [Pressure(group="top", value=value, follower=load == "follower"), Steps(count=2)]
-    records += [Material(law=name, young=1000.0, poisson=0.3), contact(measure=measure, normals=normals, hexa=way)]
-    records += [Solver(tolerance=1e-12, max_iterations=100, threads=1, backend=backend)]
-    problem = Problem.of(case_of(mesh, *records, model=model, kinematics="finite"), mesh)
-    *_, state = march(problem)
-    sigma = turn @ np.diag(stretch * P / stretch.prod()) @ turn.T
-    found = np.concatenate([s.reshape(-1, s.shape[-1]) for s in problem.kinematics.stress(state.u, state.time)])
-    parts = [0, 1, 3] if model == "plane_stress" else range(found.shape[1])
-    assert all(np.abs(found[:, c] - sigma[plain.PAIRS[c]]).max() <= EXACT * size for c in parts), "stress"
-    x = problem.space.mesh.points @ turn
-    x[:, up] -= x[:, up].min()
-    exact = (x * (stretch - 1) * [1, 1, dim == 3]) @ turn.T[:, :dim]
-    off = np.abs(state.u.reshape(-1, dim) - exact)[problem.space.attached].max()
-    assert off <= EXACT * np.abs(exact).max(), "displacement"
-    (joint,), (zone,) = problem.joints, state.zones
-    wide = 1.0 if measure == "reference" else stretch[0] if model == "plane_stress" else area
-    assert np.abs(zone.pressure * wide / size - 1).max() <= EXACT, "pressure"  # a skin's thickness stays as it was
-    assert np.abs(zone.coverage - 1).max() <= EXACT and np.abs(zone.gap / zone.area ** (1 / up)).max() <= EXACT
-    places = joint.places(problem.space, state.u)
-    assert max(unbalanced(places, zone.force, axisymmetric=model == "axisymmetric")) <= BALANCED
-
-
-_PLANE = [(slave, PLANE_KINDS[(k + 4) % len(PLANE_KINDS)], k) for k, slave in enumerate(PLANE_KINDS)]
-_SOLID = [
-    (slave, SOLID_KINDS[(9 * k + 3) % len(SOLID_KINDS)], k, way)
-    for k, slave in enumerate(SOLID_KINDS)
-    for way in ways(slave)
-]
-
-
-def options_of(row):
-    """Kinds of the slave and the master, model or way of the cut; and measure, normals and law, by turns."""
-    return [option for option in row if isinstance(option, str)] + [row[2] % 8]
-
-
-@pytest.mark.parametrize(
-    "slave, master, k, model",
-    each_option(
-        [(*row, model) for model in ("plane_strain", "plane_stress", "axisymmetric") for row in _PLANE], of=options_of
-    ),
-)
-def test_presses_of_plane_kinds(slave, master, k, model):
-    press(slave, master, k, model=model, tilted=k % 2 == 0 and model != "axisymmetric")
-
-
-@pytest.mark.parametrize("slave, master, k, way", each_option(_SOLID, of=options_of))
-def test_presses_of_solid_kinds(slave, master, k, way):
-    press(slave, master, k - k % 2 if way == "hexa" else k, way=way, tilted=k % 2 == 0)
-
-
-#: distorted quadrangles with both measures and normals by turns; walls; loads; cycles of multigrid
-_OTHERS = [
-    ("HEXA8", "TETRA4", 0, {"counts": (3, 2), "skew": 0.05}),
-    ("HEXA8", "TETRA4", 3, {"counts": (3, 2), "skew": 0.05}),
-    ("PENTA6 quadrangle", "TETRA10", 5, {"counts": (3, 2), "skew": 0.05, "tilted": True}),
-    ("HEXA8", "TETRA4", 2, {"counts": (3, 2), "skew": 0.2, "tilted": True, "way": "hexa"}),
-    ("HEXA20", "TETRA4", 0, {"counts": (3, 2), "skew": 0.2}),
-    pytest.param(
-        "HEXA20", "PENTA6 triangle", 2, {"counts": (3, 2), "skew": 0.05, "way": "hexa"}, marks=pytest.mark.slow
-    ),
-    ("QUAD8", "TRIA3", 0, {"walls": True, "model": "plane_strain"}),
-    ("HEXA8", "TETRA10", 1, {"walls": True}),
-    ("TETRA4", "HEXA20", 6, {"walls": True}),
-    ("QUAD4", "TRIA6", 3, {"load": "dead", "model": "axisymmetric"}),
-    ("QUAD9", "QUAD4", 3, {"load": "follower", "model": "plane_strain"}),
-    ("TETRA10", "HEXA8", 3, {"load": "dead"}),
-    ("HEXA8", "TETRA4", 0, {"backend": "multigrid"}),
-    ("TETRA10", "PENTA6 triangle", 5, {"backend": "multigrid"}),
-]
-
-
-@pytest.mark.parametrize("slave, master, k, options", _OTHERS, ids=str)
-def test_other_presses(slave, master, k, options):
-    press(slave, master, k, **options)
