@@ -138,14 +138,14 @@ def columns(value: Any, joint: Contact, law: Any = ELASTIC, mesh: Any = plane, *
     return problem(mesh, "plane_strain", law, joint, *held, load, Probe(group="top"), **keys)
 
 
-def press(slave: str, master: str, model: str, law: str, **keys: Any) -> Problem:
+def press(slave: str, master: str, model: str, law: str, thickness: float | None = None, **keys: Any) -> Problem:
     """Two blocks of some cells at a uniform finite strain, under a pressure on the top."""
     up = "z" if model == "3d" else "y"
     held = [fix("bottom", up), fix("x0", "x")] + ([fix("y0", "y")] if model == "3d" else [])
     load = Pressure(group="top", value=100.0, follower=keys.pop("follower", False))
     given = Material(law=law, young=1000.0, poisson=0.3), contact(**keys), *held, load, Solver(tolerance=1e-11)
     mesh = partial(solid if model == "3d" else plane, slave, master)
-    return problem(mesh, model, *given, Steps(count=2), kinematics="finite")
+    return problem(mesh, model, *given, Steps(count=2), kinematics="finite", thickness=thickness)
 
 
 def slanted(joint: Any) -> Problem:
@@ -428,7 +428,7 @@ PROBLEMS = {
     "press 1": press("HEXA8", "TETRA10", "3d", "neo_hookean", measure="current", normals="smoothed"),
     "press 2": press("TETRA10", "HEXA20", "3d", "saint_venant_kirchhoff", normals="facet", follower=True),
     "press 3": press("QUAD4", "TRIA6", "axisymmetric", "neo_hookean", measure="current"),
-    "press 4": press("QUAD9", "mixed 2", "plane_stress", "saint_venant_kirchhoff", measure="current"),
+    "press 4": press("QUAD9", "mixed 2", "plane_stress", "saint_venant_kirchhoff", 2.5, measure="current"),
     "smooth": slanted(contact(normals="smoothed", surface="faces")),
     "by the master": slanted(contact(normals="master", surface="faces")),
     "by the slave": slanted(contact(normals="slave", surface="faces")),

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.optimize import brentq
 
 from lacmesh.reference.shapes import gradient, jacobian, shape
-from lacsolver.bodies.hyperelastic import NeoHookean
 from lacsolver.space.rules import cell_rule
 
 I = np.eye(3)  # noqa: E741
@@ -15,29 +13,22 @@ I = np.eye(3)  # noqa: E741
 PAIRS = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
 
 
-def points(space, name, nodes):
-    """(c, q, n, dim) gradients, (c, q, n) N / r or 0, (c, q) weights."""
+def variations(space, name, nodes):
+    """D (c, q, 3, 3, n, dim): dF_si/du_at, and weights (c, q), thickness or 2 pi r in them."""
     X, w = cell_rule(name, space.model.axisymmetric)
     x = space.mesh.points[nodes]
     N, dN = shape(name, X), gradient(name, X)
     J = jacobian(name, x, X)[:, :, : space.dim]
     G = np.einsum("qnd,cqds->cqns", dN, np.linalg.inv(J))
-    W = np.abs(np.linalg.det(J)) * w
-    hoop = np.zeros(G.shape[:3])
-    if space.model.axisymmetric:
-        r = x[:, :, 0] @ N.T
-        hoop, W = N / r[..., None], W * 2 * np.pi * r
-    return G, hoop, W * space.thickness
-
-
-def variations(space, name, nodes):
-    """D (c, q, 3, 3, n, dim): dF_si/du_at, and weights."""
-    G, hoop, W = points(space, name, nodes)
+    W = np.abs(np.linalg.det(J)) * w * space.thickness
     D = np.zeros((*G.shape[:2], 3, 3, G.shape[2], space.dim))
     for s in range(space.dim):
         for i in range(space.dim):
             D[:, :, s, i, :, s] = G[..., i]
-    D[:, :, 2, 2, :, 0] += hoop
+    if space.model.axisymmetric:
+        r = x[:, :, 0] @ N.T
+        D[:, :, 2, 2, :, 0] += N / r[..., None]
+        W = W * 2 * np.pi * r
     return D, W
 
 
@@ -107,79 +98,6 @@ def pattern(cells, n_nodes):
     return made.indptr, made.indices
 
 
-# ---- finite strains: second Piola stress and its tangent
-
-
-def second_piola(law, F):
-    """S (..., 3, 3)."""
-    lam, mu = law.lame
-    C = np.einsum("...ki,...kj->...ij", F, F)
-    if isinstance(law, NeoHookean):
-        inv = np.linalg.inv(C)
-        return mu * (I - inv) + lam * np.log(np.linalg.det(F))[..., None, None] * inv
-    E = (C - I) / 2
-    return lam * np.trace(E, axis1=-2, axis2=-1)[..., None, None] * I + 2 * mu * E
-
-
-def material_tangent(law, F):
-    """2 dS/dC (..., 3, 3, 3, 3)."""
-    lam, mu = law.lame
-    if isinstance(law, NeoHookean):
-        inv = np.linalg.inv(np.einsum("...ki,...kj->...ij", F, F))
-        m = (mu - lam * np.log(np.linalg.det(F)))[..., None, None, None, None]
-        pairs = np.einsum("...ik,...jl->...ijkl", inv, inv) + np.einsum("...il,...jk->...ijkl", inv, inv)
-        return lam * np.einsum("...ij,...kl->...ijkl", inv, inv) + m * pairs
-    pairs = np.einsum("ik,jl->ijkl", I, I) + np.einsum("il,jk->ijkl", I, I)
-    return np.broadcast_to(lam * np.einsum("ij,kl->ijkl", I, I) + mu * pairs, (*F.shape[:-2], 3, 3, 3, 3))
-
-
-def stress_and_tangent(law, F, plane_stress):
-    """P (..., 3, 3) and A (..., 3, 3, 3, 3), with F_22 found and eliminated in plane stress; F as completed."""
-    if plane_stress:
-        F = F.copy()
-        for place in np.ndindex(F.shape[:-2]):
-            F[place][2, 2] = across(law, F[place])
-    S, C = second_piola(law, F), material_tangent(law, F)
-    A = np.einsum("...sk,...kilj,...tl->...sitj", F, C, F) + np.einsum("...ij,st->...sitj", S, I)
-    if plane_stress:
-        out = A[..., :, :, 2, 2]
-        A = A - np.einsum("...si,...tj->...sitj", out, out) / A[..., 2, 2, 2, 2][..., None, None, None, None]
-    return F @ S, A, F
-
-
-def across(law, F):
-    def off(z):
-        there = F.copy()
-        there[2, 2] = z
-        return second_piola(law, there)[2, 2]
-
-    return brentq(off, 0.2, 5.0, xtol=1e-15, rtol=1e-15)
-
-
-def fields(space, materials, u, theta=1.0):
-    """(D, W, P, A, F) of each block, a law at a time; `theta`: the thermal stretch."""
-    for (name, nodes, _), which in zip(space.blocks, materials.law, strict=True):
-        D, W = variations(space, name, nodes)
-        F = I + np.einsum("cqsiat,cat->cqsi", D, u.reshape(-1, space.dim)[nodes])
-        P, A = np.zeros_like(F), np.zeros((*F.shape, 3, 3))
-        for k, law in enumerate(materials.laws):
-            rows = which == k
-            P[rows], A[rows], there = stress_and_tangent(law, F[rows] / theta, space.model.plane_stress)
-            F[rows] = there * theta
-        yield D, W, P * theta**2, A * theta, F
-
-
-def force_and_tangent(space, materials, u, theta=1.0):
-    """f (n_dof,), and K as csr."""
-    f, parts = np.zeros(space.n_dof), []
-    for block, (D, W, P, A, _) in zip(space.blocks, fields(space, materials, u, theta), strict=True):
-        dofs = space.dofs(block.nodes.ravel()).reshape(len(block.nodes), -1)
-        D = D.reshape(*D.shape[:4], -1)
-        np.add.at(f, dofs, np.einsum("cqsia,cqsi,cq->ca", D, P, W))
-        parts.append((block.nodes, np.einsum("cqsia,cqsitj,cqtjb,cq->cab", D, A, D, W, optimize=True)))
-    return f, assembled(space, parts)
-
-
 def mean_force(space, materials, u, theta=1.0):
     """f (n_dof,) and the energy of a neo-Hookean law, F (e^j / J)^(1/3) for F in every cell."""
     f, energy = np.zeros(space.n_dof), 0.0
@@ -196,7 +114,9 @@ def mean_force(space, materials, u, theta=1.0):
         of_mean = np.einsum("cq,cqa->ca", W * J, change) / (W * J).sum(axis=1)[:, None]
         factor = (np.exp(j) / J) ** (1 / 3)
         there = F * factor[..., None, None]
-        P = there @ second_piola(law, there)
+        C = np.linalg.inv(np.einsum("...ki,...kj->...ij", there, there))
+        ln_J = np.log(np.linalg.det(there))[..., None, None]
+        P = there @ (mu * (I - C) + lam * ln_J * C)  # second Piola-Kirchhoff stress
         moved = D + np.einsum("cqsi,cqa->cqsia", F, of_mean[:, None] - change) / 3
         dofs = space.dofs(nodes.ravel()).reshape(len(nodes), -1)
         np.add.at(f, dofs, np.einsum("cqsi,cqsia,cq->ca", P, moved, W * factor))

@@ -68,13 +68,6 @@ def test_components_along_axes_pick_unknowns(name, model):
     np.testing.assert_allclose(normal.u0(1.0), along.u0(1.0), rtol=1e-14)
 
 
-def test_nothing_held():
-    space, constraints = of(box("HEXA8", "3d"))
-    assert constraints.free.tolist() == list(range(space.n_dof))
-    assert not constraints.u0(1.0).any()
-    assert constraints.reactions(np.ones(space.n_dof)) == {}
-
-
 def test_round_off_in_the_coordinates_does_not_tilt_a_normal():
     mesh = box("HEXA8", "3d")
     shaken = mesh.points + 1e-15 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape)

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-import lacsolver.equilibrium.active_set
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.row_set import RowSet
-from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
 from tests.lacsolver.systems import (
     Linearized,
@@ -26,7 +24,6 @@ from tests.lacsolver.systems import (
     enumerated,
     factorised,
     rows,
-    saddle,
     solve_active_set,
     solve_newton,
     system,
@@ -82,20 +79,6 @@ def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
         outcome = found(s, start(s, kind, seed), enforceable=enforceable, equality=equality)
         check(s, outcome, enforceable, equality)
         assert (outcome.iterate.p[~enforceable] == 0).all()
-
-
-@pytest.mark.fuzz
-@FROM_EVERY_START
-def test_a_body_that_contact_alone_holds(kind):
-    """Pressed along its free motion, it is stopped; nothing else is asked of what stops it."""
-    count, seeds = 0, samples(14, 40)
-    for seed in range(seeds):
-        s = system(seed, n=10, m=6, free=1)
-        if not (s.B @ s.R[:, 0] * np.sign(s.R[:, 0] @ s.f) > 0).any() or enumerated(s, *masks(6)) is None:
-            continue  # nothing is in the way
-        count += 1
-        check(s, found(s, start(s, kind, seed)))
-    assert count >= seeds / 2
 
 
 def masks(m):
@@ -248,25 +231,6 @@ def test_every_iteration_is_told_and_it_says_so_if_it_was_not_let_go_on():
     assert not short.converged and len(short.residuals) == 1
 
 
-def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch):
-    goals = []
-
-    def spied(problem, q, p, tolerance):
-        goals.append((tuple(problem.active), tolerance.reduction))
-        return solve_saddle(problem, q, p, tolerance)
-
-    monkeypatch.setattr(lacsolver.equilibrium.active_set, "solve_saddle", spied)
-    s = system(3, n=60, m=30)
-    outcome = solve_active_set(s.held, s.f, contact(s), start(s, "none"), LIMITS)
-    assert outcome.converged and goals[-1][1] == 0
-    q, p = saddle(s, np.flatnonzero(outcome.iterate.active), np.zeros(60))
-    np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-12 * np.abs(q).max())
-    np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-12 * np.abs(p).max())
-    loose = [active for active, reduction in goals if reduction > 0]
-    assert len(set(loose)) == len(loose), "a set that comes back is solved exactly"
-    assert len(loose) >= 2
-
-
 def test_gaps_of_rounding_end_it():
     """A load of nothing leaves gaps that are known to rounding of the coordinates; less is not asked."""
     s = system(0, n=12, m=6)
@@ -284,20 +248,6 @@ def test_a_step_that_is_as_the_one_before_takes_one_solve():
     first = found(s, start(s, "none"))
     again = found(s, first.iterate)
     assert len(again.residuals) == 1 and again.applications <= 2
-
-
-def test_scaling_changes_nothing():
-    """Other units of force and of length: as many solves, the same set."""
-    s = system(4, n=30, m=12)
-    first = found(s, start(s, "none"))
-    for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
-        other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
-        made = solve_active_set(
-            other.held, other.f, contact(other), start(other, "none"), ConvergenceTolerance(1e-10, 50, length)
-        )
-        assert made.converged and len(made.residuals) == len(first.residuals)
-        np.testing.assert_array_equal(made.iterate.active, first.iterate.active)
-        np.testing.assert_allclose(made.iterate.q, length * first.iterate.q, rtol=1e-6, atol=1e-9 * length)
 
 
 def test_the_stiffness_of_a_row_is_that_of_its_own_skin():

@@ -248,21 +248,6 @@ def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
     assert_no_work(face.B, mesh.points, dim, 1e-13)
 
 
-@pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3)])
-def test_the_lever_of_a_tie_is_what_a_rotation_costs_without_it(slave, master, dim):
-    """Without the gap's moment_arm a turn by 1 about an axis moves the far side by the gap, w times."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.1))
-    face = integrate(zone, dim, FAR, tie=True)
-    plain = macro_rows(face.points, zone.slave, zone.master, face.weight[:, None], zone.n_macros)
-    *_, turn = rigid_motions(mesh.points, dim)
-    if dim == 3:
-        turn = np.cross([0.0, 1.0, 0.0], mesh.points)
-    jump = plain @ turn
-    along = -0.1 * face.w if dim == 3 else 0.1 * face.w
-    np.testing.assert_allclose(jump[:, 0], along, rtol=1e-11)
-    np.testing.assert_allclose(jump[:, 1:], 0, atol=1e-12)
-
-
 @ALL
 def test_the_rows_of_a_tie_are_the_jump_and_those_of_friction_the_slip(slave, master, dim):
     """A master that moves away along each axis: minus its motion, w times; its parts along the tangents are slip."""
@@ -353,13 +338,6 @@ def test_macro_elements_keep_the_number_of_the_cut():
             assert np.isin(face.B[[row]].indices // 3, nodes_of(mesh, f"slave{k}")).any()
         numbers.append(zone.number)
     assert not np.intersect1d(*numbers).size and len(np.concatenate(numbers)) == cut.n_macros
-
-
-def test_sums_over_macro_elements():
-    _, zone = wavy("HEXA8", "TETRA4", 3)
-    values = np.arange(2.0 * len(zone.slave)).reshape(-1, 2)
-    want = [values[zone.macro == m].sum(axis=0) for m in range(zone.n_macros)]
-    np.testing.assert_allclose(zone.sums(values), want)
 
 
 @pytest.mark.parametrize(

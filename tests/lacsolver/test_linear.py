@@ -24,7 +24,6 @@ from lacsolver.case import Solver
 from lacsolver.case.rules import BACKENDS_OF
 from lacsolver.linear import MULTIGRID_ABOVE, Backend, LinearError, SingularError, analyse, backends, choose
 from lacsolver.linear.direct.reserve import warn_once
-from lacsolver.linear.regular import is_free, least_motion
 from lacsolver.output import create_output
 from lacsolver.running import run
 from tests import REPOSITORY
@@ -285,14 +284,6 @@ def test_a_singular_system_is_an_error_that_names_the_motion(backend, name):
     assert spanned(mode, motions) < 1e-6
 
 
-@pytest.mark.parametrize("backend", INSTALLED)
-def test_two_bodies_that_are_held(backend):
-    one, modes = held("hexahedra")
-    K, n = beside(one, one), one.shape[0]
-    x = solver(K, np.tile(modes, (2, 1)), backend).factor(K).solve(np.ones(2 * n))
-    assert np.abs(x[:n] - x[n:]).max() <= 1e-9 * np.abs(x).max()
-
-
 def negative(name, number):
     """A body with one negative eigenvalue that no diagonal entry shows."""
     K = held(name)[0].toarray()
@@ -362,17 +353,6 @@ def test_a_stiff_inclusion_is_no_singularity():
     with pytest.raises(SingularError) as caught:
         factorise(beside(stiff, loose.tocsr()))
     assert caught.value.dof >= stiff.shape[0]
-
-
-def test_the_least_motion_is_that_of_the_least_eigenvalue():
-    K, _ = held("plane")
-    d = K.diagonal()
-    values, ways = np.linalg.eigh(K.toarray() / np.sqrt(np.outer(d, d)))
-    v = least_motion(K, d, factorise(K, backend="superlu")._solve, clear=np.inf)
-    assert abs(v @ (d * v) - 1) < 1e-12
-    assert values[0] <= v @ (K @ v) < 1.01 * values[0]
-    assert abs(ways[:, 0] @ (np.sqrt(d) * v)) > 0.99
-    assert not is_free(K, v)
 
 
 # ---- a solver in reserve

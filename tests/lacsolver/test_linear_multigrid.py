@@ -15,12 +15,11 @@ from scipy.sparse.linalg import eigsh
 from lacmesh.communicator import SERIAL
 from lacmesh.errors import RequestError
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import SingularError, analyse
 from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
-from lacsolver.saddle.stiffness import FactorCache, Stiffness, embed
+from lacsolver.saddle.stiffness import FactorCache, embed
 from tests import REPOSITORY
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.systems import BODIES, above, factorise, free, held, rigid_modes, stiffness
@@ -214,16 +213,6 @@ def test_the_largest_eigenvalue_is_bounded_closely(brick):
     assert full <= largest <= 1.1 * full
 
 
-def test_many_nodes_that_are_held_cost_nothing_to_look_at():
-    """Each is a body of its own, which no mode moves."""
-    n = 3 * 4000
-    K = csr_array(diags_array(np.full(n, 2.0)))
-    modes = np.zeros((n, 6))
-    modes[:3, :3] = np.eye(3)
-    x = analyse(K, backend="multigrid", modes=modes, block=3).factor(K).solve(np.ones(n))
-    np.testing.assert_allclose(x, 0.5, rtol=1e-12)
-
-
 def test_the_smoother_with_rows_by_dense_algebra():
     """(M + N^T N)^-1 by Woodbury's formula, and a bound L of N^T N that turns with the axes."""
     rng, n_nodes, b = np.random.default_rng(0), 7, 3
@@ -311,20 +300,6 @@ def test_memory_of_a_stiffness_and_its_hierarchy():
     kept, most = (size / blocks for size in tracemalloc.get_traced_memory())
     tracemalloc.stop()
     assert held.iterative and kept < 2.3 and most < 3.0, (kept, most)
-
-
-@pytest.mark.parametrize("floating", [False, True])
-def test_a_run_makes_no_entries_of_the_whole_stiffness(floating, monkeypatch):
-    problem, asked = problem_of(floating), []
-
-    def submatrix(stiffness, unknowns):
-        asked.append(len(unknowns) / len(stiffness.R))
-        return some(stiffness, unknowns)
-
-    some = Stiffness._submatrix
-    monkeypatch.setattr(Stiffness, "_submatrix", submatrix)
-    *_, state = march(problem)
-    assert state.zones[0].pressure.max() > 0 and asked and max(asked) < 0.6
 
 
 @pytest.mark.filterwarnings("ignore:contact 'slave'. slave 'slave' is stiffer than master")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import brentq
-from scipy.special import j0, j1
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
@@ -18,7 +17,6 @@ from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import SingularError
 from lacsolver.results.results import Restart
-from lacsolver.vibration import eigenmodes
 from lacsolver.vibration.linearised import LinearisedProblem
 from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bodies import PLANES, square
@@ -95,34 +93,12 @@ def test_a_beam_on_rollers_bends_as_rayleigh_and_lamb_say():
     assert len(fine.rigid) == 1 and "moves along x" in fine.rigid[0]
 
 
-def test_a_long_cylinder_breathes_radially():
-    """Axisymmetric, ends on rollers: omega = k c with k R J0(k R) = (1 - 2 nu) / (1 - nu) J1(k R)."""
-    factor = (1 - 2 * 0.25) / (1 - 0.25)
-    exact = brentq(lambda z: z * j0(z) - factor * j1(z), 0.5, 3.0) * waves()[0] / (2 * np.pi)
-    errors = []
-    for n in (3, 6):
-        cylinder = block("QUAD8", n, size=(1.0, 0.1, 1.0))
-        errors.append(nearest(modes_of(cylinder, *ROLLERS[2:], model="axisymmetric", count=1).frequencies, exact))
-    assert errors[1] < 1e-5 and np.log2(errors[0] / errors[1]) > 3.7
-
-
 def test_a_stiff_body_on_springs_has_the_frequency_of_a_mass():
     springs = [Spring(at=[x, y], kx=0.5, ky=2.0) for x in (0.0, 1.0) for y in (0.0, 1.0)]
     law = replace(SOLID, young=1e9, density=3.0)
     modes = modes_of(block("QUAD4", 1), *springs, model="plane_stress", law=law, count=2)
     assert modes.frequencies == pytest.approx(np.sqrt(np.array([2.0, 8.0]) / 3) / (2 * np.pi), rel=1e-7)
     assert modes.modal_masses == pytest.approx(3.0, rel=1e-6) and modes.rigid == ()
-
-
-def test_units_change_no_frequency():
-    """Steel in metres, kilograms and seconds, and in millimetres, tonnes and seconds."""
-    si, mm = (
-        modes_of(block("HEXA8", 3, "3d", (3 * a, a, a)), fix("x0", "xyz"), model="3d", law=law, count=4)
-        for a, law in ((0.1, Material(young=2.1e11, poisson=0.3, density=7850.0)),
-                       (100.0, Material(young=2.1e5, poisson=0.3, density=7.85e-9)))
-    )  # fmt: skip
-    assert mm.frequencies == pytest.approx(si.frequencies, rel=1e-10)
-    assert mm.mass == pytest.approx(si.mass * 1e-3, rel=1e-12) and si.mass == pytest.approx(7850 * 3e-3, rel=1e-12)
 
 
 # ---- rigid-body modes
@@ -181,21 +157,6 @@ def test_effective_masses_of_all_modes_are_the_mass_that_is_free():
         assert (np.diff(modes.effective_masses.cumsum(axis=0), axis=0) >= 0).all()
         found.append(1 - free.max() / modes.mass)
     assert 0 < found[1] < 0.55 * found[0] < 0.1
-
-
-@pytest.mark.parametrize("records", [(fix("bottom", "xy"), TIE), (TIE,), (fix("bottom", "xy"), CONTACT)])
-def test_sparse_and_dense_matrices_give_the_same(monkeypatch, records):
-    """Blocks that do not match: tied and held, tied and free (three rigid-body modes), and with an open contact."""
-    made = []
-    for limit in (0, 10**6):
-        monkeypatch.setattr(eigenmodes, "_DENSE", limit)
-        made.append(modes_of(stack("QUAD4", "TRIA3", 2, counts=(4, 3)), *records, count=6))
-    sparse, dense = made
-    assert sparse.frequencies == pytest.approx(dense.frequencies, rel=1e-9)
-    assert sparse.effective_masses == pytest.approx(dense.effective_masses, abs=1e-9 * dense.mass)
-    held = TIE in records
-    assert len(sparse.rigid) == len(dense.rigid) == (0 if held and len(records) == 2 else 3)
-    assert sparse.held == {"joint": 2 * 4 if held else 0}  # two components for each slave face
 
 
 def test_shapes_solve_the_equations_and_fulfil_the_tie():

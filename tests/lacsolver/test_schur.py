@@ -12,18 +12,17 @@ import pytest
 from scipy.sparse import csr_array
 
 import lacsolver.equilibrium.reduced
-from lacsolver.case import Displacement, Pressure, Solver, Steps, Tie, parse_case
+from lacsolver.case import Displacement, Pressure, Solver, Steps, parse_case
 from lacsolver.equilibrium import kept_columns
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
-from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
-from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, steps, thrown
+from tests.lacsolver.moving import PLANE, SMALL, SPEED, WALL, steps, thrown
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 from tests.problems import ELASTIC, case_of, contact, fix, move
@@ -138,11 +137,6 @@ def test_a_loose_goal_is_met_and_costs_less():
     np.testing.assert_allclose(s.K @ loose.q + s.B.T @ loose.p, s.f, atol=1e-12 * np.abs(s.f).max())
 
 
-def test_the_gap_that_need_not_be_closed():
-    for relative, absolute, way, stops in ((1e-3, 0, 0, 1e-3), (1e-3, 0, 5, 5e-3), (0, 0.01, 0, 0.01)):
-        assert LinearTolerance(0, relative, absolute, way).threshold(1.0) == pytest.approx(stops)
-
-
 # ---- on a mesh
 
 
@@ -254,27 +248,6 @@ def test_a_step_in_contact_takes_at_most_three_applications(made):
         assert np.abs(p - q).max() <= 1e-9 * max(np.abs(q).max(), 1e-300)
 
 
-LAWS = {
-    "soft": (contact(stiffness=200.0, clearance="0.01 * x"), PRESSED),
-    "tie": (Tie(slave="slave", master="master"), PRESSED),
-    "held by contact alone": (
-        contact(clearance=ROUND), *UPRIGHT, Pressure(group="top", value="1 + x + 0.8 * cos(5 * t)"),
-    ),
-    "pulled off": (contact(initial="all"), move("top", ux=0.0, uy=0.0, uz="0.01 * (t - 0.45)")),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_results_are_those_without_columns(name):
-    states, table = counted(static(6, *LAWS[name], counts=(4, 3)))
-    plain, _ = without(static(6, *LAWS[name], counts=(4, 3)))
-    rows = table[-1, 2] * (3 if name == "tie" else 1)
-    assert table[1:, 0].sum() - rows <= 3 * (len(table) - 1)  # the first step has no columns yet
-    for one, other in zip(states, plain, strict=True):
-        assert np.abs(one.u - other.u).max() <= 1e-9 * np.abs(other.u).max()
-        np.testing.assert_array_equal(one.zones[0].status, other.zones[0].status)
-
-
 def test_columns_are_dropped_with_their_factor_and_with_their_rows():
     """Halving dt makes another factor: its columns are found anew; the memory of columns is bounded."""
     text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("bar", vy=-0.1)
@@ -299,14 +272,3 @@ def test_columns_are_dropped_with_their_factor_and_with_their_rows():
     assert len(small._values) == 1 and other.shape == one.shape
     B, C = rows.B.toarray(), kept_columns.KeptColumns(K, rows, 9).columns(np.arange(2))
     np.testing.assert_allclose(C, B @ np.linalg.solve(K.K.toarray(), B[:2].T), rtol=1e-9, atol=1e-12 * C.max())
-
-
-def test_a_run_goes_on_to_the_last_bit_with_columns():
-    """A restart has no columns yet, and finds the same."""
-    text = SPACE + SMALL + WALL + "[dynamics]\n" + thrown("bar", vz=-0.5) + steps(0.9, 12)
-    mesh = bar_on_wall("HEXA8", 4, 0.02)
-    _, states, _ = moved(text, mesh)
-    restart = Restart.of(states[7], states[7].step.step_size, 8)
-    _, again, _ = moved(text, mesh, start=restart)
-    np.testing.assert_array_equal(again[-1].u, states[-1].u)
-    np.testing.assert_array_equal(again[-1].zones[0].pressure, states[-1].zones[0].pressure)

@@ -234,6 +234,8 @@ def test_turned_wood_answers_a_turned_strain_with_the_turned_stress(seed):
     E = Q.T @ tensor(e, shear=2.0) @ Q
     there = np.array([E[0, 0], E[1, 1], E[2, 2], 2 * E[0, 1], 2 * E[1, 2], 2 * E[0, 2]])
     np.testing.assert_allclose(tensor(turned(Q).elasticity() @ there), Q.T @ straight @ Q, atol=1e-13)
+    above = Orthotropic((1.0, 0.01, 1.0), (9.0, 0.0, 0.0), (1.0, 1.0, 1.0))  # nu12^2 < E1 / E2 = 100
+    assert np.linalg.eigvalsh(above.elasticity()).min() > 0, "a Poisson's ratio above 1/2"
     same = replace(ISOTROPIC, axes=(tuple(Q[0]), tuple(Q[1])))
     np.testing.assert_allclose(same.elasticity(), ELASTIC.elasticity(), atol=1e-14)
 
@@ -294,11 +296,6 @@ def test_axes_out_of_the_plane_are_refused():
 def test_constants_that_make_no_material(law, constants, words):
     with pytest.raises(DataError, match=words):
         law(*constants)
-
-
-def test_a_poisson_above_a_half_is_allowed_where_the_energy_stays_positive():
-    law = Orthotropic((1.0, 0.01, 1.0), (9.0, 0.0, 0.0), (1.0, 1.0, 1.0))  # nu12^2 < E1 / E2 = 100
-    assert np.linalg.eigvalsh(law.elasticity()).min() > 0
 
 
 def two_groups():
@@ -388,20 +385,6 @@ def test_columns_under_a_force(kind, model, slave, joint):
     assert abs(figures.contact["slave"].resultant[1]) == pytest.approx(force, rel=1e-12)
     assert max(figures.balance) < 1e-12
     assert figures.energy == pytest.approx(0.5 * force**2 / (E * LOW) + 0.5 * 6.0**2 / E * 2 * UP, rel=1e-9)
-
-
-@pytest.mark.parametrize("slave", ["lower", "upper"])
-def test_large_strains_and_moving_contact(slave):
-    """With Saint Venant-Kirchhoff and the contact paired again; the lower column has S = E (l^2 - 1) / 2, F = l S A."""
-    law = replace(STIFF, law="saint_venant_kirchhoff")
-    solution = thick(law, contact(), FOOT, HEAD, PRESSURE, slave=slave, kinematics="finite")
-    force, figures = 6.0 * UP, solution.figures
-    assert figures.reactions["bottom"][1] == pytest.approx(force, rel=1e-9)
-    assert abs(figures.contact["slave"].resultant[1]) == pytest.approx(force, rel=1e-9)
-    if slave == "lower":
-        stretch = max(np.roots([E * LOW / 2, 0, -E * LOW / 2, force]).real)
-        below = solution.mesh.nodes_on(solution.mesh.cells_of("slave"))
-        np.testing.assert_allclose(solution.u[below, 1], stretch - 1, rtol=1e-8)
 
 
 def test_a_slave_of_two_thicknesses():
