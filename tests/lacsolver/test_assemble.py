@@ -48,11 +48,7 @@ from verification.meshes.bars import bar, bar_on_wall
 from verification.meshes.blocks import BLOCK_TYPES, joined
 
 LAW = Elastic(young=200.0, poisson=0.3)
-
-
 WOOD = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0), (0.0, 1.0)))
-
-
 TURNED = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0, 0.5), (0.0, 1.0, 1.0)))
 RHO = 7.8
 HEAVY = Elastic(young=200.0, poisson=0.3, density=RHO)
@@ -172,14 +168,6 @@ def test_fields_at_other_points(model, degree):
     def u(x):
         return np.stack([x[..., 0] * x[..., 1], x[..., 1] ** 2, x[..., 0] * x[..., 2]][:dim], axis=-1)
 
-    def gradient(x):
-        zero = np.zeros(x.shape[:-1])
-        rows = [[x[..., 1], x[..., 0], zero], [zero, 2 * x[..., 1], zero], [x[..., 2], zero, x[..., 0]]]
-        G = np.stack([np.stack(r, axis=-1) for r in rows], axis=-2)[..., :dim, : space.model.rows]
-        if model == "axisymmetric":
-            G[..., 0, 2] = x[..., 1]
-        return G
-
     nodal = u(space.mesh.points).ravel()
     volume = 0.0
     for x, w, value, e, s in zip(
@@ -191,8 +179,7 @@ def test_fields_at_other_points(model, degree):
         strict=True,
     ):
         np.testing.assert_allclose(value, u(x), atol=1e-12)
-        G = gradient(x)
-        np.testing.assert_allclose(e[..., 3], G[..., 0, 1] + G[..., 1, 0], atol=1e-12)
+        np.testing.assert_allclose(e[..., 3], x[..., 0], atol=1e-12)  # the shear strain
         np.testing.assert_allclose(s, e @ materials.tables[0][0], atol=1e-9)
         volume += w.sum()
     exact = {"3d": 12.0, "plane_strain": 9.0, "plane_stress": 3.6, "axisymmetric": 2 * np.pi * 3 * (16 - 1) / 2}
@@ -351,18 +338,6 @@ def test_mass_moves_and_stays_as_much(kind, how):
     before = bar_on_wall(kind, 4, 0.01).points
     new = np.array([np.linalg.norm(before - x, axis=1).min() > 1e-9 for x in mesh.points])
     np.testing.assert_array_equal(inside_children(mesh, dim), new & ~slave)
-
-
-@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "TETRA4"])
-def test_internal_nodes_alone_leave_the_inertia(kind):
-    """Linear fields keep their kinetic energy: centre and tensor of inertia are exact."""
-    made, field = inertia(kind, "internal"), np.random.default_rng(0)
-    dim = made.space.dim
-    x = np.column_stack([made.space.local.points[:, :dim], np.ones(made.space.mesh.n_nodes)])
-    for _ in range(3):
-        v = (x @ field.normal(size=(dim + 1, dim))).ravel()
-        assert v @ made.M @ v == pytest.approx(v @ made.plain @ v, rel=1e-12)
-    assert made.told() == []
 
 
 def test_a_body_too_thin_keeps_the_mass_of_its_skins():

@@ -10,7 +10,6 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh, Surface
-from lacmesh.errors import DataError
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.case import CaseError, Displacement, EvaluationError, Rigid
@@ -187,16 +186,6 @@ def test_a_corner_of_one_group_is_held_in_every_direction():
     assert constraints.u0(1.0)[:3].tolist() == pytest.approx([-0.125] * 3, rel=1e-14)
 
 
-def test_a_component_and_a_tilted_normal_together():
-    mesh = moved(box("HEXA8", "3d"), [[1, 0, 0.5], [0, 1, 0], [0, 0.3, 1]])
-    space, constraints = of(mesh, move("x1", un=0.1), move("y0", uy="x", uz=0.3))
-    node = np.intersect1d(nodes_in(mesh, "x1"), nodes_in(mesh, "y0"))[0]
-    D, c = conditions_at(constraints, node)
-    assert len(D) == 3
-    np.testing.assert_allclose(D @ constraints.u0(1.0)[3 * node : 3 * node + 3], c, atol=1e-15)
-    check_map(space, constraints)
-
-
 def test_the_same_condition_twice_is_one():
     mesh = box("HEXA8", "3d")
     again = Displacement(group="x0", kind="cell", un="-0.1 * t")
@@ -299,13 +288,8 @@ def test_un_needs_a_skin_of_the_body():
         cell_groups={**mesh.cell_groups, "bare": [mesh.n_cells], "both": [0, 2]},
         node_groups=mesh.node_groups,
     )
-    mistakes = {
-        "body": "cells 1, 2 are none",
-        "both": "cells 1 are none",
-        "bare": "cells 15 do not",
-        "dots": "is one of nodes",
-        "nothing": "no group named",
-    }
+    mistakes = {"body": "cells 1, 2 are none", "both": "cells 1 are none", "bare": "cells 15 do not"}
+    mistakes |= {"dots": "is one of nodes", "nothing": "no group named"}
     for group, message in mistakes.items():
         with pytest.raises(CaseError, match=message):
             of(bare, move(group, un=0))
@@ -337,12 +321,3 @@ def test_any_conditions_together(seed):
     given = [move(g, **{c: linear[c] for c in names}) for g, names in (("s", ("ux", "uz")), ("q", ("uy", "ux")))]
     check_map(*of(mesh, *given))
     check_map(*of(mesh, move("s", un=0), move("q", ux=0)))
-
-
-def test_a_node_without_a_normal():
-    mesh = ring("HEXA8", 4)
-    space = Space.of(mesh, "3d")
-    surface = Surface.of(mesh, mesh.cell_groups["outer"])
-    flat = surface.at(np.zeros_like(mesh.points))
-    with pytest.raises(DataError, match="the skin has no normal at nodes"):
-        nodal_normals(space, [flat])

@@ -1,4 +1,4 @@
-"""Finite strains: differences, twins, turns, the linear limit, stretches with known stress; loads that follow."""
+"""Finite strains: differences, twins, turns, the linear limit, stretches with known stress."""
 
 from __future__ import annotations
 
@@ -18,9 +18,7 @@ from lacsolver.bodies.finite import InadmissibleError, NeoHookean, SaintVenantKi
 from lacsolver.bodies.kinematics import kinematics_of
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.case import Material, Pressure, Temperature
-from lacsolver.problem import acting, loads
-from lacsolver.problem.laws import law_of
+from lacsolver.problem import loads
 from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
 from tests.lacsolver.bodies import (
@@ -39,13 +37,10 @@ from tests.lacsolver.bodies import (
     one_cell,
     rigid,
     rim,
-    square,
     stored_energy,
     tangent,
     unturned,
 )
-from tests.lacsolver.held import with_sides
-from tests.problems import case_of
 from tests.quality_cells import rotation
 from tests.samples import each_option
 
@@ -339,29 +334,3 @@ def test_a_tangent_is_not_written_over_by_the_next_and_stretches_follow_the_time
     for ask in (body.internal_force, body.tangent, body.stress, body.energy):
         with pytest.raises(InadmissibleError):
             ask(inward, 0.0)
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_the_loads_of_a_case_follow_where_they_are_told_to(model):
-    mesh = with_sides(cube("HEXA8", 1) if model == "3d" else square("QUAD8", 1))
-    dead = Pressure(group="y1", value=3.0)
-    both = Pressure(group="x1", value="2 + t * y", follower=True), Pressure(group="y0", value=1.0, follower=True)
-    law = Material(law="neo_hookean", young=10.0, poisson=0.3, expansion=1e-3)
-    case = case_of("a.msh", law, dead, *both, Temperature(value=50.0), model=model, kinematics="finite")
-    space = Space.of(mesh, model)
-    materials = Materials.of(space, [(law_of(m), m.groups) for m in case.material])
-    u = 0.3 * shaken(space, 0.02)
-    x = mesh.points.copy()
-    x[:, : space.dim] += u.reshape(-1, space.dim)
-    parts = [
-        loads.pressure(space, mesh.cells_of("y1"), 1.5),
-        loads.pressure(space, mesh.cells_of("x1"), lambda p, t: 2 + t * p[:, 1], 0.5, x=x),
-        loads.pressure(space, mesh.cells_of("y0"), 0.5, x=x),
-    ]
-    np.testing.assert_allclose(acting.load(space, materials, case, 0.5, u=u), sum(parts), atol=1e-14)
-    expected = by_differences(lambda v: acting.load(space, materials, case, 0.5, u=v), u, 1e-3)
-    K = acting.load_tangent(space, case, u, 0.5).toarray()
-    np.testing.assert_allclose(K, expected, rtol=0, atol=1e-11 * np.abs(K).max())
-    still = replace(case, pressure=(dead,))
-    assert acting.load_tangent(space, still, u, 0.5) is None
-    np.testing.assert_allclose(acting.load(space, materials, still, 0.5, u=u), parts[0], atol=1e-14)

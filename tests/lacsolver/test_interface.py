@@ -1,4 +1,4 @@
-"""Interfaces: rows, gaps and measures against plain sums and closed forms, balance, ties, tractions, zones, numbers."""
+"""Interfaces: rows, gaps and measures against closed forms, balance, ties, tractions, zones, numbers."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ import lacmesh
 import lacsolver as ls
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
-from lacsolver.contact.rows import macro_rows
 from lacsolver.contact.shear import first_directions
 from tests.lacsolver.finite_cases import waves
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
@@ -55,16 +53,6 @@ def zone_of(mesh, slave="slave", master="master", surface="smooth"):
     return made, Zone.of(made, slave, master, surface=surface)
 
 
-def values(surface, faces, xi):
-    """(points, 9) shape functions and nodes at points of faces; -1 where a face has fewer nodes."""
-    N, nodes = np.zeros((len(faces), 9)), surface.faces.nodes[faces]
-    kind = surface.faces.type[faces]
-    for code in np.unique(kind):
-        rows = kind == code
-        N[rows, : N_NODES[code]] = shape(FACE_TYPES[code], xi[rows, : surface.dim])
-    return N, nodes
-
-
 def rigid_motions(x, dim):
     """Translations and rotations of points x (n, 3), each (n, dim)."""
     for k in range(dim):
@@ -96,28 +84,6 @@ def assert_no_work(rows, x, dim, within):
         np.testing.assert_array_less(np.abs(rows @ motion.ravel()), within * work + 1e-300)
 
 
-# ---- rows
-
-
-@ALL
-def test_rows_are_plain_sums_over_points(slave, master, dim):
-    mesh, zone = wavy(slave, master, dim)
-    points = integrate(zone, dim, FAR).points
-    q = np.random.default_rng(0).uniform(-1, 1, (len(points), 2))
-    want = np.zeros((zone.n_macros, mesh.n_nodes, 2))
-    for surface, faces, xi, sign in (
-        (zone.slave, points.slave, points.xi_slave, 1.0),
-        (zone.master, points.master, points.xi_master, -1.0),
-    ):
-        N, nodes = values(surface, faces, xi)
-        for k in range(9):
-            on = nodes[:, k] >= 0
-            np.add.at(want, (points.macro[on], nodes[on, k]), sign * N[on, k, None] * q[on])
-    found = macro_rows(points, zone.slave, zone.master, q, zone.n_macros)
-    np.testing.assert_allclose(found.toarray().reshape(want.shape), want, atol=1e-14 * np.abs(want).max())
-    assert found.has_sorted_indices and found.has_canonical_format
-
-
 @pytest.mark.parametrize(
     "pair, measure, normals, margin", each_option(itertools.product(EVERY, MEASURES, NORMALS, (0.15, 0.0))), ids=str
 )
@@ -129,16 +95,6 @@ def test_forces_and_moments_balance(pair, measure, normals, margin):
     assert (face.coverage.min() > 0.99) == (margin > 0)
     assert_no_work(face.B, x, dim, 1e-14)
     assert_no_work(face.B_T, x, dim, 1e-12)
-
-
-@ALL
-def test_a_row_is_the_integral_of_the_closing(slave, master, dim):
-    """The slave moved by h along the normal of a flat interface: B v = h w, and G falls by as much."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.1))
-    face, v = integrate(zone, dim, FAR), uniform(mesh, "lower", 0.03 * np.eye(dim)[-1])
-    np.testing.assert_allclose(face.B @ v, 0.03 * face.w, rtol=1e-12)
-    after = integrate(zone, dim, FAR, x=mesh.points + np.pad(v.reshape(-1, dim), ((0, 0), (0, 3 - dim))))
-    np.testing.assert_allclose(after.G, face.G - face.B @ v, rtol=1e-12)
 
 
 # ---- gaps and measures
@@ -220,20 +176,6 @@ def test_what_is_not_covered_has_no_gap():
     assert face.B_T is None and face.frame is None
 
 
-def test_points_know_where_they_are():
-    _, zone = wavy("TRIA6", "QUAD8", 2)
-    points = integrate(zone, 2, FAR).points
-    x, there = (
-        np.einsum("pa,pas->ps", N, surface.x[nodes])
-        for surface, (N, nodes) in (
-            (zone.slave, values(zone.slave, points.slave, points.xi_slave)),
-            (zone.master, values(zone.master, points.master, points.xi_master)),
-        )
-    )
-    np.testing.assert_allclose(positions(zone.slave, points), x, atol=1e-15)
-    np.testing.assert_allclose(there, x + points.gap[:, None] * points.normal, atol=1e-13)
-
-
 # ---- ties
 
 
@@ -307,16 +249,6 @@ def test_first_directions():
     np.testing.assert_allclose(first_directions(turned), np.broadcast_to([0, 1.0, 0], (zone.n_macros, 3)), atol=1e-14)
 
 
-def test_about_an_axis_rows_are_those_of_the_ring():
-    """A master that slides along the axis; the weights are those of the full circle."""
-    zone, x, face = distorted("QUAD4", "TRIA3", 2, axisymmetric=True)
-    v = np.zeros((len(x), 2))
-    v[:, 1] = 1.0
-    np.testing.assert_allclose(face.B_T @ v.ravel(), 0, atol=1e-13)
-    v[np.unique(zone.slave.faces.nodes[:, :2]), 1] = 0.0
-    np.testing.assert_allclose(face.B_T @ v.ravel(), -face.w * face.frame[:, 0, 1], rtol=1e-11)
-
-
 # ---- zones
 
 
@@ -330,12 +262,6 @@ def test_macro_elements_keep_the_number_of_the_cut():
         assert zone.name == f"slave{k}"
         np.testing.assert_array_equal(zone.number[zone.macro], cut.macro_of_face[zone.slave.cell])
         assert (np.diff(zone.number) > 0).all()
-        face = integrate(zone, 3)
-        for row in (0, zone.n_macros - 1):
-            cells = np.flatnonzero(cut.macro_of_face == zone.number[row])
-            x = np.concatenate([mesh.points[nodes].mean(axis=1) for _, _, nodes in mesh.select(cells)])
-            assert x.min(axis=0)[0] <= face.centre[row, 0] <= x.max(axis=0)[0]
-            assert np.isin(face.B[[row]].indices // 3, nodes_of(mesh, f"slave{k}")).any()
         numbers.append(zone.number)
     assert not np.intersect1d(*numbers).size and len(np.concatenate(numbers)) == cut.n_macros
 

@@ -1,22 +1,20 @@
 """Multigrid: tolerances, starts, few iterations, prescribed unknowns as rows of the identity, cycles with rows.
 
-Stiffness as blocks of whole nodes: against what it stands for entry by entry, and the memory that it takes."""
+Stiffness as blocks of whole nodes: against what it stands for entry by entry."""
 
 from __future__ import annotations
 
 import sys
-import tracemalloc
 
 import numpy as np
 import pytest
 from scipy.sparse import block_diag, bsr_array, csr_array, diags_array, random_array
-from scipy.sparse.linalg import eigsh
 
 from lacmesh.communicator import SERIAL
 from lacmesh.errors import RequestError
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear import SingularError, analyse
-from lacsolver.linear.multigrid.cycle import Blocks, Team, jacobi
+from lacsolver.linear.multigrid.cycle import Blocks, Team
 from lacsolver.linear.multigrid.row_term import RowTerm, bounded
 from lacsolver.saddle.node_blocks import add_to_diagonal, submatrix, with_held
 from lacsolver.saddle.stiffness import FactorCache, embed
@@ -204,15 +202,6 @@ def test_products_of_blocks_and_sums_over_long_rows(threads, monkeypatch):
     np.testing.assert_allclose(left, x - c @ A, atol=1e-13)
 
 
-def test_the_largest_eigenvalue_is_bounded_closely(brick):
-    K, _, _ = brick
-    blocks = K.tobsr((3, 3))
-    inverse, largest = jacobi(blocks, Team(1))
-    D = block_diag([csr_array(block) for block in np.linalg.inv(inverse)], format="csc")
-    full = eigsh(K, k=1, M=D, which="LA", return_eigenvectors=False)[0]
-    assert full <= largest <= 1.1 * full
-
-
 def test_the_smoother_with_rows_by_dense_algebra():
     """(M + N^T N)^-1 by Woodbury's formula, and a bound L of N^T N that turns with the axes."""
     rng, n_nodes, b = np.random.default_rng(0), 7, 3
@@ -290,21 +279,8 @@ def test_blocks_and_entries_are_one_stiffness(floating):
     np.testing.assert_allclose(made.apply(made.solve(f)), f, atol=1e-11 * np.linalg.norm(f))
 
 
-def test_memory_of_a_stiffness_and_its_hierarchy():
-    """Beside K as blocks: its copy for the free unknowns, and a hierarchy in single precision."""
-    model = moment(20, backend="multigrid").model
-    blocks = model.K.data.nbytes
-    _ = model.factors, model._whole
-    tracemalloc.start()
-    held = model.reference()
-    kept, most = (size / blocks for size in tracemalloc.get_traced_memory())
-    tracemalloc.stop()
-    assert held.iterative and kept < 2.3 and most < 3.0, (kept, most)
-
-
-@pytest.mark.filterwarnings("ignore:contact 'slave'. slave 'slave' is stiffer than master")
 def test_the_benchmark_of_large_models_at_a_small_size():
-    """It runs, its figures are what their names say; the ratio of stiffnesses hardly matters."""
+    """It runs, its figures are what their names say."""
     found = large.measured(2500, "multigrid")
     assert 2250 < found["unknowns"] < 4500
     assert 0 < found["closed"] < found["macros"]
@@ -314,6 +290,3 @@ def test_the_benchmark_of_large_models_at_a_small_size():
     assert 0.3 * phases["contact"] < parts <= phases["contact"]
     assert 0.05 < found["memory"] < 2.0 and f"{found['cycles']} V-cycles" in large.line(found)
     assert large.exponent([10.0, 100.0], [3 * k**1.5 for k in (10.0, 100.0)]) == pytest.approx(1.5)
-    other = large.measured(2500, "multigrid", ratio=100.0)
-    assert other["cycles"] / other["iterations"] <= 1.3 * found["cycles"] / found["iterations"]
-    assert 0 < other["closed"] < other["macros"]

@@ -12,7 +12,7 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacsolver.bodies.mass import assemble_mass
-from lacsolver.case import CaseError, Contact, Displacement, Material, Pressure, Rigid, Solver, Spring, Tie, Traction
+from lacsolver.case import CaseError, Contact, Material, Pressure, Rigid, Solver, Spring, Tie, Traction
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear import SingularError
@@ -29,11 +29,6 @@ ROLLERS = fix("x0", "x"), fix("x1", "x"), fix("y0", "y"), fix("y1", "y")
 BOXED = *ROLLERS, fix("z0", "z"), fix("z1", "z")
 TIE, CONTACT = (kind(name="joint", slave="slave", master="master") for kind in (Tie, Contact))
 FLAT = replace(SOLID, poisson=0.0)
-
-
-def nearest(frequencies, exact):
-    """The relative error of the frequency nearest to an exact one."""
-    return np.abs(frequencies / exact - 1).min()
 
 
 # ---- exact frequencies
@@ -73,34 +68,6 @@ def test_a_bar_with_one_end_held_has_its_frequencies_and_effective_masses():
     assert modes.mass == pytest.approx(DENSITY * 3.0 * 0.2, rel=1e-13) and modes.rigid == ()
 
 
-def test_a_beam_on_rollers_bends_as_rayleigh_and_lamb_say():
-    """A strip with uy = 0 at its ends bends in modes sin(k pi x / L): the antisymmetric waves of an infinite plate."""
-    h, L = 0.1, 2.0
-    cl, ct = waves()
-
-    def residual(omega, k):
-        p, q = np.sqrt(k**2 - (omega / cl) ** 2), np.sqrt(k**2 - (omega / ct) ** 2)
-        return np.tanh(q * h) * 4 * k**2 * p * q - np.tanh(p * h) * (k**2 + q**2) ** 2
-
-    held = fix("x0", "y"), fix("x1", "y")
-    coarse, fine = (modes_of(strip("QUAD8", n, n // 8, L, 2 * h), *held, count=4) for n in (16, 32))
-    for number in (1, 2):
-        k = number * np.pi / L
-        thin = np.sqrt(YOUNG / (1 - 0.25**2) / DENSITY / 3) * h * k**2  # Kirchhoff's plate
-        exact = brentq(residual, 0.5 * thin, 1.01 * thin, args=(k,), xtol=1e-14) / (2 * np.pi)
-        errors = [nearest(modes.frequencies, exact) for modes in (coarse, fine)]
-        assert errors[1] < 4e-5 and np.log2(errors[0] / errors[1]) > 3.5
-    assert len(fine.rigid) == 1 and "moves along x" in fine.rigid[0]
-
-
-def test_a_stiff_body_on_springs_has_the_frequency_of_a_mass():
-    springs = [Spring(at=[x, y], kx=0.5, ky=2.0) for x in (0.0, 1.0) for y in (0.0, 1.0)]
-    law = replace(SOLID, young=1e9, density=3.0)
-    modes = modes_of(block("QUAD4", 1), *springs, model="plane_stress", law=law, count=2)
-    assert modes.frequencies == pytest.approx(np.sqrt(np.array([2.0, 8.0]) / 3) / (2 * np.pi), rel=1e-7)
-    assert modes.modal_masses == pytest.approx(3.0, rel=1e-6) and modes.rigid == ()
-
-
 # ---- rigid-body modes
 
 
@@ -131,13 +98,6 @@ def test_no_mode_of_several_with_one_frequency_is_missed():
         modes = modes_of(six, count=count)
         assert len(modes.rigid) == 18 and modes.frequencies == pytest.approx(each[:count], rel=1e-10)
     assert "'a' moves along x" in modes.rigid and "'b' moves along y" in modes.rigid
-
-
-def test_a_body_that_slides_or_turns_has_the_modes_that_are_left():
-    mesh, slides = block("QUAD8", 3), fix("y0", "y")
-    assert [len(modes_of(mesh, *held, count=2).rigid) for held in ((slides,), (slides, fix("x0", "x")))] == [1, 0]
-    pin = Displacement(at=[0.0, 0.0], ux=0.0, uy=0.0)
-    assert modes_of(mesh, pin, count=2).rigid == ("the body turns about the point (0, 0)",)
 
 
 # ---- effective masses, and modes as such

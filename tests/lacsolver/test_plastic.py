@@ -13,7 +13,6 @@ import lacsolver as ls
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacsolver.bodies.finite import thermal_stretches
-from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.plastic import FinitePlastic, Plastic
 from lacsolver.bodies.pointwise import DisplacedBodies
@@ -34,11 +33,7 @@ from tests.quality_cells import rotation
 from tests.samples import each_option
 
 YOUNG, NU, Y0, SLOPE, H = 1000.0, 0.3, 2.0, 100.0, 50.0
-
-
 TABLE = ((Y0, 0.0), (3.0, 0.01), (3.0, 0.02), (4.0, 0.1))
-
-
 LAWS = (Plastic, FinitePlastic)
 
 
@@ -163,15 +158,6 @@ def test_the_tangent_of_a_cell_is_the_derivative_of_its_forces(name, model, make
     expected = by_differences(lambda v: at(v).internal_force(), u, 1e-5 * size)
     np.testing.assert_allclose(K.toarray(), expected, rtol=0, atol=1e-6 * abs(K).max())
     assert np.isfinite(f).all()
-
-
-def test_linear_cells_do_not_lock_and_others_are_named():
-    for name, locks in (("QUAD4", False), ("TRIA3", True), ("QUAD8", False)):
-        space = Space.of(body(name, 2), "plane_strain")
-        told = locking(space, Materials.of(space, law_of(Plastic)))
-        assert bool(told) == locks
-        if locks:
-            assert told[0].startswith('law = "plastic" makes TRIA3') and "poisson" not in told[0]
 
 
 # ---- bars

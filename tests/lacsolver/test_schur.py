@@ -22,16 +22,13 @@ from lacsolver.results.state import CONTACT
 from lacsolver.saddle.kept_directions import KeptDirections
 from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
-from tests.lacsolver.moving import PLANE, SMALL, SPEED, WALL, steps, thrown
+from tests.lacsolver.moving import PLANE, SMALL, WALL, steps, thrown
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import factorised, saddle, solve_rows, system
 from tests.problems import ELASTIC, case_of, contact, fix, move
-from verification.meshes.bars import bar_on_wall
 from verification.meshes.thrown import disc, on_wall
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
-
-
 KINDS = {
     "held": {},
     "one set of rows for forces, another for gaps": {"same": False},
@@ -40,8 +37,6 @@ KINDS = {
     "turning": {"turning": 0.3, "same": False},
     "turning and free": {"turning": 0.1, "same": False, "free": 2},
 }
-
-
 for_kinds = pytest.mark.parametrize("kind", KINDS)
 UPRIGHT = Displacement(at=[0.0, 0.0, 2.0], ux=0.0, uy=0.0), Displacement(at=[1.0, 0.0, 2.0], uy=0.0)
 
@@ -248,27 +243,15 @@ def test_a_step_in_contact_takes_at_most_three_applications(made):
         assert np.abs(p - q).max() <= 1e-9 * max(np.abs(q).max(), 1e-300)
 
 
-def test_columns_are_dropped_with_their_factor_and_with_their_rows():
-    """Halving dt makes another factor: its columns are found anew; the memory of columns is bounded."""
-    text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("bar", vy=-0.1)
-    text += f"[steps]\ntimes = {[float(0.1 * k / SPEED) for k in (1, 2, 3, 3.5, 4)]}\n"
-    kept = []
-    start = kept_columns.start_from_columns
-
-    def watched(columns, *arguments):
-        kept.append(columns)
-        return start(columns, *arguments)
-
-    with patch("lacsolver.equilibrium.attempt.start_from_columns", watched):
-        list(march(Problem.of(parse_case(text), bar_on_wall("QUAD4", 8, 0.0))))
-    assert kept[0] is kept[2] is not kept[3] is kept[4]
-    K, rows = kept[4].K, kept[4].rows
-    assert kept[4].serve(K, rows) and not kept[4].serve(kept[0].K, rows)
+def test_columns_are_those_of_the_system_and_their_memory_is_bounded():
+    now = LoadStep(ReducedProblem(static(1, counts=(4, 3))), 1.0)
+    K, rows = now.reference, now.contact(np.zeros(len(now.f))).rows
+    whole, B = kept_columns.KeptColumns(K, rows, 9), rows.B.toarray()
+    assert whole.serve(K, rows) and not whole.serve(moment(4).reference, rows)
+    C = whole.columns(np.arange(2))
+    np.testing.assert_allclose(C, B @ np.linalg.solve(K.K.toarray(), B[:2].T), rtol=1e-9, atol=1e-12 * C.max())
     with patch.object(kept_columns, "_MEMORY", 8 * len(rows.w)):
         small = kept_columns.KeptColumns(K, rows, 9)
-    assert small.most == 1
-    one, other = small.columns(np.array([0])), small.columns(np.array([1]))
-    np.testing.assert_array_equal(one, kept_columns.KeptColumns(K, rows, 9).columns(np.array([1, 0]))[:, 1:])
-    assert len(small._values) == 1 and other.shape == one.shape
-    B, C = rows.B.toarray(), kept_columns.KeptColumns(K, rows, 9).columns(np.arange(2))
-    np.testing.assert_allclose(C, B @ np.linalg.solve(K.K.toarray(), B[:2].T), rtol=1e-9, atol=1e-12 * C.max())
+    both = [small.columns(np.array([k])) for k in (0, 1)]
+    np.testing.assert_array_equal(np.hstack(both), C)
+    assert small.most == 1 == len(small._values)

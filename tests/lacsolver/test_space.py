@@ -76,15 +76,6 @@ def test_cells_by_group():
         Space.of(strip(rim=[2]), "plane_strain").cells(("rim",))
 
 
-def test_depth_is_thickness_or_the_circle():
-    x, cells, mesh = np.array([[2.0, 0, 0]]), np.array([0]), square("QUAD4", 1)
-    for model, thickness, depth in (
-        ("plane_stress", 0.3, 0.3), ("plane_strain", 0.3, 0.3), ("plane_strain", None, 1),
-        ("axisymmetric", None, 4 * np.pi),
-    ):  # fmt: skip
-        assert Space.of(mesh, model, thickness=thickness).depth(x, cells) == pytest.approx(depth)
-
-
 def test_edges_have_the_thickness_of_their_cell():
     space = Space.of(strip(), "plane_stress", thickness={"left": 2.0, "right": 5.0})
     found = space.depth(np.zeros((5, 2, 3)), np.array([0, 1, 2, 3, 5]))
@@ -135,8 +126,6 @@ def test_planes_and_rings_that_are_fine():
 
 
 AFFINE = ("TRIA3", "TETRA4")
-
-
 FAULTS = [(n, f) for n in SOLIDS + PLANES for f in ("flat", "folded", "nan") if f != "folded" or n not in AFFINE]
 
 
@@ -195,11 +184,7 @@ def test_rules_are_exact(name):
 
 
 WOOD = {"young": (11.0, 0.9, 0.5), "poisson": (0.4, 0.35, 0.3), "shear": (0.8, 0.7, 0.06)}
-
-
 ISOTROPIC = Orthotropic((2.0, 2.0, 2.0), (0.3, 0.3, 0.3), (2 / 2.6, 2 / 2.6, 2 / 2.6))
-
-
 ELASTIC = Elastic(young=2.0, poisson=0.3)
 
 
