@@ -12,7 +12,7 @@ from scipy.sparse.linalg import spsolve
 from lacmesh import Mesh, Surface
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.case import CaseError, Displacement, EvaluationError, Rigid
+from lacsolver.case import CaseError, Displacement, Rigid
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.normals import nodal_normals
 from lacsolver.space.space import Space
@@ -271,12 +271,6 @@ def test_a_contradiction_at_some_other_time_is_found_when_that_time_comes():
     constraints.u0(0.5)
     with pytest.raises(CaseError, match=r"ux = 1 .* at t = 0\.25"):
         constraints.u0(0.25)
-
-
-def test_a_value_that_is_not_finite_names_the_line():
-    sections = '[[displacement]]\ngroup = "x0"\nux = "1 / x"\n'
-    with pytest.raises(EvaluationError, match=r"press\.toml, line 8: "):
-        Constraints.of(Space.of(box("HEXA8", "3d"), "3d"), case(sections))
 
 
 def test_un_needs_a_skin_of_the_body():

@@ -211,8 +211,8 @@ def test_a_bar_pulled_along_x_and_a_ring_widened(model, free, law, stretch, thet
     f = internal_force(space, materials, u, **how).reshape(-1, dim)
     assert np.abs(f[~rim(unturned(order, model))]).max() < 1e-12 * np.abs(f).max()
     v = np.random.default_rng(5).normal(size=len(u))
-    ahead, behind = (stored_energy(space, materials, u + h * v, **how) for h in (1e-4, -1e-4))
-    assert f.ravel() @ v == pytest.approx((ahead - behind) / 2e-4, rel=1e-5)
+    ahead, behind = (stored_energy(space, materials, u + h * v, **how) for h in (1e-5, -1e-5))
+    assert f.ravel() @ v == pytest.approx((ahead - behind) / 2e-5, rel=1e-6)
     if theta > 1 and model != "plane_strain":
         swollen = (space.mesh.points[:, :dim] * (theta - 1)).ravel()
         assert np.abs(internal_force(space, materials, swollen, **how)).max() < 1e-12 * np.abs(f).max()

@@ -19,7 +19,7 @@ from lacsolver.contact.interface import positions
 from lacsolver.contact.shear import first_directions
 from tests.lacsolver.finite_cases import waves
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
-from tests.problem_meshes import nodes_of, overhang
+from tests.problem_meshes import nodes_of
 from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
@@ -36,7 +36,6 @@ EVERY = [
     *PAIRS, ("TRIA3", "QUAD9", 2), ("QUAD8", "TRIA6", 2), ("PENTA6 triangle", "HEXA20", 3), ("HEXA20", "TETRA10", 3)
 ]  # fmt: skip
 MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
-OF_NORMALS = pytest.mark.parametrize("normals", NORMALS)
 ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
 FAR, RUBBED = Pairing(search_distance=0.5), Pairing(search_distance=0.5, friction=True)
 
@@ -165,17 +164,6 @@ def test_a_clearance_is_that_of_the_undeformed_place(clearance, wanted):
         np.testing.assert_allclose(face.weight @ face.distance, face.G.sum(), rtol=1e-12)
 
 
-def test_what_is_not_covered_has_no_gap():
-    _, zone = zone_of(overhang())
-    face = integrate(zone, 2)
-    order = np.argsort(face.centre[:, 0])
-    np.testing.assert_allclose(face.coverage[order], [1, 1, 0.5, 0], atol=1e-12)
-    assert np.isnan(face.gap[order[3]]) and face.w[order[3]] == 0 and np.isfinite(face.gap[order[:3]]).all()
-    assert face.B[[order[3]]].nnz == 0
-    np.testing.assert_allclose(face.area, 0.25, rtol=1e-13)
-    assert face.B_T is None and face.frame is None
-
-
 # ---- ties
 
 
@@ -218,7 +206,7 @@ def test_a_traction_has_its_size_at_every_point(pair, normals):
 
 
 @pytest.mark.parametrize("pair", [("TRIA6", "QUAD8", 2), ("HEXA8", "TETRA4", 3), ("TETRA10", "HEXA20", 3)], ids=str)
-@OF_NORMALS
+@pytest.mark.parametrize("normals", NORMALS)
 def test_the_frame_is_the_mean_direction_of_the_force_and_turns_with_the_skin(pair, normals):
     """The force of tractions t on the slave is -sum w t_alpha times the frame, whatever the curvature.
 

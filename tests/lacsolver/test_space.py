@@ -118,9 +118,6 @@ CUBIC = Mesh.create(np.random.default_rng(0).random((10, 2)), [("TRIA10", [np.ar
 def test_what_a_model_refuses(mesh, model, thickness, error, words):
     with pytest.raises(error, match=words):
         Space.of(mesh, model, thickness=thickness)
-
-
-def test_planes_and_rings_that_are_fine():
     Space.of(replace(BOX, points=np.add(BOX.points, [0, 0, 1.0])), "plane_strain")
     Space.of(replace(BOX, points=BOX.points - [1, 0, 0]), "axisymmetric")
 
