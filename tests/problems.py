@@ -145,7 +145,8 @@ def press(slave: str, master: str, model: str, law: str, thickness: float | None
     load = Pressure(group="top", value=100.0, follower=keys.pop("follower", False))
     given = Material(law=law, young=1000.0, poisson=0.3), contact(**keys), *held, load, Solver(tolerance=1e-11)
     mesh = partial(solid if model == "3d" else plane, slave, master)
-    return problem(mesh, model, *given, Steps(count=2), kinematics="finite", thickness=thickness)
+    more = {} if thickness is None else {"thickness": thickness}
+    return problem(mesh, model, *given, Steps(count=2), kinematics="finite", **more)
 
 
 def slanted(joint: Any) -> Problem:
