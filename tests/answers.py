@@ -309,6 +309,12 @@ def check_soft(ran, overlap):
     np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -2 * 2 * 0.91 / 1000 - overlap, rtol=1e-7)
 
 
+def check_thick(ran):
+    """A pressure of 6 on a column of thickness 5, which stands on the slave, of thickness 2."""
+    np.testing.assert_allclose(ran.table("slave")["pressure"], 6 * 5 / 2, rtol=1e-9)
+    np.testing.assert_allclose(ran.steps[-1]["probes"]["top"][1], -6 * 5 / 2 / 1000 - 6 / 1000, rtol=1e-7)
+
+
 def _of_exponential():
     """The overlap at a pressure of 2 of the law with 0.5 at contact and a clearance of 0.002."""
     s = fsolve(lambda s: s * np.expm1(s) - 4 * np.expm1(1.0), 2.0, xtol=1e-12)[0]
@@ -432,33 +438,43 @@ def check_tower(ran, cells):
         np.testing.assert_allclose(ran.table(zone)["pressure"], 1.0, rtol=1e-9)
 
 
-def check_saint_venant(ran):
-    """A uniform strip: no stress along x, the pressure on its deformed top."""
+#: directions across the load in which a stack is free to widen, by model
+FREE = {"plane_strain": [0], "plane_stress": [0, 2], "axisymmetric": [0, 2], "3d": [0, 1]}
+
+
+def check_press(ran, law, follower=False, current=False):
+    """A stack at a uniform finite strain, by the closed forms of the laws; no stress on its sides."""
+    model = ran.case.model
     lam, mu = 1000 * 0.3 / (1.3 * 0.4), 1000 / 2.6
+    up = 2 if model == "3d" else 1
+    free = [up, *FREE[model]]
 
-    def cauchy(x, y):
-        E = (np.array([x, y]) ** 2 - 1) / 2
-        return (lam * E.sum() + 2 * mu * E) * np.array([x, y]) / np.array([y, x])
+    def nominal(s):
+        if law == "neo_hookean":
+            return mu * (s - 1 / s) + lam * np.log(s.prod()) / s
+        E = (s**2 - 1) / 2
+        return s * (lam * E.sum() + 2 * mu * E)
 
-    check_strip(ran, cauchy)
+    def left(free_stretches):
+        s = np.ones(3)
+        s[free] = free_stretches
+        wanted = np.zeros(3)
+        wanted[up] = -100.0 * (s.prod() / s[up] if follower else 1.0)
+        return (nominal(s) - wanted)[free]
 
-
-def check_neo_hookean(ran):
-    lam, mu = 1000 * 0.3 / (1.3 * 0.4), 1000 / 2.6
-
-    def cauchy(x, y):
-        return (mu * (np.array([x, y]) ** 2 - 1) + lam * np.log(x * y)) / (x * y)
-
-    check_strip(ran, cauchy)
-
-
-def check_strip(ran, cauchy):
-    x, y = fsolve(lambda s: cauchy(*s) - [0.0, -100.0], [1.05, 0.85], xtol=1e-13)
-    assert ran.steps[-1]["reactions"]["bottom"][1] == pytest.approx(100.0 * x, rel=1e-9)
+    s = np.ones(3)
+    s[free] = fsolve(left, s[free], xtol=1e-13)
+    wide, nominal_pressure = s.prod() / s[up], -nominal(s)[up]
     body = ran.solid()
     u = body.node_data["displacement"]
-    np.testing.assert_allclose(u[:, :2], body.points[:, :2] * (np.array([x, y]) - 1), atol=1e-9)
-    np.testing.assert_allclose(ran.table("slave")["pressure"], 100.0 * x, rtol=1e-9)
+    np.testing.assert_allclose(u[:, : up + 1], body.points[:, : up + 1] * (s - 1)[: up + 1], atol=1e-8)
+    if model == "plane_stress":
+        wide = s[0]  # a skin's thickness stays as it was
+    area = wide if current else 1.0
+    np.testing.assert_allclose(ran.table("slave")["pressure"], nominal_pressure / area, rtol=1e-8)
+    width = np.pi if model == "axisymmetric" else 2.5 if model == "plane_stress" else 1.0
+    reaction = ran.steps[-1]["reactions"]["bottom"][up]
+    assert reaction == pytest.approx(nominal_pressure * width, rel=1e-8)
 
 
 def newmark(v, force, damping, *, dt=0.25, count=4, alpha=0.0, beta=0.25, gamma=0.5):
@@ -525,8 +541,12 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     **{f"sector {hexa}": partial(check_sector, cut=hexa) for hexa in ("pyramid", "hexa", "auto")},
     "thrown": check_thrown,
     **{f"massless {name}": check_falling for name in MASSLESS},
-    "saint venant": check_saint_venant,
-    "neo-hookean": check_neo_hookean,
+    "saint venant": partial(check_press, law="saint_venant_kirchhoff", follower=True),
+    "neo-hookean": partial(check_press, law="neo_hookean", follower=True),
+    "press 1": partial(check_press, law="neo_hookean", current=True),
+    "press 2": partial(check_press, law="saint_venant_kirchhoff", follower=True),
+    "press 3": partial(check_press, law="neo_hookean", current=True),
+    "press 4": partial(check_press, law="saint_venant_kirchhoff", current=True),
     "fields": check_fields,
     "springs": check_springs,
     "linked": check_linked,
@@ -540,6 +560,7 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     "strain": check_strain,
     "yielding": check_yielding,
     "damped": check_damped,
+    "thick": check_thick,
     "adjusted": partial(check_soft, overlap=0.01 * 2 * 0.91 / 1000),
     "soft linear": partial(check_soft, overlap=2.0 / 400),
     "soft exponential": partial(check_soft, overlap=_of_exponential()),

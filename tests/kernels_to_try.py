@@ -36,7 +36,7 @@ from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.stiffnesses import above, rigid_modes, stiffness
+from tests.lacsolver.systems import above, rigid_modes, stiffness
 from tests.quality_cells import distorted
 from tests.surface.surfaces import sheet, whole
 

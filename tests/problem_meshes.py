@@ -82,6 +82,12 @@ def plane(slave="QUAD8", master="TRIA3"):
 
 
 @cache
+def solid(slave, master):
+    """Two blocks on one another in space, distorted."""
+    return stack(slave, master, 3, counts=(2, 1), skew=0.05)
+
+
+@cache
 def gapped():
     """Two blocks, one above the other with a gap of 0.01."""
     return stack("QUAD8", "TRIA3", 2, counts=(3, 2), gap=0.01)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from lacmesh import Mesh
@@ -51,6 +52,7 @@ from tests.problem_meshes import (
     plane,
     punch,
     roof,
+    solid,
     tower,
     towers,
     wedge,
@@ -134,6 +136,17 @@ def columns(value: Any, joint: Contact, law: Any = ELASTIC, mesh: Any = plane, *
     load = Pressure(group="top", value=value, follower=follower)
     held = fix("bottom", "y"), fix("x0", "x")
     return problem(mesh, "plane_strain", law, joint, *held, load, Probe(group="top"), **keys)
+
+
+def press(slave: str, master: str, model: str, law: str, thickness: float | None = None, **keys: Any) -> Problem:
+    """Two blocks of some cells at a uniform finite strain, under a pressure on the top."""
+    up = "z" if model == "3d" else "y"
+    held = [fix("bottom", up), fix("x0", "x")] + ([fix("y0", "y")] if model == "3d" else [])
+    load = Pressure(group="top", value=100.0, follower=keys.pop("follower", False))
+    given = Material(law=law, young=1000.0, poisson=0.3), contact(**keys), *held, load, Solver(tolerance=1e-11)
+    mesh = partial(solid if model == "3d" else plane, slave, master)
+    more = {} if thickness is None else {"thickness": thickness}
+    return problem(mesh, model, *given, Steps(count=2), kinematics="finite", **more)
 
 
 def slanted(joint: Any) -> Problem:
@@ -398,6 +411,7 @@ PROBLEMS = {
     "chosen": chosen(Contact),
     "tied chosen": chosen(Tie),
     "strain": columns(-2.0, contact(type="bilateral", stiffness=500.0)),
+    "thick": columns(6.0, contact(), Material(young=1000.0, poisson=0.0), thickness={"lower": 2.0, "upper": 5.0}),
     "adjusted": columns(2.0, contact(adjust=0.02), mesh=gapped),
     "soft linear": columns(2.0, contact(law="linear", stiffness=400.0)),
     "soft exponential": columns(2.0, contact(law="exponential", pressure_at_contact=0.5, clearance_at_zero=0.002)),
@@ -412,6 +426,10 @@ PROBLEMS = {
     "neo-hookean": columns(
         100.0, contact(), Material(law="neo_hookean", young=1000.0, poisson=0.3), kinematics="finite", follower=True,
     ),
+    "press 1": press("HEXA8", "TETRA10", "3d", "neo_hookean", measure="current", normals="smoothed"),
+    "press 2": press("TETRA10", "HEXA20", "3d", "saint_venant_kirchhoff", normals="facet", follower=True),
+    "press 3": press("QUAD4", "TRIA6", "axisymmetric", "neo_hookean", measure="current"),
+    "press 4": press("QUAD9", "mixed 2", "plane_stress", "saint_venant_kirchhoff", 2.5, measure="current"),
     "smooth": slanted(contact(normals="smoothed", surface="faces")),
     "by the master": slanted(contact(normals="master", surface="faces")),
     "by the slave": slanted(contact(normals="slave", surface="faces")),

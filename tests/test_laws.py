@@ -20,9 +20,14 @@ from lacsolver.case.formula import Formula
 from lacsolver.case.keys import defaults_of, keys_of, sections_of
 from lacsolver.case.kinds import Choice
 from lacsolver.case.value import Value
+from lacsolver.equilibrium.load_step import LoadStep
+from lacsolver.equilibrium.newmark import Newmark
+from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.schemes import QuasiStatic
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
+from lacsolver.results.state import StepState
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
 from tests.lacsolver.invariant_cases import permuted
@@ -90,6 +95,40 @@ def test_a_run_that_goes_on_is_one_that_did_not_stop(name, tmp_path):
     for again, state in zip(march(Problem.of(case, case.mesh), start=start), states[first:], strict=True):
         np.testing.assert_array_equal(again.u, state.u)
         np.testing.assert_array_equal(again.step.iterate.p, state.step.iterate.p)
+
+
+# ---- derivatives
+
+#: of skins in space that end at the same place, whose edges do not stay on one another
+EDGES = 5e-3
+
+
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in ("given up", "fields", "symmetric")])
+def test_the_tangent_is_the_difference_of_forces_and_of_gaps(name):
+    """At the last state, along a motion of all unknowns: smooth where skins are paired anew, which have no kink then.
+
+    `fields` has no unknowns, and `symmetric` leaves a part of its tangent out.
+    """
+    problem, states = Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh()), states_of(name)
+    before = states[-2].step if len(states) > 1 else StepState()
+    scheme = QuasiStatic() if problem.case.dynamics is None else Newmark(problem)
+    step = LoadStep(ReducedProblem(problem, scheme), states[-1].time, before)
+    (q, p, _), random, dim = states[-1].step.iterate, np.random.default_rng(0), problem.space.dim
+    moving = any(joint.moving for joint in problem.joints)
+    waves = np.sin(problem.space.mesh.points @ random.uniform(-2, 2, (3, dim)) + random.uniform(0, 3, dim)).ravel()
+    v = 1e-6 * (problem.constraints.unknowns(waves) if moving else random.uniform(-1, 1, len(q)))
+    now, D = step.linearize(q), step.contact(q).rows.D
+    bent = now.geometric_stiffness(p)
+    wanted = now.stiffness(0.0, False).K @ v + (0.0 if bent is None else bent @ v)
+
+    def at(q):
+        one = step.linearize(q)
+        return one.r - one.contact.rows.B_T @ p, step.contact(q).G
+
+    (less, gaps), (more, wide) = at(q + v), at(q - v)
+    within = EDGES if moving and dim == 3 else 1e-5
+    assert np.abs((more - less) / 2 - wanted).max() <= within * np.abs(wanted).max()
+    assert np.abs((wide - gaps) / 2 - D @ v).max(initial=0.0) <= within * np.abs(D @ v).max(initial=0.0)
 
 
 # ---- a case and its file
@@ -255,7 +294,8 @@ def case_in(problem, scales):
         records.append(record_in(case.steps, scales))
     keys = dict(problem.keys)
     if case.model in ("plane_strain", "plane_stress"):
-        keys["thickness"] = keys.get("thickness", 1.0) * scales[0]
+        own = keys.get("thickness", 1.0)
+        keys["thickness"] = {k: v * scales[0] for k, v in own.items()} if isinstance(own, dict) else own * scales[0]
     return case_of(replace(mesh, points=mesh.points * scales[0]), *records, **keys)
 
 

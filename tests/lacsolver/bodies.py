@@ -1,19 +1,25 @@
-"""Bodies that the solver is tested on: boxes of every cell type, mixtures, one distorted cell."""
+"""Bodies that the solver is tested on: boxes of every cell type, mixtures, one distorted cell; their forces."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
-from lacmesh import Mesh, raise_order
+import numpy as np
+from scipy.sparse.linalg import spsolve
+
+from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.generate.parts import box_of
-from tests.meshes import grid as mixed_grid
+from lacsolver.bodies.material import Materials
+from lacsolver.bodies.pointwise import DisplacedBodies
+from lacsolver.space.space import Space
 from tests.meshes import pad
 
 #: every cell that carries displacements
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
 PLANES = [name for name, cell in CELLS.items() if cell.dim == 2]
 PLANE_MODELS = ("plane_strain", "plane_stress", "axisymmetric")
+MIXTURES = [(order, model) for order in ("1", "2", "2-full") for model in ("3d", *PLANE_MODELS)]
 #: (cell, model): every pair there is
 PAIRS = [(name, "3d") for name in SOLIDS] + [(name, model) for name in PLANES for model in PLANE_MODELS]
 
@@ -50,39 +56,14 @@ def body(name, n, low=None, high=None, counts=None):
 square = cube = body
 
 
-def mixture(order="1", seed=0):
+def mixture(order="1"):
     """Hexahedra, prisms, tetrahedra and the pyramids between them, conforming, in [0, 3] x [0, 2] x [0, 2]."""
-    rng = np.random.default_rng(seed)
-    plane, quads, triangles = mixed_grid(rng, 3, 2)
-    n = len(plane)
-    points = [(*p, float(k)) for k in range(3) for p in plane]
-    cells = {"HEXA8": [], "PENTA6": [], "PYRAM5": [], "TETRA4": []}
-    for low in (0, n):
-        cells["PENTA6"] += [(*(low + a for a in t), *(low + n + a for a in t)) for t in triangles]
-        for k, q in enumerate(quads):
-            nodes = np.array([*(low + a for a in q), *(low + n + a for a in q)])
-            if k % 2:
-                cells["HEXA8"].append(nodes)
-                continue
-            points.append(tuple(np.mean([points[a] for a in nodes], axis=0)))
-            for number, facet in enumerate(CELLS["HEXA8"].facets):
-                a, b, c, d = nodes[list(facet.nodes[::-1])]
-                outer = number == (0 if low == 0 else 5)  # on the skin, where a quadrangle may be two triangles
-                apex = len(points) - 1
-                if outer:
-                    cells["TETRA4"] += [(a, b, c, apex), (a, c, d, apex)]
-                else:
-                    cells["PYRAM5"].append((a, b, c, d, apex))
-    mesh = Mesh.create(np.array(points), [(t, np.array(rows)) for t, rows in cells.items() if rows])
-    return mesh if order == "1" else raise_order(mesh, order)
+    return box_of(f"mixed {order}", 3, (3, 2, 2), (3, 2, 2), (0, 0, 0), 0.0, 0, ()).renamed(body="")
 
 
-def plane_mixture(order="1", seed=0):
+def plane_mixture(order="1"):
     """Quadrangles and triangles at x in [1, 4]."""
-    plane, quads, triangles = mixed_grid(np.random.default_rng(seed), 3, 3)
-    plane[:, 0] += 1.0
-    mesh = Mesh.create(plane, [("QUAD4", np.array(quads)), ("TRIA3", np.array(triangles))])
-    return mesh if order == "1" else raise_order(mesh, order)
+    return box_of(f"mixed {order}", 2, 3, 3, (1, 0), 0.0, 0, ()).renamed(body="")
 
 
 def rim(mesh):
@@ -97,3 +78,105 @@ def distorted(mesh, size, seed=0):
     rng = np.random.default_rng(seed)
     move = rng.uniform(-size, size, mesh.points.shape) * [1, 1, mesh.space_dim == 3]
     return Mesh.create(mesh.points + move, [(b.type, b.nodes) for b in mesh.blocks], space_dim=mesh.space_dim)
+
+
+def made(mesh, model, law):
+    """The space and the materials of a mesh; plane stress with a thickness."""
+    space = Space.of(mesh, model, thickness=0.4 if model == "plane_stress" else None)
+    return space, Materials.of(space, law)
+
+
+def unturned(order, model):
+    """A mixture of cells in space or in a plane."""
+    return mixture(order) if model == "3d" else plane_mixture(order)
+
+
+def mixed(order, model, size=0.06):
+    """A distorted mixture."""
+    return distorted(unturned(order, model), size * (0.5 if order != "1" else 1.0), seed=4)
+
+
+def in_two(mesh):
+    """The mesh with its cells in the groups `a` and `b` in turn."""
+    return replace(mesh, cell_groups={"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)})
+
+
+def rigid(space):
+    """(n_dof, modes): the rigid motions that a model has."""
+    x = space.mesh.points
+    if space.model.axisymmetric:
+        return np.tile([[0.0], [1.0]], (len(x), 1))
+    zero, one = np.zeros(len(x)), np.ones(len(x))
+    if space.dim == 2:
+        modes = [[one, zero], [zero, one], [-x[:, 1], x[:, 0]]]
+    else:
+        shifts = [[one if s == k else zero for s in range(3)] for k in range(3)]
+        turns = [np.cross(np.eye(3)[k], x).T for k in range(3)]
+        modes = [*shifts, *turns]
+    return np.stack([np.stack(m, axis=1).ravel() for m in modes], axis=1)
+
+
+def uniform(space, seed=0):
+    """A displacement of uniform strain (n_dof,), and the strain."""
+    rng = np.random.default_rng(seed)
+    x = space.mesh.points[:, : space.dim]
+    A = rng.uniform(-1, 1, (space.dim, space.dim)) * 1e-3
+    shift = rng.uniform(-1, 1, space.dim) * 1e-3
+    if space.model.axisymmetric:
+        A[0, 1] = A[1, 0] = shift[0] = 0.0
+    strain = [A[0, 0], A[1, 1], 0.0, A[0, 1] + A[1, 0]]
+    if space.model.axisymmetric:
+        strain[2] = A[0, 0]
+    if space.dim == 3:
+        strain = [*strain[:2], A[2, 2], strain[3], A[1, 2] + A[2, 1], A[0, 2] + A[2, 0]]
+    return (x @ A.T + shift).ravel(), np.array(strain)
+
+
+def solved(K, u, free, f=None):
+    """u where it is given (not free), and the rest in equilibrium with forces f."""
+    f = np.zeros(len(u)) if f is None else f
+    out = u.copy()
+    out[free] = spsolve(K[free][:, free], (f - K[:, ~free] @ u[~free])[free])
+    return out
+
+
+# ---- at finite strains, each by one call
+
+
+def internal_force(space, materials, u, **options):
+    """Return f_int (n_dof,)."""
+    return DisplacedBodies(space, materials, u, **options).internal_force()
+
+
+def tangent(space, materials, u, *, out=None, **options):
+    """Return K (n_dof, n_dof)."""
+    return DisplacedBodies(space, materials, u, **options).tangent(out)
+
+
+def force_and_tangent(space, materials, u, *, out=None, **options):
+    """Return f_int (n_dof,) and K (n_dof, n_dof)."""
+    body = DisplacedBodies(space, materials, u, **options)
+    return body.internal_force(), body.tangent(out)
+
+
+def stored_energy(space, materials, u, **options):
+    """Return the stored energy."""
+    return DisplacedBodies(space, materials, u, **options).energy()
+
+
+def cauchy_stress(space, materials, u, **options):
+    """Return the Cauchy stress (cells, points, 4 or 6) of each block."""
+    return DisplacedBodies(space, materials, u, **options).cauchy_stress()
+
+
+def first_piola(space, materials, u, **options):
+    """Return the first Piola stress P_si (cells, points, 3, 3) of each block."""
+    return DisplacedBodies(space, materials, u, **options).evaluated(lambda P, F: P)
+
+
+def agree(one, other):
+    """True if two arrays or sparse matrices agree to round-off, relative to the largest entry.
+
+    Their last bits may depend on the number of threads: numpy has other loops for other layouts of an array.
+    """
+    return bool(abs(one - other).max() <= 1e-14 * abs(other).max())

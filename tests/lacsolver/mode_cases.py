@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from lacmesh import Mesh
-from lacsolver.case import parse_case
+from lacsolver.case import Material
 from lacsolver.problem.problem import Problem
 from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bodies import body
+from tests.problems import case_of
 
 YOUNG, POISSON, DENSITY = 2.5, 0.25, 1.6
-#: a mesh that is given to the problem, and no file
-HEAD = 'mesh = "given.msh"\nmodel = "{model}"\n{more}[[material]]\nyoung = {young}\npoisson = {poisson}\n'
+SOLID = Material(young=YOUNG, poisson=POISSON, density=DENSITY)
 
 
-def text(model="plane_strain", sections="", *, young=YOUNG, poisson=POISSON, density=DENSITY, more=""):
-    """A case file with one material."""
-    head = HEAD.format(model=model, more=more, young=young, poisson=poisson)
-    return head + (f"density = {density}\n" if density else "") + sections
+def problem_of(mesh, *records, law=SOLID, model="plane_strain", **keys):
+    """The problem of a body of one material."""
+    return Problem.of(case_of(mesh, law, *records, model=model, **keys), mesh)
 
 
-def hold(**sides):
-    """Displacements of 0 at groups: hold(x0="ux uy") holds both components there."""
-    parts = []
-    for group, names in sides.items():
-        parts += ["[[displacement]]", f'group = "{group}"', *(f"{name} = 0.0" for name in names.split())]
-    return "\n".join(parts) + "\n"
-
-
-def modes_of(mesh, case, count=10, **options):
-    """The natural modes of a case file's text on a mesh."""
-    return natural_modes(Problem.of(parse_case(case), mesh), count=count, **options)
+def modes_of(mesh, *records, count=10, mass="consistent", **case):
+    """The natural modes of a body."""
+    return natural_modes(problem_of(mesh, *records, **case), count=count, mass=mass)
 
 
 def with_groups(mesh):
@@ -40,7 +32,7 @@ def with_groups(mesh):
     for s, axis in enumerate("xyz"[: mesh.space_dim]):
         for end, at in enumerate((x[:, s].min(), x[:, s].max())):
             groups[f"{axis}{end}"] = np.flatnonzero(np.abs(x[:, s] - at) < 1e-9)
-    return Mesh.create(x, mesh.blocks, node_groups=groups, space_dim=mesh.space_dim, cell_groups=mesh.cell_groups)
+    return replace(mesh, node_groups=groups)
 
 
 def block(name, n, model="plane_strain", size=(1.0, 1.0, 1.0), shift=0.0):

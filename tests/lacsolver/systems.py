@@ -1,4 +1,4 @@
-"""Systems of equations and of inequalities that are small and made at random, and their plain solutions."""
+"""Stiffness matrices of bodies, held and free; systems made at random, small, and their plain solutions."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import block_diag, csr_array
 
+from lacsolver.bodies.material import Elastic, Materials
+from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact.laws import Bilateral, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates
 from lacsolver.equilibrium.newton import newton_iterates
@@ -19,6 +21,60 @@ from lacsolver.saddle.row_group import RowGroup, Rows
 from lacsolver.saddle.saddle import SaddleProblem
 from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.stiffness import FactorCache, Stiffness
+from lacsolver.space.space import Space
+from tests.lacsolver.bodies import cube, mixture, plane_mixture, square
+
+#: name -> mesh, model: plane and solid, linear and quadratic, mixed, axisymmetric
+BODIES = {
+    "plane": (lambda: square("QUAD8", 5), "plane_strain"),
+    "plane mixture": (lambda: plane_mixture("2"), "plane_stress"),
+    "axisymmetric": (lambda: square("TRIA6", 5), "axisymmetric"),
+    "hexahedra": (lambda: cube("HEXA8", 5), "3d"),
+    "tetrahedra": (lambda: cube("TETRA10", 3), "3d"),
+    "mixture": (lambda: mixture("2"), "3d"),
+}
+
+
+def stiffness(mesh, model, young=200.0):
+    """The space and K of a mesh that nothing holds."""
+    space = Space.of(mesh, model)
+    return space, assemble_stiffness(space, Materials.of(space, Elastic(young, 0.3)))
+
+
+def free(name):
+    """The space and K of a body that floats (in axisymmetry: along its axis)."""
+    mesh, model = BODIES[name]
+    return stiffness(mesh(), model)
+
+
+def held(name, young=200.0):
+    """K of a body whose lowest nodes are held, these rows taken out, and the rigid modes on the others."""
+    mesh, model = BODIES[name]
+    space, K = stiffness(mesh(), model, young)
+    kept = above(space)
+    return csr_array(K.tocsr()[kept][:, kept]), rigid_modes(space)[kept]
+
+
+def above(space):
+    """(n_dof,): unknowns of nodes that do not lie lowest."""
+    height = space.mesh.points[:, space.dim - 1]
+    return np.repeat(height > height.min() + 1e-9, space.dim)
+
+
+def rigid_modes(space):
+    """(n_dof, 6) in 3D, (n_dof, 3) in a plane: translations, and rotations about the centre."""
+    x = space.mesh.points - space.mesh.points.mean(axis=0)
+    turns = [np.cross(axis, x) for axis in np.eye(3)[2 if space.dim == 2 else 0 :]]
+    shifts = [np.broadcast_to(axis, x.shape) for axis in np.eye(3)[: space.dim]]
+    return np.stack([m[:, : space.dim].ravel() for m in (*shifts, *turns)], axis=1)
+
+
+def beside(*matrices):
+    """One matrix of several bodies that do not touch."""
+    return csr_array(block_diag(matrices, format="csr"))
+
+
+# ---- at random
 
 
 def factorised(K, R, backend="auto", definite=True):

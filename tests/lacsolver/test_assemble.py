@@ -1,89 +1,63 @@
-"""Stiffness, strain, stress and internal force: twins, rigid motions, patch tests, a smooth solution's rate."""
+"""Linear bodies: stiffness, strain, stress, forces, and masses, massless nodes: twins, rigid motions, patch tests."""
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
 from lacsolver.bodies import small as assemble
-from lacsolver.bodies.assembly import matrix, owners
+from lacsolver.bodies.assembly import matrix
+from lacsolver.bodies.mass import DEGREE, assemble_mass
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
 from lacsolver.bodies.small import assemble_stiffness, internal_force, stiffness_values
-from lacsolver.problem.loads import body_force
-from lacsolver.space.space import Space
+from lacsolver.case import parse_case
+from lacsolver.distributed.share import Share
+from lacsolver.problem.problem import Problem
+from lacsolver.space.cut_nodes import inside_children
+from lacsolver.space.space import MODELS, Space
 from tests.lacsolver import plain
-from tests.lacsolver.assembled import agree
 from tests.lacsolver.bodies import (
+    MIXTURES,
     PAIRS,
     PLANE_MODELS,
-    PLANES,
-    SOLIDS,
+    agree,
     body,
     cube,
     distorted,
+    in_two,
+    made,
+    mixed,
     mixture,
     one_cell,
-    plane_mixture,
+    rigid,
     rim,
+    solved,
+    uniform,
+    unturned,
 )
-from tests.quality_cells import rotation
-from tests.samples import each_option
+from tests.lacsolver.moving import PLANE, SMALL, SPACE, WALL
+from verification.meshes.bars import bar, bar_on_wall
+from verification.meshes.blocks import BLOCK_TYPES, joined
 
 LAW = Elastic(young=200.0, poisson=0.3)
 WOOD = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0), (0.0, 1.0)))
 TURNED = Orthotropic((11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0, 0.5), (0.0, 1.0, 1.0)))
-MIXTURES = [(order, model) for order in ("1", "2", "2-full") for model in ("3d", *PLANE_MODELS)]
-
-
-def made(mesh, model, law=LAW):
-    thickness = 0.4 if model == "plane_stress" else None
-    space = Space.of(mesh, model, thickness=thickness)
-    return space, Materials.of(space, law)
-
-
-def mixed(order, model, size=0.06):
-    mesh = mixture(order) if model == "3d" else plane_mixture(order)
-    return distorted(mesh, size * (0.5 if order != "1" else 1.0), seed=4)
-
-
-def rigid(space):
-    """(n_dof, modes): the rigid motions that a model has."""
-    x = space.mesh.points
-    if space.model.axisymmetric:
-        return np.tile([[0.0], [1.0]], (len(x), 1))
-    zero, one = np.zeros(len(x)), np.ones(len(x))
-    if space.dim == 2:
-        modes = [[one, zero], [zero, one], [-x[:, 1], x[:, 0]]]
-    else:
-        shifts = [[one if s == k else zero for s in range(3)] for k in range(3)]
-        turns = [np.cross(np.eye(3)[k], x).T for k in range(3)]
-        modes = [*shifts, *turns]
-    return np.stack([np.stack(m, axis=1).ravel() for m in modes], axis=1)
-
-
-def uniform(space, seed=0):
-    """A displacement of uniform strain (n_dof,), and the strain."""
-    rng = np.random.default_rng(seed)
-    x = space.mesh.points[:, : space.dim]
-    A = rng.uniform(-1, 1, (space.dim, space.dim)) * 1e-3
-    shift = rng.uniform(-1, 1, space.dim) * 1e-3
-    if space.model.axisymmetric:
-        A[0, 1] = A[1, 0] = shift[0] = 0.0
-    strain = [A[0, 0], A[1, 1], 0.0, A[0, 1] + A[1, 0]]
-    if space.model.axisymmetric:
-        strain[2] = A[0, 0]
-    if space.dim == 3:
-        strain = [*strain[:2], A[2, 2], strain[3], A[1, 2] + A[2, 1], A[0, 2] + A[2, 0]]
-    return (x @ A.T + shift).ravel(), np.array(strain)
+RHO = 7.8
+HEAVY = Elastic(young=200.0, poisson=0.3, density=RHO)
 
 
 @pytest.mark.parametrize(("name", "model"), PAIRS)
 @pytest.mark.parametrize("distortion", [0.0, 0.12])
 def test_one_cell_has_no_mode_without_energy_but_the_rigid_ones(name, model, distortion):
-    space, materials = made(one_cell(name, distortion), model)
+    space, materials = made(one_cell(name, distortion), model, LAW)
     K = assemble_stiffness(space, materials).toarray()
     values, vectors = np.linalg.eigh(K)
     modes = rigid(space)
@@ -94,94 +68,79 @@ def test_one_cell_has_no_mode_without_energy_but_the_rigid_ones(name, model, dis
     assert np.abs(left).max() < 1e-7 * np.abs(modes).max()
 
 
+def law_for(kind, model):
+    """An isotropic law, or wood whose axes are turned as the model allows."""
+    return LAW if kind == "isotropic" else TURNED if model == "3d" else WOOD
+
+
 @pytest.mark.parametrize(("name", "model"), PAIRS)
 @pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
 def test_stiffness_equals_its_plain_twin(name, model, law):
-    chosen = LAW if law == "isotropic" else TURNED if model == "3d" else WOOD
-    space, materials = made(distorted(body(name, 2), 0.04), model, chosen)
-    K, twin = assemble_stiffness(space, materials), plain.stiffness(space, materials)
-    assert abs(K - twin).max() < 2e-14 * abs(twin).max()
-
-
-@pytest.mark.parametrize(("order", "model"), MIXTURES)
-def test_stiffness_of_two_materials_in_a_mixture(order, model):
-    mesh = mixed(order, model)
-    groups = {"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)}
-    mesh = Mesh.create(mesh.points, mesh.blocks, space_dim=mesh.space_dim, cell_groups=groups)
-    space = Space.of(mesh, model)
-    materials = Materials.of(space, [(LAW, ("a",)), (WOOD, ("b",))])
+    space, materials = made(distorted(body(name, 2), 0.04), model, law_for(law, model))
     K, twin = assemble_stiffness(space, materials), plain.stiffness(space, materials)
     assert abs(K - twin).max() < 2e-14 * abs(twin).max()
 
 
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
 @pytest.mark.usefixtures("every_thread")
-def test_stiffness_is_symmetric_and_the_same_for_any_threads(order, model):
-    space, materials = made(mixed(order, model), model)
-    K = assemble_stiffness(space, materials)
+def test_two_materials_in_a_mixture(order, model):
+    """Twins of stiffness and strain, forces, rigid motions without energy, the same for any number of threads."""
+    space = Space.of(in_two(mixed(order, model)), model)
+    materials = Materials.of(space, [(LAW, ("a",)), (WOOD, ("b",))])
+    K, twin = assemble_stiffness(space, materials), plain.stiffness(space, materials)
+    assert abs(K - twin).max() < 2e-14 * abs(twin).max()
     assert agree(K, K.T)
+    modes = rigid(space)
+    assert np.abs(K @ modes).max() < 1e-12 * abs(K).max() * np.abs(modes).max()
+    for mode in modes.T:
+        assert max(np.abs(e).max() for e in assemble.strain(space, mode)) < 1e-12 * np.abs(mode).max()
+    u = np.random.default_rng(1).normal(size=space.n_dof)
+    for got, wanted in zip(assemble.strain(space, u), plain.strain(space, u), strict=True):
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-13 * np.abs(wanted).max())
+    f = internal_force(space, materials, u)
+    np.testing.assert_allclose(f, K @ u, rtol=0, atol=1e-13 * np.abs(f).max())
+    assert agree(internal_force(space, materials, u, threads=3), f)
     for threads in (2, 3, 7):
         assert agree(assemble_stiffness(space, materials, threads=threads), K)
-    u = np.random.default_rng(0).normal(size=space.n_dof)
-    f = internal_force(space, materials, u)
-    assert agree(internal_force(space, materials, u, threads=3), f)
     for one, two in zip(*(assemble.stress(space, materials, u, threads=n) for n in (1, 3)), strict=True):
         assert agree(one, two)
 
 
-def test_threads_share_the_nodes_evenly():
-    space, _ = made(cube("HEXA8", 6), "3d")
-    for threads in (1, 2, 3, 5, 8):
-        count = np.bincount(owners(space, threads), minlength=threads)
-        assert len(count) == threads
-        assert count.max() - count.min() <= threads
-    with pytest.raises(ValueError, match="threads is 1 or more"):
-        stiffness_values(*made(cube("HEXA8", 1), "3d"), threads=0)
-    with pytest.raises(ValueError, match="threads is 1 or more"):
-        internal_force(*made(cube("HEXA8", 1), "3d"), np.zeros(24), threads=0)
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda *given: stiffness_values(*given, threads=0), "threads is 1 or more"),
+        (lambda *given: stiffness_values(*given, out=np.zeros((3, 3))), "out must be"),
+        (lambda *given: internal_force(*given, np.zeros(24), threads=0), "threads is 1 or more"),
+        (lambda *given: internal_force(*given, np.zeros((8, 3))), "displacement must be"),
+        (lambda *given: assemble_mass(*given, "hrz"), "consistent or lumped"),
+    ],
+)
+def test_wrong_calls(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        wrong(*made(cube("HEXA8", 1), "3d", LAW))
 
 
 def test_the_pattern_is_shared_and_refilled():
-    space, soft = made(mixture(), "3d")
-    hard = Materials.of(space, Elastic(400.0, 0.3))
-    K = assemble_stiffness(space, soft)
-    assert np.shares_memory(K.indices, space.pattern.indices)
-    assert np.shares_memory(K.indptr, space.pattern.indptr)
-    values = stiffness_values(space, soft)
-    again = stiffness_values(space, hard, out=values)
-    assert again is values
+    space, soft = made(mixture(), "3d", LAW)
+    K, values = assemble_stiffness(space, soft), stiffness_values(space, soft)
+    assert np.shares_memory(K.indices, space.pattern.indices) and np.shares_memory(K.indptr, space.pattern.indptr)
+    assert stiffness_values(space, Materials.of(space, Elastic(400.0, 0.3)), out=values) is values
     assert agree(matrix(space, values), 2 * K)
-    with pytest.raises(ValueError, match="out must be"):
-        stiffness_values(space, soft, out=values[1:])
-
-
-@pytest.mark.parametrize(("order", "model"), MIXTURES)
-def test_rigid_motions_cost_nothing(order, model):
-    space, materials = made(mixed(order, model), model)
-    K, modes = assemble_stiffness(space, materials), rigid(space)
-    assert np.abs(K @ modes).max() < 1e-12 * abs(K).max() * np.abs(modes).max()
-    for mode in modes.T:
-        assert max(np.abs(e).max() for e in assemble.strain(space, mode)) < 1e-12 * np.abs(mode).max()
 
 
 @pytest.mark.parametrize(("name", "model"), PAIRS)
 def test_patch(name, model):
     """Distorted, and curved where the cell can be: a uniform strain is exact everywhere."""
-    size = 0.05 if CELLS[name].order == 1 else 0.03
-    space, materials = made(distorted(body(name, 2), size, seed=2), model)
-    fixed = rim(body(name, 2))
-    check_patch(space, materials, fixed)
+    mesh = distorted(body(name, 2), 0.05 if CELLS[name].order == 1 else 0.03, seed=2)
+    check_patch(*made(mesh, model, LAW), rim(body(name, 2)))
 
 
 @pytest.mark.parametrize(("order", "model"), MIXTURES)
-@pytest.mark.parametrize("law", ["isotropic", "orthotropic"])
-def test_patch_of_mixtures(order, model, law):
-    if law == "orthotropic" and model == "axisymmetric":
-        law = "isotropic"  # a uniform strain is in equilibrium only where radial and hoop stress are equal
-    chosen = LAW if law == "isotropic" else TURNED if model == "3d" else WOOD
-    space, materials = made(mixed(order, model), model, chosen)
-    fixed = rim(mixture(order) if model == "3d" else plane_mixture(order))
-    check_patch(space, materials, fixed)
+def test_patch_of_mixtures(order, model):
+    """Of wood, but about an axis, where a uniform strain is in equilibrium only if radial and hoop stress are equal."""
+    law = law_for("isotropic" if model == "axisymmetric" else "orthotropic", model)
+    check_patch(*made(mixed(order, model), model, law), rim(unturned(order, model)))
 
 
 def check_patch(space, materials, fixed):
@@ -199,41 +158,15 @@ def check_patch(space, materials, fixed):
     assert np.abs(f[free]).max() < 1e-13 * np.abs(f).max()
 
 
-def solved(K, u, free, f=None):
-    """u where it is given (not free), and the rest in equilibrium with forces f."""
-    f = np.zeros(len(u)) if f is None else f
-    out = u.copy()
-    out[free] = spsolve(K[free][:, free], (f - K[:, ~free] @ u[~free])[free])
-    return out
-
-
-@pytest.mark.parametrize(("order", "model"), MIXTURES)
-def test_strain_equals_its_plain_twin_and_force_is_stiffness_times_displacement(order, model):
-    space, materials = made(mixed(order, model), model)
-    u = np.random.default_rng(1).normal(size=space.n_dof)
-    for got, twin in zip(assemble.strain(space, u), plain.strain(space, u), strict=True):
-        np.testing.assert_allclose(got, twin, rtol=0, atol=1e-13 * np.abs(twin).max())
-    f, expected = internal_force(space, materials, u), assemble_stiffness(space, materials) @ u
-    np.testing.assert_allclose(f, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
-
-
 @pytest.mark.parametrize("degree", [None, 6])
 @pytest.mark.parametrize("model", ["3d", *PLANE_MODELS])
 def test_fields_at_other_points(model, degree):
     """A quadratic displacement on straight quadratic cells is itself at any point."""
-    space, materials = made(mixture("2-full") if model == "3d" else plane_mixture("2-full"), model)
+    space, materials = made(unturned("2-full", model), model, LAW)
     dim = space.dim
 
     def u(x):
         return np.stack([x[..., 0] * x[..., 1], x[..., 1] ** 2, x[..., 0] * x[..., 2]][:dim], axis=-1)
-
-    def gradient(x):
-        zero = np.zeros(x.shape[:-1])
-        rows = [[x[..., 1], x[..., 0], zero], [zero, 2 * x[..., 1], zero], [x[..., 2], zero, x[..., 0]]]
-        G = np.stack([np.stack(r, axis=-1) for r in rows], axis=-2)[..., :dim, : space.model.rows]
-        if model == "axisymmetric":
-            G[..., 0, 2] = x[..., 1]
-        return G
 
     nodal = u(space.mesh.points).ravel()
     volume = 0.0
@@ -246,95 +179,178 @@ def test_fields_at_other_points(model, degree):
         strict=True,
     ):
         np.testing.assert_allclose(value, u(x), atol=1e-12)
-        G = gradient(x)
-        np.testing.assert_allclose(e[..., 3], G[..., 0, 1] + G[..., 1, 0], atol=1e-12)
+        np.testing.assert_allclose(e[..., 3], x[..., 0], atol=1e-12)  # the shear strain
         np.testing.assert_allclose(s, e @ materials.tables[0][0], atol=1e-9)
         volume += w.sum()
     exact = {"3d": 12.0, "plane_strain": 9.0, "plane_stress": 3.6, "axisymmetric": 2 * np.pi * 3 * (16 - 1) / 2}
     assert volume == pytest.approx(exact[model], rel=1e-13)
 
 
-def test_a_displacement_of_the_wrong_size():
-    space, materials = made(cube("HEXA8", 1), "3d")
-    with pytest.raises(ValueError, match=r"a displacement must be \(24,\), not \(8, 3\)"):
-        internal_force(space, materials, np.zeros((8, 3)))
+# ---- masses
 
 
-@pytest.mark.parametrize("name", SOLIDS)
-def test_a_turned_body_of_turned_wood_is_the_same_body(name):
-    Q = rotation(np.random.default_rng(7))
-    mesh = one_cell(name, 0.1)
-    there = Mesh.create(mesh.points @ Q, mesh.blocks)  # x' = Q^T x
-    frame = TURNED.directions
-    law = Orthotropic(TURNED.young, TURNED.poisson, TURNED.shear, axes=tuple(map(tuple, (frame @ Q)[:2])))
-    K, M = (assemble_stiffness(*made(m, "3d", a)).toarray() for m, a in ((mesh, TURNED), (there, law)))
-    R = np.kron(np.eye(mesh.n_nodes), Q.T)
-    np.testing.assert_allclose(M, R @ K @ R.T, rtol=0, atol=1e-13 * np.abs(K).max())
-
-
-def test_plane_stress_is_proportional_to_its_thickness():
-    mesh = plane_mixture()
-    thin, thick = (Space.of(mesh, "plane_stress", thickness=h) for h in (1.0, 0.25))
-    K, M = (assemble_stiffness(s, Materials.of(s, LAW)) for s in (thin, thick))
-    assert abs(M - 0.25 * K).max() < 1e-14 * abs(K).max()
-
-
-class Waves:
-    """u_t = sin(k_t.x + phi_t): its Hessian is -k k^T u_t, so that the body force is A_sitj k_ti k_tj u_t."""
-
-    def __init__(self, space, materials):
-        self.dim = space.dim
-        self.k = np.array([[1.0, 0.7, -0.4], [-0.5, 1.1, 0.8], [0.9, -0.6, 1.2]])[: self.dim, : self.dim]
-        self.phase = np.array([0.3, 1.1, 2.0])[: self.dim]
-        self.A = materials.tensors[0]
-
-    def u(self, x):
-        return np.sin(x[..., : self.dim] @ self.k.T + self.phase)
-
-    def force(self, s):
-        return lambda x, t: np.einsum("itj,ti,tj,nt->n", self.A[s], self.k, self.k, self.u(x))
-
-
-class Rings:
-    """Axisymmetric: u = (r sin y, r^2), whose stress has a divergence in closed form."""
-
-    def __init__(self, space, materials):
-        self.lam, self.mu = materials.laws[0].lame
-
-    def u(self, x):
-        return np.stack([x[..., 0] * np.sin(x[..., 1]), x[..., 0] ** 2], axis=-1)
-
-    def force(self, s):
-        lam, mu = self.lam, self.mu
-        if s == 0:
-            return lambda x, t: mu * x[:, 0] * np.sin(x[:, 1])
-        return lambda x, t: -2 * mu * (np.cos(x[:, 1]) + 2) - 2 * lam * np.cos(x[:, 1])
-
-
-def error(name, model, n):
-    """The L2 norm of the error of a smooth solution given on the rim."""
+def skewed(name, n=2, size=0.05):
+    """The unit cube or square at x in [1, 2], its inner nodes moved at random: quadratic cells are curved inside."""
     mesh = body(name, n)
-    space, materials = made(mesh, model, LAW if model in ("axisymmetric", "3d") else WOOD)
-    exact = (Rings if model == "axisymmetric" else Waves)(space, materials)
-    f = body_force(space, [exact.force(s) for s in range(space.dim)])
-    u = exact.u(mesh.points).ravel()
-    free = ~np.repeat(rim(mesh), space.dim)
-    u = solved(assemble_stiffness(space, materials).tocsc(), u, free, f)
-    fields = zip(assemble.points(space, 8), assemble.weights(space, 8), assemble.displacement(space, u, 8), strict=True)
-    return np.sqrt(sum((w * ((v - exact.u(x)) ** 2).sum(axis=-1)).sum() for x, w, v in fields))
+    moved = distorted(mesh, size * (0.5 if CELLS[name].order == 2 else 1.0), seed=3).points
+    points = np.where(rim(mesh)[:, None], mesh.points, moved)
+    return Mesh.create(points, mesh.blocks, space_dim=mesh.space_dim)
 
 
-#: meshes of each kind of cell between which the rate is measured
-LEVELS = {(2, 1): (8, 16), (2, 2): (4, 8), (3, 1): (4, 8), (3, 2): (2, 4)}
+def moment(space, i=0, j=0):
+    """Integral of x^i y^j z^0 over `skewed`, with thickness or 2 pi r, in closed form."""
+    if space.dim == 3:
+        return 1 / ((i + 1) * (j + 1))  # x in [0, 1]
+    i += space.model.axisymmetric
+    depth = 2 * np.pi if space.model.axisymmetric else space.thickness
+    return depth * (2 ** (i + 1) - 1) / (i + 1) / (j + 1)
 
 
-@pytest.mark.parametrize(("name", "model"), each_option(PAIRS))
-def test_a_smooth_solution_converges_at_its_order(name, model):
-    cell = CELLS[name]
-    coarse, fine = LEVELS[cell.dim, cell.order]
-    rate = np.log2(error(name, model, coarse) / error(name, model, fine))
-    assert rate > cell.order + 1 - 0.15
+@pytest.mark.parametrize("kind", ["consistent", "lumped"])
+@pytest.mark.parametrize(("name", "model"), PAIRS)
+def test_whole_mass_along_each_axis(name, model, kind):
+    space, materials = made(skewed(name), model, HEAVY)
+    M = assemble_mass(space, materials, kind)
+    axes = np.tile(np.eye(space.dim), (space.mesh.n_nodes, 1))
+    whole = axes.T @ (M @ axes)
+    assert np.abs(whole / (RHO * moment(space)) - np.eye(space.dim)).max() < 1e-13
+    if kind == "lumped":
+        assert M.nnz == space.n_dof and M.diagonal().min() > 0
+    else:
+        assert abs(M - M.T).max() <= 1e-15 * abs(M).max() and np.linalg.eigvalsh(M.toarray()).min() > 0
 
 
-def test_the_cells_of_the_tests_are_all_there_are():
-    assert sorted(SOLIDS + PLANES) == sorted(name for name, cell in CELLS.items() if cell.dim > 1)
+@pytest.mark.parametrize(("name", "model"), PAIRS)
+def test_products_of_fields_are_exact(name, model):
+    """Linear ones on distorted cells, and so energies of rotating bodies; quadratic ones on straight cells."""
+    for order, size in ((1, 0.05), (2, 0.0))[: CELLS[name].order]:
+        space, materials = made(skewed(name, size=size), model, HEAVY)
+        M = assemble_mass(space, materials)
+        x, y = space.mesh.points[:, 0], space.mesh.points[:, 1]
+        powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+        for (i, j), (k, m) in itertools.product(powers, powers):
+            v, w = np.zeros((2, space.mesh.n_nodes, space.dim))
+            axis = (i + k) % space.dim
+            v[:, axis], w[:, axis] = x**i * y**j, x**k * y**m
+            assert v.ravel() @ (M @ w.ravel()) == pytest.approx(RHO * moment(space, i + k, j + m), rel=1e-13)
+
+
+def plain_mass(space, materials, more):
+    """M (n_dof, n_dof) dense, by a rule of a degree higher by `more`, einsum and plain loops."""
+    M = np.zeros((space.mesh.n_nodes, space.mesh.n_nodes))
+    for number, (name, nodes, cells) in enumerate(space.blocks):
+        X, w = rule(CELLS[name].family, max(DEGREE[name]) + more)
+        N, x = shape(name, X), space.mesh.points[nodes]
+        det = np.abs(np.linalg.det(jacobian(name, x, X)[:, :, : space.dim]))
+        W = materials.densities(number)[:, None] * det * w * space.depth(np.einsum("qn,cns->cqs", N, x), cells)
+        for rows, m in zip(nodes, np.einsum("cq,qa,qb->cab", W, N, N), strict=True):
+            M[np.ix_(rows, rows)] += m
+    return np.kron(M, np.eye(space.dim))
+
+
+@pytest.mark.parametrize(("name", "model"), PAIRS)
+def test_mass_of_a_distorted_cell_equals_its_plain_twin_of_higher_degree(name, model):
+    space, materials = made(one_cell(name, 0.12), model, HEAVY)
+    M, twin = assemble_mass(space, materials).toarray(), plain_mass(space, materials, 4)
+    assert np.abs(M - twin).max() < 2e-14 * np.abs(twin).max()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_mixture_of_cells_and_densities(model):
+    space = Space.of(in_two(unturned("2", model)), model)
+    materials = Materials.of(space, [(replace(LAW, density=2.0), ("a",)), (replace(LAW, density=5.0), ("b",))])
+    twin = plain_mass(space, materials, 2)
+    assert np.abs(assemble_mass(space, materials).toarray() - twin).max() < 2e-14 * np.abs(twin).max()
+    assert assemble_mass(space, materials, "lumped").sum() == pytest.approx(twin.sum(), rel=1e-13)
+
+
+def test_lumped_mass_of_serendipity_cells_has_the_published_shares():
+    """QUAD8 square: 3/76 at a corner, 16/76 at a mid-node (Zienkiewicz, Taylor and Zhu, The Finite Element Method)."""
+    square = Mesh.create(np.array(CELLS["QUAD8"].reference, float), [("QUAD8", [np.arange(8)])])
+    shares = assemble_mass(*made(square, "plane_strain", HEAVY), kind="lumped").diagonal()[::2] / (4 * RHO)
+    assert shares == pytest.approx(np.repeat([3 / 76, 16 / 76], 4), rel=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["consistent", "lumped"])
+def test_rows_of_a_process_and_of_nodes_of_no_cell(kind):
+    """Rows of a process's own nodes are complete, to rounding: BLAS rounds fewer cells in another way."""
+    mesh = skewed("HEXA8", 3)
+
+    class Half(Share):
+        own = mesh.points[:, 0] < 0.4
+
+    whole = assemble_mass(*made(mesh, "3d", HEAVY), kind=kind)
+    space = Space.of(mesh, "3d", share=Half())
+    part = assemble_mass(space, Materials.of(space, HEAVY), kind)
+    rows = space.dofs(np.flatnonzero(Half.own)).ravel()
+    assert sum(len(b.nodes) for b in space.blocks) < mesh.n_cells
+    assert abs(part[rows] - whole[rows]).max() <= 1e-15 * abs(whole).max()
+    mesh = body("TRIA3", 1)
+    loose = Mesh.create(np.vstack([mesh.points, [[9.0, 9.0, 0.0]]]), mesh.blocks)
+    M = assemble_mass(*made(loose, "plane_strain", HEAVY), kind=kind)
+    assert M.shape == (10, 10) and abs(M[8:]).sum() == 0.0
+
+
+def test_cells_without_density_are_named_by_their_groups():
+    groups = {"left": np.array([0, 1]), "right": np.array([2, 3]), "corner": np.array([2]), "mixed": np.array([1, 2])}
+    space = Space.of(replace(body("QUAD4", 2), cell_groups=groups), "plane_strain")
+    with pytest.raises(DataError, match="group 'right', 'corner'"):
+        assemble_mass(space, Materials.of(space, [(HEAVY, ("left",)), (LAW, ("right",))]))
+
+
+# ---- massless nodes
+
+
+PLANE_TYPES = [kind for kind in BLOCK_TYPES if kind.startswith(("TRIA", "QUAD"))]
+
+
+def inertia(kind, massless, n=4, how=""):
+    dim = 2 if kind in PLANE_TYPES else 3
+    text = (PLANE if dim == 2 else SPACE) + SMALL + WALL.replace("[[rigid]]", how + "[[rigid]]")
+    return Problem.of(parse_case(text + f'[dynamics]\nmassless = "{massless}"\n'), bar_on_wall(kind, n, 0.01)).inertia
+
+
+def rows(kind):
+    """Options of the cut of a type of cell."""
+    return ['hexa = "pyramid"\n', 'hexa = "hexa"\n'] if kind in ("HEXA8", "HEXA20") else [""]
+
+
+CUTS = [(kind, how) for kind in BLOCK_TYPES for how in rows(kind)]
+
+
+@pytest.mark.parametrize(("kind", "how"), CUTS, ids=lambda v: v.strip().replace('"', ""))
+def test_mass_moves_and_stays_as_much(kind, how):
+    """Total mass to round-off, none at massless nodes, positive definite at others. Nodes that the cut made are found.
+
+    New nodes that are not on the slave skin are those inside the children of one parent.
+    """
+    made = inertia(kind, "skins", how=how)
+    mesh, dim, nodes, attached = made.space.mesh, made.space.dim, made.massless.nodes, made.space.attached
+    for s in range(dim):
+        one = np.tile(np.eye(dim)[s], mesh.n_nodes)
+        assert one @ made.M @ one == pytest.approx(one @ made.plain @ one, rel=1e-13)
+    slave = mesh.points[:, dim - 1] < 0.01 + 1e-9
+    assert nodes[slave & attached].all()
+    M = made.M.toarray()
+    assert not M[made.massless_dofs].any() and abs(M - M.T).max() <= 1e-15 * M.max()
+    kept = made.space.dofs(np.flatnonzero(attached & ~nodes)).ravel()
+    assert np.linalg.eigvalsh(M[np.ix_(kept, kept)])[0] > 1e-3 * np.diag(M)[kept].min()
+    before = bar_on_wall(kind, 4, 0.01).points
+    new = np.array([np.linalg.norm(before - x, axis=1).min() > 1e-9 for x in mesh.points])
+    np.testing.assert_array_equal(inside_children(mesh, dim), new & ~slave)
+
+
+def test_a_body_too_thin_keeps_the_mass_of_its_skins():
+    """A plate one cell thick between two others, slave above and master below; then slave on both sides."""
+    parts = [(bar("QUAD4", 4, 0.0, 4), {"y0": "low", "y1": "master", "": "foot", "x0": "x0"})]
+    low = bar("QUAD4", 1, 1.01, 4)
+    parts.append((low, {"y0": "slave", "y1": "above", "": "plate"}))
+    parts.append((bar("QUAD4", 4, 2.02, 4), {"y0": "top_slave", "": "lid"}))
+    text = PLANE + SMALL + '[[contact]]\nslave = "slave"\nmaster = "master"\n'
+    text += '[[contact]]\nslave = "top_slave"\nmaster = "above"\n[dynamics]\n'
+    made = Problem.of(parse_case(text), joined(parts)).inertia
+    (said,) = made.massless.told
+    assert said.startswith("'plate' is too thin")
+    y = made.space.mesh.points[:, 1]
+    assert made.massless.nodes[np.abs(y - 1.01) < 1e-9].all()
+    assert not made.massless.nodes[np.abs(y - 2.01) < 1e-9].any()

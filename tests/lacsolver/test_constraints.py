@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
 from lacmesh import Mesh, Surface
-from lacmesh.errors import DataError
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.case import Case, CaseError, Displacement, EvaluationError, Material, Rigid
+from lacsolver.case import CaseError, Displacement, Rigid
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.normals import nodal_normals
 from lacsolver.space.space import Space
@@ -31,6 +30,7 @@ from tests.lacsolver.held import (
     turn,
     with_sides,
 )
+from tests.problems import move
 from tests.quality_cells import rotation
 
 POISSON = 0.3
@@ -38,15 +38,19 @@ BOXES = [("HEXA8", "3d"), ("TETRA10", "3d"), ("HEXA27", "3d"), ("PENTA15", "3d")
 BOXES += [(name, model) for name in ("TRIA3", "QUAD8") for model in PLANE_MODELS]
 
 
-# what is held
+def of(mesh, *given, model="3d", **rest):
+    """The space of a mesh, and the constraints of displacements."""
+    return held(mesh, model, displacement=given, **rest)
+
+
+# ---- what is held
 
 
 @pytest.mark.parametrize(("name", "model"), BOXES)
 def test_components_along_axes_pick_unknowns(name, model):
+    """So does the normal of a side along an axis, on distorted insides and whatever way the faces are listed."""
     mesh = box(name, model)
-    space, constraints = held(
-        mesh, model, displacement=[Displacement(group="x0", ux=0.25), Displacement(group="y1", uy="0.1 * x * t")]
-    )
+    space, constraints = of(mesh, move("x0", ux=0.25), move("y1", uy="0.1 * x * t"), model=model)
     x0, y1 = nodes_in(mesh, "x0"), nodes_in(mesh, "y1")
     fixed = np.concatenate([space.dim * x0, space.dim * y1 + 1])
     assert constraints.is_selection
@@ -56,21 +60,8 @@ def test_components_along_axes_pick_unknowns(name, model):
     np.testing.assert_allclose(u[y1, 1], 0.05 * mesh.points[y1, 0], rtol=1e-15)
     assert np.count_nonzero(constraints.u0(1.0)) == np.count_nonzero(mesh.points[y1, 0]) + len(x0)
     check_map(space, constraints)
-
-
-def test_nothing_held():
-    space, constraints = held(box("HEXA8", "3d"))
-    assert constraints.free.tolist() == list(range(space.n_dof))
-    assert not constraints.u0(1.0).any()
-    assert constraints.reactions(np.ones(space.n_dof)) == {}
-
-
-@pytest.mark.parametrize(("name", "model"), BOXES)
-def test_the_normal_of_a_side_along_an_axis_is_the_axis(name, model):
-    """So that T still picks unknowns, on distorted insides and whatever way the faces are listed."""
-    mesh = box(name, model)
-    _, along = held(mesh, model, displacement=[Displacement(group="x1", ux=0.2), Displacement(group="y0", uy=0.1)])
-    _, normal = held(mesh, model, displacement=[Displacement(group="x1", un=0.2), Displacement(group="y0", un=-0.1)])
+    _, along = of(mesh, move("x1", ux=0.2), move("y0", uy=0.1), model=model)
+    _, normal = of(mesh, move("x1", un=0.2), move("y0", un=-0.1), model=model)
     assert normal.is_selection
     assert normal.free.tolist() == along.free.tolist()
     np.testing.assert_allclose(normal.u0(1.0), along.u0(1.0), rtol=1e-14)
@@ -78,13 +69,8 @@ def test_the_normal_of_a_side_along_an_axis_is_the_axis(name, model):
 
 def test_round_off_in_the_coordinates_does_not_tilt_a_normal():
     mesh = box("HEXA8", "3d")
-    shaken = Mesh.create(
-        mesh.points + 1e-15 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape),
-        mesh.blocks,
-        cell_groups=mesh.cell_groups,
-    )
-    _, constraints = held(shaken, displacement=[Displacement(group="x1", un=0.2)])
-    assert constraints.is_selection
+    shaken = mesh.points + 1e-15 * np.random.default_rng(0).uniform(-1, 1, mesh.points.shape)
+    assert of(replace(mesh, points=shaken), move("x1", un=0.2))[1].is_selection
 
 
 @pytest.mark.parametrize(("name", "model"), [b for b in BOXES if b[1] not in ("axisymmetric", "plane_stress")])
@@ -94,9 +80,7 @@ def test_a_tilted_box_is_stretched_uniformly(name, model):
     R = rotation(np.random.default_rng(7)) if model == "3d" else turn(0.7)
     tilted = moved(mesh, R, (3.0, 1.0, 0.0))
     sides = ["x0", "y0", "z0"][: tilted.space_dim]
-    space, constraints = held(
-        tilted, model, displacement=[*(Displacement(group=s, un=0) for s in sides), Displacement(group="x1", un=0.01)]
-    )
+    space, constraints = of(tilted, *(move(side, un=0) for side in sides), move("x1", un=0.01), model=model)
     assert not constraints.is_selection
     K = assemble_stiffness(space, Materials.of(space, Elastic(young=7.0, poisson=POISSON)))
     T, u0 = constraints.T, constraints.u0(1.0)
@@ -114,16 +98,26 @@ def test_a_tilted_box_is_stretched_uniformly(name, model):
 
 @pytest.mark.parametrize("name", ["HEXA8", "HEXA20"])
 def test_normals_of_a_cylinder_are_radial(name):
+    """Prescribed values may vary over it, and faces that several groups share have no seam."""
     mesh = ring(name)
-    space, constraints = held(
-        mesh, displacement=[Displacement(group="outer", un=0.1), Displacement(group="inner", un=0)]
-    )
+    space, constraints = of(mesh, move("outer", un=0.1), move("inner", un=0))
     x = mesh.points[constraints.local.node]
     outward = np.where(np.linalg.norm(x[:, :2], axis=1) > 1.5, 1.0, -1.0)[:, None]
     radial = outward * x[:, :2] / np.linalg.norm(x[:, :2], axis=1, keepdims=True)
     np.testing.assert_allclose(constraints.local.direction, np.c_[radial, 0 * radial[:, 0]], atol=1e-14)
     assert len(constraints.local.node) == len(constraints.local.nodes)
     check_map(space, constraints)
+    if name == "HEXA20":
+        return
+    _, whole = of(mesh, move("outer", un=0.1))
+    for given in ((move("east", un=0.1), move("west", un=0.1)), (move("outer", un=0.1), move("east", un=0.1))):
+        space, shared = of(mesh, *given)
+        np.testing.assert_allclose(shared.u0(1.0), whole.u0(1.0), atol=1e-15)
+        assert shared.n_q == whole.n_q
+        check_map(space, shared)
+    _, constraints = of(mesh, move("outer", un=lambda x, t: t * x[:, 2]))
+    u, outer = constraints.u0(0.5).reshape(-1, 3), nodes_in(mesh, "outer")
+    np.testing.assert_allclose(np.linalg.norm(u[outer], axis=1), 0.5 * (mesh.points[outer, 2] == 1), atol=1e-15)
 
 
 def test_normals_of_a_curved_face_are_those_at_the_node():
@@ -140,18 +134,6 @@ def test_normals_of_a_curved_face_are_those_at_the_node():
     assert cosine.min() > np.cos(np.radians(2))  # of the flat face through the corners: 22.5 degrees
 
 
-def test_a_skin_in_two_groups_has_no_seam():
-    mesh = ring("HEXA8")
-    _, whole = held(mesh, displacement=[Displacement(group="outer", un=0.1)])
-    space, halves = held(mesh, displacement=[Displacement(group="east", un=0.1), Displacement(group="west", un=0.1)])
-    np.testing.assert_allclose(halves.u0(1.0), whole.u0(1.0), atol=1e-15)
-    assert halves.n_q == whole.n_q
-    both = [Displacement(group="outer", un=0.1), Displacement(group="east", un=0.1)]  # a face in two groups counts once
-    _, twice = held(mesh, displacement=both)
-    np.testing.assert_allclose(twice.u0(1.0), whole.u0(1.0), atol=1e-15)
-    check_map(space, halves)
-
-
 def bent(angle, first=1.0, second=2.0):
     """A strip whose lower side turns by `angle` degrees at node 1; sides of lengths `first` and `second`."""
     a = np.radians(angle)
@@ -161,20 +143,16 @@ def bent(angle, first=1.0, second=2.0):
     return Mesh.create(points, cells, cell_groups={"s": [2, 3]})
 
 
-def test_a_blunt_bend_has_one_normal_weighted_with_the_lengths():
-    space, constraints = held(bent(30), "plane_strain", displacement=[Displacement(group="s", un=0.5)])
-    D, _ = conditions_at(constraints, 1)
-    n = 1.0 * np.array([0, -1]) + 2.0 * np.array([np.sin(np.pi / 6), -np.cos(np.pi / 6)])
-    np.testing.assert_allclose(D, [n / np.linalg.norm(n)], atol=1e-15)
-    check_map(space, constraints)
-
-
-@pytest.mark.parametrize(("angle", "normals"), [(39.9, 1), (40.1, 2), (-39.9, 1), (-40.1, 2)])
-def test_a_sharp_edge_has_two_normals(angle, normals):
-    space, constraints = held(bent(angle), "plane_strain", displacement=[Displacement(group="s", un=0.5)])
+@pytest.mark.parametrize(("angle", "normals"), [(30, 1), (39.9, 1), (40.1, 2), (-39.9, 1), (-40.1, 2)])
+def test_a_blunt_bend_has_one_normal_weighted_with_the_lengths_and_a_sharp_one_two(angle, normals):
+    space, constraints = of(bent(angle), move("s", un=0.5), model="plane_strain")
     D, c = conditions_at(constraints, 1)
     assert len(D) == normals
     np.testing.assert_allclose(D @ constraints.u0(1.0)[2:4], c, atol=1e-15)
+    if normals == 1:
+        a = np.radians(angle)
+        n = 1.0 * np.array([0, -1]) + 2.0 * np.array([np.sin(a), -np.cos(a)])
+        np.testing.assert_allclose(D, [n / np.linalg.norm(n)], atol=1e-15)
     check_map(space, constraints)
 
 
@@ -187,7 +165,7 @@ def test_faces_linked_by_others_share_one_normal():
     points = np.vstack([rim, [[0, 0, 0.7], [0, 0, -1]]])
     cells = [("TETRA4", np.stack([k, m, 0 * k + n, 0 * k + n + 1], axis=1)), ("TRIA3", np.stack([m, k, 0 * k + n], 1))]
     mesh = Mesh.create(points, cells, cell_groups={"cone": np.arange(n, 2 * n)})
-    _, constraints = held(mesh, displacement=[Displacement(group="cone", un=0.2)])
+    _, constraints = of(mesh, move("cone", un=0.2))
     D, _ = conditions_at(constraints, n)
     np.testing.assert_allclose(D, [[0, 0, 1]], atol=1e-14)
 
@@ -196,7 +174,7 @@ def test_a_corner_of_one_group_is_held_in_every_direction():
     mesh = with_sides(cube("HEXA8", 2), {"three": lambda x: (x < 1e-9).any(axis=1)})
     sheared = moved(mesh, [[1, 0.4, 0.1], [0, 1, -0.3], [0, 0, 1]])
     for body in (mesh, sheared):
-        space, constraints = held(body, displacement=[Displacement(group="three", un=0.125)])
+        space, constraints = of(body, move("three", un=0.125))
         conditions = np.bincount(constraints.local.node, minlength=27)
         outside = (mesh.points < 1e-9).sum(axis=1)
         assert conditions.tolist() == outside.tolist()
@@ -204,64 +182,32 @@ def test_a_corner_of_one_group_is_held_in_every_direction():
         np.testing.assert_allclose(D @ constraints.u0(1.0)[:3], 0.125, atol=1e-15)
         assert constraints.n_q == 81 - outside.sum()
         check_map(space, constraints)
-    _, constraints = held(mesh, displacement=[Displacement(group="three", un=0.125)])
+    _, constraints = of(mesh, move("three", un=0.125))
     assert constraints.u0(1.0)[:3].tolist() == pytest.approx([-0.125] * 3, rel=1e-14)
-
-
-def test_a_component_and_a_tilted_normal_together():
-    mesh = moved(box("HEXA8", "3d"), [[1, 0, 0.5], [0, 1, 0], [0, 0.3, 1]])
-    space, constraints = held(
-        mesh, displacement=[Displacement(group="x1", un=0.1), Displacement(group="y0", uy="x", uz=0.3)]
-    )
-    node = np.intersect1d(nodes_in(mesh, "x1"), nodes_in(mesh, "y0"))[0]
-    D, c = conditions_at(constraints, node)
-    assert len(D) == 3
-    np.testing.assert_allclose(D @ constraints.u0(1.0)[3 * node : 3 * node + 3], c, atol=1e-15)
-    check_map(space, constraints)
-
-
-def test_un_may_vary_over_the_skin():
-    mesh = ring("HEXA8")
-    _, constraints = held(mesh, displacement=[Displacement(group="outer", un=lambda x, t: t * x[:, 2])])
-    u = constraints.u0(0.5).reshape(-1, 3)
-    np.testing.assert_allclose(
-        np.linalg.norm(u[nodes_in(mesh, "outer")], axis=1),
-        0.5 * (mesh.points[:, 2] == 1)[nodes_in(mesh, "outer")],
-        atol=1e-15,
-    )
 
 
 def test_the_same_condition_twice_is_one():
     mesh = box("HEXA8", "3d")
-    _, constraints = held(
-        mesh,
-        displacement=[
-            Displacement(group="x0", ux=0.1),
-            Displacement(group="x0", kind="cell", un="-0.1 * t"),
-            Displacement(group="y0", ux="0.1 * t * (1 - x)", uy=0),
-        ],
-    )
+    again = Displacement(group="x0", kind="cell", un="-0.1 * t")
+    _, constraints = of(mesh, move("x0", ux=0.1), again, move("y0", ux="0.1 * t * (1 - x)", uy=0))
     assert constraints.n_q == 81 - 9 - 15
     u = constraints.u0(1.0).reshape(-1, 3)
     np.testing.assert_allclose(u[nodes_in(mesh, "x0"), 0], 0.1, rtol=1e-15)
 
 
 def test_the_axis_of_symmetry_stays_where_it_is():
-    """ux = 0 there, by itself; a rigid body has its own nodes, and the case may say the same."""
+    """ux = 0 there, by itself; a rigid body has its own nodes, and the case may say the same, but nothing else."""
     mesh = moved(box("QUAD8", "axisymmetric"), shift=(-1.0, 0, 0))
     axis = nodes_in(mesh, "x0")
-    space, alone = held(mesh, "axisymmetric", displacement=[Displacement(group="y0", uy=0)])
+    space, alone = of(mesh, move("y0", uy=0), model="axisymmetric")
     assert not np.isin(space.dim * axis, alone.free).any()
     assert np.isin(space.dim * axis[-1] + 1, alone.free)
-    _, told = held(mesh, "axisymmetric", displacement=[Displacement(group="x0", ux=0), Displacement(group="y0", uy=0)])
+    _, told = of(mesh, move("x0", ux=0), move("y0", uy=0), model="axisymmetric")
     assert told.free.tolist() == alone.free.tolist()
     assert list(alone.reactions(np.ones(space.n_dof))) == ["y0"]
-    held(mesh, "axisymmetric", rigid=[Rigid(group="y1", fy=1.0)])
-    with pytest.raises(CaseError, match=r"ux = 0\.1 of displacement 'x0', and ux = 0 of displacement 'the axis"):
-        held(mesh, "axisymmetric", displacement=[Displacement(group="x0", ux=lambda x, t: np.full(len(x), 0.1))])
-
-
-# nodes of no body
+    of(mesh, rigid=[Rigid(group="y1", fy=1.0)], model="axisymmetric")
+    with pytest.raises(CaseError, match="displacement 'the axis"):
+        of(mesh, move("x0", ux=lambda x, t: np.full(len(x), 0.1)), model="axisymmetric")
 
 
 def test_nodes_of_no_cell_have_no_unknowns_but_may_be_moved():
@@ -270,25 +216,24 @@ def test_nodes_of_no_cell_have_no_unknowns_but_may_be_moved():
         [("TRIA3", [[0, 1, 2]]), ("SEG2", [[3, 4]]), ("POI1", [[5]])],
         cell_groups={"bare": [1]},
     )
-    space, constraints = held(mesh, "plane_strain", displacement=[Displacement(group="bare", ux=0.5)])
+    space, constraints = of(mesh, move("bare", ux=0.5), model="plane_strain")
     assert constraints.free.tolist() == list(range(6))
     assert constraints.u0(1.0).tolist() == [0] * 6 + [0.5, 0, 0.5, 0, 0, 0]
     check_map(space, constraints)
 
 
-# contradictions
+# ---- contradictions
 
 
 def test_a_contradiction_names_node_lines_and_values():
-    mesh = box("HEXA8", "3d")
-    mesh = Mesh.create(mesh.points, mesh.blocks, cell_groups=mesh.cell_groups, node_number=np.arange(100, 127))
+    mesh = replace(box("HEXA8", "3d"), node_number=np.arange(100, 127))
     sections = '[[displacement]]\ngroup = "x0"\nux = 0.1\n[[displacement]]\ngroup = "y1"\nux = 0.2\nuy = 0\n'
     with pytest.raises(CaseError) as caught:
         Constraints.of(Space.of(mesh, "3d"), case(sections))
     shared = np.intersect1d(nodes_in(mesh, "x0"), nodes_in(mesh, "y1"))
-    said = re.fullmatch(
-        r"node (\d+) cannot have ux = (\S+) of displacement 'x0' \(press\.toml, line 6\), and ux = (\S+) of "
-        r"displacement 'y1' \(press\.toml, line 9\), at t = (\S+); leave one out, or make them agree",
+    said = re.match(
+        r"node (\d+) cannot have ux = (\S+) .*'x0' \(press\.toml, line 6\), and ux = (\S+) .*'y1' "
+        r"\(press\.toml, line 9\), at t = (\S+);",
         str(caught.value),
     )
     assert said, str(caught.value)
@@ -297,131 +242,76 @@ def test_a_contradiction_names_node_lines_and_values():
     assert (float(said[2]), float(said[3])) == (pytest.approx(0.1 * t), pytest.approx(0.2 * t))
 
 
-def test_a_normal_that_the_other_conditions_fix_may_not_differ():
-    mesh = moved(box("QUAD4", "plane_strain"), turn(0.5))
-    with pytest.raises(CaseError, match=r"un = 0\.\d+ along \(0\.8776, 0\.4794\) of displacement 'x1'.*with what else"):
-        held(
-            mesh,
-            "plane_strain",
-            displacement=[Displacement(group="y0", ux=0, uy=0.0), Displacement(group="x1", un=0.1)],
-        )
+SQUARE, PLANE = box("QUAD4", "plane_strain"), {"model": "plane_strain"}
+
+
+@pytest.mark.parametrize(
+    ("mesh", "given", "words"),
+    [
+        (moved(SQUARE, turn(0.5)), [move("y0", ux=0, uy=0.0), move("x1", un=0.1)], r"along \(0\.8776, 0\.4794\)"),
+        (SQUARE, [move("x0", ux=[[0, 0], [1, 1]]), move("y0", ux="t**2")], r"at t = 0\.618;"),
+        (SQUARE, [move("x0", uy=1.0), move("y0", uy=1.0 + 1e-7)], "cannot have"),
+    ],
+)
+def test_a_contradiction_is_found_at_once_also_between_the_steps(mesh, given, words):
+    with pytest.raises(CaseError, match=words):
+        of(mesh, *given, **PLANE)
+
+
+def test_values_may_differ_by_round_off():
+    of(SQUARE, move("x0", uy=1.0), move("y0", uy=1.0 + 1e-11), **PLANE)
+    mesh = moved(SQUARE, 0.1 * np.eye(3), (0.1, 0, 0))
+    assert mesh.points[:, 0].max() > 0.3  # by a bit
+    of(mesh, move("x1", ux="7 * (x - 0.3)"), Displacement(group="x1", kind="cell", un=0), **PLANE)
 
 
 def test_a_contradiction_at_some_other_time_is_found_when_that_time_comes():
-    mesh = box("QUAD4", "plane_strain")
-    bump = Displacement(group="y0", ux=lambda x, t: np.full(len(x), float(t == 0.25)))
-    _, constraints = held(mesh, "plane_strain", displacement=[Displacement(group="x0", ux=0), bump])
+    bump = move("y0", ux=lambda x, t: np.full(len(x), float(t == 0.25)))
+    _, constraints = of(SQUARE, move("x0", ux=0), bump, **PLANE)
     constraints.u0(0.5)
-    with pytest.raises(CaseError, match=r"ux = 0 of displacement 'x0', and ux = 1 of displacement 'y0', at t = 0\.25"):
+    with pytest.raises(CaseError, match=r"ux = 1 .* at t = 0\.25"):
         constraints.u0(0.25)
-
-
-def test_a_contradiction_between_the_steps_is_found_at_once():
-    given = [Displacement(group="x0", ux=[[0, 0], [1, 1]]), Displacement(group="y0", ux="t**2")]
-    with pytest.raises(CaseError, match=r"ux = 0\.618 of displacement 'x0', and ux = 0\.381924 of .* at t = 0\.618;"):
-        held(box("QUAD4", "plane_strain"), "plane_strain", displacement=given)
-
-
-@pytest.mark.parametrize(("gap", "fine"), [(1e-11, True), (1e-7, False)])
-def test_values_may_differ_by_round_off(gap, fine):
-    given = [Displacement(group="x0", uy=1.0), Displacement(group="y0", uy=1.0 + gap)]
-    if fine:
-        held(box("QUAD4", "plane_strain"), "plane_strain", displacement=given)
-        return
-    with pytest.raises(CaseError, match="cannot have"):
-        held(box("QUAD4", "plane_strain"), "plane_strain", displacement=given)
-
-
-def test_a_formula_that_is_nearly_0_by_round_off_does_not_contradict_0():
-    mesh = moved(box("QUAD4", "plane_strain"), 0.1 * np.eye(3), (0.1, 0, 0))
-    assert mesh.points[:, 0].max() > 0.3  # by a bit
-    given = [Displacement(group="x1", ux="7 * (x - 0.3)"), Displacement(group="x1", kind="cell", un=0)]
-    held(mesh, "plane_strain", displacement=given)
-
-
-def test_a_value_that_is_not_finite_names_the_line():
-    sections = '[[displacement]]\ngroup = "x0"\nux = "1 / x"\n'
-    with pytest.raises(EvaluationError, match=r"press\.toml, line 8: .*ux.*1 / x"):
-        Constraints.of(Space.of(box("HEXA8", "3d"), "3d"), case(sections))
-
-
-# un of what is no skin
 
 
 def test_un_needs_a_skin_of_the_body():
     solid = joined(cube("HEXA8", 1), moved(cube("HEXA8", 1), shift=(5, 0, 0)))
     mesh = with_sides(solid, node_groups={"dots": [0, 1]})
-    cut = mesh.block("QUAD4")
     bare = Mesh.create(
         np.vstack([mesh.points, [[9, 0, 0], [9, 1, 0], [9, 0, 1]]]),
         [*mesh.blocks, ("TRIA3", [[16, 17, 18]])],
         cell_groups={**mesh.cell_groups, "bare": [mesh.n_cells], "both": [0, 2]},
         node_groups=mesh.node_groups,
     )
-    assert len(cut) == 12
-    mistakes = {
-        "body": r"un needs linear or quadratic skin cells of dimension 2, and cells 1, 2 are none; make 'body' a skin",
-        "both": r"un needs linear or quadratic skin cells of dimension 2, and cells 1 are none",
-        "bare": r"cells 15 do not have just one cell of the body behind them",
-        "dots": r"un needs a group of skin cells, and 'dots' is one of nodes",
-        "nothing": r"no group named 'nothing'; there are: a, b",
-    }
+    mistakes = {"body": "cells 1, 2 are none", "both": "cells 1 are none", "bare": "cells 15 do not"}
+    mistakes |= {"dots": "is one of nodes", "nothing": "no group named"}
     for group, message in mistakes.items():
         with pytest.raises(CaseError, match=message):
-            held(bare, displacement=[Displacement(group=group, un=0)])
+            of(bare, move(group, un=0))
     sections = "".join(f'[[displacement]]\ngroup = "{g}"\nun = 0\n' for g in mistakes)
     with pytest.raises(CaseError) as caught:
         Constraints.of(Space.of(bare, "3d"), case(sections))
     assert len(caught.value.problems) == len(mistakes)
     assert "press.toml, line 6: displacement: un needs" in str(caught.value)
-
-
-def test_un_on_a_face_between_two_cells():
-    mesh = Mesh.create(
+    inside = Mesh.create(
         [[0, 0], [1, 0], [1, 1], [0, 1]],
         [("TRIA3", [[0, 1, 2], [0, 2, 3]]), ("SEG2", [[0, 2]])],
         cell_groups={"inside": [2]},
     )
-    with pytest.raises(CaseError, match="cells 3 do not have just one cell of the body behind them"):
-        held(mesh, "plane_stress", displacement=[Displacement(group="inside", un=0)])
+    with pytest.raises(CaseError, match="cells 3 do not"):
+        of(inside, move("inside", un=0), model="plane_stress")
 
 
-# large and odd
-
-
-def _linear(row, x, t):
-    return t * x @ row
+# ---- large and odd
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_any_conditions_together(seed):
     """A random skin of a distorted mixture in overlapping groups, prescribed by a linear field: u0 and T are right."""
     rng = np.random.default_rng(seed)
-    solid = distorted(mixture("1", seed), 0.1, seed)
+    solid = distorted(mixture("1"), 0.1, seed)
     mesh = with_sides(solid, {"s": lambda x: rng.random(len(x)) < 0.2, "q": lambda x: rng.random(len(x)) < 0.2})
     A = rng.normal(size=(3, 3))
-    parts = {"s": ("ux", "uz"), "q": ("uy", "ux")}
-    given = [
-        Displacement(group=g, **{c: partial(_linear, A["xyz".index(c[1])]) for c in names})
-        for g, names in parts.items()
-    ]
-    space, constraints = held(mesh, displacement=given)
-    check_map(space, constraints)
-    _, skin = held(mesh, displacement=[Displacement(group="s", un=0), Displacement(group="q", ux=0)])
-    check_map(space, skin)
-
-
-def test_a_node_without_a_normal():
-    mesh = ring("HEXA8", 4)
-    space = Space.of(mesh, "3d")
-    surface = Surface.of(mesh, mesh.cell_groups["outer"])
-    flat = surface.at(np.zeros_like(mesh.points))
-    with pytest.raises(DataError, match="the skin has no normal at nodes"):
-        nodal_normals(space, [flat])
-
-
-def test_the_case_may_come_from_python():
-    record = Displacement(group="x0", ux=0.5)
-    made = Case(mesh="a.msh", model="3d", material=(Material(young=1.0, poisson=0.3),), displacement=record)
-    constraints = Constraints.of(Space.of(box("HEXA8", "3d"), "3d"), made)
-    assert constraints.u0(1.0).max() == 0.5
+    linear = {f"u{a}": lambda x, t, row=A[k]: t * x @ row for k, a in enumerate("xyz")}
+    given = [move(g, **{c: linear[c] for c in names}) for g, names in (("s", ("ux", "uz")), ("q", ("uy", "ux")))]
+    check_map(*of(mesh, *given))
+    check_map(*of(mesh, move("s", un=0), move("q", ux=0)))

@@ -1,21 +1,39 @@
-"""Which rows are closed, against all sets there are; that the search ends, on what, and what it costs."""
+"""Searches: which rows are closed, against all sets there are; Newton's method on forces, gaps and set at once.
+
+That they end, on what, and what it costs; small problems made up, with closed answers."""
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
-import lacsolver.equilibrium.active_set
+from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.results.state import Iterate
 from lacsolver.saddle.contact_system import skin_stiffness
 from lacsolver.saddle.row_set import RowSet
-from lacsolver.saddle.schur import solve_saddle
 from lacsolver.saddle.tolerances import ROUNDING, ConvergenceTolerance
-from tests.lacsolver.systems import System, complementarity, contact, enumerated, saddle, solve_active_set, system
+from tests.lacsolver.systems import (
+    Linearized,
+    System,
+    complementarity,
+    contact,
+    contact_system,
+    enumerated,
+    factorised,
+    rows,
+    solve_active_set,
+    solve_newton,
+    system,
+)
 from tests.samples import samples
 
-LIMITS = ConvergenceTolerance(1e-10, 50, 1.0)
+LIMITS, EXACT = ConvergenceTolerance(1e-10, 50, 1.0), ConvergenceTolerance(1e-12, 50, 1.0)
+LONG = ConvergenceTolerance(1e-10, 200, 1.0)
 STARTS = ("none", "all", "random")
+FROM_EVERY_START = pytest.mark.parametrize("kind", STARTS)
 
 
 def start(s, kind, seed=0):
@@ -44,7 +62,7 @@ def check(s, outcome, enforceable=None, equality=None):
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("kind", STARTS)
+@FROM_EVERY_START
 def test_random_problems_from_any_start(kind):
     for seed in range(samples(12, 40)):
         s = system(seed, n=12, m=6)
@@ -53,7 +71,7 @@ def test_random_problems_from_any_start(kind):
         assert len(outcome.residuals) <= 12
 
 
-@pytest.mark.parametrize("kind", STARTS)
+@FROM_EVERY_START
 def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
     for seed in range(20):
         s, rng = system(seed, n=12, m=7), np.random.default_rng(seed)
@@ -61,20 +79,6 @@ def test_rows_that_are_held_and_rows_that_are_not_paired(kind):
         outcome = found(s, start(s, kind, seed), enforceable=enforceable, equality=equality)
         check(s, outcome, enforceable, equality)
         assert (outcome.iterate.p[~enforceable] == 0).all()
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("kind", STARTS)
-def test_a_body_that_contact_alone_holds(kind):
-    """Pressed along its free motion, it is stopped; nothing else is asked of what stops it."""
-    count, seeds = 0, samples(14, 40)
-    for seed in range(seeds):
-        s = system(seed, n=10, m=6, free=1)
-        if not (s.B @ s.R[:, 0] * np.sign(s.R[:, 0] @ s.f) > 0).any() or enumerated(s, *masks(6)) is None:
-            continue  # nothing is in the way
-        count += 1
-        check(s, found(s, start(s, kind, seed)))
-    assert count >= seeds / 2
 
 
 def masks(m):
@@ -101,28 +105,16 @@ def test_rows_that_only_touch(seed):
     np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-8 * max(1.0, p.max()))
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_rows_that_say_the_same_twice(seed):
-    """Pressures are not unique where rows repeat, their sum is."""
+@pytest.mark.parametrize("copies, seed", [*((2, seed) for seed in range(20)), (8, 0), (8, 23), (8, 26)])
+def test_rows_that_say_the_same_several_times(copies, seed):
+    """Pressures are not unique where rows repeat, their sum is; an open row's gap of round-off closes it no more."""
     s = system(seed, n=8, m=4)
     _, p = enumerated(s, *masks(4))
-    B = np.vstack([s.B, s.B])
-    twice = s._replace(B=B, D=B, w=np.tile(s.w, 2), G=np.tile(s.G, 2))
-    outcome = found(twice, start(twice, "random", seed))
-    assert outcome.converged and (outcome.iterate.p >= -1e-10).all()
-    np.testing.assert_allclose(outcome.iterate.p.reshape(2, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
-
-
-@pytest.mark.parametrize("seed", [0, 23, 26])
-def test_rows_that_say_the_same_eight_times(seed):
-    """An open row whose twin is closed has a gap of round-off, which closes it no more."""
-    s = system(seed, n=8, m=4)
-    _, p = enumerated(s, *masks(4))
-    B = np.tile(s.B, (8, 1))
-    many = s._replace(B=B, D=B, w=np.tile(s.w, 8), G=np.tile(s.G, 8))
+    B = np.tile(s.B, (copies, 1))
+    many = s._replace(B=B, D=B, w=np.tile(s.w, copies), G=np.tile(s.G, copies))
     outcome = found(many, start(many, "random", seed))
     assert outcome.converged and (outcome.iterate.p >= -1e-10).all() and len(outcome.residuals) <= 15
-    np.testing.assert_allclose(outcome.iterate.p.reshape(8, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
+    np.testing.assert_allclose(outcome.iterate.p.reshape(copies, 4).sum(axis=0), p, atol=1e-8 * max(1.0, p.max()))
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-20])
@@ -154,7 +146,7 @@ def floating(seed, stiff):
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("kind", STARTS)
+@FROM_EVERY_START
 @pytest.mark.parametrize("stiff", [1.0, 1e5])
 def test_bodies_that_only_contact_holds(stiff, kind):
     """Stiff ones move far before anything stops them, much farther than they are strained."""
@@ -168,9 +160,9 @@ def test_bodies_that_only_contact_holds(stiff, kind):
 # ---- cycles
 
 
-def exchanged(M, r, most=200):
-    """True if exchanging all violated rows at once converges, starting with every row open."""
-    active = np.zeros(len(r), bool)
+def exchanged(M, r, most=200, first=False):
+    """True if exchanging all violated rows at once converges, starting with every row open, or with `first`."""
+    active = np.zeros(len(r), bool) | first
     for _ in range(most):
         p = np.zeros(len(r))
         p[active] = np.linalg.solve(M[np.ix_(active, active)], -r[active])
@@ -197,63 +189,35 @@ def test_where_plain_exchange_goes_round_the_search_ends():
     for M, r in cycling(samples(3, 10)):
         s = complementarity(M, r)
         for kind in STARTS:
-            outcome = found(s, start(s, kind), ConvergenceTolerance(1e-10, 200, 1.0))
+            outcome = found(s, start(s, kind), LONG)
             check(s, outcome)
             assert len(outcome.residuals) <= 40
 
 
-def test_matrices_with_positive_minors_that_are_not_symmetric():
-    """Rows of gaps that are others than those of forces: M = 1 + 4 P, P a cycle of five, has minors 1 and 1 + 4^5."""
-    rng, count = np.random.default_rng(2), 0
-    M = np.eye(5) + 4 * np.roll(np.eye(5), 1, axis=1)
-    while count < 5:
-        r = rng.normal(size=5)
-        if exchanged(M, r):
-            continue
-        count += 1
-        s = complementarity(np.eye(5), r)._replace(D=M)  # q = -p, G = r - M q
-        for kind in STARTS:
-            outcome = solve_active_set(s.held, s.f, contact(s), start(s, kind), ConvergenceTolerance(1e-10, 200, 1.0))
-            p = outcome.iterate.p
-            assert outcome.converged and (p >= 0).all() and np.abs(np.minimum(p, M @ p + r)).max() <= 1e-9
+def test_a_matrix_with_positive_minors_that_is_not_symmetric():
+    """Murty's: rows of gaps are others than those of forces, and exchanges go round in a ring of three sets."""
+    M, ring = np.eye(3) + 2 * np.roll(np.eye(3), 1, axis=1), np.array([True, False, False])
+    assert not exchanged(M, -np.ones(3), first=ring)
+    s = complementarity(np.eye(3), -np.ones(3))._replace(D=M)  # q = -p, G = r - M q
+    for outcome in (
+        solve_newton(linear(s), start(s, "none")._replace(active=ring), EXACT),
+        solve_active_set(s.held, s.f, contact(s), start(s, "none")._replace(active=ring), LONG),
+    ):
+        assert outcome.converged and outcome.iterate.active.all()
+        np.testing.assert_allclose(outcome.iterate.p, 1 / 3, rtol=1e-12)
 
 
 # ---- where it ends, and what it costs
 
 
-def test_it_says_so_if_it_was_not_let_go_on():
-    s = system(1, n=12, m=6)
-    outcome = found(s, start(s, "random"), ConvergenceTolerance(1e-10, 1, 1.0))
-    assert not outcome.converged and len(outcome.residuals) == 1
-
-
-def test_every_iteration_is_told():
+def test_every_iteration_is_told_and_it_says_so_if_it_was_not_let_go_on():
     s, told = system(1, n=12, m=6), []
-    outcome = solve_active_set(
-        s.held, s.f, contact(s), start(s, "all"), LIMITS, report=lambda *figures: told.append(figures)
-    )
+    outcome = solve_active_set(s.held, s.f, contact(s), start(s, "all"), LIMITS, report=lambda *row: told.append(row))
     assert [number for number, *_ in told] == list(range(1, len(outcome.residuals) + 1))
     assert [(balance, gap) for *_, balance, gap in told] == list(outcome.residuals)
     assert told[0][1] == 6 and told[-1][1] == (outcome.iterate.p > 0).sum()
-
-
-def test_sets_are_tried_loosely_and_the_last_one_is_exact(monkeypatch):
-    goals = []
-
-    def spied(problem, q, p, tolerance):
-        goals.append((tuple(problem.active), tolerance.reduction))
-        return solve_saddle(problem, q, p, tolerance)
-
-    monkeypatch.setattr(lacsolver.equilibrium.active_set, "solve_saddle", spied)
-    s = system(3, n=60, m=30)
-    outcome = solve_active_set(s.held, s.f, contact(s), start(s, "none"), LIMITS)
-    assert outcome.converged and goals[-1][1] == 0
-    q, p = saddle(s, np.flatnonzero(outcome.iterate.active), np.zeros(60))
-    np.testing.assert_allclose(outcome.iterate.q, q, atol=1e-12 * np.abs(q).max())
-    np.testing.assert_allclose(outcome.iterate.p, p, atol=1e-12 * np.abs(p).max())
-    loose = [active for active, reduction in goals if reduction > 0]
-    assert len(set(loose)) == len(loose), "a set that comes back is solved exactly"
-    assert len(loose) >= 2
+    short = found(s, start(s, "random"), ConvergenceTolerance(1e-10, 1, 1.0))
+    assert not short.converged and len(short.residuals) == 1
 
 
 def test_gaps_of_rounding_end_it():
@@ -275,20 +239,6 @@ def test_a_step_that_is_as_the_one_before_takes_one_solve():
     assert len(again.residuals) == 1 and again.applications <= 2
 
 
-def test_scaling_changes_nothing():
-    """Other units of force and of length: as many solves, the same set."""
-    s = system(4, n=30, m=12)
-    first = found(s, start(s, "none"))
-    for force, length in ((1e9, 1e-3), (1e-6, 1e3)):
-        other = s._replace(K=force / length * s.K, f=force * s.f, G=length * s.G, R=s.R)
-        made = solve_active_set(
-            other.held, other.f, contact(other), start(other, "none"), ConvergenceTolerance(1e-10, 50, length)
-        )
-        assert made.converged and len(made.residuals) == len(first.residuals)
-        np.testing.assert_array_equal(made.iterate.active, first.iterate.active)
-        np.testing.assert_allclose(made.iterate.q, length * first.iterate.q, rtol=1e-6, atol=1e-9 * length)
-
-
 def test_the_stiffness_of_a_row_is_that_of_its_own_skin():
     """c = w (b K b) / (b b)^2: stress over length; 1 where there is nothing to say."""
     s = system(5)
@@ -300,3 +250,118 @@ def test_the_stiffness_of_a_row_is_that_of_its_own_skin():
         b = B[m]
         want = s.w[m] * (b @ s.K @ b) / (b @ b) ** 2 if b.any() else 1.0
         assert c[m] == pytest.approx(want, rel=1e-12)
+
+
+# ---- Newton's method
+
+
+def linear(s):
+    """`at` of a linear system."""
+    gaps, held = contact(s), s.held
+    size = np.abs(s.f).max()
+    return lambda q: Linearized(s.f - s.K @ q, size, gaps(q), lambda damping, *_: held, lambda p: None, s.R)
+
+
+def nonlinear(s, size):
+    """`at` of a system with forces size * q^3 beside K q, and gaps that bend: G - D q + size / 4 (D q)^2."""
+
+    def at(q):
+        K = factorised(csr_array(s.K + np.diag(3 * size * q**2)), s.R, backend="superlu")
+        bent = 1 - size / 2 * (s.D @ q)
+        turned = rows(bent[:, None] * s.B, bent[:, None] * s.D, s.w)
+        gap = s.G - s.D @ q + size / 4 * (s.D @ q) ** 2
+        made = contact_system(turned, gap, *masks(len(gap)), np.ones(len(gap)))
+        r = s.f - s.K @ q - size * q**3
+        turning = lambda p: csr_array(-size / 2 * s.B.T @ np.diag(p) @ s.D)  # noqa: E731
+        return Linearized(r, np.abs(s.f).max(), made, lambda *_: K, turning, s.R)
+
+    return at
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_it_converges_quadratically(seed):
+    """Each residual below 1e-2 is about the square of the previous one."""
+    s = system(seed, n=20, m=8)
+    at = nonlinear(s, 0.5)
+    outcome = solve_newton(at, start(s, "none"), EXACT)
+    assert outcome.converged and outcome.iterate.active.any()
+    q, p, _ = outcome.iterate
+    place = at(q)
+    assert np.abs(place.r - place.contact.rows.B_T @ p).max() <= 1e-11
+    assert (p >= -1e-12).all() and (place.contact.G >= -1e-11).all() and np.abs(p * place.contact.G).max() <= 1e-11
+    worst = np.array([max(pair) for pair in outcome.residuals])
+    tail = worst[np.flatnonzero(worst > 1e-2)[-1] + 1 :] if (worst > 1e-2).any() else worst
+    assert len(tail) >= 2
+    for before, after in pairwise(tail):
+        assert after <= max(5 * before**2, 1e-13)
+
+
+def truss(load, admissible=lambda q: True):
+    """Two bars of unit stiffness from (-1, 0) and (1, 0) to a node at height 0.4, pushed down by q: one unknown.
+
+    f(q) = 2 (1 - l0 / l) y, y = q - 0.4, l^2 = 1 + y^2: it snaps through at y^2 = l0^(2/3) - 1.
+    """
+    l0 = np.hypot(1.0, 0.4)
+    empty = csr_array((0, 1))
+    none = np.zeros(0, bool)
+
+    def at(q):
+        if not admissible(q[0]):
+            raise InadmissibleError("that far is not allowed")
+        y = q[0] - 0.4
+        size = np.sqrt(1 + y**2)
+        force, slope = 2 * (1 - l0 / size) * y, 2 * (1 - l0 / size**3)
+        made = contact_system(rows(empty, empty, np.zeros(0)), np.zeros(0), none, none, np.zeros(0))
+        soft = 2 * (1 - 1 / l0**2)
+
+        def stiffness(damping, *_):
+            return factorised(
+                csr_array([[slope + damping * soft]]), np.zeros((1, 0)), backend="superlu", definite=False
+            )
+
+        return Linearized(
+            np.array([load - force]), max(abs(load), abs(force)), made, stiffness, lambda p: None, np.zeros((1, 0))
+        )
+
+    return at
+
+
+PEAK = 2 * (np.hypot(1.0, 0.4) ** (2 / 3) - 1) ** 1.5  # at its limit, pushed down
+
+
+def begin(q):
+    return Iterate(np.array([float(q)]), np.zeros(0), np.zeros(0, bool))
+
+
+def test_the_truss_is_pushed_to_its_limit_and_beyond():
+    """Beyond the peak the only equilibrium is far on the other side; Newton's method gives up, and ends before long."""
+    y = -np.sqrt(np.hypot(1.0, 0.4) ** (2 / 3) - 1)
+    place = truss(0.0)(np.array([0.4 + y]))
+    assert -place.r[0] == pytest.approx(PEAK, rel=1e-12) and abs(place.stiffness(0.0, True).K[0, 0]) <= 1e-12
+    below = solve_newton(truss(0.9 * PEAK), begin(0.0), EXACT)
+    assert below.converged and 0 < below.iterate.q[0] < 0.4
+    at = truss(1.02 * PEAK)
+    plain = solve_newton(at, begin(0.2), ConvergenceTolerance(1e-12, 200, 1.0))
+    assert not plain.converged and len(plain.residuals) < 100
+    damped = solve_newton(at, begin(0.2), EXACT, damping=1.0)
+    assert damped.converged and damped.iterate.q[0] > 0.8
+    assert abs(at(damped.iterate.q).r[0]) <= 1e-12
+
+
+def test_steps_that_are_not_admissible_are_taken_in_part():
+    """Near the limit the tangent is soft and the whole step back far too long."""
+    met = []
+
+    def admissible(q):
+        met.append(q)
+        return q > -0.05
+
+    near = solve_newton(truss(0.9 * PEAK), begin(0.0), EXACT)
+    outcome = solve_newton(truss(0.9 * PEAK, admissible), begin(0.173), EXACT)
+    assert min(met) <= -0.05 and outcome.converged
+    assert outcome.iterate.q[0] == pytest.approx(near.iterate.q[0], rel=1e-9)
+
+
+def test_a_guess_that_is_not_admissible_is_told():
+    with pytest.raises(InadmissibleError):
+        solve_newton(truss(0.5 * PEAK, lambda q: q < 0.3), begin(0.35), EXACT)

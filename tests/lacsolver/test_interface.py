@@ -1,7 +1,8 @@
-"""Interfaces: B, G and w against plain sums and closed forms, balance, ties across a gap, numbers, errors."""
+"""Interfaces: rows, gaps and measures against closed forms, balance, ties, tractions, zones, numbers."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
 
@@ -9,17 +10,17 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import Mesh
+import lacsolver as ls
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, GroupNotFoundError, RequestError
-from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.interface import positions
-from lacsolver.contact.rows import macro_rows
+from lacsolver.contact.shear import first_directions
 from tests.lacsolver.finite_cases import waves
 from tests.lacsolver.patch_meshes import placed, stack, three_blocks
-from tests.problem_meshes import nodes_of, overhang
+from tests.problem_meshes import nodes_of
+from tests.samples import each_option
 from verification.meshes.stacks import tilt
 
 #: (slave, master, dimension): every family of faces, linear and quadratic
@@ -30,7 +31,13 @@ PAIRS = [
     ("TETRA10", "HEXA20", 3),
     ("mixed 2-full", "HEXA27", 3),
 ]
+#: every family of faces that a slave or a master can have
+EVERY = [
+    *PAIRS, ("TRIA3", "QUAD9", 2), ("QUAD8", "TRIA6", 2), ("PENTA6 triangle", "HEXA20", 3), ("HEXA20", "TETRA10", 3)
+]  # fmt: skip
+MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
 ALL = pytest.mark.parametrize("slave, master, dim", PAIRS)
+FAR, RUBBED = Pairing(search_distance=0.5), Pairing(search_distance=0.5, friction=True)
 
 
 @cache
@@ -45,50 +52,6 @@ def zone_of(mesh, slave="slave", master="master", surface="smooth"):
     return made, Zone.of(made, slave, master, surface=surface)
 
 
-def values(surface, faces, xi):
-    """(points, 9) shape functions and nodes at points of faces; -1 where a face has fewer nodes."""
-    N, nodes = np.zeros((len(faces), 9)), surface.faces.nodes[faces]
-    kind = surface.faces.type[faces]
-    for code in np.unique(kind):
-        rows = kind == code
-        N[rows, : N_NODES[code]] = shape(FACE_TYPES[code], xi[rows, : surface.dim])
-    return N, nodes
-
-
-# ---- rows
-
-
-@ALL
-def test_rows_are_plain_sums_over_points(slave, master, dim):
-    mesh, zone = wavy(slave, master, dim)
-    points = integrate(zone, dim, Pairing(search_distance=0.5)).points
-    q = np.random.default_rng(0).uniform(-1, 1, (len(points), 2))
-    want = np.zeros((zone.n_macros, mesh.n_nodes, 2))
-    for surface, faces, xi, sign in (
-        (zone.slave, points.slave, points.xi_slave, 1.0),
-        (zone.master, points.master, points.xi_master, -1.0),
-    ):
-        N, nodes = values(surface, faces, xi)
-        for k in range(9):
-            on = nodes[:, k] >= 0
-            np.add.at(want, (points.macro[on], nodes[on, k]), sign * N[on, k, None] * q[on])
-    found = macro_rows(points, zone.slave, zone.master, q, zone.n_macros)
-    np.testing.assert_allclose(found.toarray().reshape(want.shape), want, atol=1e-14 * np.abs(want).max())
-    assert found.has_sorted_indices and found.has_canonical_format
-
-
-@ALL
-@pytest.mark.parametrize("normals", ["facet", "smoothed"])
-def test_rigid_motions_do_no_work(slave, master, dim, normals):
-    """Forces and moments of every macro-element are in balance, on skins of any shape, with a gap between them."""
-    mesh, zone = wavy(slave, master, dim)
-    face = integrate(zone, dim, Pairing(normals=normals, search_distance=0.5))
-    assert face.coverage.min() < 0.99 and np.abs(face.distance).min() > 0.05
-    for motion in rigid_motions(mesh.points, dim):
-        work = np.abs(face.B) @ np.abs(motion.ravel())
-        np.testing.assert_array_less(np.abs(face.B @ motion.ravel()), 1e-14 * work + 1e-300)
-
-
 def rigid_motions(x, dim):
     """Translations and rotations of points x (n, 3), each (n, dim)."""
     for k in range(dim):
@@ -97,18 +60,40 @@ def rigid_motions(x, dim):
         yield np.cross(axis, x)[:, :dim]
 
 
-@ALL
-def test_a_row_is_the_integral_of_the_closing(slave, master, dim):
-    """The slave moved by h along the normal of a flat interface: B v = h w, and G falls by as much."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.1))
-    face = integrate(zone, dim, Pairing(search_distance=0.5))
-    v = np.zeros((mesh.n_nodes, dim))
-    v[nodes_of(mesh, "lower"), dim - 1] = 0.03
-    np.testing.assert_allclose(face.B @ v.ravel(), 0.03 * face.w, rtol=1e-12)
-    moved = mesh.points.copy()
-    moved[:, :dim] += v
-    after = integrate(zone, dim, Pairing(search_distance=0.5), x=moved)
-    np.testing.assert_allclose(after.G, face.G - face.B @ v.ravel(), rtol=1e-12)
+def distorted(slave, master, dim, measure="reference", normals="facet", margin=0.15, **options):
+    """A zone with friction whose wavy skins are deformed at random, and its coordinates and interface there."""
+    mesh, zone = wavy(slave, master, dim, gap=0.1, counts=(2, 3), margin=margin)
+    x = mesh.points.copy()
+    x[:, :dim] += 4e-3 * np.random.default_rng(1).uniform(-1, 1, (len(x), dim))
+    pairing = Pairing(search_distance=0.6, normals=normals, measure=measure, friction=True, **options)
+    return zone, x, integrate(zone, dim, pairing, x=x)
+
+
+def uniform(mesh, group, motion):
+    """Displacements (n_dof,) that move a group of cells, and nothing else."""
+    v = np.zeros((mesh.n_nodes, len(motion)))
+    v[nodes_of(mesh, group)] = motion
+    return v.ravel()
+
+
+def assert_no_work(rows, x, dim, within):
+    """Rigid motions of both skins are no work of any row, to rounding of what is summed."""
+    for motion in rigid_motions(x, dim):
+        work = np.abs(rows) @ np.abs(motion.ravel())
+        np.testing.assert_array_less(np.abs(rows @ motion.ravel()), within * work + 1e-300)
+
+
+@pytest.mark.parametrize(
+    "pair, measure, normals, margin", each_option(itertools.product(EVERY, MEASURES, NORMALS, (0.15, 0.0))), ids=str
+)
+def test_forces_and_moments_balance(pair, measure, normals, margin):
+    """A rigid motion of both skins is no closing and no slip, across gaps, with any normals, at a rim too."""
+    zone, x, face = distorted(*pair, measure, normals, margin)
+    dim = pair[2]
+    assert face.B_T.shape == (zone.n_macros * (dim - 1), dim * len(x)) and np.abs(face.points.ray).min() > 0.05
+    assert (face.coverage.min() > 0.99) == (margin > 0)
+    assert_no_work(face.B, x, dim, 1e-14)
+    assert_no_work(face.B_T, x, dim, 1e-12)
 
 
 # ---- gaps and measures
@@ -122,8 +107,8 @@ def test_the_gap_to_a_sloping_plane(slave, master, dim):
     slope = np.array([0.1, -0.05, 0.0])[:dim]
     slope[dim - 1] = 0.0
     x[high, dim - 1] += 0.2 + x[high][:, :dim] @ slope
-    _, zone = zone_of(Mesh.create(x, mesh.blocks, cell_groups=mesh.cell_groups, space_dim=dim))
-    face = integrate(zone, dim, Pairing(search_distance=0.5))
+    _, zone = zone_of(replace(mesh, points=x))
+    face = integrate(zone, dim, FAR)
     np.testing.assert_allclose(face.coverage, 1.0, rtol=1e-12)
     at = positions(zone.slave, face.points)[:, :dim] @ slope
     mean = np.bincount(face.points.macro, face.weight * at) / face.w
@@ -139,7 +124,7 @@ def test_measures_of_a_slave_that_has_stretched(slave, master, dim, measure):
     """Both skins twice as wide along x, and turned: the current measure is double, the nominal one as it was."""
     mesh, zone = zone_of(stack(slave, master, dim, gap=0.1, skew=0.1))
     x = (mesh.points * [2.0, 1.0, 1.0]) @ tilt(dim).T
-    before = integrate(zone, dim, Pairing(search_distance=0.5))
+    before = integrate(zone, dim, FAR)
     after = integrate(zone, dim, Pairing(search_distance=0.5, measure=measure), x=x)
     size = 2.0 if measure == "current" else 1.0
     np.testing.assert_allclose(after.area, size * before.area, rtol=1e-12)
@@ -148,42 +133,17 @@ def test_measures_of_a_slave_that_has_stretched(slave, master, dim, measure):
     np.testing.assert_allclose(after.coverage, 1.0, rtol=1e-10)
 
 
-@pytest.mark.parametrize("measure", ["reference", "current"])
+@pytest.mark.parametrize("measure", MEASURES)
 def test_measures_about_an_axis(measure):
     """Rings of 2 pi r: of a slave at x in [1, 2], moved out by 1."""
     mesh, zone = zone_of(placed(stack("QUAD4", "TRIA3", 2, gap=0.1), shift=(1, 0, 0)))
     pairing = Pairing(search_distance=0.5, axisymmetric=True, measure=measure)
-    before = integrate(zone, 2, pairing)
-    x = nodes_x(mesh, "slave")
+    before, after = (integrate(zone, 2, pairing, x=np.add(mesh.points, [out, 0, 0])) for out in (0.0, 1.0))
     assert before.area.sum() == pytest.approx(np.pi * (4 - 1), rel=1e-13)
-    np.testing.assert_allclose(before.area, np.pi * np.diff(np.array(x) ** 2), rtol=1e-12)
-    after = integrate(zone, 2, pairing, x=mesh.points + np.array([1.0, 0, 0]))
     total = np.pi * (9 - 4) if measure == "current" else np.pi * (4 - 1)
     assert after.area.sum() == pytest.approx(total, rel=1e-13)
     np.testing.assert_allclose(after.w, after.area, rtol=1e-12)
-    v = np.zeros((mesh.n_nodes, 2))
-    v[nodes_of(mesh, "lower"), 1] = 1.0
-    assert (after.B @ v.ravel()).sum() == pytest.approx(total, rel=1e-12)
-
-
-def nodes_x(mesh, group):
-    """Ends of the macro-elements of a plane slave, along x."""
-    cut = Cut(mesh)
-    cells = mesh.cells_of(group)
-    macro = cut.macro_of_face[cells]
-    rows = {c: nodes for _, chosen, nodes in mesh.select(cells) for c, nodes in zip(chosen, nodes, strict=True)}
-    ends = [[mesh.points[rows[c], 0] for c in cells[macro == m]] for m in np.unique(macro)]
-    low = [min(e.min() for e in own) for own in ends]
-    return [*low, max(e.max() for e in ends[-1])]
-
-
-def test_thickness_multiplies_everything():
-    _, zone = wavy("QUAD4", "TRIA3", 2)
-    one, other = (integrate(zone, 2, Pairing(search_distance=0.5, thickness=h)) for h in (1.0, 2.5))
-    for name in ("G", "w", "area"):
-        np.testing.assert_allclose(getattr(other, name), 2.5 * getattr(one, name), rtol=1e-15)
-    np.testing.assert_allclose(other.B.toarray(), 2.5 * one.B.toarray(), rtol=1e-14)
-    np.testing.assert_allclose(other.gap, one.gap, rtol=1e-14)
+    assert (after.B @ uniform(mesh, "lower", [0.0, 1.0])).sum() == pytest.approx(total, rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -196,35 +156,12 @@ def test_thickness_multiplies_everything():
 def test_a_clearance_is_that_of_the_undeformed_place(clearance, wanted):
     """Also where the slave has moved away from it."""
     mesh, zone = zone_of(stack("HEXA8", "TETRA4", 3, gap=0.1))
-    pairing = Pairing(search_distance=0.5, clearance=clearance)
-    plain = integrate(zone, 3, Pairing(search_distance=0.5))
+    pairing, plain = replace(FAR, clearance=clearance), integrate(zone, 3, FAR)
     for t, shift in ((1.0, [0, 0, 0]), (0.25, [3, 4, 5])):
         face = integrate(zone, 3, pairing, x=mesh.points + shift, t=t)
-        x, y = plain.centre[:, 0], plain.centre[:, 1]
-        np.testing.assert_allclose(face.gap, 0.1 + wanted(x, y, t), rtol=1e-11)
+        np.testing.assert_allclose(face.gap, 0.1 + wanted(*plain.centre[:, :2].T, t), rtol=1e-11)
         np.testing.assert_allclose(face.G, face.gap * face.w, rtol=1e-11)
         np.testing.assert_allclose(face.weight @ face.distance, face.G.sum(), rtol=1e-12)
-
-
-def test_what_is_not_covered_has_no_gap():
-    _, zone = zone_of(overhang())
-    face = integrate(zone, 2)
-    order = np.argsort(face.centre[:, 0])
-    np.testing.assert_allclose(face.coverage[order], [1, 1, 0.5, 0], atol=1e-12)
-    assert np.isnan(face.gap[order[3]]) and face.w[order[3]] == 0 and np.isfinite(face.gap[order[:3]]).all()
-    assert face.B[[order[3]]].nnz == 0
-    np.testing.assert_allclose(face.area, 0.25, rtol=1e-13)
-
-
-def test_points_know_where_they_are():
-    _, zone = wavy("TRIA6", "QUAD8", 2)
-    face = integrate(zone, 2, Pairing(search_distance=0.5))
-    N, nodes = values(zone.slave, face.points.slave, face.points.xi_slave)
-    x = np.einsum("pa,pas->ps", N, zone.slave.x[nodes])
-    np.testing.assert_allclose(positions(zone.slave, face.points), x, atol=1e-15)
-    N, nodes = values(zone.master, face.points.master, face.points.xi_master)
-    there = np.einsum("pa,pas->ps", N, zone.master.x[nodes])
-    np.testing.assert_allclose(there, x + face.points.gap[:, None] * face.points.normal, atol=1e-13)
 
 
 # ---- ties
@@ -233,40 +170,71 @@ def test_points_know_where_they_are():
 @pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3), ("TETRA4", "HEXA8", 3)])
 @pytest.mark.parametrize("gap", [0.0, 0.1])
 def test_a_tie_lets_rigid_motions_be(slave, master, dim, gap):
-    """Also across a gap: the moment_arm of the rotation is part of the jump."""
+    """Also across a gap: the moment arm of the rotation is part of the jump."""
     mesh, zone = zone_of(placed(stack(slave, master, dim, gap=gap, skew=0.1), tilt(dim)))
-    face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
+    face = integrate(zone, dim, FAR, tie=True)
     assert face.B.shape == (dim * zone.n_macros, dim * mesh.n_nodes) and (face.G == 0).all()
     np.testing.assert_allclose(face.w, face.area, rtol=1e-12)
-    for motion in rigid_motions(mesh.points, dim):
-        work = np.abs(face.B) @ np.abs(motion.ravel())
-        np.testing.assert_array_less(np.abs(face.B @ motion.ravel()), 1e-13 * work + 1e-300)
+    assert_no_work(face.B, mesh.points, dim, 1e-13)
 
 
-@pytest.mark.parametrize("slave, master, dim", [("QUAD4", "TRIA3", 2), ("HEXA8", "TETRA4", 3)])
-def test_the_lever_of_a_tie_is_what_a_rotation_costs_without_it(slave, master, dim):
-    """Without the gap's moment_arm a turn by 1 about an axis moves the far side by the gap, w times."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.1))
-    face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
-    plain = macro_rows(face.points, zone.slave, zone.master, face.weight[:, None], zone.n_macros)
-    *_, turn = rigid_motions(mesh.points, dim)
-    if dim == 3:
-        turn = np.cross([0.0, 1.0, 0.0], mesh.points)
-    jump = plain @ turn
-    along = -0.1 * face.w if dim == 3 else 0.1 * face.w
-    np.testing.assert_allclose(jump[:, 0], along, rtol=1e-11)
-    np.testing.assert_allclose(jump[:, 1:], 0, atol=1e-12)
+@ALL
+def test_the_rows_of_a_tie_are_the_jump_and_those_of_friction_the_slip(slave, master, dim):
+    """A master that moves away along each axis: minus its motion, w times; its parts along the tangents are slip."""
+    motion = np.array([0.5, -1.0, 2.0])[:dim]
+    mesh, zone = zone_of(placed(stack(slave, master, dim, gap=0.0, skew=0.1), tilt(dim)))
+    v, face, tie = uniform(mesh, "master", motion), integrate(zone, dim, RUBBED), integrate(zone, dim, FAR, tie=True)
+    np.testing.assert_allclose((tie.B @ v).reshape(-1, dim), -tie.w[:, None] * motion, rtol=1e-11)
+    size = np.einsum("mas,mbs->mab", face.frame, face.frame)
+    np.testing.assert_allclose(size, np.tile(np.eye(dim - 1), (zone.n_macros, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(
+        (face.B_T @ v).reshape(-1, dim - 1), -face.w[:, None] * (face.frame @ motion), atol=1e-12
+    )
 
 
-@pytest.mark.parametrize("slave, master, dim", PAIRS)
-def test_the_rows_of_a_tie_are_the_jump(slave, master, dim):
-    """A master that moves away along each axis: minus its motion, w times."""
-    mesh, zone = zone_of(stack(slave, master, dim, gap=0.0))
-    face = integrate(zone, dim, Pairing(search_distance=0.5), tie=True)
-    move = np.array([0.5, -1.0, 2.0])[:dim]
-    v = np.zeros((mesh.n_nodes, dim))
-    v[nodes_of(mesh, "upper")] = move
-    np.testing.assert_allclose((face.B @ v.ravel()).reshape(-1, dim), -face.w[:, None] * move, rtol=1e-11)
+# ---- tractions
+
+
+@pytest.mark.parametrize("pair, normals", each_option(itertools.product(EVERY, NORMALS)))
+def test_a_traction_has_its_size_at_every_point(pair, normals):
+    _, _, face = distorted(*pair, normals=normals)
+    points, dim = face.points, pair[2]
+    e = face.tangents.e
+    axes = np.concatenate([e, points.normal[:, None, :dim]], axis=1)
+    np.testing.assert_allclose(axes @ axes.transpose(0, 2, 1), np.tile(np.eye(dim), (len(e), 1, 1)), atol=1e-14)
+    np.testing.assert_allclose(np.linalg.det(axes), 1 if dim == 3 else -1, atol=1e-13)
+
+
+@pytest.mark.parametrize("pair", [("TRIA6", "QUAD8", 2), ("HEXA8", "TETRA4", 3), ("TETRA10", "HEXA20", 3)], ids=str)
+@pytest.mark.parametrize("normals", NORMALS)
+def test_the_frame_is_the_mean_direction_of_the_force_and_turns_with_the_skin(pair, normals):
+    """The force of tractions t on the slave is -sum w t_alpha times the frame, whatever the curvature.
+
+    A rotation by 1.4 of skins that are deformed turns the tangents by it, and the rows.
+    """
+    (zone, x, face), dim, random = distorted(*pair, normals=normals), pair[2], np.random.default_rng(2)
+    t = random.uniform(-1, 1, (zone.n_macros, dim - 1))
+    forces = (face.B_T.T @ t.ravel()).reshape(-1, dim)
+    of_slave = np.unique(zone.slave.faces.nodes[zone.slave.faces.nodes >= 0])
+    want = np.einsum("m,ma,mas->s", face.w, t, face.frame)
+    np.testing.assert_allclose(forces[of_slave].sum(axis=0), want, atol=1e-13)
+    assert np.linalg.norm(np.einsum("ma,mas->ms", t, face.frame), axis=1).max() <= np.linalg.norm(t, axis=1).max()
+    axis, angle = (np.array([0, 0, 1.0]) if dim == 2 else np.array([1.0, 2.0, -2.0]) / 3), 1.4
+    W = np.cross(np.eye(3), axis)
+    R = np.eye(3) - np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
+    turned = integrate(zone, dim, Pairing(search_distance=0.6, normals=normals, friction=True), x=x @ R.T)
+    np.testing.assert_allclose(turned.frame, face.frame @ R[:dim, :dim].T, atol=1e-12)
+    v = random.uniform(-1, 1, (len(x), dim))
+    np.testing.assert_allclose(turned.B_T @ (v @ R[:dim, :dim].T).ravel(), face.B_T @ v.ravel(), atol=1e-11)
+
+
+def test_first_directions():
+    """Along the first axis that is most tangential to the whole zone; a macro-element across it takes the next."""
+    _, zone = zone_of(stack("HEXA8", "TETRA4", 3))
+    np.testing.assert_allclose(first_directions(zone), np.broadcast_to([1.0, 0, 0], (zone.n_macros, 3)), atol=1e-14)
+    x = zone.slave.x[:, [2, 0, 1]]
+    turned = replace(zone, slave=zone.slave.at(x))
+    np.testing.assert_allclose(first_directions(turned), np.broadcast_to([0, 1.0, 0], (zone.n_macros, 3)), atol=1e-14)
 
 
 # ---- zones
@@ -282,42 +250,115 @@ def test_macro_elements_keep_the_number_of_the_cut():
         assert zone.name == f"slave{k}"
         np.testing.assert_array_equal(zone.number[zone.macro], cut.macro_of_face[zone.slave.cell])
         assert (np.diff(zone.number) > 0).all()
-        face = integrate(zone, 3)
-        for row in (0, zone.n_macros - 1):
-            cells = np.flatnonzero(cut.macro_of_face == zone.number[row])
-            x = np.concatenate([mesh.points[nodes].mean(axis=1) for _, _, nodes in mesh.select(cells)])
-            assert x.min(axis=0)[0] <= face.centre[row, 0] <= x.max(axis=0)[0]
-            assert np.isin(face.B[[row]].indices // 3, nodes_of(mesh, f"slave{k}")).any()
         numbers.append(zone.number)
     assert not np.intersect1d(*numbers).size and len(np.concatenate(numbers)) == cut.n_macros
 
 
-def test_sums_over_macro_elements():
-    _, zone = wavy("HEXA8", "TETRA4", 3)
-    values = np.arange(2.0 * len(zone.slave)).reshape(-1, 2)
-    want = [values[zone.macro == m].sum(axis=0) for m in range(zone.n_macros)]
-    np.testing.assert_allclose(zone.sums(values), want)
-
-
-def bad_zones():
-    """Three blocks of which slave1 is cut, and groups that are no zone."""
-    mesh = lacmesh.cut_skin(three_blocks(), "slave1").mesh
-    faces = mesh.cell_groups["slave1"]
-    both = np.sort(np.append(mesh.cell_groups["master1"], faces[0]))
-    return replace(mesh, cell_groups={**mesh.cell_groups, "part": faces[:-1], "both": both})
-
-
 @pytest.mark.parametrize(
-    "slave, master, error, says",
+    "slave, master, error, words",
     [
-        ("slave1", "slave1", RequestError, "slave 'slave1' and master 'slave1' share faces; a zone needs two skins"),
-        ("slave1", "both", RequestError, "slave 'slave1' and master 'both' share faces"),
-        ("slave2", "master2", DataError, "of slave 'slave2' belong to no macro-element; cut this group: lacmesh cut"),
-        ("part", "master1", DataError, "1 macro-elements of slave 'part' have faces outside the group"),
+        ("slave1", "slave1", RequestError, "share faces"),
+        ("slave1", "both", RequestError, "share faces"),
+        ("slave2", "master2", DataError, "belong to no"),
+        ("part", "master1", DataError, "faces outside the"),
         ("slave3", "master1", GroupNotFoundError, "slave3"),
         ("slave1", "mster1", GroupNotFoundError, "master1"),
     ],
 )
-def test_what_is_no_zone_is_said(slave, master, error, says):
-    with pytest.raises(error, match=says):
-        Zone.of(bad_zones(), slave, master)
+def test_what_is_no_zone_is_said(slave, master, error, words):
+    """Three blocks of which slave1 is cut, and groups that are no zone."""
+    mesh = lacmesh.cut_skin(three_blocks(), "slave1").mesh
+    faces = mesh.cell_groups["slave1"]
+    both = np.sort(np.append(mesh.cell_groups["master1"], faces[0]))
+    mesh = replace(mesh, cell_groups={**mesh.cell_groups, "part": faces[:-1], "both": both})
+    with pytest.raises(error, match=words):
+        Zone.of(mesh, slave, master)
+
+
+# ---- on the unknowns of other programs
+
+
+@pytest.fixture(scope="module")
+def given():
+    """(system, pair) of the two blocks."""
+    system = ls.assemble("data/two_blocks.toml")
+    return system, ls.contact_matrices(system.mesh, "slave", "master")
+
+
+def test_every_layout_gives_the_same_gaps_and_slips(given):
+    """Node-major, component-major, permuted nodes, and an unknown of its own for each displacement."""
+    _, pair = given
+    u, rng = np.random.default_rng(1).uniform(size=(pair.mesh.n_nodes, 3)), np.random.default_rng(2)
+    n = u.size
+    order, each = rng.permutation(len(u)), rng.permutation(2 * n)[:n]
+    of_order = np.empty_like(u)
+    of_order[order] = u
+    of_each = np.full(2 * n, np.nan)
+    of_each[each] = u.ravel()
+    for theirs, v in (
+        (pair.renumber(), u.ravel()),
+        (pair.renumber("components"), u.T.ravel()),
+        (pair.renumber(nodes=order), of_order.ravel()),
+        (pair.renumber("components", nodes=order), of_order.T.ravel()),
+        (pair.renumber(each.reshape(u.shape), n=2 * n), np.nan_to_num(of_each)),
+    ):
+        np.testing.assert_allclose(theirs.B @ v, pair.B @ u.ravel(), atol=1e-12)
+        np.testing.assert_allclose(theirs.B_T @ v, pair.B_T @ u.ravel(), atol=1e-12)
+
+
+def test_eliminated_unknowns_move_the_gaps(given):
+    """Supports that are gone, one of them moved: the solution is that with all unknowns."""
+    system, pair = given
+    u0 = system.u0.copy()
+    u0[system.fixed[system.fixed % 3 == 2]] = 0.01  # the bottom is lifted
+    whole = ls.solve_contact(system.K, system.f, pair.B, pair.G, fixed=system.fixed, u0=u0)
+    free = np.setdiff1d(np.arange(len(u0)), system.fixed)
+    numbers = np.full(len(u0), -1)
+    numbers[free] = np.arange(len(free))
+    theirs = pair.renumber(numbers.reshape(-1, 3), u0=u0.reshape(-1, 3))
+    part = ls.solve_contact(system.K[free][:, free], (system.f - system.K @ u0)[free], theirs.B, theirs.G)
+    np.testing.assert_allclose(part.u, whole.u[free], atol=1e-9 * abs(whole.u).max())
+    np.testing.assert_allclose(part.pressure, whole.pressure, atol=1e-9 * whole.pressure.max())
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_cells_with_nodes_in_another_order_are_found(order):
+    """Two blocks whose skins have nodes at the same places, numbered at random, the nodes of each cell shuffled."""
+    mesh = lacmesh.read("data/two_blocks.msh")
+    mesh = lacmesh.raise_order(mesh) if order == 2 else mesh
+    pair = ls.contact_matrices(mesh, "slave", "master", hexa="hexa")
+    rng = np.random.default_rng(3)
+    number = rng.permutation(pair.mesh.n_nodes)
+    points = np.empty_like(pair.mesh.points)
+    points[number] = pair.mesh.points
+    solids = [name for name in ("TETRA4", "HEXA8", "TETRA10", "HEXA20", "HEXA27") if len(pair.mesh.block(name))]
+    cells = {name: rng.permuted(number[pair.mesh.block(name)], axis=1) for name in solids}
+    theirs, ours = pair.renumber(nodes=cells, points=points), pair.renumber(nodes=number)
+    assert len(solids) == 2 and abs(theirs.B - ours.B).max() == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"unknowns": "rows"}, "nodes, components"),
+        ({"unknowns": np.zeros((512, 3), int)}, "that of 1536"),
+        ({"unknowns": np.arange(1536).reshape(512, 3), "n": 1000}, "are 1000 unknowns"),
+        ({"unknowns": np.arange(1024).reshape(512, 2)}, "is needed"),
+        ({"nodes": np.arange(5)}, "has 512 nodes"),
+        ({"nodes": {"HEXA8": np.zeros((3, 8), int)}, "points": np.zeros((512, 3))}, "cut mesh has"),
+        ({"nodes": {"TETRA4": 0}}, "give points="),
+        ({"nodes": np.full(512, -1)}, "nodes in contact"),
+        ("cells in another order", "lies elsewhere"),
+        ("moved unknowns of friction", "counts slips"),
+    ],
+)
+def test_what_does_not_fit_is_refused(given, options, words):
+    mesh, pair = given[1].mesh, given[1]
+    if options == "cells in another order":
+        options = {"nodes": {"TETRA4": mesh.block("TETRA4")[::-1]}, "points": mesh.points}
+    elif options == "moved unknowns of friction":
+        numbers = np.arange(1536).reshape(512, 3)
+        numbers[np.unique(pair.B_T.indices // 3)[0]] = -1
+        options = {"unknowns": numbers, "u0": np.ones((512, 3))}
+    with pytest.raises(RequestError, match=words):
+        pair.renumber(**options)

@@ -2,34 +2,33 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import lacsolver as ls
-from lacmesh import write
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacsolver.bodies.finite import thermal_stretches
-from lacsolver.bodies.locking import locking
-from lacsolver.bodies.logarithmic import first_difference, second_difference
 from lacsolver.bodies.material import Materials
 from lacsolver.bodies.plastic import FinitePlastic, Plastic
 from lacsolver.bodies.pointwise import DisplacedBodies
-from lacsolver.case import parse_case, read_case
+from lacsolver.case import Dynamics, Initial, Material, Output, Solver, Steps, Temperature, Traction
 from lacsolver.equilibrium.stepping import march
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
 from lacsolver.reading import read_results
 from lacsolver.results.fields import point_stress, state_fields
 from lacsolver.results.figures import step_figures
-from lacsolver.results.results import Restart
 from lacsolver.running import run
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, one_cell
 from tests.lacsolver.held import with_sides
 from tests.lacsolver.test_finite import by_differences, shaken
+from tests.problems import case_of, fix, move
 from tests.quality_cells import rotation
 from tests.samples import each_option
 
@@ -102,32 +101,6 @@ def test_a_rotation_turns_the_stress_and_leaves_the_history():
     np.testing.assert_allclose(volume, 1.0, rtol=1e-13)
 
 
-def test_small_strains_are_the_limit_of_finite_ones():
-    rng = np.random.default_rng(2)
-    gradient = rng.uniform(-1e-6, 1e-6, (3, 3, 3))
-    soft = {"hardening": ((1e-4, 0.0),), "kinematic": H}
-    small, finite = (
-        make(YOUNG, NU, **soft).respond(gradient, np.zeros((3, make.n_history)))  #
-        for make in LAWS
-    )
-    assert (small.history[:, 0] > 0).all()
-    np.testing.assert_allclose(finite.stress, small.stress, rtol=0, atol=1e-5 * np.abs(small.stress).max())
-    np.testing.assert_allclose(finite.history[:, :7], small.history, rtol=0, atol=1e-5 * np.abs(small.history).max())
-
-
-@pytest.mark.parametrize("spread", [0.0, 1e-12, 1e-6, 1e-3, 0.09, 0.11, 1.0])
-def test_divided_differences_of_the_logarithm(spread):
-    """Against the integrals of 1 / ((a + t) (b + t)) and 1 / ((a + t) (b + t) (c + t)), of one sign."""
-    x, w = np.polynomial.legendre.leggauss(60)
-    s = (x + 1) / 2  # t = s / (1 - s)
-    t, dt = s / (1 - s), w / 2 / (1 - s) ** 2
-    for a, b, c in ((1.0, 1.0 + spread, 1.0 + 0.4 * spread), (1.3 * (1 + spread), 1.3, 1.3 * (1 + spread))):
-        first = (dt / ((a + t) * (b + t))).sum() / 2
-        second = -(dt / ((a + t) * (b + t) * (c + t))).sum() / 2
-        assert first_difference(a, b) == pytest.approx(first, rel=1e-12)
-        assert second_difference(a, b, c) == pytest.approx(second, rel=1e-11)
-
-
 def test_a_table_is_followed_over_several_of_its_rows_and_its_end():
     """Uniaxial stress in one step, from a plastic strain of 0 into each row, and beyond the last."""
     law = Plastic(YOUNG, 0.0, hardening=TABLE, kinematic=H)
@@ -159,6 +132,7 @@ def test_wrong_constants_are_refused(wrong):
 
 # ---- cells
 
+
 CELLS_AND_MODELS = [("HEXA8", "3d"), ("PENTA6", "3d"), ("PYRAM5", "3d"), ("TETRA10", "3d")]
 CELLS_AND_MODELS += [("QUAD4", "plane_strain"), ("QUAD4", "axisymmetric"), ("QUAD4", "plane_stress")]
 
@@ -186,31 +160,20 @@ def test_the_tangent_of_a_cell_is_the_derivative_of_its_forces(name, model, make
     assert np.isfinite(f).all()
 
 
-def test_linear_cells_do_not_lock_and_others_are_named():
-    for name, locks in (("QUAD4", False), ("TRIA3", True), ("QUAD8", False)):
-        space = Space.of(body(name, 2), "plane_strain")
-        told = locking(space, Materials.of(space, law_of(Plastic)))
-        assert bool(told) == locks
-        if locks:
-            assert told[0].startswith('law = "plastic" makes TRIA3 far too stiff') and "poisson" not in told[0]
-
-
 # ---- bars
 
 
-def bar(name, model, kinematics, moves, material=""):
-    """A bar along y, moved at its end; `moves`: (time, displacement)."""
-    axes = "xyz" if model == "3d" else "xy"
+def bar(name, model, kinematics, path, *records, steps=None, **keys):
+    """(case, mesh) of a bar along y, moved at its end along a path of (time, displacement); `keys`: of its material."""
     low = None if model in ("3d", "axisymmetric") else (0.0, 0.0)
     mesh = with_sides(body(name, 1 if model == "3d" else 2, low=low))
-    text = f'mesh = "bar.msh"\nmodel = "{model}"\nkinematics = "{kinematics}"\n'
-    text += f"[steps]\ntimes = {[t for t, _ in moves[1:]]}\n"
-    text += f'[[material]]\nlaw = "plastic"\nyoung = {YOUNG}\npoisson = {NU}\n'
-    text += material or f"hardening = [[{Y0}, 0.0], [{Y0 + SLOPE}, 1.0]]\nkinematic = {H}\n"
-    for axis in axes if model != "axisymmetric" else "y":
-        text += f'[[displacement]]\ngroup = "{axis}0"\nu{axis} = 0.0\n'
-    text += f'[[displacement]]\ngroup = "y1"\nuy = {[list(row) for row in moves]}\n'
-    return text, mesh
+    law = {"hardening": [[Y0, 0.0], [Y0 + SLOPE, 1.0]], "kinematic": H} | keys
+    axes = {"3d": "xyz", "axisymmetric": "y"}.get(model, "xy")
+    held = [fix(f"{axis}0", axis) for axis in axes]
+    held += [] if path is None else [move("y1", uy=[list(row) for row in path])]
+    held.append(steps or Steps(times=[t for t, _ in path[1:]]))
+    law = Material(law="plastic", young=YOUNG, poisson=NU, **law)
+    return case_of(mesh, law, *held, *records, model=model, kinematics=kinematics), mesh
 
 
 def uniaxial(strains):
@@ -237,8 +200,7 @@ MOVES = ((0.0, 0.0), (1.0, 0.01), (2.0, 0.0085), (3.0, -0.01), (4.0, 0.015))
 )
 def test_a_bar_is_pulled_unloaded_pushed_and_pulled(name, model, kinematics):
     """The exact solution; if finite in logarithmic strain, and Cauchy's stress is Kirchhoff's over the volume."""
-    text, mesh = bar(name, model, kinematics, MOVES)
-    problem = Problem.of(parse_case(text), mesh)
+    problem = Problem.of(*bar(name, model, kinematics, MOVES))
     finite = kinematics == "finite"
     strains = [np.log1p(u) if finite else u for _, u in MOVES[1:]]
     for state, (tau, plastic, p) in zip(march(problem), uniaxial(strains), strict=True):
@@ -257,116 +219,69 @@ def test_a_bar_is_pulled_unloaded_pushed_and_pulled(name, model, kinematics):
         np.testing.assert_allclose(state_fields(problem, state).plastic_strain, p, rtol=1e-7)
 
 
-def test_newtons_method_is_quadratic_at_the_end():
-    text, mesh = bar("QUAD4", "plane_strain", "small", ((0.0, 0.0), (1.0, 0.01)))
-    (state,) = march(Problem.of(parse_case(text), mesh))
-    before, last = state.residuals[-2:]
-    assert state.halvings == 0 and state.iterations <= 6 and last < max(10 * before**2, 1e-14)
-
-
 @pytest.mark.parametrize("kinematics", ["small", "finite"])
 def test_a_bar_that_is_held_yields_as_it_warms(kinematics):
-    warm = f"hardening = [[{Y0}, 0.0], [{Y0 + SLOPE}, 1.0]]\nkinematic = {H}\nexpansion = 1e-3\n"
-    warm += "reference_temperature = 20.0\n[[temperature]]\nvalue = 30.0\n"
-    text, mesh = bar("HEXA8", "3d", kinematics, ((0.0, 0.0), (1.0, 0.0)), warm)
-    problem = Problem.of(parse_case(text), mesh)
+    warm = {"expansion": 1e-3, "reference_temperature": 20.0}
+    case = bar("HEXA8", "3d", kinematics, ((0.0, 0.0), (1.0, 0.0)), Temperature(value=30.0), **warm)
+    problem = Problem.of(*case)
     (state,) = march(problem)
-    strain = -np.log(1.01) if kinematics == "finite" else -0.01
+    strain, size = (-np.log(1.01), 1.01**3) if kinematics == "finite" else (-0.01, 1.0)
     ((tau, _, p),) = uniaxial([strain])
     volume = np.exp((1 - 2 * NU) * tau / YOUNG) if kinematics == "finite" else 1.0
     (sigma,) = point_stress(problem, state)
     np.testing.assert_allclose(sigma[..., 1], tau / volume, rtol=1e-7)
-    figures = step_figures(problem, state)
-    size = 1.01**3 if kinematics == "finite" else 1.0
-    assert figures.plastic.dissipation[1] == pytest.approx(size * (Y0 * p + SLOPE * p * p / 2), rel=1e-7)
-
-
-def test_a_cyclic_load_closes_its_loop():
-    """With kinematic hardening alone the second cycle is the first again; a half takes Y times its plastic range."""
-    moves = [(0.0, 0.0)] + [(float(k + 1), 0.01 * (-1) ** k) for k in range(6)]
-    text, mesh = bar("QUAD8", "plane_stress", "small", moves, f"hardening = [[{Y0}, 0.0]]\nkinematic = {H}\n")
-    problem = Problem.of(parse_case(text), mesh)
-    states = list(march(problem))
-    stress = [point_stress(problem, state)[0][0, 0, 1] for state in states]
-    assert stress[2] == pytest.approx(stress[4], rel=1e-9) and stress[3] == pytest.approx(stress[5], rel=1e-9)
-    figures = [step_figures(problem, state).plastic.dissipation[0] for state in states]
-    plastic = (0.02 - 2 * Y0 / YOUNG) / (1 + H / YOUNG)  # range of plastic strain of half a cycle
-    np.testing.assert_allclose(figures[1:], Y0 * plastic, rtol=1e-8)
+    dissipation = step_figures(problem, state).plastic.dissipation[1]
+    assert dissipation == pytest.approx(size * (Y0 * p + SLOPE * p * p / 2), rel=1e-7)
 
 
 # ---- steps, files and restarts
 
 
-def plate(kinematics="small"):
-    """A plate with uneven load, which yields in a part."""
-    text, mesh = bar("QUAD4", "plane_strain", kinematics, ((0.0, 0.0), (1.0, 0.004), (2.0, 0.008), (3.0, -0.002)))
-    return text + '[[traction]]\ngroup = "x1"\ntx = "0.3 * y * t"\n', mesh
+def plate(*records, kinematics="small", **rest):
+    """(case, mesh) of a plate with uneven load, which yields in a part."""
+    path = ((0.0, 0.0), (1.0, 0.004), (2.0, 0.008), (3.0, -0.002))
+    return bar("QUAD4", "plane_strain", kinematics, path, Traction(group="x1", tx="0.3 * y * t"), *records, **rest)
 
 
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-def test_a_restart_goes_on_from_what_has_flown(kinematics, tmp_path):
-    text, mesh = plate(kinematics)
-    write(tmp_path / "bar.msh", mesh)
-    (tmp_path / "case.toml").write_text(text)
-    case = read_case(tmp_path / "case.toml")
-    problem = Problem.of(case)
-    states = list(march(problem))
+@pytest.mark.parametrize("kinematics, form", [("small", "vtu"), ("finite", "med")])
+def test_what_a_run_writes_and_a_restart_goes_on_from(kinematics, form, tmp_path):
+    case, mesh = plate(Output(format=form), kinematics=kinematics)
+    states = list(march(problem := Problem.of(case, mesh)))
     run(case, create_output(tmp_path / "out"))
-    kept = read_state(tmp_path / "out", case, 2.0)
-    again = list(march(problem, start=kept))
-    np.testing.assert_array_equal(again[0].u, states[2].u)
-    for one, other in zip(again[0].step.histories.materials, states[2].step.histories.materials, strict=True):
+    (again,) = march(problem, start=read_state(tmp_path / "out", case, 2.0, mesh=mesh))
+    np.testing.assert_array_equal(again.u, states[2].u)
+    for one, other in zip(again.step.histories.materials, states[2].step.histories.materials, strict=True):
         np.testing.assert_array_equal(one, other)
-    fresh = list(march(problem, start=Restart.of(states[1], states[1].step.step_size, 2)))
-    np.testing.assert_array_equal(fresh[0].u, states[2].u)
-
-
-def test_an_attempt_that_fails_leaves_no_flow_behind():
-    """Steps that are halved, since an iteration more is not allowed, end as steps of these sizes do."""
-    text, mesh = plate()
-    case = parse_case(text + "[solver]\nmax_iterations = 3\n")
-    states = list(march(Problem.of(case, mesh)))
-    assert sum(state.halvings for state in states) > 0
-    times = [state.time for state in states]
-    text = text.replace("times = [1.0, 2.0, 3.0]", f"times = {times}")
-    for one, other in zip(states, march(Problem.of(parse_case(text), mesh)), strict=True):
-        np.testing.assert_allclose(one.u, other.u, rtol=0, atol=1e-9)
-        (kept,), (wanted,) = one.step.histories.materials, other.step.histories.materials
-        np.testing.assert_allclose(kept, wanted, rtol=0, atol=1e-7)
-
-
-@pytest.mark.parametrize("format", ["vtu", "med"])
-def test_what_a_run_writes(format, tmp_path):
-    text, mesh = plate()
-    write(tmp_path / "bar.msh", mesh)
-    (tmp_path / "case.toml").write_text(text + f'[output]\nformat = "{format}"\n')
-    ls.run(tmp_path / "case.toml", tmp_path / "out")
-    solution = ls.solve(tmp_path / "case.toml")
-    figures = solution.figures.plastic
-    summary = json.loads((tmp_path / "out" / "results.json").read_text())
-    assert summary["steps"][-1]["plastic"] == {
-        "strain_max": figures.strain_max,
-        "von_mises_max": figures.von_mises_max,
-        "dissipation": list(figures.dissipation),
-    }
-    results = read_results(tmp_path / "out")
-    assert results.history["plastic.dissipation"][-1] == figures.dissipation[1]
-    assert results.history["plastic.strain_max"][-1] == figures.strain_max
-    last = results.solution(-1)
+    solution = ls.solve(case)
+    figures, last = solution.figures.plastic, read_results(tmp_path / "out").solution(-1)
+    assert figures.dissipation[1] > 0
+    history = read_results(tmp_path / "out").history
+    assert history["plastic.dissipation"][-1] == figures.dissipation[1]
+    assert history["plastic.strain_max"][-1] == figures.strain_max
+    kept = json.loads((tmp_path / "out" / "results.json").read_text())["steps"][-1]["plastic"]
+    assert kept["von_mises_max"] == figures.von_mises_max and kept["dissipation"] == list(figures.dissipation)
     np.testing.assert_allclose(last.plastic_strain, solution.plastic_strain, rtol=1e-12)
     assert solution.plastic_strain.max() > 1e-3
     np.testing.assert_allclose(last.von_mises(), solution.von_mises(), rtol=1e-9)
 
 
+def test_an_attempt_that_fails_leaves_no_flow_behind():
+    """Steps that are halved, since an iteration more is not allowed, end as steps of these sizes do."""
+    states = list(march(Problem.of(*plate(Solver(max_iterations=3)))))
+    assert sum(state.halvings for state in states) > 0
+    others = march(Problem.of(*plate(steps=Steps(times=[state.time for state in states]))))
+    for one, other in zip(states, others, strict=True):
+        np.testing.assert_allclose(one.u, other.u, rtol=0, atol=1e-9)
+        (kept,), (wanted,) = one.step.histories.materials, other.step.histories.materials
+        np.testing.assert_allclose(kept, wanted, rtol=0, atol=1e-7)
+
+
 def test_in_motion_the_energy_is_kept():
     """The flow takes what counts as damped, and the sum of all energies stays 0."""
-    text, mesh = bar("QUAD4", "plane_strain", "small", ((0.0, 0.0), (0.05, 0.0)))
-    keep, _ = text.rsplit("[[displacement]]", 1)
-    keep = keep.replace("times = [0.05]", "end = 0.05\ncount = 50").replace("poisson", "density = 1.0\npoisson")
-    keep += '[dynamics]\n[[initial]]\nvy = "0.5 * y"\n'
-    problem = Problem.of(parse_case(keep), mesh)
-    states = list(march(problem))
-    figures = [step_figures(problem, state) for state in states]
+    moving = Dynamics(), Initial(vy="0.5 * y")
+    case = bar("QUAD4", "plane_strain", "small", None, *moving, steps=Steps(end=0.05, count=50), density=1.0)
+    problem = Problem.of(*case)
+    figures = [step_figures(problem, state) for state in march(problem)]
     taken = figures[-1].plastic.dissipation[1]
     assert taken > 0.01
     for one in figures:
@@ -374,3 +289,42 @@ def test_in_motion_the_energy_is_kept():
         total = energies["kinetic"] + energies["strain"] - energies["external"] + energies["damped"]
         assert abs(total + energies["contact"] + energies["numerical"]) < 1e-9 * energies["external"]
         assert energies["damped"] == pytest.approx(one.plastic.dissipation[1], abs=0.02 * taken)
+
+
+# ---- the case of data/plastic
+
+
+DATA = Path(__file__).resolve().parents[2] / "data" / "plastic"
+
+
+@pytest.fixture
+def script():
+    """The script that makes the mesh, as a module."""
+    spec = importlib.util.spec_from_file_location("make_imprint", DATA / "make_imprint.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
+def test_a_ball_leaves_an_imprint(script, tmp_path, monkeypatch):
+    """Pressed in, nearly the pressure of full plasticity; taken off, what stays is deeper than what comes back.
+
+    On a mesh twice as coarse.
+    """
+    script.main(tmp_path / "imprint.msh")
+    assert (tmp_path / "imprint.msh").read_bytes() == (DATA / "imprint.msh").read_bytes()
+    monkeypatch.setattr(script, "H", 2 * script.H)
+    script.main(tmp_path / "imprint.msh")
+    states = list(ls.march(DATA / "imprint.toml", tmp_path / "imprint.msh"))
+    pressed, last = states[5], states[-1]
+    zone = pressed.contact["top"]
+    on = zone.status == 1
+    mean = (zone.pressure @ zone.area) / zone.area[on].sum()
+    assert pressed.time == 1.0 and 2.4 * 400 < mean < 3.1 * 475
+    assert not last.contact["top"].pressure.any()
+    ((_, _, ((pole,),)),) = last.mesh.select(last.mesh.cell_groups["pole"])
+    depth = [-state.u[pole, 1] for state in (pressed, last)]
+    assert 0.0495 < depth[0] < 0.0505 and 0.8 * depth[0] < depth[1] < 0.95 * depth[0]
+    taken = [state.figures.plastic.dissipation[1] for state in states]
+    assert (np.diff(taken) >= 0).all() and 30 < taken[-1] < 40
+    assert np.nanmax(last.plastic_strain) > 0.05  # the ball has none

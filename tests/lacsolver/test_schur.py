@@ -1,20 +1,32 @@
-"""Solutions of the saddle system on one factor of K, against dense elimination; and how many products they take."""
+"""The saddle system on one factor of K: against dense elimination, how many products it takes, columns that are kept.
+
+Columns of the Schur complement serve over the steps: applications of K^-1 are counted, results are as without."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from lacsolver.case import parse_case
+import lacsolver.equilibrium.reduced
+from lacsolver.case import Displacement, Pressure, Solver, Steps, parse_case
+from lacsolver.equilibrium import kept_columns
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
+from lacsolver.results.state import CONTACT
 from lacsolver.saddle.kept_directions import KeptDirections
+from lacsolver.saddle.stiffness import Stiffness
 from lacsolver.saddle.tolerances import LinearTolerance
-from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, SLIDING, YOUNG, at, held, pressed
+from tests.lacsolver.moving import PLANE, SMALL, WALL, steps, thrown
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import factorised, saddle, solve_rows, system
+from tests.problems import ELASTIC, case_of, contact, fix, move
+from verification.meshes.thrown import disc, on_wall
 
 EXACT = LinearTolerance(0.0, 1e-14, 1e-18, 0.0)
 KINDS = {
@@ -26,6 +38,7 @@ KINDS = {
     "turning and free": {"turning": 0.1, "same": False, "free": 2},
 }
 for_kinds = pytest.mark.parametrize("kind", KINDS)
+UPRIGHT = Displacement(at=[0.0, 0.0, 2.0], ux=0.0, uy=0.0), Displacement(at=[1.0, 0.0, 2.0], uy=0.0)
 
 
 def solved(s, active, goal=EXACT, q0=None, p0=None, K=None, kept=None):
@@ -59,18 +72,13 @@ def test_the_saddle_system(kind, seed, multigrid):
 
 
 @pytest.mark.parametrize("kind", ["held", "one set of rows for forces, another for gaps"])
-def test_no_row_at_all(kind):
+def test_no_row_at_all_and_rows_whose_answer_is_known(kind):
     s = system(0, **KINDS[kind])
-    made = solved(s, np.empty(0, int))
-    np.testing.assert_allclose(made.q, np.linalg.solve(s.K, s.f), rtol=1e-10)
-    assert (made.p == 0).all() and made.applications == 1
-
-
-def test_what_is_known_costs_nothing():
-    s = system(0)
-    active = np.arange(8)
-    once = solved(s, active)
-    again = solved(s, active, goal=LinearTolerance(0.0, 1e-10, 1e-18, 0.0), q0=once.q, p0=once.p)
+    none = solved(s, np.empty(0, int))
+    np.testing.assert_allclose(none.q, np.linalg.solve(s.K, s.f), rtol=1e-10)
+    assert (none.p == 0).all() and none.applications == 1
+    once = solved(s, np.arange(8))
+    again = solved(s, np.arange(8), goal=LinearTolerance(0.0, 1e-10, 1e-18, 0.0), q0=once.q, p0=once.p)
     assert again.applications <= 1
     np.testing.assert_allclose(again.q, once.q, atol=1e-12)
 
@@ -124,13 +132,6 @@ def test_a_loose_goal_is_met_and_costs_less():
     np.testing.assert_allclose(s.K @ loose.q + s.B.T @ loose.p, s.f, atol=1e-12 * np.abs(s.f).max())
 
 
-@pytest.mark.parametrize(
-    "relative, absolute, moved, stops", [(1e-3, 0, 0, 1e-3), (1e-3, 0, 5, 5e-3), (0, 0.01, 0, 0.01)]
-)
-def test_the_gap_that_need_not_be_closed(relative, absolute, moved, stops):
-    assert LinearTolerance(0, relative, absolute, moved).threshold(1.0) == pytest.approx(stops)
-
-
 # ---- on a mesh
 
 
@@ -140,42 +141,117 @@ def moment(count, free=False, ratio=1.0, backend="auto", threads=1):
     `ratio`: stiffness of the upper block, which has the master, relative to that of the lower one.
     """
     mesh = stack("HEXA8", "TETRA4", 3, counts=(count, count))
-    fixed = held("bottom", ux=0.0, uy=0.0, uz=0.0)
-    upright = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0) if free else SLIDING
-    upper = MATERIAL.replace(f"young = {YOUNG}", f'groups = ["upper"]\nyoung = {YOUNG * ratio}')
-    lower = MATERIAL + 'groups = ["lower"]\n'
-    head = HEAD.format(model="3d").replace("threads = 1", f'threads = {threads}\nbackend = "{backend}"')
-    text = head + lower + upper + JOINT + fixed + upright + pressed("top", "1 + x * y")
-    return LoadStep(ReducedProblem(Problem.of(parse_case(text), mesh)), 1.0)
+    held = fix("bottom", "xyz"), *(UPRIGHT if free else (fix("x0", "x"), fix("y0", "y")))
+    lower, upper = replace(ELASTIC, groups=["lower"]), replace(ELASTIC, groups=["upper"], young=1000.0 * ratio)
+    load = Pressure(group="top", value="1 + x * y"), Solver(threads=threads, backend=backend)
+    problem = Problem.of(case_of(mesh, lower, upper, contact(), *held, *load, model="3d"), mesh)
+    return LoadStep(ReducedProblem(problem), 1.0)
+
+
+def on_all_rows(now, *goals):
+    """Solutions with all rows closed, from rest, to some goals."""
+    found, start = now.contact(np.zeros(len(now.f))), np.zeros(len(now.f))
+    m = len(found.G)
+    rows, every, rest = found.rows, np.arange(m), np.zeros(m)
+    return found, [solve_rows(now.reference, rows, every, now.f, found.G, start, rest, goal) for goal in goals]
 
 
 @pytest.mark.parametrize("free", [False, True])
-def test_products_hardly_grow_with_the_mesh(free):
-    """A few to a tenth of the residual, some twenty to rounding, of pressures by the dozen and by the hundred."""
+def test_products_hardly_grow_with_the_mesh_and_the_ratio_of_stiffnesses(free):
+    """A few to a tenth of the residual, some twenty to rounding, of pressures by the dozen and by the hundred.
+
+    The rows are scaled by the diagonal of K: without that a ratio takes two to three times as many.
+    """
     counts = []
     for count in (5, 10):
         now = moment(count, free)
-        K = now.reference
-        found = now.contact(np.zeros(len(now.f)))
-        m = len(found.G)
-        loose, exact = (
-            solve_rows(K, found.rows, np.arange(m), now.f, found.G, np.zeros(len(now.f)), np.zeros(m), goal)
-            for goal in (LinearTolerance(0.1, 1e-13, 1e-18, 0.0), LinearTolerance(0.0, 1e-13, 1e-18, 0.0))
-        )
-        assert m == count * count and loose.applications <= 12 and exact.applications <= 40
-        np.testing.assert_allclose(K.K @ exact.q + found.rows.B_T @ exact.p, now.f, atol=1e-12 * np.abs(now.f).max())
+        goals = LinearTolerance(0.1, 1e-13, 1e-18, 0.0), LinearTolerance(0.0, 1e-13, 1e-18, 0.0)
+        found, (loose, exact) = on_all_rows(now, *goals)
+        assert len(found.G) == count * count and loose.applications <= 12 and exact.applications <= 40
+        left = now.reference.K @ exact.q + found.rows.B_T @ exact.p
+        np.testing.assert_allclose(left, now.f, atol=1e-12 * np.abs(now.f).max())
         counts.append(exact.applications)
     assert counts[1] <= 1.5 * counts[0]
+    one, *others = (on_all_rows(moment(8, free, ratio), EXACT)[1][0].applications for ratio in (1.0, 100.0, 0.01))
+    assert max(others) <= 1.5 * one, others
 
 
-@pytest.mark.parametrize("free", [False, True])
-def test_products_hardly_grow_with_the_ratio_of_stiffnesses(free):
-    """The rows are scaled by the diagonal of K: without that it takes two to three times as many."""
-    counts = []
-    for ratio in (1.0, 100.0, 0.01):
-        now = moment(8, free, ratio)
-        found = now.contact(np.zeros(len(now.f)))
-        m, start = len(found.G), np.zeros(len(now.f))
-        made = solve_rows(now.reference, found.rows, np.arange(m), now.f, found.G, start, np.zeros(m), EXACT)
-        counts.append(made.applications)
-    assert max(counts[1:]) <= 1.5 * counts[0], counts
+# ---- columns that are kept over the steps
+
+#: contact of two blocks that spreads from the middle while the upper one is pressed down, and shrinks again
+ROUND = "0.02 * ((x - 0.5)**2 + (y - 0.5)**2)"
+PRESSED = move("top", ux=0.0, uy=0.0, uz="-0.02 * sin(3 * t)")
+
+
+def counted(problem, start=None):
+    """(states, applications of K^-1 in each step, rows in contact at its end, rows closed so far)."""
+    made, states, table, ever = [0], [], [], np.zeros(0, bool)
+    solve = Stiffness.solve
+
+    def counting(self, f):
+        made[0] += 1
+        return solve(self, f)
+
+    with patch.object(Stiffness, "solve", counting):
+        for state in march(problem, start=start):
+            closed = np.concatenate([zone.status == CONTACT for zone in state.zones])
+            ever = closed | (ever if len(ever) else closed)
+            states.append(state)
+            table.append((made[0], int(closed.sum()), int(ever.sum())))
+            made[0] = 0
+    return states, np.array(table)
+
+
+def without(problem):
+    """Return what `counted` does, without columns."""
+    with patch.object(lacsolver.equilibrium.reduced, "SAVED", 0):
+        return counted(problem)
+
+
+def per_step(table):
+    """Applications in a step in contact, on average, of steps that close no row for the first time."""
+    again = np.diff(table[:, 2], prepend=0) == 0
+    return table[(table[:, 1] > 0) & again, 0].mean()
+
+
+def static(count, *records, counts=(7, 6)):
+    mesh = stack("HEXA8", "HEXA8", 3, counts=counts, even=True)
+    records = records or (contact(clearance=ROUND), PRESSED)
+    return Problem.of(case_of(mesh, ELASTIC, fix("bottom", "xyz"), *records, Steps(count=count), model="3d"), mesh)
+
+
+def impact():
+    """A disc on a wall, small kinematics: rows close and open one after the other."""
+    text = PLANE + SMALL + WALL + "[dynamics]\n" + thrown("body", vy=-0.1) + steps(4.0, 50)
+    return Problem.of(parse_case(text), on_wall(disc(8, (0.0, 1.01), "slave")))
+
+
+@pytest.mark.parametrize("made", [impact, lambda: static(50)], ids=["dynamics", "statics"])
+def test_a_step_in_contact_takes_at_most_three_applications(made):
+    """One more for each row that closes for the first time; without columns it takes several times as many."""
+    states, table = counted(made())
+    plain, before = without(made())
+    on = table[:, 1] > 0
+    assert on.sum() > 30 and table[:, 1].max() >= 8
+    assert per_step(table) <= 3 < 2 * per_step(table) < per_step(before)
+    assert table[on, 0].sum() <= 3 * on.sum() + table[-1, 2] * 1.5
+    assert table[:, 0].sum() < 0.6 * before[:, 0].sum()
+    np.testing.assert_array_equal(table[:, 1:], before[:, 1:])
+    for one, other in zip(states, plain, strict=True):
+        assert np.abs(one.u - other.u).max() <= 1e-10 * np.abs(other.u).max()
+        p, q = one.zones[0].pressure, other.zones[0].pressure
+        assert np.abs(p - q).max() <= 1e-9 * max(np.abs(q).max(), 1e-300)
+
+
+def test_columns_are_those_of_the_system_and_their_memory_is_bounded():
+    now = LoadStep(ReducedProblem(static(1, counts=(4, 3))), 1.0)
+    K, rows = now.reference, now.contact(np.zeros(len(now.f))).rows
+    whole, B = kept_columns.KeptColumns(K, rows, 9), rows.B.toarray()
+    assert whole.serve(K, rows) and not whole.serve(moment(4).reference, rows)
+    C = whole.columns(np.arange(2))
+    np.testing.assert_allclose(C, B @ np.linalg.solve(K.K.toarray(), B[:2].T), rtol=1e-9, atol=1e-12 * C.max())
+    with patch.object(kept_columns, "_MEMORY", 8 * len(rows.w)):
+        small = kept_columns.KeptColumns(K, rows, 9)
+    both = [small.columns(np.array([k])) for k in (0, 1)]
+    np.testing.assert_array_equal(np.hstack(both), C)
+    assert small.most == 1 == len(small._values)

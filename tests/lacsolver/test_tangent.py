@@ -3,8 +3,7 @@
 Where slave faces are straight and have their own normals the integrals are exact, and so are their derivatives: 1e-8,
 which is what the differences are good for. So they are, whatever the faces and normals, in front of one master face. In
 front of several pieces move, and rules with a few points leave their derivatives off by what they are themselves: 1e-4,
-and 1e-2 on lines that curve, whose 4 points feel it most.
-"""
+and 1e-2 on lines that curve, whose 4 points feel it most."""
 
 from __future__ import annotations
 
@@ -22,17 +21,15 @@ from lacmesh.surface.rules import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.tangent import gap_derivative, motion_of, tangent
-from tests.coarse_rings import rings
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.test_interface import rigid_motions, wavy, zone_of
+from tests.lacsolver.test_interface import MEASURES, NORMALS, rigid_motions, wavy, zone_of
 from tests.samples import each_option
 
 #: of a central difference
+#: of a central difference
 STEP, EXACT = 1e-6, 1e-8
-MEASURES, NORMALS = ("reference", "current"), ("facet", "smoothed", "master")
-#: (slave, master, dimension): straight faces
+#: (slave, master, dimension): straight faces, and faces of any shape
 STRAIGHT = [("QUAD4", "TRIA3", 2), ("TRIA3", "QUAD4", 2), ("TETRA4", "TETRA4", 3), ("HEXA8", "PENTA6 triangle", 3)]
-#: faces of any shape
 ANY = [("QUAD4", "QUAD4", 2), ("QUAD8", "TRIA6", 2), ("TETRA4", "HEXA8", 3), ("TETRA10", "HEXA20", 3)]
 
 
@@ -40,16 +37,6 @@ def options_of(row):
     """The pair of a row, and each of its options with the dimension."""
     pair, options = row
     return [pair, *((pair[2], *option) for option in options.items())]
-
-
-def every(pairs, normals=NORMALS):
-    """Mark a test to try each pair with each measure and normal, in a plane about an axis too."""
-    options = [
-        (pair, {"measure": m, "normals": n, "axisymmetric": a})
-        for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
-        if not (a and pair[2] == 3)
-    ]
-    return pytest.mark.parametrize("pair, options", each_option(options, of=options_of), ids=str)
 
 
 def raised(surface):
@@ -117,9 +104,47 @@ class Deformed:
         return np.array([np.abs(d / (2 * STEP) - made).max() / np.abs(made).max() for d, made in pairs])
 
 
-@every(STRAIGHT, normals=("facet",))
-def test_straight_faces_with_their_own_normals(pair, options):
-    assert Deformed(*pair, options, surface="faces").errors().max() <= EXACT
+def rows(pairs, normals=NORMALS, **how):
+    """Options of each pair: measure and normals, in a plane about an axis too; a few in `make test`; and `how`."""
+    options = [
+        (pair, {"measure": m, "normals": n, "axisymmetric": a})
+        for pair, m, n, a in itertools.product(pairs, MEASURES, normals, (False, True))
+        if not (a and pair[2] == 3)
+    ]
+    return [pytest.param(*row.values, how, marks=row.marks) for row in each_option(options, of=options_of)]
+
+
+def within(pair, options, how):
+    """The error that is allowed, and what else is given."""
+    how = dict(how)
+    size = how.pop("within", EXACT)
+    if how.pop("several", False):
+        how["counts"] = (6, 7) if pair[2] == 2 else (2, 3)
+        size = 1e-2 if pair[:2] == ("QUAD8", "TRIA6") else 1e-4
+    if "clearance" in how:
+        options = {**options, "clearance": how.pop("clearance")}
+        size = EXACT if pair[2] == 2 else 1e-5
+    return size, options, how
+
+
+#: of the slave, which its master's rim crosses
+CLEARANCES = 0.02, lambda x, t: 0.02 + 0.3 * t * x[:, 0] ** 2
+ENDS = [ANY[0], *STRAIGHT[1:]]
+ROWS = [
+    *rows(STRAIGHT, ("facet",), surface="faces"),
+    *rows(STRAIGHT, ("facet",), within=1e-6),  # rules of a few points over normals that turn
+    *rows(ANY, counts=(2, 1), smooth=True),  # in front of one master face, where no piece ends
+    *rows(ANY, counts=(2, 1)),
+    *rows(ANY, several=True),
+    *(row for clearance in CLEARANCES for row in rows(ENDS, margin=-0.05, clearance=clearance)),
+]
+
+
+@pytest.mark.parametrize("pair, options, how", ROWS, ids=str)
+def test_derivatives_of_forces_and_gaps(pair, options, how):
+    """Against central differences. Faces that a rim crosses gain and lose what is there, with its clearance."""
+    size, options, how = within(pair, options, how)
+    assert Deformed(*pair, options, **how).errors().max() <= size
 
 
 @pytest.fixture
@@ -138,76 +163,20 @@ def fine_rules(monkeypatch):
     monkeypatch.setattr("lacsolver.contact.edges._WEIGHT", weight / 2)
 
 
-@every(STRAIGHT, normals=("facet",))
+@pytest.mark.parametrize("pair, options, _", rows(STRAIGHT, ("facet",)), ids=str)
 @pytest.mark.parametrize("smooth", [False, True])
-def test_heights_over_straight_faces(pair, options, smooth, fine_rules):
+def test_heights_over_straight_faces(pair, options, _, smooth, fine_rules):
     """Derivatives with heights, whose normals turn over a face, are as exact as without where rules are."""
     made = Deformed(*pair, options, smooth=smooth)
-    assert np.ptp(made.face.points.gap - made.face.points.ray) > 0.005
-    turned = (made.face.points.normal * unit(tangent_normals(made))).sum(axis=1)
-    assert turned.min() < 0.9995
-    assert made.errors().max() <= EXACT
-
-
-@every(STRAIGHT, normals=("facet",))
-def test_rules_of_a_few_points_over_normals_that_turn(pair, options):
-    """Rules of a few points leave their derivatives off by what they are themselves."""
-    assert Deformed(*pair, options).errors().max() <= 1e-6
-
-
-@pytest.mark.parametrize("faces", [(6, 6), (6, 12), (12, 6)], ids=str)
-@pytest.mark.parametrize("measure", MEASURES)
-def test_circles_of_a_few_faces(faces, measure, fine_rules, monkeypatch):
-    """Normals of the circle that are at up to 30 degrees to those of its faces."""
-    named = {"turn": 0.3, "kind": "QUAD4", "heights": (0.0,)}
-    pin = {"n": faces[0], "radii": [0.4, 0.7, 1.0], "names": ("pin", "bore", "slave"), **named}
-    hole = {"n": faces[1], "radii": [1.05, 1.5, 2.0], "names": ("hole", "master", "rim"), **named, "turn": 0.0}
-    monkeypatch.setattr("tests.lacsolver.test_tangent.wavy", lambda *_, **__: zone_of(rings(pin, hole, dim=2)))
-    made = Deformed("QUAD4", "QUAD4", 2, {"measure": measure, "normals": "facet"})
-    assert made.errors().max() <= EXACT
-
-
-def tangent_normals(made):
-    """(points, 3): normals of the slave's faces at the points of a zone."""
     of = made.face.points
-    return normals_of(tangents(made.face.slave, of.slave, of.xi_slave))
+    assert np.ptp(of.gap - of.ray) > 0.005
+    faces = unit(normals_of(tangents(made.face.slave, of.slave, of.xi_slave)))
+    assert (of.normal * faces).sum(axis=1).min() < 0.9995
+    assert made.errors().max() <= EXACT
 
 
-@every(ANY)
-def test_heights_over_any_faces(pair, options):
-    """In front of one master face, where no piece ends; that of quadratic cells has none."""
-    assert Deformed(*pair, options, counts=(2, 1), smooth=True).errors().max() <= EXACT
-
-
-@every(ANY)
-def test_any_faces_in_front_of_one(pair, options):
-    assert Deformed(*pair, options, counts=(2, 1)).errors().max() <= EXACT
-
-
-@every(ANY)
-def test_any_faces_in_front_of_several(pair, options):
-    curved = pair[:2] == ("QUAD8", "TRIA6")
-    counts = (6, 7) if pair[2] == 2 else (2, 3)
-    errors = Deformed(*pair, options, counts=counts).errors()
-    assert errors.max() <= (1e-2 if curved else 1e-4)
-
-
-@pytest.mark.parametrize("clearance", [0.02, lambda x, t: 0.02 + 0.3 * t * x[:, 0] ** 2], ids=["even", "formula"])
-@every([ANY[0], STRAIGHT[1], STRAIGHT[2], STRAIGHT[3]])
-def test_a_master_that_ends_under_its_slave(pair, options, clearance):
-    """Faces of the slave that the rim crosses gain and lose what is there, with its clearance."""
-    options = {**options, "clearance": clearance}
-    assert Deformed(*pair, options, margin=-0.05).errors().max() <= (EXACT if pair[2] == 2 else 1e-5)
-
-
-def test_the_rim_is_what_is_missed(monkeypatch):
-    monkeypatch.setattr("lacsolver.contact.edges._counting", lambda s, m, a, *_: np.zeros((len(a), 4), bool))
-    errors = Deformed(*STRAIGHT[3], {"measure": "reference", "normals": "facet"}, margin=-0.05).errors()
-    assert (errors > 0.01).all()
-
-
-@every(ANY)
-def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options):
+@pytest.mark.parametrize("pair, options, _", rows(ANY), ids=str)
+def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options, _):
     """Whatever the faces: a rotation by theta turns forces by it, a translation lets them be."""
     made = Deformed(*pair, options, counts=(2, 3))
     dim, x = pair[2], made.x
@@ -222,7 +191,7 @@ def test_moving_both_skins_changes_no_gap_and_turns_forces(pair, options):
         np.testing.assert_allclose(made.D @ motion.ravel(), 0, atol=1e-12 * size[1])
 
 
-@pytest.mark.parametrize("slave, master, dim", ANY)
+@pytest.mark.parametrize("slave, master, dim", [*ANY, ("mixed 2-full", "HEXA27", 3)])
 @pytest.mark.parametrize("normals", NORMALS)
 def test_b_is_the_derivative_of_the_gap_of_flat_skins_that_touch(slave, master, dim, normals):
     """And the forces' derivative is all that is left of it beside: how they turn."""

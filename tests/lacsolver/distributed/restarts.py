@@ -21,7 +21,7 @@ from lacsolver.running import run
 from tests.lacsolver.distributed.compare import problem_of
 from tests.lacsolver.distributed.mpi import ROOT
 from tests.lacsolver.invariant_cases import CASES
-from tests.lacsolver.test_added_memory import YOUNG, Damaged
+from tests.lacsolver.test_added import YOUNG, Damaged
 
 #: a case of blocks that are damaged; `scale`: so large that no cell loses all of its stiffness
 DAMAGED = f"""
