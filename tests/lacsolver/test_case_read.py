@@ -11,7 +11,7 @@ import string
 import subprocess
 import sys
 import tomllib
-from dataclasses import MISSING, fields, replace
+from dataclasses import MISSING, fields
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
