@@ -29,7 +29,7 @@ from lacsolver.results.figures import step_figures
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 from tests.formats.decks import solved, tables  # noqa: E402 (the checkout's tests are no package that is installed)
-from tests.lacsolver.moving_decks import ball_on_block, bar_on_wall, printed  # noqa: E402
+from tests.lacsolver.deck_texts import ball_on_block, bar_on_wall, printed  # noqa: E402
 
 PAGE = ROOT / "docs" / "decks.md"
 DECKS = ROOT.parent / "shared" / "reference" / "decks"
