@@ -170,11 +170,6 @@ def test_one_mistake(text, said):
     assert error.value.status == 1 and error.value.path == "press.toml"
 
 
-def test_what_is_along_z_is_of_space():
-    components = [(r, n) for r in records() for n in keys_of(r) if len(n) == 2 and n[1] == "z"]
-    assert len(components) > 10 and all(keys_of(record)[name].models == ("3d",) for record, name in components)
-
-
 def test_all_at_once_in_the_order_of_lines():
     """The marked lines, and these only, each with one mistake."""
     text = """mesh = 3 #!
