@@ -26,6 +26,7 @@ from lacmesh.errors import LacmeshError, ReadError
 from lacmesh.surface.points import NORMALS
 from lacsolver.case import Case, CaseError, Contact, Cyclic, parse_case, read_case
 from lacsolver.case.keys import defaults_of, keys_of, sections_of, told_default
+from lacsolver.case.kinds import Choice
 from lacsolver.case.lines import Lines
 from lacsolver.case.schema import json_schema, records, schema_text
 from lacsolver.cli import main

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import lacmesh
 from lacsolver.results.figures import step_figures
 from tests.lacsolver.deck_texts import (
     COLUMN,
@@ -116,30 +117,51 @@ def test_centrifugal_load(tmp_path):
 # ---- steps
 
 
-def test_steps_and_amplitudes(tmp_path):
-    """A displacement along a table in step 1, held in step 2, ramped in step 3; forces stay until they are changed."""
-    deck = COLUMN.text() + section(nu=0.0) + held() + "*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.5\n"
-    deck += step("*BOUNDARY, AMPLITUDE=A\nB_Z1, 3, 3, 0.2\n", static="0.25, 1., , 0.25\n")
-    deck += step("*BOUNDARY\nB_Z1, 3, 3, 0.1\n", static="1., 2.\n")
-    deck += step("*BOUNDARY\nB_Z1, 3, 3, -0.3\n", static="0.5, 1.\n")
-    found = solved(tmp_path, deck)
-    by_time = {round(state.time, 9): found.u(COLUMN.at(2, 3), k)[:, 2] for k, state in enumerate(found.states)}
-    expected = {0.25: 0.1, 0.5: 0.2, 0.75: 0.15, 1.0: 0.1, 2.0: 0.1, 3.0: 0.1, 3.5: -0.1, 4.0: -0.3}
-    assert set(by_time) == set(expected)
-    assert all(np.allclose(by_time[t], value, atol=1e-12) for t, value in expected.items())
+AMPLITUDE = "*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.5\n"
+FIXED = step("*BOUNDARY, FIXED\nB_Z1, 3, 3\n*DLOAD\nB_EZ1, P2, 50.\n")
+#: cards behind the supports of the column, and where its top is by time
+TOPS = {
+    "a table, held, then along a ramp": (
+        AMPLITUDE + step("*BOUNDARY, AMPLITUDE=A\nB_Z1, 3, 3, 0.2\n", static="0.25, 1., , 0.25\n")
+        + step("*BOUNDARY\nB_Z1, 3, 3, 0.1\n", static="1., 2.\n")
+        + step("*BOUNDARY\nB_Z1, 3, 3, -0.3\n", static="0.5, 1.\n"),
+        {0.25: 0.1, 0.5: 0.2, 0.75: 0.15, 1.0: 0.1, 2.0: 0.1, 3.0: 0.1, 3.5: -0.1, 4.0: -0.3},
+    ),
+    "a load at once": (
+        step("*DLOAD\nB_EZ1, P2, 4.\n", static="0.5, 1.\n")
+        + step("*DLOAD\nB_EZ1, P2, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n"),
+        {0.5: -2 * 3 / E, 1.0: -4 * 3 / E, 1.5: 8 * 3 / E, 2.0: 8 * 3 / E},
+    ),
+    "fixed under a pressure": (step("*DLOAD\nB_EZ1, P2, 30.\n") + 2 * FIXED, {1.0: -0.09, 2.0: -0.09, 3.0: -0.09}),
+    "fixed": (step("*BOUNDARY\nB_Z1, 3, 3, -0.06\n") + 2 * FIXED, {1.0: -0.06, 2.0: -0.06, 3.0: -0.06}),
+    "a displacement among the model's data": (
+        "*BOUNDARY\nB_Z1, 3, 3, -0.01\n" + step("", static="0.5, 1.\n"), {0.5: -0.005, 1.0: -0.01},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TOPS)
+def test_the_top_of_a_column_over_steps(tmp_path, name):
+    """A displacement grows over its step, those of the model's data over the first; fixed nodes stay whatever comes."""
+    cards, ways = TOPS[name]
+    found = solved(tmp_path, bodies(COLUMN, nu=0.0) + held() + cards)
+    by_time = {round(state.time, 9): found.u(TOP, k)[:, 2] for k, state in enumerate(found.states)}
+    assert set(by_time) == set(ways)
+    for time, way in ways.items():
+        np.testing.assert_allclose(by_time[time], way, atol=1e-12)
+    told = [one.level for one in found.made.findings if "among the model's data" in one.message]
+    assert told == ["note"] * ("data" in name)
 
 
 def test_sets_that_overlap_over_steps(tmp_path):
     """Step 2 changes the force on one node of a set: it replaces that of step 1 there, and leaves the others."""
-    top = COLUMN.at(2, 3).tolist()
-    deck = COLUMN.text() + section(nu=0.0) + held()
-    deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{top[0]}, 3, 1.\n")
-    made = imported(tmp_path, deck)
+    steps = step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{TOP[0]}, 3, 1.\n")
+    made = imported(tmp_path, bodies(COLUMN) + held() + steps)
     end = {record.group: float(record.fz.at(2.0)) for record in made.case.force}
     middle = {record.group: float(record.fz.at(1.0)) for record in made.case.force}
     assert sorted(end.values()) == [1.0, 4.0]
     assert set(middle.values()) == {4.0}
-    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(top)
+    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(TOP)
 
 
 @pytest.mark.parametrize(
@@ -169,41 +191,13 @@ def test_a_support_that_begins_in_the_second_step(tmp_path, support, options, wa
     assert f"line {row + 1 + cards.count(chr(10))})\n[[displacement]]\ngroup" in found.made.text
 
 
-@pytest.mark.parametrize("earlier, way", [("", -0.09), ("*BOUNDARY\nB_Z1, 3, 3, -0.06\n", -0.06)])
-def test_nodes_that_are_fixed_in_the_second_step(tmp_path, earlier, way):
-    """BOUNDARY, FIXED: nodes stay where a pressure, or a displacement, has taken them, whatever comes then."""
-    step = "*END STEP\n*STEP\n*STATIC\n1., 1.\n*BOUNDARY, FIXED\nB_Z1, 3, 3\n*DLOAD\nB_EZ1, P2, 50.\n"
-    first = earlier or "*DLOAD\nB_EZ1, P2, 30.\n"
-    found = solved(tmp_path, column("", first + step + step))
-    assert [record.begin for record in found.made.case.displacement if record.begin] == ([] if earlier else [1.0])
-    top = COLUMN.at(2, 3)
-    for k in range(3):
-        np.testing.assert_allclose(found.u(top, k)[:, 2], way, rtol=1e-6)
-
-
-def test_sudden_step(tmp_path):
-    deck = COLUMN.text() + section(nu=0.0) + held()
-    deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step("*CLOAD\nB_Z1, 3, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n")
-    (force,) = imported(tmp_path, deck).case.force
-    assert [force.fz.at(t) for t in (0.5, 1.0, 1.5, 2.0)] == [2.0, 4.0, -8.0, -8.0]
-
-
 def test_nlgeom_stays(tmp_path):
     """A step without NLGEOM after one with it is one of finite displacements too, in both programs."""
-    deck = COLUMN.text() + section(nu=0.0) + held() + step("*CLOAD\nB_Z1, 3, 4.\n", ", NLGEOM")
+    deck = bodies(COLUMN) + held() + step("*CLOAD\nB_Z1, 3, 4.\n", ", NLGEOM")
     made = imported(tmp_path, deck + step("*CLOAD\nB_Z1, 3, 1.\n") + "*STEP, PERTURBATION\n*FREQUENCY\n3\n*END STEP\n")
     assert made.case.kinematics == "finite"
     assert made.case.steps.last == 2.0
     assert any("lacsolver modes CASE.toml -k 3, with --state DIR" in finding.message for finding in made.findings)
-
-
-def test_a_displacement_among_the_models_data(tmp_path):
-    """It grows over the first step, as if it stood in that, and the supports at 0 hold from the start."""
-    model, moved = COLUMN.text() + section() + held(), "*BOUNDARY\nB_Z1, 3, 3, -0.01\n"
-    before, inside = solved(tmp_path, model + moved + step("")), solved(tmp_path, model + step(moved))
-    np.testing.assert_array_equal(before.states[-1].u, inside.states[-1].u)
-    assert before.u(TOP)[:, 2] == pytest.approx(-0.01)
-    assert [one.level for one in before.made.findings if "among the model's data" in one.message] == ["note"]
 
 
 # ---- springs, rigid bodies, bolts
@@ -212,7 +206,7 @@ def test_a_displacement_among_the_models_data(tmp_path):
 def test_springs_to_the_ground(tmp_path):
     """A block held by springs at its four lower nodes alone: they share its load."""
     block = Block()
-    deck = block.text() + section(nu=0.0) + "*BOUNDARY\nB_X0, 1\nB_Y0, 2\n"
+    deck = bodies(block, nu=0.0) + "*BOUNDARY\nB_X0, 1\nB_Y0, 2\n"
     deck += "*ELEMENT, TYPE=SPRING1, ELSET=SP\n" + "".join(f"{50 + k}, {n}\n" for k, n in enumerate(block.at(2, 0)))
     deck += "*SPRING, ELSET=SP\n3\n25.\n" + step("*DLOAD\nB, P2, 10.\n")
     found = solved(tmp_path, deck)
@@ -220,22 +214,21 @@ def test_springs_to_the_ground(tmp_path):
     assert np.allclose(found.u(block.at(2, 1))[:, 2], -10 / 100 - 10 / E)
 
 
-def test_springs_between_nodes_by_components(tmp_path):
-    """A column, four springs and a block in series, each with the force of 12."""
-    deck, below, above = hanging("SPRING2", "3, 3\n25.\n")
-    found = solved(tmp_path, deck)
-    assert len(found.made.case.spring) == 4
-    assert np.allclose(found.u(below.at(2, 1))[:, 2], -12 / E)
-    assert np.allclose(found.u(above.at(2, 2))[:, 2], -12 / E - 12 / 100)
-    assert np.allclose(found.u(above.at(2, 3))[:, 2], -12 / E - 12 / 100 - 12 / E)
-
-
-def test_springs_along_the_lines_of_their_nodes(tmp_path):
-    """Each has k n^2 along z, with n = 1 / sqrt(1.5) of its undeformed line."""
-    deck, below, above = hanging("SPRINGA", "\n25.\n")
-    found = solved(tmp_path, deck.replace("C_N, 1, 2\n", "C_N, 1, 2\nB_N, 1, 2\n"))
-    assert [spring.k for spring in found.made.case.spring] == [25.0] * 4
-    assert np.allclose(found.u(above.at(2, 2))[:, 2] - found.u(below.at(2, 1))[:, 2], -12 / (100 / 1.5))
+@pytest.mark.parametrize(
+    ("kind", "line", "sideways", "stiffness"),
+    [("SPRING2", "3, 3\n25.\n", "", 100.0), ("SPRINGA", "\n25.\n", "B_N, 1, 2\n", 100 / 1.5)],
+)
+def test_springs_between_nodes(tmp_path, kind, line, sideways, stiffness):
+    """A column, four springs and a block in series: along z, or along lines with k n^2, n = 1 / sqrt(1.5)."""
+    deck, below, above = hanging(kind, line)
+    found = solved(tmp_path, deck.replace("C_N, 1, 2\n", "C_N, 1, 2\n" + sideways))
+    assert [spring.k for spring in found.made.case.spring] == [25.0 if sideways else None] * 4
+    for nodes, way in (
+        (below.at(2, 1), 12 / E),
+        (above.at(2, 2), 12 / E + 12 / stiffness),
+        (above.at(2, 3), 24 / E + 12 / stiffness),
+    ):
+        np.testing.assert_allclose(found.u(nodes)[:, 2], -way, rtol=1e-9)
 
 
 PULLED = "*RIGID BODY, NSET=B_Z1, REF NODE=999\n*BOUNDARY\n999, 1, 2\n999, 4, 6\n"
@@ -258,30 +251,28 @@ def test_rigid_body(tmp_path, more, loads, exact):
 
 
 BOLT = "*SURFACE, NAME=MIDDLE\n2, S2\n*NODE\n9999, 5., 5., 5.\n*PRE-TENSION SECTION, SURFACE=MIDDLE, NODE=9999\n"
+LOCKED = step("*CLOAD\n9999, 1, 10.\n") + step("*BOUNDARY, FIXED\n9999, 1\n*CLOAD\n9999, 1, 30.\n")
 
 
-def bolts(folder, line, *steps):
-    """A column 4 high, held at its ends and cut across: what was imported, its force and shortening after each step."""
+@pytest.mark.parametrize(
+    ("normal", "steps", "lock", "shortenings"),
+    [
+        ("", LOCKED, 1.0, [0.04, 0.04]),
+        ("0., 0., 2.\n", LOCKED, 1.0, [0.04, 0.04]),
+        ("", step("*BOUNDARY\n9999, 1, 1, 0.02\n"), None, [0.02]),
+    ],
+    ids=["locked", "normal", "shortened"],
+)
+def test_a_bolt(tmp_path, normal, steps, lock, shortenings):
+    """A column 4 high, cut across: its force is E A s / 4, and a shortening that is locked stays whatever the force."""
     shank = Block(high=(1, 1, 4), cells=(1, 1, 4))
     ends = "*BOUNDARY\nB_Z0, 1, 3\nB_Z1, 1, 3\n"
-    found = solved(folder, bodies(shank, nu=0.0) + BOLT + line + ends + "".join(steps))
+    found = solved(tmp_path, bodies(shank, nu=0.0) + BOLT + normal + ends + steps)
     (record,) = found.made.case.pretension
-    figures = [step_figures(found.problem, state).pretension["MIDDLE"] for state in found.states]
-    return record, [(bolt.force, bolt.shortening) for bolt in figures]
-
-
-@pytest.mark.parametrize("normal", ["", "0., 0., 2.\n"])
-def test_a_bolt_whose_force_is_locked(tmp_path, normal):
-    """The force 10, then the shortening stays whatever the force becomes; 10 = E A s / 4."""
-    first, second = step("*CLOAD\n9999, 1, 10.\n"), step("*BOUNDARY, FIXED\n9999, 1\n*CLOAD\n9999, 1, 30.\n")
-    record, figures = bolts(tmp_path, normal, first, second)
-    assert record.lock == 1.0 and (record.normal is None) == (not normal)
-    np.testing.assert_allclose(figures, [(10.0, 10 * 4 / E)] * 2, rtol=1e-10)
-
-
-def test_a_bolt_that_is_shortened(tmp_path):
-    _, figures = bolts(tmp_path, "", step("*BOUNDARY\n9999, 1, 1, 0.02\n"))
-    np.testing.assert_allclose(figures, [(E * 0.02 / 4, 0.02)], rtol=1e-10)
+    assert record.lock == lock and (record.normal is None) == (not normal)
+    bolts = [step_figures(found.problem, state).pretension["MIDDLE"] for state in found.states]
+    np.testing.assert_allclose([bolt.shortening for bolt in bolts], shortenings, rtol=1e-10)
+    np.testing.assert_allclose([bolt.force for bolt in bolts], np.multiply(E / 4, shortenings), rtol=1e-10)
 
 
 # ---- equations, local axes, couplings, sectors
@@ -400,25 +391,22 @@ def test_a_rotation_about_one_axis(tmp_path):
 def test_a_sector(tmp_path):
     """A sixth of a ring grows evenly; its sides are surfaces of nodes."""
     mesh = sector("HEXA8", (2, 2, 1), 6)
-    x = mesh.points
-    lines = "*NODE, NSET=N\n" + "".join(f"{k + 1}, {a!r}, {b!r}, {c!r}\n" for k, (a, b, c) in enumerate(x.tolist()))
-    lines += "*ELEMENT, TYPE=C3D8, ELSET=B\n"
-    lines += "".join(f"{k + 1}, " + ", ".join(map(str, row + 1)) + "\n" for k, row in enumerate(mesh.block("HEXA8")))
-    for name in ("a", "b"):
-        nodes = np.unique(np.concatenate([rows.ravel() for _, _, rows in mesh.select(mesh.cell_groups[name])]))
-        lines += f"*NSET, NSET=S{name}\n" + "".join(f"{n + 1}\n" for n in nodes)
-        lines += f"*SURFACE, NAME=SIDE_{name}, TYPE=NODE\nS{name}\n"
-    lines += section(nu=0.3) + "*TIE, NAME=T1, CYCLIC SYMMETRY\nSIDE_a, SIDE_b\n"
-    lines += "*CYCLIC SYMMETRY MODEL, N=6, TIE=T1\n0., 0., 0., 0., 0., 1.\n"
+    groups = {f"S{name}": mesh.nodes_on(mesh.cells_of(name)) for name in ("a", "b")} | {"ALL": np.arange(mesh.n_nodes)}
+    block = mesh.block("HEXA8")
+    body = lacmesh.Mesh.create(
+        mesh.points, [("HEXA8", block)], cell_groups={"B": np.arange(len(block))}, node_groups=groups
+    )
+    lacmesh.write(tmp_path / "mesh.inp", body)
+    text = (tmp_path / "mesh.inp").read_text() + section()
+    text += "".join(f"*SURFACE, NAME=SIDE_{name}, TYPE=NODE\nS{name}\n" for name in ("a", "b"))
+    text += "*TIE, NAME=T1, CYCLIC SYMMETRY\nSIDE_a, SIDE_b\n*BOUNDARY\nALL, 3\n"
+    text += "*CYCLIC SYMMETRY MODEL, N=6, TIE=T1\n0., 0., 0., 0., 0., 1.\n"
+    x, number = mesh.points, mesh.node_number
     r = np.linalg.norm(x[:, :2], axis=1)
     edge = np.flatnonzero((r < 1.001) | (r > 1.999))
-    grown = "".join(
-        f"{k + 1}, 1, 1, {0.01 * float(x[k, 0])!r}\n{k + 1}, 2, 2, {0.01 * float(x[k, 1])!r}\n{k + 1}, 3, 3, 0.\n"
-        for k in edge
-    )
-    supports = "*BOUNDARY\n" + "".join(f"{k + 1}, 3\n" for k in range(len(x)))
-    found = solved(tmp_path, lines + supports + step("*BOUNDARY\n" + grown))
-    np.testing.assert_allclose(found.u(np.arange(1, len(x) + 1)), 0.01 * x * [1, 1, 0], atol=1e-12)
+    grown = "".join(f"{number[k]}, {c + 1}, {c + 1}, {0.01 * float(x[k, c])!r}\n" for k in edge for c in (0, 1))
+    found = solved(tmp_path, text + step("*BOUNDARY\n" + grown))
+    np.testing.assert_allclose(found.u(number), 0.01 * x * [1, 1, 0], atol=1e-12)
     assert found.made.case.cyclic[0].sectors == 6
 
 
@@ -480,7 +468,7 @@ PLATE += ELASTIC.format(nu=0.0) + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n4.\n*BO
 @pytest.mark.parametrize(
     ("element", "model", "more", "area", "shares"),
     [
-        ("CPE4", "plane_strain", "1, 1\n", 4.0, (0.5, 0.5)),
+        ("CPE4", "plane_strain", "1, 1, 3\n", 4.0, (0.5, 0.5)),
         ("CPS4", "plane_stress", "1, 1\n", 4.0, (0.5, 0.5)),
         ("CAX4", "axisymmetric", "", np.pi * 3, (4 / 9, 5 / 9)),
     ],
@@ -509,17 +497,6 @@ def test_sections_of_several_thicknesses(tmp_path, element):
     assert found.made.case.thickness == {"LOW": 4.0, "thick": 2.0}
     for nodes, length in (([3, 4], 12 / 4), ([7, 8], 12 / 4 + 12 / 2), ([11, 12], 2 / 2)):
         np.testing.assert_allclose(found.u(nodes)[:, 1], length / E, rtol=1e-9)
-
-
-# ---- what else a case has
-
-
-def test_probes_and_notes(tmp_path):
-    text = column("", "*DLOAD\nB_EZ1, P2, 20.\n*NODE PRINT, NSET=B_Z1\nU, RF\n*EL PRINT, ELSET=B\nS\n*NODE FILE\nU\n")
-    found = solved(tmp_path, text)
-    assert len(found.made.case.probe) == len(COLUMN.at(2, 3))
-    levels = {finding.card: finding.level for finding in found.made.findings}
-    assert levels == {"NODE PRINT": "note", "EL PRINT": "note", "NODE FILE": "note"}
 
 
 def test_names_of_sides_and_supports(tmp_path):
