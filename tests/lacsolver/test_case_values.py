@@ -36,7 +36,7 @@ from lacsolver.case import (
 from lacsolver.case.errors import Mistake
 from lacsolver.case.evaluate import evaluate
 from lacsolver.case.formula import CONSTANTS, FUNCTIONS, LONGEST, OPERATORS, VARIABLES, parse_formula
-from tests.problems import PROBLEMS
+from tests.problems import PROBLEMS, case_of
 
 # ---- formulas
 
@@ -472,54 +472,37 @@ def test_functions_count_by_their_names():
 
 # ---- the groups of a case in a mesh
 
-GROUPS = """[[material]]
-groups = ["body"]
-young = 1.0
-poisson = 0.3
-[[contact]]
-slave = 7
-master = "lower"
-[[displacement]]
-group = "tip"
-ux = 0.0
-[[displacement]]
-group = "both"
-kind = "node"
-uy = 0.0
-[[pressure]]
-group = "2:7"
-value = 1.0
-"""
+
+def joined(slave=7, master="lower"):
+    return Contact(slave=slave, master=master)
 
 
-def test_groups_that_are_there():
-    text = 'mesh = "a.msh"\nmodel = "3d"\n' + GROUPS
-    check_groups(parse_case(text), mesh())
-    check_groups(parse_case(text.replace('kind = "node"', 'kind = "cell"')), mesh())
-
-
-#: part of the text, what stands there, line, part of the message
-ABSENT = [
-    (
-        'groups = ["body"]',
-        'groups = ["body", "bodi"]',
-        3,
-        "material.groups: no cell group named 'bodi'; did you mean body",
-    ),
-    ("slave = 7", "slave = 8", 7, "contact.slave: no cell group named '8'"),
-    ('master = "lower"', 'master = "tip"', 7, "contact.master: 'tip' is a group of nodes"),
-    ('group = "tip"', 'group = "top"', 10, "displacement.group: no group named 'top'; did you mean tip?"),
-    ('group = "tip"', 'group = "lower"\nkind = "node"', 10, "displacement.group: no node group named 'lower'"),
-    ('group = "tip"', 'group = "tip"\nkind = "cell"', 10, "displacement.group: 'tip' is a group of nodes"),
-    ('group = "2:7"', 'group = "tip"', 17, "pressure.group: 'tip' is a group of nodes"),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "line", "said"), ABSENT)
-def test_groups_that_are_missing(old, new, line, said):
-    assert old in GROUPS
-    with pytest.raises(CaseError, match=f"line {line}: {re.escape(said)}") as error:
-        check_groups(parse_case('mesh = "a.msh"\nmodel = "3d"\n' + GROUPS.replace(old, new)), mesh())
+@pytest.mark.parametrize(
+    ("record", "said"),
+    [
+        (Displacement(group="both", kind="node", uy=0.0), ""),
+        (Displacement(group="both", kind="cell", uy=0.0), ""),
+        (joined(), ""),
+        (Pressure(group="2:7", value=1.0), ""),
+        (
+            Temperature(groups=["body", "bodi"], value=1.0),
+            "temperature.groups: no cell group named 'bodi'; did you mean body",
+        ),
+        (joined(slave=8), "contact.slave: no cell group named '8'"),
+        (joined(master="tip"), "contact.master: 'tip' is a group of nodes"),
+        (Displacement(group="top", ux=0.0), "displacement.group: no group named 'top'; did you mean tip?"),
+        (Displacement(group="lower", kind="node", ux=0.0), "displacement.group: no node group named 'lower'"),
+        (Displacement(group="tip", kind="cell", ux=0.0), "displacement.group: 'tip' is a group of nodes"),
+    ],
+)
+def test_groups_of_a_mesh(record, said):
+    """Names, tags and kinds of groups; the commands tell the lines, see `bad_cases`."""
+    made = case_of("a.msh", Material(young=1.0, poisson=0.3, expansion=1e-5), record, model="3d")
+    if not said:
+        check_groups(made, mesh())
+        return
+    with pytest.raises(CaseError, match=re.escape(said)) as error:
+        check_groups(made, mesh())
     assert len(error.value.problems) == 1 and error.value.status == 1
 
 

@@ -11,7 +11,6 @@ import pytest
 
 from lacsolver import CaseError
 from lacsolver.cli import main
-from lacsolver.results.figures import step_figures
 from tests.formats.decks import E, K, P, pressed, tables
 from tests.formats.decks import solved as run_calculix
 from tests.lacsolver.deck_texts import (
@@ -112,30 +111,6 @@ def test_the_results_of_calculix(shared, tmp_path, name, edit, rel):
 def test_full_integration_gives_the_digits_of_calculix(shared, tmp_path, name, rel):
     """The .dat has seven digits; an axisymmetric body of CalculiX is a wedge of two degrees."""
     assert error(*both(tmp_path, whole((shared / "reference" / "decks" / f"{name}.inp").read_text()))) < rel
-
-
-@pytest.mark.shared
-@pytest.mark.calculix
-@pytest.mark.parametrize(
-    ("name", "slope", "rel"),
-    [
-        ("beamptied5", "1.E5", 1e-2),
-        ("friction1", "1.E7", 2e-2),  # 6 % with its own slope of 47000, on which the nodes of CalculiX's slave slip
-        ("cubes", "1.E5", 5e-2),  # one face on one, which is one pressure here and a dozen springs there
-        ("contact5", "1.E5", 8e-2),
-    ],
-)
-def test_decks_with_friction(shared, tmp_path, name, slope, rel):
-    """Friction of CalculiX's tests, with elements that are integrated in full in both programs."""
-    text = whole((shared / "reference" / "decks" / f"{name}.inp").read_text())
-    text = re.sub(r"(?i)(\*FRICTION\n[^,]*,).*", rf"\g<1>{slope}", text)
-    text = re.split(r"(?i)\*END STEP", text)[0] + "*NODE PRINT, NSET=PRINTED\nU\n*END STEP\n"
-    made = imported(tmp_path, text.replace("PRINTED", "NALL"))
-    mesh = made.mesh
-    nodes = np.concatenate([part.ravel() for _, _, part in mesh.select(np.arange(mesh.n_cells))])
-    used = mesh.node_number[np.unique(nodes)]
-    text = text.replace("*STEP", "*NSET, NSET=PRINTED\n" + "\n".join(listed(used.tolist())) + "\n*STEP", 1)
-    assert error(*both(tmp_path, text)) < rel
 
 
 @pytest.mark.fuzz
@@ -244,45 +219,6 @@ def test_loads_and_supports_over_steps(tmp_path):
     assert len(theirs) == 3
     for k, rows in enumerate(theirs):
         assert np.allclose(found.u(rows[:, 0].astype(int), k), rows[:, 1:], atol=2e-6 * np.abs(rows[:, 1:]).max())
-
-
-@pytest.mark.calculix
-def test_natural_frequencies(tmp_path, monkeypatch):
-    """A step of *FREQUENCY leaves a case of which `lacsolver modes` finds the frequencies that CalculiX has."""
-    column = Block(high=(1, 2, 6), cells=(1, 1, 4), element="C3D20")
-    text = bodies(column, more="*DENSITY\n2.\n") + "*BOUNDARY\nB_Z0, 1, 3\n*STEP\n*FREQUENCY\n4\n*END STEP\n"
-    (tmp_path / "model.inp").write_text(text)
-    monkeypatch.chdir(tmp_path)
-    assert main(["import", "model.inp", "-q"]) == 0
-    assert main(["modes", "model.toml", "-k", "4", "-o", "modes", "-q"]) == 0
-    found = json.loads((tmp_path / "modes" / "modes.json").read_text())["frequencies"]
-    report = run_calculix(tmp_path / "model.inp", PROGRAM).partition("P A R T I C I P A T I O N")[0]
-    rows = re.findall(r"^ +\d+ +\S+ +\S+ +(\d\S+) +\S+ *$", report, re.MULTILINE)
-    assert len(rows) == 4
-    assert np.allclose(found, [float(row) for row in rows], rtol=1e-5)
-
-
-@pytest.mark.calculix
-def test_a_support_that_begins_late_drags_as_calculix_does(tmp_path):
-    """Pressed by 0.01, then dragged by 0.005, with friction: forces differ by the meshes alone.
-
-    CalculiX has 23,024, 21,911, 21,380 along z for 4, 16, 64 faces, lacsolver 22,026, 21,741, 21,310 (with a stick
-    slope of 1e7, which hardly slips).
-    """
-    low = Block("B", high=(12, 12, 4), cells=(6, 6, 4))
-    high = Block("C", (2, 2, 4), (10, 10, 8), (4, 4, 4), first=10000)
-    text = (
-        bodies(low, high).replace("1000.,", "210000.,") + "*SURFACE, NAME=U\nC_EZ0, S1\n*SURFACE, NAME=L\nB_EZ1, S2\n"
-    )
-    text += f"*SURFACE INTERACTION, NAME=SI\n{law(1e6)}*FRICTION\n0.3, 1e7\n"
-    text += "*CONTACT PAIR, INTERACTION=SI, TYPE=SURFACE TO SURFACE\nU, L\n*BOUNDARY\nB_Z0, 1, 3\nC_Z1, 2, 2\n"
-    loads = (
-        f"*BOUNDARY\nC_Z1, {line}\n*NODE PRINT, NSET=B_Z0, TOTALS=ONLY\nRF\n" for line in ("3, 3, -0.01", "1, 1, 0.005")
-    )
-    found, report = both(tmp_path, text + "".join(f"*STEP\n*STATIC\n0.5, 1.\n{load}*END STEP\n" for load in loads))
-    (_, rows) = tables(report)[-1]
-    mine = step_figures(found.problem, found.states[-1]).reactions["B_Z0"]
-    np.testing.assert_allclose(mine, rows[-1], atol=0.01 * np.abs(rows[-1]).max())
 
 
 # ---- motion

@@ -26,13 +26,14 @@ from tests.lacsolver.deck_texts import (
     held,
     imported,
     law,
+    moving,
     on_each_other,
     section,
     step,
     two_blocks,
 )
-from tests.lacsolver.test_import import LOCAL, ORTHOTROPIC
-from tests.lacsolver.test_import_contact import ABAQUS
+from tests.lacsolver.test_import import JOINTS, LOCAL, ORTHOTROPIC, REFERENCE, TURNED
+from tests.lacsolver.test_import_contact import ABAQUS, INERTIA
 from tests.samples import samples
 
 LOAD = "*DLOAD\nB_EZ1, P2, 20.\n"
@@ -349,30 +350,29 @@ def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
 
 # ---- damaged decks are imported, or refused in sentences that name a place; none ends in another exception
 
-MODEL = "*NODE\n900, 0.5, 1., 3.\n901, 0.5, 1., 3.\n*SURFACE, NAME=SIDE\nB_EX1, S4\n"
-MODEL += "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n" + section(more="*EXPANSION, ZERO=1.\n1e-4\n")
-MODEL += "*RIGID BODY, NSET=B_Z1, REF NODE=900, ROT NODE=901\n"
-MODEL += "*BOUNDARY\nB_Z0, 1, 3\n900, 1, 3\n901, 1, 3\n*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.5\n"
-MODEL += "*SPRING, ELSET=SP\n3\n5.\n*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 3.\n"
+SMALL = Block(cells=(1, 1, 2))
+WOOD_AXES = "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n"
+SPRING = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n5.\n*AMPLITUDE, NAME=A\n0., 0., 1., 0.5\n"
+MODEL = SPRING + REFERENCE + TURNED + "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 3.\n"
 STEPS = step("*BOUNDARY, AMPLITUDE=A\n901, 3, 3, 0.001\n*TEMPERATURE\nB_N, 5.\n")
 STEPS += step("*BOUNDARY\n901, 3, 3, 0.002\n*DSLOAD, OP=NEW\nSIDE, P, 1.\n", static="0.1, 1.\n")
-MOTION = "*NODE\n900, 0.5, 1., 3.\n*ELEMENT, TYPE=MASS, ELSET=M\n77, 900\n*ELEMENT, TYPE=ROTARYI, ELSET=R\n78, 900\n"
-MOTION += section(more="*DENSITY\n1.\n*DAMPING, ALPHA=0.1, BETA=0.01\n") + "*RIGID BODY, NSET=B_Z1, REF NODE=900\n"
-MOTION += "*MASS, ELSET=M\n5.\n*ROTARY INERTIA, ELSET=R\n1., 1., 1.\n*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 3, 2.\n"
-MOTION += "900, 3, 2.\n*STEP\n*DYNAMIC, DIRECT, ALPHA=-0.1\n0.1, 1.\n*CLOAD\n900, 3, 8.\n*END STEP\n"
-MOTION += "*STEP\n*DYNAMIC, ALPHA=-0.1\n0.1, 1., , 0.5\n*END STEP\n"
-TURNED = "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n"
-GAP = law(5000) + "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.02\n"
+LINEAR = CONTACT + law(5000) + "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.02\n"
 LOADS = "*DLOAD\nC_EZ1, P2, 20.\nB, GRAV, 1., 0., 0., -1.\n*CLOAD\nC_Z1, 1, 2.\n*NODE PRINT, NSET=B_Z1\nU\n"
-SMALL = Block(cells=(1, 1, 2))
+DAMPED = "*DENSITY\n1.\n*DAMPING, ALPHA=0.1, BETA=0.01\n"
+MOVED = "*CLOAD\n900, 3, 8.\n*END STEP\n*STEP\n*DYNAMIC, ALPHA=-0.1\n0.1, 1., , 0.5\n"
 #: decks with all cards that are read, where damage is to be done from their first material on
 DECKS = [
-    on_each_other(*two_blocks(), CONTACT + GAP, LOADS, more="*DENSITY\n1.\n*EXPANSION\n1e-4\n"),
-    SMALL.text() + MODEL + STEPS,
+    on_each_other(*two_blocks(), LINEAR, LOADS, more="*DENSITY\n1.\n*EXPANSION\n1e-4\n"),
+    SMALL.text() + "*SURFACE, NAME=SIDE\nB_EX1, S4\n" + section(more="*EXPANSION, ZERO=1.\n1e-4\n") + MODEL + STEPS,
     ABAQUS.format(mesh="".join(block.text() for block in two_blocks())),
-    SMALL.text() + ORTHOTROPIC + LOCAL + TURNED + held() + step(LOAD),
+    SMALL.text() + ORTHOTROPIC + LOCAL + WOOD_AXES + held() + step(LOAD),
     two(),
-    SMALL.text() + MOTION,
+    bodies(SMALL, more=DAMPED)
+    + INERTIA
+    + VELOCITY
+    + "B_N, 3, 2.\n900, 3, 2.\n"
+    + moving(MOVED, procedure=", ALPHA=-0.1"),
+    *(column(more, loads, supports=supports) for more, loads, supports, _ in JOINTS.values()),
 ]
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacsolver.cli import main
 from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
@@ -40,29 +39,11 @@ def ours(tmp_path_factory):
     return answer(OURS, hertz(8), tmp_path_factory.mktemp("ours"))
 
 
-@pytest.mark.parametrize("code", [OURS, CURRENT], ids=["reference", "current"])
-@pytest.mark.parametrize("lower, upper, skew", PATCH)
-def test_patch_is_as_exact_as_the_best_published(lower, upper, skew, code, tmp_path):
-    pair = blocks((lower, lower, 2), (upper, upper, 2), skew)
-    _, _, _, *words = code.write(pair, tmp_path)
-    assert main(words) == 0
-    found = code.read(pair, tmp_path)
-    assert found["stress"] <= max(PATCH[lower, upper, skew], 1e-12)
-    assert found["iterations"] <= 2
-
-
 def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(ours):
     found = peers.errors(ours)
     assert set(found) == {"p_m", "recovered"}
     assert all(errors.rms < min(RMS.values()) and abs(errors.peak) < 0.023 for errors in found.values())
     assert ours["iterations"] <= 8
-
-
-def test_hertz_is_closer_than_anything_published_once_the_mesh_is_fine(tmp_path):
-    """N = 16: Kratos 0.0032, CalculiX 0.0028."""
-    found = peers.errors(answer(OURS, hertz(16), tmp_path))
-    assert found["p_m"].rms < 0.0028
-    assert abs(found["p_m"].peak) < 0.0045 and abs(found["recovered"].peak) < 0.0045
 
 
 @pytest.mark.calculix
@@ -111,11 +92,6 @@ def test_others_are_given_the_same_problem(tmp_path):
         assert (body.points == other.points).all() and (body.cells == other.cells).all() and body.young == other.young
         assert body.sides.keys() == other.sides.keys()
         assert all((body.sides[name] == nodes).all() for name, nodes in other.sides.items())
-
-
-def test_what_is_absent_is_told():
-    code = peers.in_python("peer_none", "None", "no_such_package", sys.executable)
-    assert "no_such_package" in code.absent()
 
 
 def test_exact_shear_stresses_have_no_error():

@@ -109,16 +109,6 @@ def test_a_body_that_only_contact_holds(model):
     assert (own.model.stabilization.springs is None) == (model == "axisymmetric") and own.errors().max() <= EXACT
 
 
-@pytest.mark.filterwarnings("ignore:poisson = 0.49 makes PYRAM5 far too stiff")
-@pytest.mark.parametrize("model", MODELS[:1] + MODELS[2:])
-def test_mean_dilatation(model):
-    """Nearly incompressible, where linear cells take the volume's mean."""
-    dim, kind = (3, "HEXA8") if model == "3d" else (2, "QUAD4")
-    own = made(model, on_top(dim) + FOLLOWER, "current", pair=(kind, kind), gap=0.05, counts=(2, 1), poisson=0.49)
-    (law,) = own.model.problem.materials.laws
-    assert law.mean_dilatation and own.errors().max() <= EXACT
-
-
 @pytest.mark.parametrize("name, measure", each_option(itertools.product(BODIES, MEASURES)))
 def test_rigid_masters(name, measure):
     """Turned by 0.2 or so already where they are free to."""

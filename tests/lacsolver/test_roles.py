@@ -11,7 +11,7 @@ import pytest
 
 import lacmesh
 from lacmesh.generate import rectangle, stack
-from lacsolver.case import CaseError, Contact, Material, Rigid, Tie, fingerprint
+from lacsolver.case import Contact, Material, Rigid, Tie, fingerprint
 from lacsolver.cli import main
 from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
@@ -113,23 +113,6 @@ def test_the_commands_take_surfaces(tmp_path, monkeypatch, capsys):
     assert len(np.load("m.npz")["G"]) == 4
     (problem,) = validate(case("a.msh", ("a", "c")), blocks()).problems
     assert "contact.surfaces" in problem.message
-
-
-@pytest.mark.parametrize(
-    "keys, said",
-    [
-        ({"surfaces": ["a"]}, "has 1 groups; it takes two"),
-        ({"surfaces": ["a", "a"]}, "twice"),
-        ({"surfaces": "a"}, "takes a list of groups"),
-        ({"surfaces": ["a", "b"], "slave": "a"}, "stands beside"),
-        ({"surfaces": ["a", "b"], "master": "a"}, "stands beside"),
-        ({"slave": "a"}, "needs master or surfaces"),
-        ({}, "needs slave or surfaces"),
-    ],
-)
-def test_mistakes_are_told(keys, said):
-    with pytest.raises(CaseError, match=said):
-        Contact(**keys)
 
 
 def test_surfaces_are_taken_in_the_order_of_the_alphabet():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ import lacmesh
 import lacsolver as ls
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.cli import main as lacmesh_main
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.generate import box, kinds, rectangle, stack
 from lacsolver.case import CaseError, Dynamics, Force, Material, Pressure, Probe, Rigid, Spring, Steps, Traction
@@ -24,8 +22,6 @@ from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
-from tests.lacsolver.bad_cases import SOLID_MESH, without_bodies
-from tests.lacsolver.bad_cases import blocks as plane_blocks
 from tests.problem_meshes import plane
 from tests.problems import case_of, contact, fix, move
 from tests.samples import each_option
@@ -58,23 +54,19 @@ def test_a_place_where_bodies_touch_is_two_nodes():
 
 def test_groups_of_cells_and_of_nodes():
     mesh = rectangle(1, kind="QUAD8")
-    mesh = Mesh.create(
-        mesh.points,
-        mesh.blocks,
-        cell_groups={**mesh.cell_groups, "empty": []},
-        node_groups={"left": [3], "dots": [5, 1], "none": []},
-        group_tags={"right": ((1, 7),), "bottom": ((1, 8),), "body": ((2, 8),)},
+    nodes, tags = (
+        {"left": [3], "dots": [5, 1], "none": []},
+        {"right": ((1, 7),), "bottom": ((1, 8),), "body": ((2, 8),)},
     )
+    cells = {**mesh.cell_groups, "empty": []}
+    mesh = Mesh.create(mesh.points, mesh.blocks, cell_groups=cells, node_groups=nodes, group_tags=tags)
     space = Space.of(mesh, "plane_strain")
     left, right = (mesh.nodes_on(mesh.cells_of(name)).tolist() for name in ("left", "right"))
-    for record, nodes in (
-        (Probe(group="left"), left),
-        (Probe(group="left", kind="node"), [3]),
-        (Probe(group="dots"), [1, 5]),
-        (Rigid(group=7), right),
-    ):
-        assert nodes_of(space, record).tolist() == nodes
-    for group, kind, message in (
+    for group, kind, found in (
+        ("left", None, left),
+        ("left", "node", [3]),
+        ("dots", None, [1, 5]),
+        ("7", None, right),
         ("empty", None, "the group 'empty' is empty"),
         ("none", None, "the group 'none' is empty"),
         ("dots", "cell", "no cell group named 'dots'"),
@@ -82,8 +74,12 @@ def test_groups_of_cells_and_of_nodes():
         ("dot", None, "no group named 'dot'; did you mean dots"),
         ("8", None, "tag 8 means several groups"),
     ):
-        with pytest.raises(CaseError, match=f"probe: {message}"):
-            nodes_of(space, Probe(group=group, kind=kind))
+        probe = Probe(group=group, kind=kind)
+        if isinstance(found, list):
+            assert nodes_of(space, probe).tolist() == found
+            continue
+        with pytest.raises(CaseError, match=f"probe: {found}"):
+            nodes_of(space, probe)
 
 
 # ---- forces and springs at nodes: their totals are those of the mesh before the cut
@@ -299,42 +295,11 @@ def test_a_support_of_a_body_that_was_not_saved():
         ls.solve(case_of(mesh, SOFT, *records, model="3d"))
 
 
-@pytest.mark.parametrize(("mesh", "lacks"), [(SOLID_MESH, "volumes"), (plane_blocks(), "surfaces")])
-def test_commands_for_meshes_say_that_there_are_no_bodies(tmp_path, capsys, mesh, lacks):
-    """As a case does, see `bad_cases`."""
-    path = tmp_path / "skin.msh"
-    lacmesh.write(path, without_bodies(mesh))
-    assert lacmesh_main(["cut", str(path), "--slave", "slave", "-o", str(tmp_path / "cut.msh")]) == 1
-    said = capsys.readouterr().err
-    assert str(path) in said and f"has no {lacks}" in said and "Mesh.SaveAll" in said
-    finding = lacmesh.check(lacmesh.read(path), "slave", "master").errors[0]
-    assert finding.rule == "no-cells" and "Mesh.SaveAll" in finding.message
-    assert lacmesh_main(["info", str(path)]) == 0
-    assert f"the mesh has no {lacks}" in " ".join(capsys.readouterr().out.split())
-
-
-def pressed(mesh, poisson=0.3, down=-0.02):
-    """A case in finite kinematics, whose top moves down."""
-    law = Material(law="neo_hookean", young=E, poisson=poisson)
-    records = law, contact(search_distance=0.5), fix("bottom", "xy"), move("top", ux=0.0, uy=down)
-    return case_of(mesh, *records, model="plane_strain", kinematics="finite")
-
-
-@pytest.mark.parametrize("poisson, told", [(0.49, True), (0.4, False)])
-def test_cells_that_lock_are_warned_of(poisson, told, tmp_path):
-    """By `validate` and by a run; TRIA3 are above, QUAD8 below."""
-    case = pressed(plane(), poisson)
-    for look in (lambda: validate(case), lambda: run(case, create_output(tmp_path / "out"))):
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            look()
-        said = [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
-        assert bool(said) == told
-        assert all("TRIA3" in line and "lock" in line and "QUAD8" not in line for line in said)
-
-
 def test_skins_that_never_meet_are_warned_of(tmp_path):
     """The upper block is lifted beyond where the slave looks; the run is done, and says so."""
+    law, mesh = Material(law="neo_hookean", young=E, poisson=0.3), plane("QUAD4", "QUAD4")
+    records = law, contact(search_distance=0.5), fix("bottom", "xy"), move("top", ux=0.0, uy=0.8)
+    lifted = case_of(mesh, *records, model="plane_strain", kinematics="finite")
     with pytest.warns(LacmeshWarning, match="never had master 'master' in front of it"):
-        done = run(pressed(plane("QUAD4", "QUAD4"), down=0.8), create_output(tmp_path / "out"))
+        done = run(lifted, create_output(tmp_path / "out"))
     assert done.status == "done" and done.steps[-1].contact["slave"].unpaired > 0
