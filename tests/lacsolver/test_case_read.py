@@ -160,33 +160,6 @@ def test_one_mistake(text, said):
     assert error.value.status == 1 and error.value.path == "press.toml"
 
 
-def test_all_at_once_in_the_order_of_lines():
-    """The marked lines, and these only, each with one mistake."""
-    text = """mesh = 3 #!
-model = "3e" #!
-[[material]]
-young = -1 #!
-poisson = 0.7 #!
-colour = "red" #!
-[[contact]]
-slave = "a"
-master = "a" #!
-clearance = "x +" #!
-[[contact]] #!
-slave = "b"
-normals = "smooth" #!
-[[displacement]]
-group = "g"
-ux = [[1, 0],
- [0, 1]] #!
-[stepz] #!
-"""
-    with pytest.raises(CaseError) as error:
-        parse_case(text)
-    assert [p.line for p in error.value.problems] == [k for k, s in enumerate(text.splitlines(), 1) if "#!" in s]
-    assert len(str(error.value).splitlines()) == len(error.value.problems)
-
-
 NO_TOML = [
     ("mesh = ", "line 1: Invalid value (the file ends)"),
     ('mesh = "a"\nmodel = "3d\n', "line 2: Illegal character '\\n' (column 12)"),

@@ -198,6 +198,8 @@ def test_nlgeom_stays(tmp_path):
     assert made.case.kinematics == "finite"
     assert made.case.steps.last == 2.0
     assert any("lacsolver modes CASE.toml -k 3, with --state DIR" in finding.message for finding in made.findings)
+    alone = imported(tmp_path, bodies(COLUMN, more="*DENSITY\n2.\n") + held() + "*STEP\n*FREQUENCY\n4\n*END STEP\n")
+    assert any("lacsolver modes CASE.toml -k 4" in finding.message for finding in alone.findings)
 
 
 # ---- springs, rigid bodies, bolts

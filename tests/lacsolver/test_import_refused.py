@@ -51,6 +51,9 @@ NEXT = "*END STEP\n*STEP\n"
 VELOCITY = "*INITIAL CONDITIONS, TYPE=VELOCITY\n"
 #: a node that belongs to no element
 POINT = "*NODE\n99, 0, 0, 9.\n"
+BODY = POINT + "*RIGID BODY, ELSET=B, REF NODE=99\n"
+TOUCH = "*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n"
+ROUGH = "*CHANGE FRICTION, INTERACTION=S\n*FRICTION, ROUGH\n"
 #: cards of the model, cards of the step, the card that the error names, words of its message
 REFUSED = [
     ("*ELEMENT, TYPE=S4, ELSET=SH\n77, 1, 2, 3, 4\n", "", "ELEMENT", "none of type S4"),
@@ -77,23 +80,12 @@ REFUSED = [
     (VELOCITY + "B_N, 4, 2.\n", "", "INITIAL CONDITIONS", "should be 1 to 3"),
     (VELOCITY + "B_N, 3, 2.\n", DYNAMIC, "BOUNDARY", "in which they are held"),
     (VELOCITY + "8, 3, 2.\n", DYNAMIC, "INITIAL CONDITIONS", "not linear in its"),
-    (
-        VELOCITY + "99, 3, 2.\n*NODE\n99, 0, 0, 9.\n", DYNAMIC, "INITIAL CONDITIONS", "no solid element",
-    ),
-    (
-        POINT + "*RIGID BODY, ELSET=B, REF NODE=99\n" + VELOCITY + "B_N, 1, 2.\n", DYNAMIC,
-        "INITIAL CONDITIONS", "to that node",
-    ),
+    (VELOCITY + "99, 3, 2.\n" + POINT, DYNAMIC, "INITIAL CONDITIONS", "no solid element"),
+    (BODY + VELOCITY + "B_N, 1, 2.\n", DYNAMIC, "INITIAL CONDITIONS", "to that node"),
     (VELOCITY + "B_N, 1, 2.\n", NEXT + DYNAMIC, "INITIAL CONDITIONS", "static step before"),
     ("*ELEMENT, TYPE=MASS, ELSET=M\n77, 1\n*MASS, ELSET=M\n5.\n", "", "MASS", "no reference node"),
-    (
-        POINT + "*RIGID BODY, NSET=B_Z1, REF NODE=99\n*ELEMENT, TYPE=MASS, ELSET=M\n77, 99\n*MASS, ELSET=M\n-5.\n",
-        "", "MASS", "should be positive",
-    ),
-    (
-        "*ELEMENT, TYPE=ROTARYI, ELSET=M\n77, 1\n*ROTARY INERTIA, ELSET=M\n1., 1., 1., 0.5\n",
-        "", "ROTARY INERTIA", "products of inertia",
-    ),
+    (BODY + "*ELEMENT, TYPE=MASS, ELSET=M\n77, 99\n*MASS, ELSET=M\n-5.\n", "", "MASS", "should be positive"),
+    ("*ELEMENT, TYPE=ROTARYI, ELSET=M\n77, 1\n*ROTARY INERTIA, ELSET=M\n1, 1, 1, .5\n", "", "ROTARY INERTIA", "products"),
     ("*MASS, ELSET=B\n5.\n", "", "MASS", "no elements of one node"),
     (BEHAVIOR + "EXPONENTIAL\n1e-4, 0.\n", "", "SURFACE BEHAVIOR", "should be positive"),
     (BEHAVIOR + "TABULAR\n1., 0.\n2., 1.\n", "", "SURFACE BEHAVIOR", "begin where the pressure does, at 0"),
@@ -111,31 +103,18 @@ REFUSED = [
     (BEHAVIOR + "LINEAR\n5.\n", BEHAVE + "LINEAR\n9.\n", "SURFACE BEHAVIOR", "*CHANGE SURFACE BEHAVIOR"),
     ("", "*CHANGE SURFACE BEHAVIOR, INTERACTION=S\n", "CHANGE SURFACE BEHAVIOR", "SURFACE INTERACTION"),
     ("", "*CHANGE FRICTION, INTERACTION=S\n", "CHANGE FRICTION", "SURFACE INTERACTION"),
-    (
-        SURFACES + SI + "*FRICTION\n0.2\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",
-        "*STATIC\n*END STEP\n*STEP\n*CHANGE FRICTION, INTERACTION=S\n*FRICTION, ROUGH\n",
-        "SURFACE INTERACTION", "in some steps",
-    ),
+    (SURFACES + SI + "*FRICTION\n0.2\n" + TOUCH, "*STATIC\n" + NEXT + ROUGH, "SURFACE INTERACTION", "in some steps"),
     (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOV\n", "", "CONTACT PAIR", "did you mean"),
     (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP\n", "", "CONTACT PAIR", "a master surface"),
     ("", "*BOUNDARY, TYPE=VELOCITY\nB_Z1, 3, 3, 0.1\n", "BOUNDARY", "not TYPE=VELOCITY"),
-    (
-        SI + "*CONTACT DAMPING, DEFINITION=CRITICAL DAMPING FRACTION\n0.1\n",
-        "", "CONTACT DAMPING", "a DAMPING COEFFICIENT",
-    ),
+    (SI + "*CONTACT DAMPING, DEFINITION=CRITICAL DAMPING FRACTION\n0.1\n", "", "CONTACT DAMPING", "COEFFICIENT"),
     (SI + "*CONTACT DAMPING, TANGENT FRACTION=0.5\n0.1\n", "", "CONTACT DAMPING", "along the normal only"),
     (SI + "*CONTACT DAMPING\n-0.1\n", "", "CONTACT DAMPING", "should not be negative"),
-    (
-        SURFACES + SI + "*CONTACT DAMPING\n0.1\n*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n",
-        DYNAMIC, "CONTACT DAMPING", "contact is rigid",
-    ),
+    (SURFACES + SI + "*CONTACT DAMPING\n0.1\n" + TOUCH, DYNAMIC, "CONTACT DAMPING", "contact is rigid"),
     (SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=B_Z1\nTOP, LOW\n", "", "CONTACT PAIR", "those within a dist"),
     (SURFACES + "*CONTACT PAIR, INTERACTION=S, ADJUST=-1.\nTOP, LOW\n", "", "CONTACT PAIR", "should not be negative"),
     (SURFACES + "*CONTACT PAIR, INTERACTION=S\nTOP, LOW\n", "", "CONTACT PAIR", "SURFACE INTERACTION"),
-    (
-        SURFACES + "*SURFACE, NAME=ONE, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nONE, LOW\n",
-        "", "CONTACT PAIR", "all its nodes",
-    ),
+    (SURFACES + "*SURFACE, NAME=N, TYPE=NODE\n1\n*CONTACT PAIR, INTERACTION=S\nN, LOW\n", "", "CONTACT PAIR", "nodes"),
     (SURFACES + "*CLEARANCE, SLAVE=TOP, MASTER=LOW, VALUE=0.1\n", "", "CLEARANCE", "no *CONTACT PAIR"),
     ("*RIGID BODY, NSET=B_Z1\n", "", "RIGID BODY", "REFNODE"),
     ("*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n-1.\n", "", "SPRING", "stiffness positive"),
@@ -156,10 +135,7 @@ REFUSED = [
     ("*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1, 1, 1.\n*CLOAD\n1, 1, 1.\n", "CLOAD", "same amplitude"),
     ("", "*CLOAD\n1, 1, 1.\n*END STEP\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n2, 1, 1.\n", "CLOAD", "OP=NEW"),
     ("", "*BOUNDARY, OP=NEW\n1, 1, 1\n", "BOUNDARY", "OP=NEW"),
-    (
-        POINT + "*RIGID BODY, NSET=B_Z1, REF NODE=99\n*BOUNDARY\n99, 1, 3\n",
-        NEXT + "*STATIC\n*BOUNDARY\n99, 4, 6\n", "BOUNDARY", "the first step",
-    ),
+    (BODY + "*BOUNDARY\n99, 1, 3\n", NEXT + "*STATIC\n*BOUNDARY\n99, 4, 6\n", "BOUNDARY", "the first step"),
     ("", NEXT + "*STATIC\n*BOUNDARY, FIXED\nB_Z1, 1\n*BOUNDARY\nB_Z1, 1, 1, 0.1\n", "BOUNDARY", "or a later one moves"),
     ("", NEXT + "*DYNAMIC\n0.1, 1.\n*BOUNDARY\nB_Z1, 1\n", "BOUNDARY", "begins in a step of *DYNAMIC"),
     ("*AMPLITUDE, NAME=A\n0,0,1,1\n", "*CLOAD, AMPLITUDE=A\n1,1,1.\n*END STEP\n*STEP\n*STATIC\n", "CLOAD", "repeated"),
