@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +19,6 @@ import numpy as np
 import lacmesh
 from lacmesh import Mesh
 from tests.lacsolver.patch_meshes import stack
-from tests.problem_meshes import nodes_of
 
 GOOD = """\
 mesh = "blocks.msh"
@@ -128,13 +127,6 @@ def without_bodies(mesh: Mesh) -> Mesh:
     return Mesh.create(mesh.points, [(k, n) for k, _, n in mesh.select(np.flatnonzero(kept))], cell_groups=groups)
 
 
-def _nodes_for_faces(folder: Path) -> None:
-    groups = dict(blocks().cell_groups)
-    nodes = nodes_of(blocks(), "slave")
-    del groups["slave"]
-    lacmesh.write(folder / "blocks.med", replace(blocks(), cell_groups=groups, node_groups={"slave": nodes}))
-
-
 def _folded(points: np.ndarray) -> None:
     inside = np.flatnonzero((points[:, 0] > 0.1) & (points[:, 0] < 0.9) & (points[:, 1] > 1.1) & (points[:, 1] < 1.9))
     points[inside[0], :2] += 5.0
@@ -174,12 +166,9 @@ def _nothing_written(folder: Path) -> None:
 
 
 HINGE = without("contact", "x0").replace("uy = 0.0", "ux = 0.0\nuy = 0.0")
-HARD = (
-    changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0").replace(
-        'slave = "slave"', 'slave = "slave"\ngeometry = "current"'
-    )
-    + "[steps]\nmax_halvings = 0\n[solver]\nmax_iterations = 1\n"
-)
+HARD = changed("uy = 0.0", "uy = 0.0\n[[force]]\nat = [1, 2]\nfy = -5.0")
+HARD = HARD.replace('slave = "slave"', 'slave = "slave"\ngeometry = "current"')
+HARD += "[steps]\nmax_halvings = 0\n[solver]\nmax_iterations = 1\n"
 
 CASES: list[Bad] = [
     Bad("the case is not there", "", r"^nowhere\.toml: cannot be read \(No such file or directory\)", 3, ("validate nowhere.toml", "run nowhere.toml -o r", "matrices nowhere.toml -o m.npz")),
@@ -189,17 +178,13 @@ CASES: list[Bad] = [
     Bad("several mistakes, all told with their lines", changed("young = 1000.0", "young = -1.0").replace("uy = 0.0", "uq = 0.0").replace("value", "valu"), ("line 4: material.young is -1", "line 10: .* at least one of ux", "line 12: displacement.uq is no key", r"line 16: \[\[pressure\]\] needs value", "line 18: pressure.valu is no key")),
     Bad("a group of a contact that the mesh lacks", changed('slave = "slave"', 'slave = "slav"'), r"case\.toml, line 6: contact\.slave: no cell group named 'slav'; did you mean slave\?", commands=(*BOTH, *MATRICES)),
     Bad("several groups that the mesh lacks, all told", changed('"bottom"', '"botom"').replace('"top"', '"tip"'), (r"line 10: displacement\.group: no group named 'botom'; did you mean bottom", r"line 16: pressure\.group: no cell group named 'tip'; did you mean top")),
-    Bad("a group of nodes where faces are meant", changed('"top"', '"corner"'), "pressure.group: 'corner' is a group of nodes, and a group of cells is needed"),
     Bad("a pressure on cells of the body", changed('group = "top"', 'group = "upper"'), "line 16: pressure: a load on a surface needs cells of dimension 1, and cells [0-9, ]+ are none; name a group of skin cells"),
     Bad("cells without a material", changed("young = 1000.0", 'groups = ["lower"]\nyoung = 1000.0'), r"\d+ cells have no material: .*; name a group that holds them"),
     Bad("cells with two materials", changed("poisson = 0.3", 'poisson = 0.3\ngroups = ["lower"]\n[[material]]\nyoung = 1.0\npoisson = 0.3\ngroups = ["upper", "lower"]'), "which an earlier"),
     Bad("a material for faces", changed("young = 1000.0", 'groups = ["slave"]\nyoung = 1000.0'), "group 'slave' has no cell of dimension 2"),
-    Bad("a spring without stiffness", GOOD + '[[spring]]\ngroup = "top"\nkx = 0.0\n', "spring.kx is 0; it must be > 0"),
     Bad("a spring between a face and a node", GOOD + '[[spring]]\ngroup = "top"\nto = "corner"\nky = 1.0\n', r"line 19: spring: the group 'top' has \d+ nodes, and a spring between two nodes has one at each end"),
     Bad("a hinge inside a body", HINGE, r"the stiffness is singular: a part of .+ can move without any force, most of all node \d+ \(.*\) along [xy]; look", make=_hinge, commands=RUN, then=_nothing_written),
     Bad("nothing holds a body sideways", changed('group = "x0"\nux', 'group = "bottom"\nux'), r"nothing holds a part of the model: 'upper' moves along x; add a displacement, a spring or a contact"),
-    Bad("nothing holds anything", without("displacement"), r"nothing holds a part of the model: .*'lower'.*"),
-    Bad("the slave is its own master", changed('"master"\n', '"slave"\n'), "line 9: contact.master is 'slave', the slave itself", commands=(*BOTH, *MATRICES)),
     Bad("slave and master share faces", changed('master = "master"', 'master = "twin"'), "line 6: contact: slave 'slave' and master 'twin' share faces", commands=(*BOTH, *MATRICES)),
     Bad("skins that look away from one another", changed('"slave"', '"bottom"').replace('"master"', '"top"'), r"line 6: contact: no face of slave 'bottom' has master 'top' in front of it; check"),
     Bad("a slave without its cut in a mesh that carries one", GOOD, r"line 6: the mesh carries a cut of master, and none of slave 'slave'; cut all slaves at once", make=lambda folder: put(lacmesh.cut_skin(blocks(), "master").mesh, folder), commands=(*BOTH, *MATRICES)),
@@ -213,7 +198,6 @@ CASES: list[Bad] = [
     Bad("a mesh in space for a plane model", GOOD, r"the model plane_strain is plane, and the mesh blocks\.msh has volumes; take model = .3d", make=lambda folder: put(SOLID_MESH, folder)),
     Bad("a plane mesh without its bodies", GOOD, r"needs surfaces: the mesh blocks\.msh has no surfaces, only cells of type .*Mesh\.SaveAll = 1", commands=(*BOTH, "modes CASE -q"), make=lambda folder: put(without_bodies(blocks()), folder)),
     Bad("a mesh in space without its bodies", SOLID, r"needs volumes: the mesh blocks\.msh has no volumes, only cells of type .*Mesh\.SaveAll = 1", commands=(*BOTH, "modes CASE -q"), make=lambda folder: put(without_bodies(SOLID_MESH), folder)),
-    Bad("a skin that is a group of nodes", changed("blocks.msh", "blocks.med"), r"contact\.slave: 'slave' is a group of nodes, and a group of cells", make=_nodes_for_faces),
     Bad("a plane mesh that is none", GOOD, "the model plane_strain needs a mesh in a plane z = constant", make=moved(lambda x: np.add(x[:, 2], x[:, 0], out=x[:, 2]))),
     Bad("a radius below 0", changed("plane_strain", "axisymmetric"), r"node \d+ has radius x = -0\.5; an axisymmetric mesh lies at x >= 0", make=moved(lambda x: np.subtract(x[:, 0], 0.5, out=x[:, 0]))),
     Bad("a folded cell", GOOD, r"cells [\d, ]+ are folded, or have no volume", make=moved(_folded)),
@@ -235,14 +219,10 @@ CASES: list[Bad] = [
     Bad("matrices that exist", GOOD, r"^m\.npz exists already; --force replaces it", 2, MATRICES, make=_file("m.npz")),
     Bad("matrices that exist in the other format", GOOD, r"^m\.mtx exists already; --force replaces it", 2, ("matrices CASE -o m.npz --mtx",), make=_file("m.mtx")),
     Bad("a plot of a run that is none", GOOD, r"^cas: a run with this folder does not exist; there are none$", 3, ("plot cas",)),
-    Bad("a report of a run that is none", GOOD, r"^case: a run with this folder does not exist; there are none$", 3, ("report case.toml",)),
     Bad("modes without a density", GOOD, r"^case\.toml: group 'lower', 'upper': 19 cells have no density: .*; a mass needs the density of their \[\[material\]\]", commands=MODES),
     Bad("no modes", HEAVY, r"^-k is the number of modes to find, 1 or more, not 0$", 2, ("modes CASE -k 0",)),
     Bad("modes that exist", HEAVY, r"^m holds natural modes already; --force replaces them, or -o names another folder$", 2, ("modes CASE -o m",), make=_file("m/modes.json")),
-    Bad("modes into a file", HEAVY, r"^m: is a file, and results are a folder; choose another name$", 3, ("modes CASE -o m",), make=_file("m")),
     Bad("modes at a time of no state", HEAVY, r"^--from says which state in the folder of --state to take; give both$", 2, ("modes CASE --from 1",)),
-    Bad("modes about a state from nowhere", HEAVY, "^old: cannot be read", 3, ("modes CASE --state old",)),
-    Bad("modes about no state", HEAVY, r"^\. holds no state to go on from", 2, ("modes CASE --state .",)),
     Bad("modes by multigrid", HEAVY + '[solver]\nbackend = "multigrid"\n', 'natural modes need a factorisation; take \\[solver\\] backend = "auto"', 2, MODES),
     Bad("modes with PETSc", HEAVY + '[solver]\nengine = "petsc"\n', 'natural modes are found by one process, not with PETSc; take \\[solver\\] engine = "serial"', 2, MODES),
     Bad("modes of a folder that has none", HEAVY, r"^\. holds no natural modes \(modes\.pvd\)", 2, ("film . --mode 1 -o f.gif",)),
@@ -269,12 +249,10 @@ SHOWN = [
     ('model = "3d"\n' + STEEL, "the top of the file needs mesh"),
     ('mesh = "a.msh"\n' + STEEL, "the top of the file needs model (dimension and plane hypothesis; 3d, plane"),
     (BODY.replace('"a.msh"', "3 #!"), "mesh is 3; it takes a path"),
-    (BODY.replace('"a.msh"', '"" #!'), "mesh is empty"),
     (BODY.replace('"3d"', '"3D" #!'), 'model is "3D"; did you mean 3d?'),
     (BODY.replace('"3d"', "3 #!"), "model is 3; it takes one of 3d, plane_strain"),
     ("thickness = {} #!\n" + BODY.replace("3d", "plane_stress"), "thickness is an empty table"),
     ("thickness = { pin = -2.0 } #!\n" + BODY.replace("3d", "plane_stress"), "thickness has an entry 'pin' that is -2; it must be > 0"),
-    ("thickness = 0.0 #!\n" + BODY.replace("3d", "plane_stress"), "thickness is 0; it must be > 0"),
     ("modle = 1 #!\n" + BODY, "modle is no key of a case; did you mean model?"),
     (BODY + "[[contacts]] #!\n", "contacts is no section of a case; did you mean contact?"),
     (HEAD + STEEL.replace("[[material]]", "[material] #!"), "[material] may stand several times; write [[material]]"),
@@ -298,7 +276,6 @@ SHOWN = [
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [1, 0, 0] #!\n", "material.axes is a list of 3; it takes two vectors"),
     (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave or surfaces"),
     (BODY + '[[contact]]\nsurfaces = ["a"] #!\n', "contact.surfaces has 1 groups; it takes two"),
-    (BODY + '[[contact]]\nsurfaces = "a" #!\n', "contact.surfaces is the text \"a\"; it takes a list of groups"),
     (BODY + '[[contact]]\nslave = "a"\nsurfaces = ["a", "b"] #!\n', "contact.surfaces stands beside slave"),
     (BODY + PAIR + "friction = -0.2 #!\n", "contact.friction is -0.2; it must be >= 0"),
     (BODY + PAIR + "friction = [[0, 0.1], [1, -0.3]] #!\n", "contact.friction is -0.3; it must be >= 0"),
@@ -309,7 +286,6 @@ SHOWN = [
     (BODY + '[[contact]]\nslave = -1 #!\nmaster = "m"\n', "contact.slave is -1; it takes the name of a group"),
     (BODY + PAIR + "clearance = true #!\n", "contact.clearance is true; it takes a number, a formula of x, y, z, t, or a table"),
     (BODY + PAIR + "clearance = 1979-05-27 #!\n", "contact.clearance is a date; it takes a number"),
-    (BODY + PAIR + "clearance = {a = 1} #!\n", "contact.clearance is a table; it takes a number"),
     (BODY + PAIR + "clearance = [] #!\n", "contact.clearance is an empty table of times"),
     (BODY + PAIR + "clearance = [\n[0, 1],\n[1], #!\n]\n", "contact.clearance has a list of 1 in its table of times"),
     (BODY + PAIR + "clearance = [\n[0, 1],\n[1, true], #!\n]\n", "contact.clearance has an entry in its table of times that is true"),
@@ -335,7 +311,6 @@ SHOWN = [
     (BODY + '[[coupling]]\ngroup = "g"\nrotation = ["free", 0.1] #!\n', "coupling.rotation is a list of 2; it takes three values of time"),
     (BODY + "[steps]\ncount = 0 #!\n", "steps.count is 0; it must be >= 1"),
     (BODY + "[steps]\ncount = 99999999999 #!\n", "steps.count is a whole number too large to be meant"),
-    (BODY + "[steps]\ntimes = [0.0, 1.0] #!\n", "steps.times has an item (number 1) that is 0; it must be > 0"),
     (BODY + "[steps]\ntimes = 1.0 #!\n", "steps.times is 1; it takes a list of increasing times > 0"),
     (BODY + '[solver]\nbackend = "pardisso" #!\n', 'solver.backend is "pardisso"; did you mean pardiso?'),
     (BODY + "[solver]\ntolerance = 1.0 #!\n", "solver.tolerance is 1; it must be > 0 and < 1"),
@@ -400,7 +375,6 @@ BEYOND = [
     (BODY + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = true #!\n', 'pressure.follower means something only with kinematics = "finite"'),
     (BODY + "[gravity] #!\ngz = -9.81\n", "[gravity] has no effect: no [[material]] has a density"),
     (BODY + "[[temperature]] #!\nvalue = 1.0\n", "[[temperature]] has no effect: no [[material]] has an expansion"),
-    (BODY + "expansion = 1.0\n[[temperature]]\nvalue = 1.0\n[[temperature]] #!\nvalue = 2.0\n".replace(" #!", ""), "has no groups and so is for the whole mesh"),
     (BODY + '[[rigid]]\ngroup = "g"\n[[rigid]]\ngroup = "g" #!\n', "rigid.group is 'g', which an earlier [[rigid]] has"),
     (BODY + '[[rigid]]\ngroup = "g"\nrotation = [0, 0, 1]\nmoment = [0, 0, 1] #!\n', "rigid.moment stands beside rotation"),
     (BODY + '[[rigid]]\ngroup = "g"\nrotation = 0.5 #!\n', "rigid.rotation is one value; in 3d it is a vector of three"),

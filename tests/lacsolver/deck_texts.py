@@ -197,7 +197,7 @@ def printed(text, what):
     return np.array([t for t, _ in found]), [rows for _, rows in found]
 
 
-def _impact(wall, body, support, poisson, held, stiffness, velocity, dt, count, options=""):
+def impact(wall, body, support, poisson, held, stiffness, velocity, dt, count, options=""):
     """Two bodies W and B: the face z = 0 of B, which flies with -`velocity`, is the slave of the face z = 1 of W."""
     text = bodies(body, wall, nu=poisson, more="*DENSITY\n1.\n") + FOOT + f"*NSET, NSET=SUPPORT\n{support}\n"
     text += f"*BOUNDARY\nSUPPORT, 1, 3\n{held}*SURFACE INTERACTION, NAME=SI\n{law(stiffness)}"
@@ -211,17 +211,7 @@ def bar_on_wall(cells, count, length=4.0, gap=0.004, options=""):
     wall = Block("W", (-0.5, -0.5, -1), (1.5, 1.5, 0), (2, 2, 1), first=10000)
     bar = Block("B", (0, 0, gap), (1, 1, length + gap), (1, 1, cells))
     sides = "B_X0, 1\nB_Y0, 2\nB_X1, 1\nB_Y1, 2\n"
-    return _impact(wall, bar, "W_N", 0.0, sides, 1e4, 1.0, 0.5 * length / cells / np.sqrt(E), count, options)
-
-
-def ball_on_block(cells, count, gap=0.004):
-    """A ball of radius 1, a cube of bricks blown up, which hits a block that is held at its base."""
-    block = Block("W", (-1.2, -1.2, -1), (1.2, 1.2, 0), (3 * cells // 2, 3 * cells // 2, cells // 2), first=10000)
-    ball = Block("B", (-1, -1, -1), (1, 1, 1), (cells,) * 3)
-    x, y, z = (ball.points**2).T / 2
-    blown = np.sqrt(np.stack([1 - y - z + 4 * y * z / 3, 1 - x - z + 4 * x * z / 3, 1 - x - y + 4 * x * y / 3], axis=1))
-    ball.places = ball.points * blown + [0, 0, 1 + gap]
-    return _impact(block, ball, "W_Z0", 0.3, "", 1e5, 2.0, 0.002, count, ", NLGEOM")
+    return impact(wall, bar, "W_N", 0.0, sides, 1e4, 1.0, 0.5 * length / cells / np.sqrt(E), count, options)
 
 
 #: times of the steps of `die_on_block`, and where they end: pressed in, then moved to the middle of the block

@@ -1,6 +1,5 @@
 """Decks with contact, ties and motion, with exact solutions: imported, solved, compared."""
 
-
 import numpy as np
 import pytest
 

@@ -64,13 +64,8 @@ def test_meshes_are_those_that_others_were_measured_on():
     arc = pair.upper.points[np.unique(pair.upper.sides["slave"])]
     assert np.hypot(arc[:, 0], arc[:, 1] - RADIUS) == pytest.approx(np.full(len(arc), RADIUS))
     assert arc[:, 0].max() == 40
-
-
-@pytest.mark.parametrize("pair", [hertz(4), blocks((5, 5, 2), (4, 4, 2), 0.05)], ids=["hertz", "blocks"])
-def test_meshes_are_sound(pair):
-    """Meshes that the case cuts have no error; skins face one another."""
-    mesh = mesh_of(pair)
-    assert lacmesh.check(mesh, "slave", "master").errors == ()
+    for pair in (hertz(4), blocks((5, 5, 2), (4, 4, 2), 0.05)):  # those that the case cuts have no error
+        assert lacmesh.check(mesh_of(pair), "slave", "master").errors == ()
 
 
 def test_the_measure_sees_errors():

@@ -1,7 +1,9 @@
-"""Places that records name, forces and springs at nodes of a cut mesh, supports that begin late, warnings of a run."""
+"""What records ask of a mesh: places, nodes of a cut, supports that begin late, which of two surfaces is a slave."""
 
 from __future__ import annotations
 
+import json
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,15 +15,18 @@ from lacmesh import Mesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.generate import box, kinds, rectangle, stack
-from lacsolver.case import CaseError, Dynamics, Force, Material, Pressure, Probe, Rigid, Spring, Steps, Traction
+from lacsolver.case import CaseError, Force, Material, Probe, Rigid, Spring, Traction, fingerprint
+from lacsolver.cli import main
 from lacsolver.output import create_output
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
+from lacsolver.problem.roles import with_roles
 from lacsolver.running import run
 from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
+from tests.lacsolver.invariant_cases import permuted
 from tests.problem_meshes import plane
 from tests.problems import case_of, contact, fix, move
 from tests.samples import each_option
@@ -40,10 +45,7 @@ def test_the_node_at_a_place():
         nodes_of(space, Force(at=(0.5, 0.503, 1.0), fx=1.0))
     flat = Space.of(rectangle(1).moved((0, 0, 4.0)), "plane_strain")
     assert nodes_of(flat, Probe(at=(1.0, 1.0), name="p")).tolist() == [3]
-
-
-def test_a_place_where_bodies_touch_is_two_nodes():
-    mesh = stack(box(1), box(1))
+    mesh = stack(box(1), box(1))  # bodies that touch have two nodes at a place
     mesh = Mesh.create(np.vstack([mesh.points, [[0, 0, 0], [3, 3, 3]]]), mesh.blocks)
     space = Space.of(mesh, "3d")
     with pytest.raises(CaseError, match=r"nodes \d+, \d+ are all at \[0, 0, 1\]; name a group of nodes"):
@@ -145,7 +147,7 @@ def bar(*late, law="elastic"):
     """A bar, pulled by 10 at t = 1 and 30 at t = 2, whose length, section and E / 1000 are 1; `late`: its supports."""
     kinematics = "small" if law == "elastic" else "finite"
     pull = Traction(group="right", tx=[[0, 0], [1, 10], [2, 30]])
-    material, steps = Material(law=law, young=E, poisson=0.0), Steps(times=(0.5, 1.5, 2.0))
+    material, steps = Material(law=law, young=E, poisson=0.0), ls.Steps(times=(0.5, 1.5, 2.0))
     return case_of(box(2), material, fix("left", "xyz"), *late, pull, steps, model="3d", kinematics=kinematics)
 
 
@@ -191,7 +193,7 @@ def test_an_end_that_is_held_with_large_strains():
 
 def test_a_restart_after_a_support_has_begun(tmp_path):
     case = bar(move("right", begin=1.0, ux=0.0))
-    done = run(replace(case, steps=Steps(times=(0.5, 1.5))), create_output(tmp_path / "out"))
+    done = run(replace(case, steps=ls.Steps(times=(0.5, 1.5))), create_output(tmp_path / "out"))
     again = run(
         case, create_output(tmp_path / "out", force=True), start=read_state(tmp_path / "out", case, mesh=case.mesh)
     )
@@ -204,7 +206,7 @@ def pushed(*supports, load=((0, 0), (1, -10), (2, 10)), joint=True):
     mesh = stack(box(2), box(2))
     late = supports or (fix("bottom", "xyz"), fix("top", "xy"), fix("top", "z", begin=1.0))
     pull = Traction(group="top", tz=[list(row) for row in load])
-    return case_of(mesh, SOFT, *[contact()] * joint, *late, pull, Steps(times=(1.0, 2.0)), model="3d")
+    return case_of(mesh, SOFT, *[contact()] * joint, *late, pull, ls.Steps(times=(1.0, 2.0)), model="3d")
 
 
 def test_contact_holds_a_body_until_its_support_begins():
@@ -276,7 +278,7 @@ def test_supports_that_contradict(records, words):
         ({"begin": 2.0}, [], "is 2, and the steps end at 2"),
         ({"reached": 1.0}, [], "means something only with begin"),
         ({"begin": 1.0, "reached": 1.0}, [], "is 1, and it begins at 1"),
-        ({"begin": 1.0}, [Dynamics(start=0.5)], r"\[dynamics\] starts at 0.5"),
+        ({"begin": 1.0}, [ls.Dynamics(start=0.5)], r"\[dynamics\] starts at 0.5"),
     ],
 )
 def test_times_of_supports_that_are_refused(keys, more, words):
@@ -290,7 +292,7 @@ def test_times_of_supports_that_are_refused(keys, more, words):
 def test_a_support_of_a_body_that_was_not_saved():
     """Without its volume the master is rigid, and what holds its lower side holds nothing."""
     mesh = stack(box(2), box(2), slave="upper").only("slave", "master", "bottom", "top", "upper", "left", "front")
-    records = contact(), fix("bottom", "z"), fix("left", "x"), fix("front", "y"), Pressure(group="top", value=0.01)
+    records = contact(), fix("bottom", "z"), fix("left", "x"), fix("front", "y"), ls.Pressure(group="top", value=0.01)
     with pytest.warns(LacmeshWarning, match="displacement 'bottom' has no effect: none of its nodes belongs"):
         ls.solve(case_of(mesh, SOFT, *records, model="3d"))
 
@@ -303,3 +305,110 @@ def test_skins_that_never_meet_are_warned_of(tmp_path):
     with pytest.warns(LacmeshWarning, match="never had master 'master' in front of it"):
         done = run(lifted, create_output(tmp_path / "out"))
     assert done.status == "done" and done.steps[-1].contact["slave"].unpaired > 0
+
+
+# ---- two surfaces of which a rule chooses the slave: each rule in every unit, numbering and order of their names
+
+GROUND, PUSH = fix("bottom", "xy"), move("top", ux=0.0, uy=-0.01)
+
+
+def sides(upper=4, lower=2, wide=1.0):
+    """Two blocks in a plane: `a` is the lower's skin, `b` the upper's; `wide`: how wide the upper one is."""
+    mesh = stack(rectangle(lower), rectangle(upper, (wide, 1.0)).moved(((1 - wide) / 2, 0, 0)))
+    return mesh.renamed(master="a", slave="b")
+
+
+def either(mesh, surfaces=("a", "b"), young=(1.0, 1.0), supports=(GROUND, PUSH), kind=ls.Contact, **keys):
+    """A case on the blocks; `keys`: of its contact."""
+    materials = [Material(groups=[g], young=e, poisson=0.3) for g, e in zip(("lower", "upper"), young, strict=True)]
+    joint = kind(**({"surfaces": surfaces} if surfaces else {}), **keys)
+    return case_of(mesh, *materials, joint, *supports, model="plane_strain")
+
+
+def chosen(own, mesh):
+    roles = with_roles(own, mesh)
+    (record,) = roles.contact or roles.tie
+    assert {record.slave, record.master} == {"a", "b"} and record.name == record.slave
+    return record.slave, record.why
+
+
+RULES = {
+    "free": ({"supports": (GROUND, replace(PUSH, group="upper"))}, sides(), "a", "displacement of 'b' is prescribed"),
+    "rigid": ({"supports": (GROUND, Rigid(group="upper", uy=-0.01))}, sides(), "a", "that of a rigid body"),
+    "few": ({"young": (1.0, 0.5)}, sides(1, 4), "a", "'b' has few faces, 1"),
+    "covered": ({"young": (1.0, 2.0)}, sides(3, 8, wide=0.4), "b", "it faces the other with its whole area"),
+    "softer": ({"young": (2.0, 1.0)}, sides(3, 5), "b", "it is softer: Young's modulus 1 beside 2"),
+    "finer": ({}, sides(4, 2), "b", "it is finer"),
+    "alike": ({}, sides(3, 3), "a", "its name comes first"),
+    "of a tie": ({"kind": ls.Tie}, sides(4, 2), "b", "it is finer"),
+    "held at a side": (
+        {"young": (2.0, 1.0), "supports": (GROUND, PUSH, fix("left", "x"))}, sides(3, 3), "b", "it is softer",
+    ),
+    "cut": ({}, lacmesh.cut_skin(sides(4, 2), ["a"]).mesh, "a", "it has macro-elements in the mesh"),
+    "taken": (
+        {"supports": (GROUND, PUSH, ls.Tie(slave="b", master="top"))}, sides(4, 2), "a", "'b' is the slave of another",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_each_rule_chooses_the_slave_and_says_why(rule):
+    keys, mesh, slave, why = RULES[rule]
+    own = either(mesh, **keys)
+    if rule == "taken":  # beside a tie
+        (record,) = with_roles(own, mesh).contact
+        assert record.slave == slave and why in record.why
+        return
+    found = chosen(own, mesh)
+    assert found[0] == slave and why in found[1]
+    assert chosen(either(mesh, ("b", "a"), **keys), mesh) == found
+    assert rule == "cut" or chosen(own, permuted(mesh, seed=1)[0]) == found
+    assert chosen(own, replace(mesh, points=1e3 * mesh.points + np.array([5e5, -2e5, 0.0])))[0] == slave
+
+
+def test_the_more_convex_of_two_like_skins_is_the_slave():
+    mesh = sides(4, 4)
+    points = mesh.points.copy()
+    up = mesh.nodes_on(mesh.cells_of("upper"))
+    points[up, 1] += 0.05 * (2 * points[up, 0] - 1) ** 2 * (2 - points[up, 1])
+    assert chosen(either(mesh), replace(mesh, points=points)) == ("b", "it is more convex")
+
+
+def test_results_say_which_and_why_and_are_those_of_roles_by_hand(tmp_path):
+    mesh = sides(4, 2)
+    own, by_hand = either(mesh), either(mesh, None, slave="b", master="a")
+    (zone,) = validate(own).zones
+    assert (zone.name, zone.slave, zone.master) == ("b", "b", "a") and zone.why.startswith("it is finer")
+    results, same = (run(one, create_output(tmp_path / name)) for name, one in (("out", own), ("same", by_hand)))
+    assert same.steps[-1].energy == results.steps[-1].energy
+    told, by = (json.loads((tmp_path / n / "results.json").read_text())["contact"]["b"] for n in ("out", "same"))
+    assert (told["slave"], told["master"], told["why"]) == ("b", "a", zone.why)
+    assert by["master"] == "a" and "why" not in by
+    for other in (own, by_hand, either(mesh, ("b", "a"))):
+        assert read_state(tmp_path / "out", other, mesh=mesh).time == 1.0
+    assert fingerprint(with_roles(own, mesh), mesh) == fingerprint(by_hand, mesh)
+
+
+def test_the_commands_take_surfaces(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    lacmesh.write("a.msh", sides(4, 2))
+    either("a.msh").write("case.toml")
+    assert main(["validate", "case.toml"]) == 0
+    assert "slave chosen" in capsys.readouterr().out
+    assert main(["run", "case.toml"]) == 0
+    assert "b, with master a: it is finer" in " ".join(capsys.readouterr().out.split())
+    assert main(["matrices", "case.toml", "-o", "m.npz", "-q"]) == 0
+    assert len(np.load("m.npz")["G"]) == 4
+    (problem,) = validate(either("a.msh", ("a", "c")), sides()).problems
+    assert "contact.surfaces" in problem.message
+
+
+def test_surfaces_are_taken_in_the_order_of_the_alphabet():
+    own = either(sides(4, 2), ("b", "a"), type="bilateral")
+    (record,) = own.contact
+    assert record.surfaces == ("a", "b") and record.slave is None and record.name is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (pair,) = Problem.of(own, own.mesh).joints
+    assert (pair.name, pair.record.master, pair.record.type) == ("b", "a", "bilateral")
+    assert own.skins == ("a", "b")
