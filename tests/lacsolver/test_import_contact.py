@@ -54,16 +54,12 @@ def test_patch_of_two_blocks(tmp_path, element, behaviour, overlap):
     assert np.allclose(found.u(above.at(0, 1))[:, 0], NU * 20 / E, rtol=1e-9)
 
 
-def test_slave_of_nodes(tmp_path):
-    """A surface of nodes is taken as the faces on its nodes, and a note says so."""
+def test_slave_of_nodes_and_a_clearance(tmp_path):
+    """Nodes are taken as the faces on them, which a note says; a *CLEARANCE of 0.02 replaces the gap of 0.1."""
     between = "*SURFACE, NAME=NODES, TYPE=NODE\nC_Z0\n" + CONTACT.replace("UPPER, LOWER", "NODES, LOWER")
     found = solved(tmp_path, on_each_other(BELOW, ABOVE, between, PRESS))
     assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
     assert any("taken as the 9 faces" in finding.message for finding in found.made.findings)
-
-
-def test_clearance_replaces_the_gap(tmp_path):
-    """With 0.1 between the meshes and a *CLEARANCE of 0.02 the blocks touch after 0.02."""
     between = CONTACT + "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.02\n"
     text = on_each_other(*two_blocks(0.1), between, "*BOUNDARY\nC_Z1, 3, 3, -0.05\n", nu=0.0)
     assert np.allclose(solved(tmp_path, text).zone.pressure, (0.05 - 0.02) / 2 * E, rtol=1e-9)
@@ -111,10 +107,8 @@ def test_pressure_per_overlap_that_a_step_changes(tmp_path):
 def test_friction_that_steps_change(tmp_path):
     """A block that is pressed and pushed slides with the coefficient of each step."""
     below, above = Block("B", high=(2, 1, 1), cells=(4, 1, 2)), Block("C", (0, 0, 1), (2, 1, 2), (3, 2, 2), first=10000)
-    deck = (
-        bodies(below, above, nu=0.0) + PAIR + "*BOUNDARY\nB_Z0, 1, 3\nB_Y0, 2\nC_Y0, 2\n" + CONTACT + "*FRICTION\n0.3\n"
-    )
-    deck += step(PRESS + "*BOUNDARY\nC_X0, 1, 1, 0.1\n")
+    deck = bodies(below, above, nu=0.0) + PAIR + "*BOUNDARY\nB_Z0, 1, 3\nB_Y0, 2\nC_Y0, 2\n" + CONTACT
+    deck += "*FRICTION\n0.3\n" + step(PRESS + "*BOUNDARY\nC_X0, 1, 1, 0.1\n")
     for value in (0.1, 0.0):
         change = f"*CHANGE FRICTION, INTERACTION=SI\n*FRICTION\n{value}\n"
         deck += step(change + f"*BOUNDARY\nC_X0, 1, 1, {0.3 - value}\n")
@@ -141,13 +135,10 @@ def test_a_tie_without_a_tolerance_bridges_what_calculix_does(tmp_path):
     assert tie.search_distance == pytest.approx(0.025 / 3) and found.zone.status.all()
 
 
-@pytest.mark.parametrize(
-    "between",
-    [
-        "*TIE, NAME=T, POSITION TOLERANCE=0.1\nUPPER, LOWER\n",
-        CONTACT + "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TIED\n1e6\n*FRICTION\n0.5, 1e6\n",
-    ],
-)
+TIED = CONTACT + "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TIED\n1e6\n*FRICTION\n0.5, 1e6\n"
+
+
+@pytest.mark.parametrize("between", ["*TIE, NAME=T, POSITION TOLERANCE=0.1\nUPPER, LOWER\n", TIED], ids=["tie", "tied"])
 def test_tie(tmp_path, between):
     found = solved(tmp_path, on_each_other(BELOW, ABOVE, between, PRESS.replace("20", "-20")))
     assert len(found.made.case.tie) == 1
@@ -309,9 +300,7 @@ def test_velocities_of_a_body_that_turns(tmp_path):
     """A body's velocities are those of the deck's nodes; another body, which rests, has none."""
     other = Block("C", (3, 0, 0), (4, 1, 1), first=100)
     turn = np.array([1.0, 2.0, 3.0]) + np.cross([0.3, -0.2, 0.5], CUBE.points)
-    lines = "".join(
-        f"{n}, {c + 1}, {v[c]!r}\n" for n, v in zip(CUBE.numbers, turn.tolist(), strict=True) for c in range(3)
-    )
+    lines = "".join(f"{k + 1}, {c + 1}, {v[c]!r}\n" for k, v in enumerate(turn.tolist()) for c in range(3))
     text = bodies(CUBE, other, nu=0.0, more="*DENSITY\n100.\n") + "*INITIAL CONDITIONS, TYPE=VELOCITY\n" + lines
     found = solved(tmp_path, text + moving(""))
     assert found.made.case.initial[0].groups == ("B",)
@@ -322,9 +311,8 @@ def test_velocities_of_a_body_that_turns(tmp_path):
 
 POINT = "*NODE\n900, 0.5, 0.5, 0.5\n901, 0.5, 0.5, 0.5\n*RIGID BODY, ELSET=B, REF NODE=900\n"
 MASS = POINT + "*ELEMENT, TYPE=MASS, ELSET=M\n903, 900\n*MASS, ELSET=M\n6.\n"
-INERTIA = (
-    MASS + "*ELEMENT, TYPE=ROTARYI, ELSET=R\n902, 900\n*ROTARY INERTIA, ELSET=R\n1., 2., 2.5\n*BOUNDARY\n900, 1, 3\n"
-)
+INERTIA = MASS + "*ELEMENT, TYPE=ROTARYI, ELSET=R\n902, 900\n*ROTARY INERTIA, ELSET=R\n1., 2., 2.5\n"
+INERTIA += "*BOUNDARY\n900, 1, 3\n"
 ROTATION = MASS.replace("REF NODE=900", "REF NODE=900, ROT NODE=901") + "*BOUNDARY\n901, 1, 3\n"
 
 
@@ -354,9 +342,8 @@ def test_a_rigid_body_in_motion(tmp_path, model, loads, keys, moved):
 def test_steps_and_notes(tmp_path):
     """Without DIRECT the steps are those of the largest increment; natural modes and lone velocities are notes."""
     body = bodies(CUBE, nu=0.0, more="*DENSITY\n100.\n*DAMPING, ALPHA=1.\n") + held()
-    made = imported(
-        tmp_path, body + moving(PUSH, procedure="", line="0.01, 1., , 0.05") + "*STEP\n*FREQUENCY\n2\n*END STEP\n"
-    )
+    steps = moving(PUSH, procedure="", line="0.01, 1., , 0.05") + "*STEP\n*FREQUENCY\n2\n*END STEP\n"
+    made = imported(tmp_path, body + steps)
     assert len(made.case.steps.planned) == 20
     assert any("20 equal increments" in finding.message for finding in made.findings)
     made = imported(tmp_path, body + "*INITIAL CONDITIONS, TYPE=VELOCITY\nB_N, 1, 1.\n" + step(PUSH))

@@ -317,7 +317,9 @@ def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
 SMALL = Block(cells=(1, 1, 2))
 WOOD_AXES = "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n"
 SPRING = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n5.\n*AMPLITUDE, NAME=A\n0., 0., 1., 0.5\n"
-MODEL = SPRING + REFERENCE + TURNED + "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 3.\n"
+MODEL = (
+    SPRING + REFERENCE + TURNED + "B_Z0, 1, 3\n999, 1, 3\n901, 1, 3\n*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 3.\n"
+)
 STEPS = step("*BOUNDARY, AMPLITUDE=A\n901, 3, 3, 0.001\n*TEMPERATURE\nB_N, 5.\n")
 STEPS += step("*BOUNDARY\n901, 3, 3, 0.002\n*DSLOAD, OP=NEW\nSIDE, P, 1.\n", static="0.1, 1.\n")
 LINEAR = CONTACT + law(5000) + "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.02\n"
@@ -387,6 +389,9 @@ def test_import_validate_run(folder, capsys):
     assert main(["import", "column.inp"]) == 0
     out, err = capsys.readouterr()
     assert "next: lacsolver validate column.toml" in out and (folder / "column.med").is_file()
+    text = (folder / "column.toml").read_text()
+    assert f"# *DLOAD (column.inp, line {TEXT.splitlines().index('*DLOAD') + 1})\n[[pressure]]" in text
+    assert 'mesh = "column.med"' in text
     assert err.count("lacsolver: note: column.inp, line ") == 2
     assert main(["validate", "column.toml"]) == 0
     assert main(["run", "column.toml", "-o", "out"]) == 0
@@ -395,13 +400,6 @@ def test_import_validate_run(folder, capsys):
     for u in figures["probes"].values():
         assert u == pytest.approx([0, 0, -20 / 1000 * 3])
     assert figures["reactions"]["B_Z0"] == pytest.approx([0, 0, 40])
-
-
-def test_the_case_says_where_its_records_come_from(folder):
-    assert main(["import", "column.inp", "-o", "case.toml", "--quiet"]) == 0
-    text = (folder / "case.toml").read_text()
-    assert f"# *DLOAD (column.inp, line {TEXT.splitlines().index('*DLOAD') + 1})\n[[pressure]]" in text
-    assert 'mesh = "case.med"' in text
 
 
 #: a change of the deck, what the command is asked for, its status, part of the message

@@ -65,6 +65,7 @@ WARM = '[[temperature]]\ngroups = ["upper"]\nvalue = "80 * t * (1 + 0.3 * x)"\n[
 MODELS = ("plane_strain", "plane_stress", "axisymmetric", "3d")
 LAWS = ("saint_venant_kirchhoff", "neo_hookean")
 MEASURES = ("reference", "current")
+OF = {2: "plane_strain", 3: "3d"}
 PAIRS = {2: ("QUAD4", "TRIA3"), 3: ("HEXA8", "PENTA6 triangle")}
 BODIES = {
     "2d, free": (2, "fx = 30.0\nfy = -40.0\nmoment = 25.0\n"),
@@ -90,10 +91,6 @@ def made(model, sections, measure="reference", normals="facet", pair=None, gap=0
     return Moved(mesh, joint + ground + sections, model=model, **options)
 
 
-def model_of(dim):
-    return {2: "plane_strain", 3: "3d"}[dim]
-
-
 @pytest.mark.parametrize("model, law, measure", each_option(itertools.product(MODELS, LAWS, MEASURES)))
 def test_every_model_and_law(model, law, measure):
     """Straight slave faces with their own normals in front of many."""
@@ -113,7 +110,7 @@ def test_a_body_that_only_contact_holds(model):
 def test_rigid_masters(name, measure):
     """Turned by 0.2 or so already where they are free to."""
     dim, body = BODIES[name]
-    own = made(model_of(dim), f'[[rigid]]\ngroup = "upper"\n{body}', measure)
+    own = made(OF[dim], f'[[rigid]]\ngroup = "upper"\n{body}', measure)
     (rigid,) = own.model.problem.constraints.rigid
     turns = np.asarray(rigid.columns)[dim:][rigid.free[dim:]]
     assert len(turns) == (0 if "prescribed" in name else 2 * dim - 3)
@@ -138,7 +135,7 @@ SHAPES = [(2, "QUAD8", "TRIA6"), (3, "TETRA10", "HEXA8"), (3, "HEXA8", "HEXA20")
 )
 def test_faces_of_any_shape_in_front_of_one(shapes, normals, measure):
     dim, *pair = shapes
-    own = made(model_of(dim), on_top(dim), measure, normals, pair=pair, counts=(2, 1))
+    own = made(OF[dim], on_top(dim), measure, normals, pair=pair, counts=(2, 1))
     assert own.errors().max() <= EXACT
 
 
@@ -158,7 +155,7 @@ FORESEEN = {
 def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
     """From 10 times nearer, 100 times better; from where it is, the same."""
     dim, sections = FORESEEN[name]
-    own = made(model_of(dim), sections, "current", more="expansion = 1e-3\n" if name == "temperature" else "")
+    own = made(OF[dim], sections, "current", more="expansion = 1e-3\n" if name == "temperature" else "")
     wanted, G = own.forces(own.q)
     off = []
     for ahead in (1e-2, 1e-3, 0.0):
