@@ -132,11 +132,6 @@ def _folded(points: np.ndarray) -> None:
     points[inside[0], :2] += 5.0
 
 
-def _short(folder: Path) -> None:
-    content = (folder / "blocks.msh").read_bytes()
-    (folder / "blocks.msh").write_bytes(content[: len(content) // 2])
-
-
 def _no_number(folder: Path) -> None:
     lacmesh.write(folder / "blocks.msh", blocks(), binary=False, force=True)
     text = (folder / "blocks.msh").read_text()
@@ -192,7 +187,7 @@ CASES: list[Bad] = [
     Bad("a clearance that is no number at a place", changed('master = "master"', 'master = "master"\nclearance = "log(x - 5)"'), r"line 10: contact\.clearance"),
     Bad("a displacement that is no number at a time", changed("ux = 0.0", 'ux = "sqrt(0.5 - t)"'), r"line 15: displacement\.ux"),
     Bad("the mesh is not there", changed("blocks.msh", "blocs.msh"), r"^case\.toml, line 1: mesh is 'blocs\.msh', a file that does not exist; did you mean blocks\.msh\?$", 3, (*BOTH, *MATRICES)),
-    Bad("the mesh is cut short", GOOD, r"blocks\.msh", 3, (*BOTH, *MATRICES), make=_short),
+    Bad("the mesh is cut short", GOOD, r"blocks\.msh", 3, (*BOTH, *MATRICES), make=lambda folder: (folder / "blocks.msh").write_bytes((folder / "blocks.msh").read_bytes()[:1000])),
     Bad("the mesh has a coordinate that is no number", GOOD, r"blocks\.msh.*(nan|finite|number)", 3, make=_no_number),
     Bad("a plane mesh for a model in space", changed("plane_strain", "3d").replace("uy", "uz"), "the model 3d needs volumes, and the mesh [a-z.]+ is plane; take model = .plane_strain"),
     Bad("a mesh in space for a plane model", GOOD, r"the model plane_strain is plane, and the mesh blocks\.msh has volumes; take model = .3d", make=lambda folder: put(SOLID_MESH, folder)),
@@ -251,7 +246,6 @@ SHOWN = [
     (BODY.replace('"a.msh"', "3 #!"), "mesh is 3; it takes a path"),
     (BODY.replace('"3d"', '"3D" #!'), 'model is "3D"; did you mean 3d?'),
     (BODY.replace('"3d"', "3 #!"), "model is 3; it takes one of 3d, plane_strain"),
-    ("thickness = {} #!\n" + BODY.replace("3d", "plane_stress"), "thickness is an empty table"),
     ("thickness = { pin = -2.0 } #!\n" + BODY.replace("3d", "plane_stress"), "thickness has an entry 'pin' that is -2; it must be > 0"),
     ("modle = 1 #!\n" + BODY, "modle is no key of a case; did you mean model?"),
     (BODY + "[[contacts]] #!\n", "contacts is no section of a case; did you mean contact?"),
@@ -277,7 +271,6 @@ SHOWN = [
     (BODY + '[[contact]] #!\nmaster = "m"\n', "[[contact]] needs slave or surfaces"),
     (BODY + '[[contact]]\nsurfaces = ["a"] #!\n', "contact.surfaces has 1 groups; it takes two"),
     (BODY + '[[contact]]\nslave = "a"\nsurfaces = ["a", "b"] #!\n', "contact.surfaces stands beside slave"),
-    (BODY + PAIR + "friction = -0.2 #!\n", "contact.friction is -0.2; it must be >= 0"),
     (BODY + PAIR + "friction = [[0, 0.1], [1, -0.3]] #!\n", "contact.friction is -0.3; it must be >= 0"),
     (BODY + PAIR + "friction = 0.1\nshear_limit = 0 #!\n", "contact.shear_limit is 0; it must be > 0"),
     (BODY + PAIR + 'law = "table"\npressures = [[0, 0]] #!\n', "it takes two or more rows [[pressure, overlap], ...]"),
@@ -294,7 +287,6 @@ SHOWN = [
     (BODY + '[[displacement]] #!\ngroup = "g"\n', "[[displacement]] needs at least one of ux, uy, uz, un"),
     (BODY + '[[displacement]]\ngroup = "g"\nun = 0.0\nux = 0.0 #!\n', "displacement.ux stands beside un"),
     (BODY + "[[displacement]]\nat = [0] #!\nux = 0.0\n", "displacement.at is a list of 1; it takes [x, y, z]"),
-    (BODY + '[[displacement]]\nat = [0, "a", 0] #!\nux = 0.0\n', 'displacement.at has an item (number 2) that is the text "a"'),
     (BIG + '[[pressure]]\ngroup = "g"\nvalue = 1.0\nfollower = 1 #!\n', "pressure.follower is 1; it takes true or false"),
     (BODY + '[[equation]]\ngroup = "g"\nsame = ["ux", "ux"] #!\n', "equation.same names a component twice"),
     (BODY + '[[equation]]\ngroup = "g"\nsame = "ux" #!\n', 'is the text "ux"; it takes a list of components'),
@@ -323,7 +315,6 @@ BEYOND = [
     (HEAD + "[[material]]\nyoung = inf #!\npoisson = 0.3\n", "material.young is inf; it takes a number, and a finite one"),
     (HEAD + "[[material]]\nyoung = 1\npoisson = 0.5 #!\n", "material.poisson is 0.5; it must be > -1 and < 0.5; take 0.49"),
     (HEAD + "[[material]]\nyoung = [1, 2, 3] #!\npoisson = 0.3\n", 'has three numbers, which only law = "orthotropic" takes'),
-    (BODY + "expansion = [1, 2, 3] #!\n", "material.expansion has three numbers, which only law"),
     (BODY + "shear = [1.0, 1.0, 1.0] #!\n", 'material.shear means something only with law = "orthotropic"'),
     (BODY.replace("]]", "]] #!") + 'law = "plastic"\n', "needs hardening = [[yield stress, 0.0], ...]"),
     (BODY + 'law = "plastic"\nhardening = [[2.0, 0.1]] #!\n', "begins at a plastic strain of 0.1; the first row is the first yield"),
@@ -340,7 +331,6 @@ BEYOND = [
     (HEAD + WOOD.replace("young = [1, 1, 1]", "young = 1 #!") + "poisson = [0, 0, 0]\n", 'material.young is one number; law = "orthotropic"'),
     (HEAD + WOOD + "poisson = [0.6, 0.6, 0.6] #!\n", "material.poisson makes a law that gives energy"),
     (HEAD + WOOD + "poisson = [-2.0, 2.0, 4.0] #!\n", "nu_ij² < E_i / E_j must hold"),
-    (HEAD + WOOD + "poisson = [1.1, 0.0, 0.0] #!\n", "nu_ij² < E_i / E_j must hold"),
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [[1, 0, 0], [2, 0, 0]] #!\n", "material.axes has vectors that lie on one line"),
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [[1, 0, 0], [0, 1]] #!\n", "has vectors of different dimensions"),
     (HEAD + WOOD + "poisson = [0, 0, 0]\naxes = [[1, 0], [0, 1]] #!\n", "has vectors of 2 components; 3d has 3"),

@@ -135,8 +135,6 @@ def test_matrices_need_no_material():
     assert parse_case(text, matrices=True).material == ()
     with pytest.raises(CaseError, match=r"case.toml: the top of the file needs a \[\[material\]\]"):
         parse_case(text)
-    with pytest.raises(CaseError, match=r"needs a \[\[contact\]\] or a \[\[tie\]\]"):
-        parse_case('mesh = "a.msh"\nmodel = "3d"\n', matrices=True)
 
 
 # ---- what is wrong
@@ -169,14 +167,12 @@ NO_TOML = [
     ("[[contact]]\nslave = arc\n", 'line 2: slave = arc is text without quotes; write slave = "arc"'),
     ("[[pressure]]\nfollower = True # as in Python\n", "line 2: follower = True is no TOML; write follower = true"),
     ("[[material]]\nyoung = 1000.\n", "line 2: young: 1000. is no number of TOML, which wants digits before and"),
-    ("[[material]]\nyoung = 1000. # MPa\n", "after a point; write 1000.0"),
     ("poisson = .3\n", "write 0.3"),
     ("x = 1e3.\n", "write 1e3"),
     ("x = 2.1D5\n", "write 2.1e5"),
     ("x = 007\n", "write 7"),
     ("axis = [0.0, 1., 0.0]\n", "axis: 1. is no number of TOML, which wants digits"),
     ("x = 2000,0\n", "x = 2000,0 has a comma, which no number of TOML has; write 2000.0"),
-    ("x = 1,000\n", "x = 1,000 has a comma, which no number of TOML has; write 1000 or 1.000"),
     ("thickness = None\n", "thickness = None is no TOML; leave the key out"),
     ("mesh = ../my blocks.msh\n", 'write mesh = "../my blocks.msh"'),
     ('mesh = "C:\\work\\m.msh"\n', "mesh: a backslash in double quotes begins a code"),

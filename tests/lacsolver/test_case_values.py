@@ -242,13 +242,9 @@ def test_numbers_under_a_load_are_ramped_and_nothing_else_is():
 
 
 def test_a_temperature_is_ramped_from_the_reference():
-    made = Case(
-        mesh="a.msh",
-        model="3d",
-        material=[Material(young=1.0, poisson=0.3, expansion=1e-5, reference_temperature=20.0)],
-        temperature=[Temperature(value=120.0)],
-    )
-    value = made.temperature[0].value
+    warm = Material(young=1.0, poisson=0.3, expansion=1e-5, reference_temperature=20.0)
+    (record,) = case_of("a.msh", warm, Temperature(value=120.0), model="3d").temperature
+    value = record.value
     start = np.array([20.0, 20.0, 0.0])
     assert value(POINTS, 0.0, start=20.0).tolist() == [20.0, 20.0, 20.0]
     assert value(POINTS, 0.25, start=start).tolist() == [45.0, 45.0, 30.0]
@@ -298,18 +294,14 @@ def test_a_formula_that_is_not_finite_names_formula_place_and_time():
         made.rigid[0].rotation[1].at(0.5)
 
 
-@pytest.mark.parametrize(
-    ("function", "said"),
-    [
+def test_a_function_that_gives_something_else():
+    for function, said in (
         (lambda x, t: x[:2, 0], r"pressure.value gives \(2,\) for 3 points"),
         (lambda x, t: x, r"pressure.value gives \(3, 3\) for 3 points"),
         (lambda x, t: np.where(x[:, 0] > 0, np.nan, 0), r"pressure.value is nan at \(1, 2, 3\) \(and 1 more places\)"),
-    ],
-)
-def test_a_function_that_gives_something_else(function, said):
-    made = case(pressure=[Pressure(group="a", value=function)])
-    with pytest.raises(EvaluationError, match=said):
-        made.pressure[0].value(POINTS, 0.5)
+    ):
+        with pytest.raises(EvaluationError, match=said):
+            case(pressure=[Pressure(group="a", value=function)]).pressure[0].value(POINTS, 0.5)
 
 
 def test_values_that_are_none():

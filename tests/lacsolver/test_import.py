@@ -315,14 +315,11 @@ def test_an_equation_of_many_terms_runs_over_lines(tmp_path):
     assert solved(tmp_path, text).u(TOP)[:, 2].mean() == pytest.approx(0.1, rel=1e-12)
 
 
-def test_a_line(tmp_path):
+def test_a_line_and_a_mean_rotation(tmp_path):
     edge = [n for n in TOP if COLUMN.points[n - 1, 0] == 0]
     line = f"*MPC\nSTRAIGHT, {edge[0]}, {edge[2]}, {edge[1]}\n"
     bent = solved(tmp_path, column(line, pulled([edge[1]]), nu=NU)).u(edge)
     np.testing.assert_allclose(bent[1, [0, 2]], bent[[0, 2]][:, [0, 2]].mean(axis=0), atol=1e-12)
-
-
-def test_a_mean_rotation(tmp_path):
     turned = "*NODE\n998, 0., 0., 2.\n*MPC\nMEANROT, " + ", ".join(f"{n},{n},{n}" for n in TOP[:2]) + ",\n"
     turned += ", ".join(f"{n},{n},{n}" for n in TOP[2:]) + ", 998\n"
     found = solved(tmp_path, column(turned, "*BOUNDARY\n998, 1, 1, 1e-3\n", supports=CLAMPED))
@@ -490,8 +487,8 @@ def test_sections_of_several_thicknesses(tmp_path, element):
 def test_names_of_sides_and_supports(tmp_path):
     """Supports keep the names of their sets; a set of elements that has the name of a surface keeps its own."""
     deck = COLUMN.text() + "*SURFACE, NAME=B\nB_EZ1, S2\n" + section() + held() + step("*DSLOAD\nB, P, 20.\n")
-    made = imported(tmp_path, deck)
-    assert {record.group for record in made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
-    (pressure,) = made.case.pressure
-    assert len(made.mesh.cell_groups[pressure.group]) == 2
-    assert np.allclose(solved(tmp_path, deck).u(COLUMN.at(2, 3))[:, 2], -20 / E * 3)
+    found = solved(tmp_path, deck)
+    assert {record.group for record in found.made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
+    (pressure,) = found.made.case.pressure
+    assert len(found.made.mesh.cell_groups[pressure.group]) == 2
+    assert np.allclose(found.u(TOP)[:, 2], -20 / E * 3)
