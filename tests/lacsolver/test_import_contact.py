@@ -150,7 +150,6 @@ def test_tie(tmp_path, between):
 
 ABAQUS = """\
 *Heading
-** Job name: press
 *Part, name=Body
 {mesh}*Solid Section, elset=B, material=Steel
 ,

@@ -222,8 +222,7 @@ def test_refused(tmp_path, model, loads, card, words):
 
 
 GOOD = deck("", LOAD)
-BARE = BLOCK.text() + held() + step(LOAD)
-TALL = Block(high=(1, 1, 2), cells=(1, 1, 2))
+SMALL = Block(cells=(1, 1, 2))
 TILTED = Block("C", (0, 0, 1), (1, 1, 2), (2, 2, 1), first=100)
 TILTED.places = TILTED.points + np.outer(np.arange(len(TILTED.points)) == 0, [0, 0, 0.1])
 UNEVEN = bodies(BLOCK, TILTED) + held() + "*BOUNDARY\nC_X0, 1\nC_Y0, 2\n" + PAIR + CONTACT
@@ -252,14 +251,14 @@ WHOLE = [
     (bodies(BLOCK) + held() + step("*DYNAMIC\n" + LOAD), r"\*DYNAMIC: this step is \*STATIC already \(line \d+\)"),
     (instead("*END STEP\n", ""), r"\*STEP: this step has no \*END STEP"),
     (bodies(BLOCK) + held(), r"there is no \*STEP"),
-    (BARE, r"\*ELEMENT: elements 1 have no \*SOLID SECTION"),
+    (BLOCK.text() + held() + step(LOAD), r"\*ELEMENT: elements 1 have no \*SOLID SECTION"),
     (instead("*ELASTIC\n1000., 0.3", "*DENSITY\n1."), r"material EL has no \*ELASTIC"),
     (instead("*ELASTIC\n1000., 0.3", "*HYPERELASTIC, NEO HOOKE\n1., 1."), "say NLGEOM"),
     (instead("*ELASTIC\n1000., 0.3", WOOD).replace("*STEP", "*STEP, NLGEOM"), "leave out NLGEOM"),
     (instead("1000., 0.3", "1000., 0.5"), r"^\*MATERIAL \(model.inp, line \d+\): .*poisson is 0.5"),
     (UNEVEN, r"\*CLEARANCE: the gap in the mesh is from .* to "),
     (
-        bodies(TALL) + held() + step("*DLOAD\nB, P2, 1.\n"),
+        bodies(SMALL) + held() + step("*DLOAD\nB, P2, 1.\n"),
         r"\*DLOAD: these faces of elements 1 lie between two elements",
     ),
     (deck(OTHER, DYNAMIC + LOAD, "*DENSITY\n1.\n"), r"\*DYNAMIC: materials EL, SOFT have several dampings"),
@@ -314,7 +313,6 @@ def test_every_card_of_the_table_is_refused_or_noted(tmp_path):
 
 # ---- damaged decks are imported, or refused in sentences that name a place; none ends in another exception
 
-SMALL = Block(cells=(1, 1, 2))
 WOOD_AXES = "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n"
 SPRING = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n77, 1\n*SPRING, ELSET=SP\n3\n5.\n*AMPLITUDE, NAME=A\n0., 0., 1., 0.5\n"
 MODEL = (
