@@ -239,7 +239,7 @@ PAIR = '[[contact]]\nslave = "s"\nmaster = "m"\n'
 WOOD = '[[material]]\nlaw = "orthotropic"\nyoung = [1, 1, 1]\nshear = [1, 1, 1]\n'
 
 #: mistakes that the table of keys shows, so that the JSON schema has them; each type of value and rule of a section once:
-#: which keys have it stands in the page of keys, which is current (test_pages)
+#: which keys have it stands in the page of keys, which is current (test_case_read)
 SHOWN = [
     ('model = "3d"\n' + STEEL, "the top of the file needs mesh"),
     ('mesh = "a.msh"\n' + STEEL, "the top of the file needs model (dimension and plane hypothesis; 3d, plane"),

@@ -27,7 +27,7 @@ from lacsolver.case import Case, CaseError, Contact, Cyclic, parse_case, read_ca
 from lacsolver.case.keys import defaults_of, keys_of, sections_of, told_default
 from lacsolver.case.kinds import Choice
 from lacsolver.case.lines import Lines
-from lacsolver.case.schema import json_schema, records, schema_text
+from lacsolver.case.schema import json_schema, page_tables, records, schema_text
 from lacsolver.cli import main
 from lacsolver.space.space import MODELS
 from tests import REPOSITORY
@@ -468,7 +468,9 @@ def test_examples_of_the_page(fresh, capsys):
 
 
 def test_the_table_of_keys_is_whole():
-    """Every field is a key or a section, and what a section and a key refer to is there, in later stages too."""
+    """Every field is a key or a section, what these refer to is there, in later stages too, and the page has it all."""
+    page = (REPOSITORY / "docs" / "case.md").read_text(encoding="utf-8")
+    assert [name for name, table in page_tables().items() if table not in page] == []
     for record in records():
         keys, section = keys_of(record), record.SECTION
         other = {f.name for f in fields(record)} - set(keys) - set(sections_of(record))
