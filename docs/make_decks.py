@@ -29,7 +29,7 @@ from lacsolver.results.figures import step_figures
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 from tests.formats.decks import solved, tables  # noqa: E402 (the checkout's tests are no package that is installed)
-from tests.lacsolver.moving_decks import ball_on_block, bar_on_wall, printed  # noqa: E402
+from tests.lacsolver.deck_texts import Block, bar_on_wall, impact, printed  # noqa: E402
 
 PAGE = ROOT / "docs" / "decks.md"
 DECKS = ROOT.parent / "shared" / "reference" / "decks"
@@ -166,6 +166,16 @@ def _impacts(program: str) -> Iterator[str]:
             row = f"| {name} | {_impact(text, Path(work), program)} |"
         print(row, flush=True)
         yield row
+
+
+def ball_on_block(cells: int, count: int, gap: float = 0.004) -> str:
+    """Return the deck of a ball of radius 1, a cube of bricks blown up, which hits a block that is held at its base."""
+    block = Block("W", (-1.2, -1.2, -1), (1.2, 1.2, 0), (3 * cells // 2, 3 * cells // 2, cells // 2), first=10000)
+    ball = Block("B", (-1, -1, -1), (1, 1, 1), (cells,) * 3)
+    x, y, z = (ball.points**2).T / 2
+    blown = np.sqrt(np.stack([1 - y - z + 4 * y * z / 3, 1 - x - z + 4 * x * z / 3, 1 - x - y + 4 * x * y / 3], axis=1))
+    ball.places = ball.points * blown + [0, 0, 1 + gap]
+    return impact(block, ball, "W_Z0", 0.3, "", 1e5, 2.0, 0.002, count, ", NLGEOM")
 
 
 def _impact(text: str, work: Path, program: str) -> str:

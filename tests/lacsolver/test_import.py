@@ -1,94 +1,109 @@
-"""Decks of our own with exact solutions: imported, solved, compared."""
+"""Decks of our own with exact solutions: imported, solved, compared. Those with contact are in test_import_contact."""
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tests.lacsolver.deck_texts import ELASTIC, Block, held, imported, section, solved, step
+import lacmesh
+from lacsolver.results.figures import step_figures
+from tests.lacsolver.deck_texts import (
+    COLUMN,
+    ELASTIC,
+    Block,
+    E,
+    bodies,
+    column,
+    hanging,
+    held,
+    imported,
+    section,
+    solved,
+    step,
+)
+from tests.lacsolver.sectors import sector
 
-E, NU = 1000.0, 0.3
-COLUMN = Block(high=(1, 2, 3), cells=(1, 2, 2))
-TOP_SURFACE = "*SURFACE, NAME=TOP\nB_EZ1, S2\n"
+NU = 0.3
+TOP = COLUMN.at(2, 3).tolist()
+MIDDLE = [n for n in TOP if COLUMN.points[n - 1, 1] == 1]
+CLAMPED = "*BOUNDARY\nB_Z0, 1, 3\n"
+#: a node that belongs to no element
+REFERENCE = "*NODE\n999, 0.5, 1., 4.\n"
 
 
-def column(more, loads, *, nu=NU, block=COLUMN, options=""):
-    return block.text() + TOP_SURFACE + section(nu=nu, more=more) + held() + step(loads, options)
+def pulled(nodes, size=20.0):
+    return "*CLOAD\n" + "".join(f"{n}, 3, {size / len(nodes)}\n" for n in nodes)
 
 
-@pytest.mark.parametrize("loads", ["*DLOAD\nB_EZ1, P2, 20.\n", "*DSLOAD\nTOP, P, 20.\n"])
-def test_column_under_pressure(tmp_path, loads):
-    found = solved(tmp_path, column("", loads))
-    X = COLUMN.points
-    exact = 20 / E * np.stack([NU * X[:, 0], NU * X[:, 1], -X[:, 2]], axis=1)
-    assert np.allclose(found.u(COLUMN.numbers), exact, atol=1e-12)
-    assert found.made.case.pressure[0].group == ("TOP" if "DS" in loads else "B_EZ1_P2")
+# ---- loads
 
 
-def test_loads_of_one_step_add(tmp_path):
-    """Pressures and forces that a step lists twice for one place add, as in CalculiX."""
-    top = COLUMN.at(2, 3)
-    middle = COLUMN.points[COLUMN.numbers.searchsorted(top), 1] == 1
-    forces = "*CLOAD\n" + "".join(f"{n}, 3, {-5.0 if m else -2.5}\n" for n, m in zip(top, middle, strict=True))
-    found = solved(tmp_path, column("", "*DLOAD\nB_EZ1, P2, 5.\n*DLOAD\nB_EZ1, P2, 5.\n" + forces + forces))
-    assert np.allclose(found.u(top)[:, 2], -(10 + 2 * 20 / 2) / E * 3, rtol=1e-12)
+def stretched(strain, poisson=0.0):
+    """Displacements (3,) of places (k, 3) of the column, which is stretched evenly."""
+    return lambda x: strain * x * [-poisson, -poisson, 1.0]
+
+
+def weight(x, height=3.0, force=20.0, low=0.0):
+    """Displacements along z by a force for each volume of a column of some height from `low` on."""
+    under, own = np.minimum(x[:, 2], low), np.maximum(x[:, 2] - low, 0)
+    return force / E * ((height - low) * (under + own) - own**2 / 2)
+
+
+def along(axis, values):
+    return np.eye(3)[axis] * values[:, None]
+
+
+EACH = "*CLOAD\n" + "".join(f"{n}, 3, {-5.0 if n in MIDDLE else -2.5}\n" for n in TOP)
+GRAVITY = "*DLOAD\nB, GRAV, 10., 0., 0., 5.\n"
+AGAIN = GRAVITY + "*END STEP\n*STEP\n*STATIC\n*DLOAD\nB, GRAV, 4., 0., 0., 2.\nB, GRAV, 3., 1., 0., 0.\n"
+#: cards of the material, of the step, Poisson's ratio, displacements of places
+COLUMNS = {
+    "pressure on elements": ("", "*DLOAD\nB_EZ1, P2, 20.\n", NU, stretched(-20 / E, NU)),
+    "pressure on a surface": ("", "*DSLOAD\nTOP, P, 20.\n", NU, stretched(-20 / E, NU)),
+    "loads of one step add": ("", 2 * "*DLOAD\nB_EZ1, P2, 5.\n" + 2 * EACH, NU, stretched(-30 / E, NU)),
+    "expansion": (
+        "*EXPANSION, ZERO=0.\n1e-4\n", "*TEMPERATURE\nB_N, 120.\n", NU, stretched(1e-2, -1.0),
+    ),
+    "gravity": ("*DENSITY\n2.\n", GRAVITY, 0.0, lambda x: along(2, weight(x))),
+    "gravity of a part": (
+        "*DENSITY\n2.\n", "*DLOAD\nB_EZ1, GRAV, 10., 0., 0., 1.\n", 0.0, lambda x: along(2, weight(x, low=1.5)),
+    ),
+    "gravity of two steps, replaced along its direction": (
+        "*DENSITY\n2.\n", AGAIN, 0.0,
+        lambda x: along(2, weight(x, force=8.0)) + along(0, weight(x[:, [1, 2, 0]], 1.0, 6.0)),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_column(tmp_path, name):
+    """Loads as in CalculiX: those that a step lists twice for one place add."""
+    more, loads, nu, exact = COLUMNS[name]
+    warm = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 20.\n" if "EXPANSION" in more else ""
+    found = solved(tmp_path, column(more, loads, nu=nu).replace("*STEP", warm + "*STEP", 1))
+    np.testing.assert_allclose(found.u(COLUMN.numbers), exact(COLUMN.points), atol=1e-12)
+    assert [one.group for one in found.made.case.pressure] in ([], ["TOP"], ["B_EZ1_P2"])
+    assert (found.made.case.gravity is not None) == (name == "gravity")
+    assert found.made.case.material[0].reference_temperature == (20.0 if warm else 0.0)
 
 
 def test_pressure_follows_with_nlgeom(tmp_path):
     """Without a lateral strain (nu = 0) the stretch solves lambda (lambda^2 - 1) / 2 E = -p."""
-    found = solved(tmp_path, column("", "*DLOAD\nB_EZ1, P2, 100.\n", nu=0.0, options=", NLGEOM"))
+    found = solved(tmp_path, column("", "*DLOAD\nB_EZ1, P2, 100.\n", options=", NLGEOM"))
     stretch = max(np.roots([E / 2, 0, -E / 2, 100.0]).real)
     assert found.made.case.kinematics == "finite"
     assert found.made.case.pressure[0].follower
     assert np.allclose(found.u(COLUMN.at(2, 3))[:, 2], 3 * (stretch - 1), rtol=1e-9)
 
 
-def test_thermal_expansion(tmp_path):
-    more = "*EXPANSION, ZERO=0.\n1e-4\n"
-    loads = "*TEMPERATURE\nB_N, 120.\n"
-    text = column(more, loads).replace("*STEP", "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 20.\n*STEP")
-    found = solved(tmp_path, text)
-    assert np.allclose(found.u(COLUMN.numbers), 1e-4 * 100 * COLUMN.points, atol=1e-13)
-    assert found.made.case.material[0].reference_temperature == 20.0
-
-
 def test_temperatures_of_two_parts(tmp_path):
     """Two blocks on their own, with initial temperatures of their own: two materials, two temperatures."""
     other = Block("C", (5, 0, 0), (6, 1, 1), first=100)
-    deck = Block().text() + other.text() + ELASTIC.format(nu=NU) + "*EXPANSION\n1e-4\n"
-    deck += "*SOLID SECTION, ELSET=B, MATERIAL=EL\n*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
+    deck = bodies(Block(), other, more="*EXPANSION\n1e-4\n")
     deck += "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nB_N, 20.\nC_N, 50.\n"
     deck += held("B") + "*BOUNDARY\nC_X0, 1\nC_Y0, 2\nC_Z0, 3\n" + step("*TEMPERATURE\nB_N, 120.\nC_N, 70.\n")
     found = solved(tmp_path, deck)
     assert np.allclose(found.u(Block().at(0, 1))[:, 0], 1e-4 * 100)
     assert np.allclose(found.u(other.at(0, 6))[:, 0], 1e-4 * 20)
-
-
-def test_gravity(tmp_path):
-    """A column that hangs by its weight: w = rho g (z - z^2 / 2L) L / E at nodes, exact for nu = 0."""
-    found = solved(tmp_path, column("*DENSITY\n2.\n", "*DLOAD\nB, GRAV, 10., 0., 0., 5.\n", nu=0.0))
-    z = COLUMN.points[:, 2]
-    assert np.allclose(found.u(COLUMN.numbers)[:, 2], 2 * 10 / E * (3 * z - z**2 / 2), atol=1e-12)
-    assert found.made.case.gravity is not None
-
-
-def test_gravity_of_a_part(tmp_path):
-    """Gravity on the upper half alone: a body force of its density; the reaction is its weight."""
-    found = solved(tmp_path, column("*DENSITY\n2.\n", "*DLOAD\nB_EZ1, GRAV, 10., 0., 0., -1.\n", nu=0.0))
-    z = COLUMN.points[:, 2]
-    below = np.minimum(z, 1.5)
-    above = np.maximum(z - 1.5, 0)
-    exact = -20 / E * (1.5 * below + 1.5 * above - above**2 / 2)
-    assert np.allclose(found.u(COLUMN.numbers)[:, 2], exact, atol=1e-12)
-
-
-def test_gravity_along_another_direction_adds_to_that_of_earlier_steps(tmp_path):
-    """Gravity along the same direction is replaced, as in CalculiX: 10, then 4 along z, and 3 along x beside it."""
-    more = "*DENSITY\n2.\n"
-    then = step("*DLOAD\nB, GRAV, 4., 0., 0., 2.\nB, GRAV, 3., 1., 0., 0.\n")
-    found = solved(tmp_path, column(more, "*DLOAD\nB, GRAV, 10., 0., 0., 1.\n", nu=0.0) + then)
-    x, z = COLUMN.points[:, 0], COLUMN.points[:, 2]
-    assert np.allclose(found.u(COLUMN.numbers)[:, 2], 2 * 4 / E * (3 * z - z**2 / 2), atol=1e-12)
-    assert np.allclose(found.u(COLUMN.numbers)[:, 0], 2 * 3 / E * (x - x**2 / 2), atol=1e-12)
 
 
 def test_centrifugal_load(tmp_path):
@@ -99,30 +114,54 @@ def test_centrifugal_load(tmp_path):
     assert np.allclose(found.u(bar.at(2, 3))[:, 2].mean(), 2 * 5 * (3**3 / 2 - 3**3 / 6) / E, rtol=1e-6)
 
 
-def test_steps_and_amplitudes(tmp_path):
-    """A displacement along a table in step 1, held in step 2, ramped in step 3; forces stay until they are changed."""
-    deck = COLUMN.text() + section(nu=0.0) + held() + "*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.5\n"
-    deck += step("*BOUNDARY, AMPLITUDE=A\nB_Z1, 3, 3, 0.2\n", static="0.25, 1., , 0.25\n")
-    deck += step("*BOUNDARY\nB_Z1, 3, 3, 0.1\n", static="1., 2.\n")
-    deck += step("*BOUNDARY\nB_Z1, 3, 3, -0.3\n", static="0.5, 1.\n")
-    found = solved(tmp_path, deck)
-    by_time = {round(state.time, 9): found.u(COLUMN.at(2, 3), k)[:, 2] for k, state in enumerate(found.states)}
-    expected = {0.25: 0.1, 0.5: 0.2, 0.75: 0.15, 1.0: 0.1, 2.0: 0.1, 3.0: 0.1, 3.5: -0.1, 4.0: -0.3}
-    assert set(by_time) == set(expected)
-    assert all(np.allclose(by_time[t], value, atol=1e-12) for t, value in expected.items())
+# ---- steps
+
+
+AMPLITUDE = "*AMPLITUDE, NAME=A\n0., 0., 0.5, 1., 1., 0.5\n"
+FIXED = step("*BOUNDARY, FIXED\nB_Z1, 3, 3\n*DLOAD\nB_EZ1, P2, 50.\n")
+#: cards behind the supports of the column, and where its top is by time
+TOPS = {
+    "a table, held, then along a ramp": (
+        AMPLITUDE + step("*BOUNDARY, AMPLITUDE=A\nB_Z1, 3, 3, 0.2\n", static="0.25, 1., , 0.25\n")
+        + step("*BOUNDARY\nB_Z1, 3, 3, 0.1\n", static="1., 2.\n")
+        + step("*BOUNDARY\nB_Z1, 3, 3, -0.3\n", static="0.5, 1.\n"),
+        {0.25: 0.1, 0.5: 0.2, 0.75: 0.15, 1.0: 0.1, 2.0: 0.1, 3.0: 0.1, 3.5: -0.1, 4.0: -0.3},
+    ),
+    "a load at once": (
+        step("*DLOAD\nB_EZ1, P2, 4.\n", static="0.5, 1.\n")
+        + step("*DLOAD\nB_EZ1, P2, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n"),
+        {0.5: -2 * 3 / E, 1.0: -4 * 3 / E, 1.5: 8 * 3 / E, 2.0: 8 * 3 / E},
+    ),
+    "fixed under a pressure": (step("*DLOAD\nB_EZ1, P2, 30.\n") + 2 * FIXED, {1.0: -0.09, 2.0: -0.09, 3.0: -0.09}),
+    "fixed": (step("*BOUNDARY\nB_Z1, 3, 3, -0.06\n") + 2 * FIXED, {1.0: -0.06, 2.0: -0.06, 3.0: -0.06}),
+    "a displacement among the model's data": (
+        "*BOUNDARY\nB_Z1, 3, 3, -0.01\n" + step("", static="0.5, 1.\n"), {0.5: -0.005, 1.0: -0.01},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TOPS)
+def test_the_top_of_a_column_over_steps(tmp_path, name):
+    """A displacement grows over its step, those of the model's data over the first; fixed nodes stay whatever comes."""
+    cards, ways = TOPS[name]
+    found = solved(tmp_path, bodies(COLUMN, nu=0.0) + held() + cards)
+    by_time = {round(state.time, 9): found.u(TOP, k)[:, 2] for k, state in enumerate(found.states)}
+    assert set(by_time) == set(ways)
+    for time, way in ways.items():
+        np.testing.assert_allclose(by_time[time], way, atol=1e-12)
+    told = [one.level for one in found.made.findings if "among the model's data" in one.message]
+    assert told == ["note"] * ("data" in name)
 
 
 def test_sets_that_overlap_over_steps(tmp_path):
     """Step 2 changes the force on one node of a set: it replaces that of step 1 there, and leaves the others."""
-    top = COLUMN.at(2, 3).tolist()
-    deck = COLUMN.text() + section(nu=0.0) + held()
-    deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{top[0]}, 3, 1.\n")
-    made = imported(tmp_path, deck)
+    steps = step("*CLOAD\nB_Z1, 3, 4.\n") + step(f"*CLOAD\n{TOP[0]}, 3, 1.\n")
+    made = imported(tmp_path, bodies(COLUMN) + held() + steps)
     end = {record.group: float(record.fz.at(2.0)) for record in made.case.force}
     middle = {record.group: float(record.fz.at(1.0)) for record in made.case.force}
     assert sorted(end.values()) == [1.0, 4.0]
     assert set(middle.values()) == {4.0}
-    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(top)
+    assert sum(len(made.mesh.node_groups[name]) for name in end) == len(TOP)
 
 
 @pytest.mark.parametrize(
@@ -138,51 +177,34 @@ def test_a_support_that_begins_in_the_second_step(tmp_path, support, options, wa
     """Nodes go from where the pressure has taken them, -30 / E * 3, to the value; an amplitude has it at once."""
     cards, _, line = support.rpartition("*BOUNDARY")
     second = "*END STEP\n*STEP" + options + "\n*STATIC\n0.5, 1.\n*BOUNDARY" + line
-    text = column("", "*DLOAD\nB_EZ1, P2, 30.\n" + second)
+    text = column("", "*DLOAD\nB_EZ1, P2, 30.\n" + second, nu=NU)
     found = solved(tmp_path, text.replace("*STEP\n", cards + "*STEP\n", 1))
     late = found.made.case.displacement[-1]
     assert late.begin == 1.0
     assert [one.time for one in found.states] == [1.0, 1.5, 2.0]
-    exact = np.array([-0.09, *ways])
-    for k, way in enumerate(exact):
-        X = COLUMN.points / 3
-        u = way * np.stack([-NU * X[:, 0], -NU * X[:, 1], X[:, 2]], axis=1)
+    for k, way in enumerate([-0.09, *ways]):
+        u = stretched(way / 3, NU)(COLUMN.points)
         np.testing.assert_allclose(found.u(COLUMN.numbers, k), u, rtol=1e-6, atol=1e-10)
-    row = text.splitlines().index("*BOUNDARY" + line.splitlines()[0], text.splitlines().index("*END STEP"))
-    assert f"line {row + 1 + cards.count(chr(10))})\n[[displacement]]\ngroup" in found.made.text
-
-
-@pytest.mark.parametrize("earlier, way", [("", -0.09), ("*BOUNDARY\nB_Z1, 3, 3, -0.06\n", -0.06)])
-def test_nodes_that_are_fixed_in_the_second_step(tmp_path, earlier, way):
-    """BOUNDARY, FIXED: nodes stay where a pressure, or a displacement, has taken them, whatever comes then."""
-    step = "*END STEP\n*STEP\n*STATIC\n1., 1.\n*BOUNDARY, FIXED\nB_Z1, 3, 3\n*DLOAD\nB_EZ1, P2, 50.\n"
-    found = solved(tmp_path, column("", ("" if earlier else "*DLOAD\nB_EZ1, P2, 30.\n") + earlier + step + step))
-    assert [record.begin for record in found.made.case.displacement if record.begin] == ([] if earlier else [1.0])
-    top = COLUMN.at(2, 3)
-    for k in range(3):
-        np.testing.assert_allclose(found.u(top, k)[:, 2], way, rtol=1e-6)
-
-
-def test_sudden_step(tmp_path):
-    deck = COLUMN.text() + section(nu=0.0) + held()
-    deck += step("*CLOAD\nB_Z1, 3, 4.\n") + step("*CLOAD\nB_Z1, 3, -8.\n", ", AMPLITUDE=STEP", "0.5, 1.\n")
-    (force,) = imported(tmp_path, deck).case.force
-    assert [force.fz.at(t) for t in (0.5, 1.0, 1.5, 2.0)] == [2.0, 4.0, -8.0, -8.0]
 
 
 def test_nlgeom_stays(tmp_path):
     """A step without NLGEOM after one with it is one of finite displacements too, in both programs."""
-    deck = COLUMN.text() + section(nu=0.0) + held() + step("*CLOAD\nB_Z1, 3, 4.\n", ", NLGEOM")
+    deck = bodies(COLUMN) + held() + step("*CLOAD\nB_Z1, 3, 4.\n", ", NLGEOM")
     made = imported(tmp_path, deck + step("*CLOAD\nB_Z1, 3, 1.\n") + "*STEP, PERTURBATION\n*FREQUENCY\n3\n*END STEP\n")
     assert made.case.kinematics == "finite"
     assert made.case.steps.last == 2.0
     assert any("lacsolver modes CASE.toml -k 3, with --state DIR" in finding.message for finding in made.findings)
+    alone = imported(tmp_path, bodies(COLUMN, more="*DENSITY\n2.\n") + held() + "*STEP\n*FREQUENCY\n4\n*END STEP\n")
+    assert any("lacsolver modes CASE.toml -k 4" in finding.message for finding in alone.findings)
+
+
+# ---- springs, rigid bodies, bolts
 
 
 def test_springs_to_the_ground(tmp_path):
     """A block held by springs at its four lower nodes alone: they share its load."""
     block = Block()
-    deck = block.text() + section(nu=0.0) + "*BOUNDARY\nB_X0, 1\nB_Y0, 2\n"
+    deck = bodies(block, nu=0.0) + "*BOUNDARY\nB_X0, 1\nB_Y0, 2\n"
     deck += "*ELEMENT, TYPE=SPRING1, ELSET=SP\n" + "".join(f"{50 + k}, {n}\n" for k, n in enumerate(block.at(2, 0)))
     deck += "*SPRING, ELSET=SP\n3\n25.\n" + step("*DLOAD\nB, P2, 10.\n")
     found = solved(tmp_path, deck)
@@ -190,188 +212,193 @@ def test_springs_to_the_ground(tmp_path):
     assert np.allclose(found.u(block.at(2, 1))[:, 2], -10 / 100 - 10 / E)
 
 
-def hanging(kind, spring, options=""):
-    """A block on another one's springs between their corners, the upper one held sideways, and a force down on it."""
-    below, above = Block("B"), Block("C", (0.5, 0.5, 2), (1.5, 1.5, 3), first=100)
-    deck = below.text() + above.text() + section("B", nu=0.0) + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
-    pairs = zip(below.at(2, 1), above.at(2, 2), strict=True)
-    deck += f"*ELEMENT, TYPE={kind}, ELSET=SP\n" + "".join(f"{900 + k}, {a}, {b}\n" for k, (a, b) in enumerate(pairs))
-    deck += f"*SPRING, ELSET=SP\n{spring}*BOUNDARY\nB_Z0, 1, 3\nC_N, 1, 2\n"
-    return deck + step("*CLOAD\nC_Z1, 3, -3.\n*NODE PRINT, NSET=C_N\nU\n", options), below, above
-
-
-def test_springs_between_nodes_by_components(tmp_path):
-    """A column, four springs and a block in series, each with the force of 12."""
-    deck, below, above = hanging("SPRING2", "3, 3\n25.\n")
-    found = solved(tmp_path, deck)
-    assert len(found.made.case.spring) == 4
-    assert np.allclose(found.u(below.at(2, 1))[:, 2], -12 / E)
-    assert np.allclose(found.u(above.at(2, 2))[:, 2], -12 / E - 12 / 100)
-    assert np.allclose(found.u(above.at(2, 3))[:, 2], -12 / E - 12 / 100 - 12 / E)
-
-
-def test_springs_along_the_lines_of_their_nodes(tmp_path):
-    """Each has k n^2 along z, with n = 1 / sqrt(1.5) of its undeformed line."""
-    deck, below, above = hanging("SPRINGA", "\n25.\n")
-    found = solved(tmp_path, deck.replace("C_N, 1, 2\n", "C_N, 1, 2\nB_N, 1, 2\n"))
-    assert [spring.k for spring in found.made.case.spring] == [25.0] * 4
-    assert np.allclose(found.u(above.at(2, 2))[:, 2] - found.u(below.at(2, 1))[:, 2], -12 / (100 / 1.5))
-
-
-PAIR = "*SURFACE, NAME=LOWER\nB_EZ1, S2\n*SURFACE, NAME=UPPER\nC_EZ0, S1\n"
-
-
-def two_blocks(upper=0.0, lower=(2, 2, 1), cells=(3, 3, 1), element="C3D8"):
-    """Two blocks of meshes that do not match, one on the other, with a gap `upper`."""
-    below = Block("B", cells=lower, element=element)
-    above = Block("C", (0, 0, 1 + upper), (1, 1, 2 + upper), cells, element, first=1000)
-    return below, above
-
-
-def on_each_other(below, above, between, loads, *, options="", nu=NU, static=""):
-    deck = below.text() + above.text() + PAIR + section("B", nu=nu)
-    deck += "*SOLID SECTION, ELSET=C, MATERIAL=EL\n" + held("B") + "*BOUNDARY\nC_X0, 1\nC_Y0, 2\n"
-    return deck + between + step(loads, options, static)
-
-
-CONTACT = "*CONTACT PAIR, INTERACTION=SI, TYPE=SURFACE TO SURFACE\nUPPER, LOWER\n*SURFACE INTERACTION, NAME=SI\n"
-
-
-@pytest.mark.parametrize("element", ["C3D8", "C3D20"])
 @pytest.mark.parametrize(
-    "behaviour",
-    [
-        "",
-        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n5000.\n",
-        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n0., 0.\n10., 0.003\n40., 0.006\n",
-        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=EXPONENTIAL\n0.004, 20.\n",
-    ],
+    ("kind", "line", "sideways", "stiffness"),
+    [("SPRING2", "3, 3\n25.\n", "", 100.0), ("SPRINGA", "\n25.\n", "B_N, 1, 2\n", 100 / 1.5)],
 )
-def test_patch_of_two_blocks(tmp_path, element, behaviour):
-    """A uniform pressure goes through a contact of meshes that do not match; soft contact overlaps by p of its law."""
-    below, above = two_blocks(element=element)
-    found = solved(tmp_path, on_each_other(below, above, CONTACT + behaviour, "*DLOAD\nC_EZ1, P2, 20.\n"))
-    overlap = 20 / 5000 if "LINEAR" in behaviour or "TABULAR" in behaviour else 0.0
-    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
-    assert np.allclose(found.u(above.at(2, 2))[:, 2], -20 / E * 2 - overlap, rtol=1e-9)
-    assert np.allclose(found.u(above.at(0, 1))[:, 0], NU * 20 / E, rtol=1e-9)
+def test_springs_between_nodes(tmp_path, kind, line, sideways, stiffness):
+    """A column, four springs and a block in series: along z, or along lines with k n^2, n = 1 / sqrt(1.5)."""
+    deck, below, above = hanging(kind, line)
+    found = solved(tmp_path, deck.replace("C_N, 1, 2\n", "C_N, 1, 2\n" + sideways))
+    assert [spring.k for spring in found.made.case.spring] == [25.0 if sideways else None] * 4
+    ways = [found.u(nodes)[:, 2] for nodes in (below.at(2, 1), above.at(2, 2), above.at(2, 3))]
+    exact = 12 / E + np.array([0.0, 12 / stiffness, 12 / stiffness + 12 / E])
+    np.testing.assert_allclose(ways, -np.outer(exact, np.ones(4)), rtol=1e-9)
 
 
-def test_forces_and_springs_on_a_slave(tmp_path):
-    """The cut of the slave adds nodes to sets that hold its faces; forces and springs stay on the nodes of the deck."""
-    below, above = two_blocks()
-    springs = "*ELEMENT, TYPE=SPRING1, ELSET=SP\n" + "".join(f"{5000 + n}, {n}\n" for n in above.at(2, 1))
-    deck = on_each_other(below, above, CONTACT, "*CLOAD\nC_Z0, 3, -1.\nC_Z1, 3, -1.\n", nu=0.0)
-    deck = deck.replace("*CONTACT PAIR", springs + "*SPRING, ELSET=SP\n3\n10.\n*CONTACT PAIR", 1)
-    found = solved(tmp_path, deck)
-    held_back = 10 * found.u(above.at(2, 1))[:, 2].sum()
-    assert len(found.made.case.force) == 2
-    mesh = found.problem.space.mesh
-    assert len(mesh.node_groups["C_Z0"]) == 16 + 9
-    assert found.zone.pressure.mean() == pytest.approx(2 * 16 + held_back)
-
-
-def test_slave_of_nodes(tmp_path):
-    """A surface of nodes is taken as the faces on its nodes, and a note says so."""
-    below, above = two_blocks()
-    deck = on_each_other(below, above, CONTACT.replace("UPPER, LOWER", "NODES, LOWER"), "*DLOAD\nC_EZ1, P2, 20.\n")
-    deck = deck.replace("*CONTACT PAIR", "*SURFACE, NAME=NODES, TYPE=NODE\nC_Z0\n*CONTACT PAIR")
-    found = solved(tmp_path, deck)
-    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
-    assert any("taken as the 9 faces" in finding.message for finding in found.made.findings)
-
-
-def test_clearance_replaces_the_gap(tmp_path):
-    """With 0.1 between the meshes and a *CLEARANCE of 0.02 the blocks touch after 0.02."""
-    below, above = two_blocks(0.1)
-    between = CONTACT + "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.02\n"
-    found = solved(tmp_path, on_each_other(below, above, between, "*BOUNDARY\nC_Z1, 3, 3, -0.05\n", nu=0.0))
-    assert np.allclose(found.zone.pressure, (0.05 - 0.02) / 2 * E, rtol=1e-9)
-
-
-def test_contact_with_nlgeom(tmp_path):
-    """Contact of finite displacements: stretches of both blocks as in one column."""
-    below, above = two_blocks()
-    found = solved(tmp_path, on_each_other(below, above, CONTACT, "*BOUNDARY\nC_Z1, 3, 3, -0.4\n", nu=0.0,
-                                           options=", NLGEOM", static="0.5, 1.\n"))  # fmt: skip
-    stretch = 0.8
-    assert np.allclose(found.zone.pressure, -E / 2 * stretch * (stretch**2 - 1), rtol=1e-8)
-
-
-def test_contact_that_is_removed_and_added(tmp_path):
-    """Without contact the upper block goes through the lower one; with it both share the overlap; then it is gone."""
-    below, above = two_blocks()
-    change = "*MODEL CHANGE, TYPE=CONTACT PAIR, {}\nUPPER, LOWER\n"
-    deck = on_each_other(below, above, CONTACT, change.format("REMOVE") + "*BOUNDARY\nC_Z1, 3, 3, -0.02\n", nu=0.0)
-    deck += step(change.format("ADD")) + step("") + step(change.format("REMOVE"))
-    found = solved(tmp_path, deck)
-    pressures = {round(state.time, 6): state.zones[0].pressure for state in found.states}
-    assert not pressures[1.0].any() and not pressures[4.0].any()
-    assert np.allclose(pressures[2.0], 0.02 / 2 * E, rtol=1e-9) and np.allclose(pressures[3.0], pressures[2.0])
-
-
-@pytest.mark.parametrize("first", ["ADD", "REMOVE"])
-def test_a_clearance_of_contact_that_is_removed(tmp_path, first):
-    """The clearance counts in the steps that have the contact, whether the first has it or not."""
-    below, above = two_blocks()
-    change = "*MODEL CHANGE, TYPE=CONTACT PAIR, {}\nUPPER, LOWER\n"
-    clearance = "*CLEARANCE, SLAVE=UPPER, MASTER=LOWER, VALUE=0.005\n"
-    moved = change.format(first) + "*BOUNDARY\nC_Z1, 3, 3, -0.02\n"
-    deck = on_each_other(below, above, CONTACT + clearance, moved, nu=0.0)
-    deck += step(change.format("ADD")) + step(change.format("REMOVE"))
-    found = solved(tmp_path, deck)
-    pressures = {round(state.time, 6): state.zones[0].pressure for state in found.states}
-    assert np.allclose(pressures[1.0], 0.015 / 2 * E if first == "ADD" else 0.0, rtol=1e-9)
-    assert np.allclose(pressures[2.0], 0.015 / 2 * E, rtol=1e-9) and not pressures[3.0].any()
-
-
-def test_a_tie_without_a_tolerance_bridges_what_calculix_does(tmp_path):
-    """2.5 % of an element: surfaces that are farther apart are not tied, and a warning tells."""
-    below, above = two_blocks(upper=0.02)
-    made = imported(tmp_path, on_each_other(below, above, "*TIE, NAME=T\nUPPER, LOWER\n", "*DLOAD\nC_EZ1, P2, 1.\n"))
-    (warning,) = [one.text for one in made.findings if one.level == "warning"]
-    assert "it is not tied; give the tolerance" in warning and not made.case.tie
-    below, above = two_blocks(upper=0.005)
-    text = on_each_other(below, above, "*TIE, NAME=T\nUPPER, LOWER\n", "*DLOAD\nC_EZ1, P2, -20.\n")
-    found = solved(tmp_path, text)
-    (tie,) = found.made.case.tie
-    assert tie.search_distance == pytest.approx(0.025 / 3) and found.zone.status.all()
-
-
-@pytest.mark.parametrize(
-    "between",
-    [
-        "*TIE, NAME=T, POSITION TOLERANCE=0.1\nUPPER, LOWER\n",
-        CONTACT + "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TIED\n1e6\n*FRICTION\n0.5, 1e6\n",
-    ],
-)
-def test_tie(tmp_path, between):
-    below, above = two_blocks()
-    found = solved(tmp_path, on_each_other(below, above, between, "*DLOAD\nC_EZ1, P2, -20.\n"))
-    assert len(found.made.case.tie) == 1
-    assert np.allclose(found.u(above.at(2, 2))[:, 2], 20 / E * 2, rtol=1e-9)
-
-
-def test_rigid_body(tmp_path):
-    """The upper face is rigid, pulled by its reference node, which is no node of an element."""
-    deck = COLUMN.text() + "*NODE\n900, 0.5, 1., 3.\n" + section(nu=0.0) + "*BOUNDARY\nB_Z0, 3\nB_Z0, 1, 2\n"
-    deck += "*RIGID BODY, NSET=B_Z1, REF NODE=900\n*BOUNDARY\n900, 1, 2\n900, 4, 6\n"
-    found = solved(tmp_path, deck + step("*CLOAD\n900, 3, 8.\n"))
-    (rigid,) = found.made.case.rigid
-    assert rigid.centre == (0.5, 1.0, 3.0)
-    assert np.allclose(found.u(COLUMN.at(2, 3))[:, 2], 8 / 2 / E * 3, rtol=1e-9)
+#: a rigid face that its reference node moves, and that turns with another node
+TURNED = "*NODE\n901, 0.5, 1., 4.\n*RIGID BODY, NSET=B_Z1, REF NODE=999, ROT NODE=901\n*BOUNDARY\n"
 
 
 def test_rigid_body_turns_about_its_rotation_node(tmp_path):
-    """Twist of a rigid face by a rotation node of CalculiX: every node turns about the reference node."""
-    deck = COLUMN.text() + "*NODE\n900, 0.5, 1., 3.\n901, 0.5, 1., 3.\n" + section() + "*BOUNDARY\nB_Z0, 1, 3\n"
-    deck += "*RIGID BODY, NSET=B_Z1, REF NODE=900, ROT NODE=901\n*BOUNDARY\n900, 1, 3\n901, 1, 2\n"
-    found = solved(tmp_path, deck + step("*BOUNDARY\n901, 3, 3, 0.001\n"))
-    arm = COLUMN.points[COLUMN.numbers.searchsorted(COLUMN.at(2, 3))] - [0.5, 1, 3]
-    exact = 0.001 * np.stack([-arm[:, 1], arm[:, 0], 0 * arm[:, 0]], axis=1)
-    assert np.allclose(found.u(COLUMN.at(2, 3)), exact, atol=1e-12)
+    cards = REFERENCE + TURNED + "999, 1, 3\n901, 1, 2\n"
+    found = solved(tmp_path, column(cards, "*BOUNDARY\n901, 3, 3, 0.001\n", supports=CLAMPED))
+    arm = COLUMN.points[np.array(TOP) - 1] - [0.5, 1, 3]
+    np.testing.assert_allclose(found.u(TOP), 0.001 * np.cross([0, 0, 1], arm), atol=1e-12)
 
 
+BOLT = "*SURFACE, NAME=MIDDLE\n2, S2\n*NODE\n9999, 5., 5., 5.\n*PRE-TENSION SECTION, SURFACE=MIDDLE, NODE=9999\n"
+LOCKED = step("*CLOAD\n9999, 1, 10.\n") + step("*BOUNDARY, FIXED\n9999, 1\n*CLOAD\n9999, 1, 30.\n")
+
+
+@pytest.mark.parametrize(
+    ("normal", "steps", "lock", "shortenings"),
+    [
+        ("", LOCKED, 1.0, [0.04, 0.04]),
+        ("0., 0., 2.\n", LOCKED, 1.0, [0.04, 0.04]),
+        ("", step("*BOUNDARY\n9999, 1, 1, 0.02\n"), None, [0.02]),
+    ],
+    ids=["locked", "normal", "shortened"],
+)
+def test_a_bolt(tmp_path, normal, steps, lock, shortenings):
+    """A column 4 high, cut across: its force is E A s / 4, and a shortening that is locked stays whatever the force."""
+    shank = Block(high=(1, 1, 4), cells=(1, 1, 4))
+    ends = "*BOUNDARY\nB_Z0, 1, 3\nB_Z1, 1, 3\n"
+    found = solved(tmp_path, bodies(shank, nu=0.0) + BOLT + normal + ends + steps)
+    (record,) = found.made.case.pretension
+    assert record.lock == lock and (record.normal is None) == (not normal)
+    bolts = [step_figures(found.problem, state).pretension["MIDDLE"] for state in found.states]
+    np.testing.assert_allclose([bolt.shortening for bolt in bolts], shortenings, rtol=1e-10)
+    np.testing.assert_allclose([bolt.force for bolt in bolts], np.multiply(E / 4, shortenings), rtol=1e-10)
+
+
+# ---- equations, local axes, couplings, sectors
+
+EVEN = 20 / (E * 2)
+LEVEL = "*EQUATION\n" + "".join(f"2\n{n}, 3, 1., {TOP[0]}, 3, -1.\n" for n in TOP[1:])
+BESIDE = REFERENCE + "*EQUATION\n" + "".join(f"2\n{n}, 3, 2., 999, 1, -4.\n" for n in TOP)
+PLANE = "*MPC\nPLANE, " + ", ".join(map(str, [TOP[0], TOP[1], TOP[-1], *TOP[2:-1]])) + "\n"
+#: local 1 is y, 2 is -x, 3 is z
+LOCAL = "*TRANSFORM, NSET=B_N\n0., 1., 0., -1., 0., 0.\n"
+COUPLED = REFERENCE + "*COUPLING, REF NODE=999, SURFACE=TOP, CONSTRAINT NAME=C1\n"
+SHARES = "*DISTRIBUTING COUPLING, ELSET=D\n" + "".join(f"{n}, {1.0 if n in MIDDLE else 0.5}\n" for n in TOP)
+#: cards of the model and of the step, supports, what a record of the case has
+JOINTS = {
+    "equations": (LEVEL, pulled(MIDDLE), held(), lambda case: len(case.equation) == len(TOP) - 1),
+    "a node beside the bodies": (BESIDE, f"*BOUNDARY\n999, 1, 1, {1.5 * EVEN!r}\n", held(), lambda case: case.equation),
+    "a plane": (PLANE, pulled(MIDDLE), held(), lambda case: case.equation),
+    "supports along local axes": (
+        LOCAL, "*DLOAD\nB_EZ1, P2, -10.\n", "*BOUNDARY\nB_Z0, 3\nB_X0, 2\nB_Y0, 1\n", lambda case: True,
+    ),
+    "a rigid body": (
+        REFERENCE + "*RIGID BODY, NSET=B_Z1, REF NODE=999\n*BOUNDARY\n999, 1, 2\n999, 4, 6\n", pulled([999]), CLAMPED,
+        lambda case: case.rigid[0].centre == (0.5, 1.0, 4.0),
+    ),
+    "a rigid coupling": (
+        COUPLED + "*KINEMATIC\n1, 3\n", pulled([999]), CLAMPED, lambda case: case.coupling[0].kind == "rigid",
+    ),
+    "a rigid coupling along z": (
+        COUPLED + "*KINEMATIC\n3, 3\n", pulled([999]), CLAMPED, lambda case: case.coupling[0].components == ("uz",),
+    ),
+    "a distributing coupling": (
+        COUPLED + "*DISTRIBUTING\n1, 6\n", pulled([999]), CLAMPED, lambda case: case.coupling[0].kind == "distributing",
+    ),
+    "weights": (
+        REFERENCE + "*ELEMENT, TYPE=DCOUP3D, ELSET=D\n777, 999\n" + SHARES, pulled([999]), held(),
+        lambda case: case.coupling,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_joints_that_stretch_a_column_evenly(tmp_path, name):
+    more, loads, supports, told = JOINTS[name]
+    found = solved(tmp_path, column(more, loads, supports=supports))
+    np.testing.assert_allclose(found.u(COLUMN.numbers), EVEN * COLUMN.points * [0, 0, 1], atol=1e-12)
+    assert told(found.made.case)
+
+
+def test_an_equation_of_many_terms_runs_over_lines(tmp_path):
+    terms = [f"{n}, 3, {1 / len(TOP)!r}" for n in TOP]
+    lines = ", ".join(terms[:4]) + ",\n" + ", ".join(terms[4:]) + ", 999, 2, -1.\n"
+    text = column(f"{REFERENCE}*EQUATION\n{len(TOP) + 1}\n{lines}", "*BOUNDARY\n999, 2, 2, 0.1\n", nu=NU)
+    assert solved(tmp_path, text).u(TOP)[:, 2].mean() == pytest.approx(0.1, rel=1e-12)
+
+
+def test_a_line_and_a_mean_rotation(tmp_path):
+    edge = [n for n in TOP if COLUMN.points[n - 1, 0] == 0]
+    line = f"*MPC\nSTRAIGHT, {edge[0]}, {edge[2]}, {edge[1]}\n"
+    bent = solved(tmp_path, column(line, pulled([edge[1]]), nu=NU)).u(edge)
+    np.testing.assert_allclose(bent[1, [0, 2]], bent[[0, 2]][:, [0, 2]].mean(axis=0), atol=1e-12)
+    turned = "*NODE\n998, 0., 0., 2.\n*MPC\nMEANROT, " + ", ".join(f"{n},{n},{n}" for n in TOP[:2]) + ",\n"
+    turned += ", ".join(f"{n},{n},{n}" for n in TOP[2:]) + ", 998\n"
+    found = solved(tmp_path, column(turned, "*BOUNDARY\n998, 1, 1, 1e-3\n", supports=CLAMPED))
+    u, x = found.u(TOP), COLUMN.points[np.array(TOP) - 1] - [0.5, 1, 0]
+    angle = (x[:, 0] * u[:, 1] - x[:, 1] * u[:, 0]) / (x[:, :2] ** 2).sum(axis=1)
+    assert angle.mean() == pytest.approx(1e-3, rel=1e-10)
+
+
+def test_forces_and_equations_along_local_axes(tmp_path):
+    side = "*CLOAD\n" + "".join(f"{n}, 1, 1.\n" for n in TOP)
+    turned = solved(tmp_path, column(LOCAL, side, supports=CLAMPED))
+    plain = solved(tmp_path, column("", side.replace(", 1, 1.", ", 2, 1."), supports=CLAMPED))
+    np.testing.assert_allclose(turned.u(COLUMN.numbers), plain.u(COLUMN.numbers), atol=1e-13)
+    axes = f"{REFERENCE}*NSET, NSET=ONE\n{TOP[-1]}\n*TRANSFORM, NSET=ONE\n1., 1., 0., 0., 1., 0.\n"
+    text = column(f"{axes}*EQUATION\n2\n{TOP[-1]}, 1, 1., 999, 1, -1.\n", "*BOUNDARY\n999, 1, 1, 0.01\n")
+    u = solved(tmp_path, text).u([TOP[-1]])[0]
+    assert (u[0] + u[1]) / np.sqrt(2) == pytest.approx(0.01, rel=1e-12)
+
+
+def test_cylindrical_axes_hold_a_sector(tmp_path):
+    """A wedge whose sides slide along the radius: supports across are local 2."""
+    block = Block(low=(1, 0, 0), high=(2, 1, 1), cells=(2, 2, 1))
+    r, angle, z = block.points.T * [[1], [np.pi / 3], [1]]
+    block.places = np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
+    text = bodies(block, nu=0.0) + "*TRANSFORM, NSET=B_N, TYPE=C\n0., 0., 0., 0., 0., 1.\n"
+    text += "*BOUNDARY\nB_Z0, 3\nB_Y0, 2\nB_Y1, 2\n" + step("*BOUNDARY\nB_X0, 1, 1, 0.01\n")
+    u = solved(tmp_path, text).u(block.numbers)
+    across = (-block.places[:, 1] * u[:, 0] + block.places[:, 0] * u[:, 1]) / r
+    np.testing.assert_allclose(across[(angle == 0) | (angle == angle.max())], 0, atol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(u[r == 1], axis=1), 0.01, rtol=1e-9)
+
+
+def test_moments_and_motions_of_a_reference_node(tmp_path):
+    distributing = column(COUPLED + "*DISTRIBUTING\n", "*CLOAD\n999, 4, 3.\n")
+    (record,) = imported(tmp_path, distributing).case.coupling
+    assert [v.at(1.0) for v in record.moment] == [3.0, 0.0, 0.0] and record.at == (0.5, 1.0, 4.0)
+    kinematic = column(COUPLED + "*KINEMATIC\n", "*BOUNDARY\n999, 3, 3, 0.1\n999, 4, 6, 0.\n")
+    (record,) = imported(tmp_path, kinematic).case.coupling
+    assert record.uz.at(1.0) == 0.1 and [v.at(1.0) for v in record.rotation] == [0, 0, 0]
+
+
+def test_a_rotation_about_one_axis(tmp_path):
+    """Prescribed about y, free about x under a moment and about z; with NLGEOM a rigid coupling takes it too."""
+    loads = "*BOUNDARY\n999, 1, 3\n999, 5, 5, 0.01\n*CLOAD\n999, 4, 3.\n"
+    for head in (COUPLED + "*KINEMATIC\n", REFERENCE + "*RIGID BODY, NSET=B_Z1, REF NODE=999\n"):
+        for options in ("", ", NLGEOM"):
+            case = imported(tmp_path, column(head, loads, options=options)).case
+            (one,) = (*case.coupling, *case.rigid)
+            assert (one.rotation[0], one.rotation[1].source, one.rotation[2]) == ("free", 0.01, "free")
+            assert [value.source for value in one.moment] == [3.0, 0.0, 0.0]
+    partly = COUPLED + "*KINEMATIC\n1\n3\n"
+    assert imported(tmp_path, column(partly, loads)).case.coupling[0].components == ("ux", "uz")
+    fixed = "*BOUNDARY\n999, 1, 3\n999, 5, 5, 0.01\n999, 4\n999, 6\n"
+    assert imported(tmp_path, column(partly, fixed, options=", NLGEOM")).case.kinematics == "finite"
+
+
+def test_a_sector(tmp_path):
+    """A sixth of a ring grows evenly; its sides are surfaces of nodes."""
+    mesh = sector("HEXA8", (2, 2, 1), 6)
+    groups = {f"S{name}": mesh.nodes_on(mesh.cells_of(name)) for name in ("a", "b")} | {"ALL": np.arange(mesh.n_nodes)}
+    block = mesh.block("HEXA8")
+    body = lacmesh.Mesh.create(
+        mesh.points, [("HEXA8", block)], cell_groups={"B": np.arange(len(block))}, node_groups=groups
+    )
+    lacmesh.write(tmp_path / "mesh.inp", body)
+    text = (tmp_path / "mesh.inp").read_text() + section()
+    text += "".join(f"*SURFACE, NAME=SIDE_{name}, TYPE=NODE\nS{name}\n" for name in ("a", "b"))
+    text += "*TIE, NAME=T1, CYCLIC SYMMETRY\nSIDE_a, SIDE_b\n*BOUNDARY\nALL, 3\n"
+    text += "*CYCLIC SYMMETRY MODEL, N=6, TIE=T1\n0., 0., 0., 0., 0., 1.\n"
+    x, number = mesh.points, mesh.node_number
+    r = np.linalg.norm(x[:, :2], axis=1)
+    edge = np.flatnonzero((r < 1.001) | (r > 1.999))
+    grown = "".join(f"{number[k]}, {c + 1}, {c + 1}, {0.01 * float(x[k, c])!r}\n" for k in edge for c in (0, 1))
+    found = solved(tmp_path, text + step("*BOUNDARY\n" + grown))
+    np.testing.assert_allclose(found.u(number), 0.01 * x * [1, 1, 0], atol=1e-12)
+    assert found.made.case.cyclic[0].sectors == 6
+
+
+# ---- materials
 ORTHOTROPIC = (
     "*MATERIAL, NAME=W\n*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1000., 500., 200., 0.3, 0.2, 0.1, 150., 120.,\n90.\n"
 )
@@ -382,9 +409,7 @@ def test_orthotropic_material_in_turned_axes(tmp_path):
     deck = COLUMN.text() + ORTHOTROPIC + "*ORIENTATION, NAME=O\n0., 0., 1., 0., 1., 0.\n"
     deck += "*SOLID SECTION, ELSET=B, MATERIAL=W, ORIENTATION=O\n" + held() + step("*DLOAD\nB_EZ1, P2, 20.\n")
     u, X = solved(tmp_path, deck).u(COLUMN.numbers), COLUMN.points
-    assert np.allclose(u[:, 2], -20 / 1000 * X[:, 2], atol=1e-12)
-    assert np.allclose(u[:, 1], 0.3 * 20 / 1000 * X[:, 1], atol=1e-12)
-    assert np.allclose(u[:, 0], 0.2 * 20 / 1000 * X[:, 0], atol=1e-12)
+    np.testing.assert_allclose(u, 20 / 1000 * X * [0.2, 0.3, -1], atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", ["ORTHO", "ANISO"])
@@ -407,224 +432,63 @@ def test_stiffness_and_engineering_constants_agree(tmp_path, kind):
 
 def test_neo_hookean(tmp_path):
     """C10 and D1 give the shear and the bulk modulus; a column has the stretches of the law with these."""
-    deck = column("", "*BOUNDARY\nB_Z1, 3, 3, 0.9\n", options=", NLGEOM").replace(
+    deck = column("", "*BOUNDARY\nB_Z1, 3, 3, 0.9\n", options=", NLGEOM", nu=NU).replace(
         "*ELASTIC\n1000., 0.3\n", "*HYPERELASTIC, NEO HOOKE\n40., 0.01\n"
     )
     found = solved(tmp_path, deck)
-    mu, bulk = 80.0, 200.0
-    lame = bulk - 2 * mu / 3
-    axial = 1.3
+    mu, axial = 80.0, 1.3
+    lame = 200.0 - 2 * mu / 3
     # no stress across: mu (b - 1) + lame ln J = 0, with b = across^2 and J = axial b
     across = np.sqrt(brentq(lambda b: mu * (b - 1) + lame * np.log(axial * b), 0.1, 1.0, xtol=1e-14))
     assert np.allclose(found.u(COLUMN.at(0, 1))[:, 0], across - 1, rtol=1e-7)
 
 
-def test_plane_strain_of_a_thickness(tmp_path):
-    """Forces are those of the whole thickness."""
-    deck = "*NODE, NSET=N\n1, 0, 0\n2, 1, 0\n3, 1, 2\n4, 0, 2\n*ELEMENT, TYPE=CPE4, ELSET=B\n1, 1, 2, 3, 4\n"
-    deck += "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n4.\n"
-    deck += "*BOUNDARY\n1, 1, 3\n2, 2\n" + step("*CLOAD\n3, 2, 6.\n4, 2, 6.\n")
-    found = solved(tmp_path, deck)
-    assert found.made.case.model == "plane_strain"
-    assert found.made.case.force[0].fy.source == 6.0
-    assert np.allclose(found.u([3, 4])[:, 1], 12 / 4 / E * 2)
+# ---- plane models
+
+#: a plate or a ring of four elements' sides 1 and 2, and its supports
+PLATE = "*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 2\n4, 1, 2\n*ELEMENT, TYPE={element}, ELSET=B\n1, 1, 2, 3, 4\n"
+PLATE += ELASTIC.format(nu=0.0) + "*SOLID SECTION, ELSET=B, MATERIAL=EL\n4.\n*BOUNDARY\n1, 2\n2, 2\n{more}"
+
+
+@pytest.mark.parametrize(
+    ("element", "model", "more", "area", "shares"),
+    [
+        ("CPE4", "plane_strain", "1, 1, 3\n", 4.0, (0.5, 0.5)),
+        ("CPS4", "plane_stress", "1, 1\n", 4.0, (0.5, 0.5)),
+        ("CAX4", "axisymmetric", "", np.pi * 3, (4 / 9, 5 / 9)),
+    ],
+)
+def test_plane_models(tmp_path, element, model, more, area, shares):
+    """Forces are those of the whole thickness, or of the full circle of a ring."""
+    load = step(f"*CLOAD\n4, 2, {12 * shares[0]!r}\n3, 2, {12 * shares[1]!r}\n")
+    found = solved(tmp_path, PLATE.format(element=element, more=more) + load)
+    assert found.made.case.model == model
+    np.testing.assert_allclose(found.u([3, 4])[:, 1], 12 / area / E * 2, rtol=1e-9)
 
 
 @pytest.mark.parametrize("element", ["CPS4", "CPE4"])
 def test_sections_of_several_thicknesses(tmp_path, element):
     """Two plates one over the other, 4 and 2 thick: 12 / (E A) h of each; a third one shares the second's section."""
-    deck = "*NODE\n" + "".join(
-        f"{1 + 2 * k + j}, {j + 3 * (k > 3)}, {k - (k > 1) - 3 * (k > 3)}\n" for k in range(6) for j in (0, 1)
-    )
-    deck += f"*ELEMENT, TYPE={element}, ELSET=LOW\n1, 1, 2, 4, 3\n"
-    deck += (
-        f"*ELEMENT, TYPE={element}, ELSET=UP\n2, 5, 6, 8, 7\n*ELEMENT, TYPE={element}, ELSET=BESIDE\n3, 9, 10, 12, 11\n"
-    )
-    deck += ELASTIC.format(nu=0.0) + "".join(
-        f"*SOLID SECTION, ELSET={name}, MATERIAL=EL\n{thick}\n"
-        for name, thick in (("LOW", 4), ("UP", 2), ("BESIDE", 2))
-    )
-    deck += "*SURFACE, NAME=S\nUP, S1\n*SURFACE, NAME=M\nLOW, S3\n*TIE, NAME=T, POSITION TOLERANCE=0.1\nS, M\n"
-    deck += "*BOUNDARY\n1, 1, 2\n2, 1, 2\n9, 1, 2\n10, 1, 2\n5, 1\n7, 1\n" + step(
-        "*CLOAD\n7, 2, 6.\n8, 2, 6.\n12, 2, 1.\n11, 2, 1.\n"
-    )
-    found = solved(tmp_path, deck)
+    corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+    places = [(x + dx, y + dy) for dx, dy in ((0, 0), (0, 1), (3, 0)) for x, y in corners]
+    deck = "*NODE\n" + "".join(f"{k}, {x}, {y}\n" for k, (x, y) in enumerate(places, 1))
+    for k, (name, thick) in enumerate((("LOW", 4), ("UP", 2), ("BESIDE", 2))):
+        a, b, c, d = (4 * k + j for j in (1, 2, 4, 3))
+        deck += f"*ELEMENT, TYPE={element}, ELSET={name}\n{k + 1}, {a}, {b}, {c}, {d}\n"
+        deck += f"*SOLID SECTION, ELSET={name}, MATERIAL=EL\n{thick}\n"
+    deck += ELASTIC.format(nu=0.0) + "*SURFACE, NAME=S\nUP, S1\n*SURFACE, NAME=M\nLOW, S3\n"
+    deck += "*TIE, NAME=T, POSITION TOLERANCE=0.1\nS, M\n*BOUNDARY\n1, 1, 2\n2, 1, 2\n9, 1, 2\n10, 1, 2\n5, 1\n7, 1\n"
+    found = solved(tmp_path, deck + step("*CLOAD\n7, 2, 6.\n8, 2, 6.\n12, 2, 1.\n11, 2, 1.\n"))
     assert found.made.case.thickness == {"LOW": 4.0, "thick": 2.0}
-    assert np.allclose(found.u([3, 4])[:, 1], 12 / 4 / E, rtol=1e-9)
-    assert np.allclose(found.u([7, 8])[:, 1], 12 / 4 / E + 12 / 2 / E, rtol=1e-9)
-    assert np.allclose(found.u([11, 12])[:, 1], 2 / 2 / E, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("element", "model"), [("CPS4", "plane_stress"), ("CAX4", "axisymmetric")])
-def test_plane_models(tmp_path, element, model):
-    """Plane stress of a thickness, and a ring: pulled by forces, those of the ring of its full circle."""
-    deck = f"*NODE\n1, 1, 0\n2, 2, 0\n3, 2, 2\n4, 1, 2\n*ELEMENT, TYPE={element}, ELSET=B\n1, 1, 2, 3, 4\n"
-    deck += "*MATERIAL, NAME=EL\n*ELASTIC\n1000., 0.\n*SOLID SECTION, ELSET=B, MATERIAL=EL\n4.\n"
-    deck += "*BOUNDARY\n1, 2\n2, 2\n" + ("1, 1\n" if element == "CPS4" else "")
-    area = 4.0 if element == "CPS4" else np.pi * (2**2 - 1)
-    shares = (0.5, 0.5) if element == "CPS4" else (np.pi * 4 / 3 / area, np.pi * 5 / 3 / area)  # consistent forces
-    load = step(f"*CLOAD\n4, 2, {12 * shares[0]!r}\n3, 2, {12 * shares[1]!r}\n")
-    found = solved(tmp_path, deck + load)
-    assert found.made.case.model == model
-    assert np.allclose(found.u([3, 4])[:, 1], 12 / area / E * 2, rtol=1e-9)
-
-
-def test_probes_and_notes(tmp_path):
-    text = column("", "*DLOAD\nB_EZ1, P2, 20.\n*NODE PRINT, NSET=B_Z1\nU, RF\n*EL PRINT, ELSET=B\nS\n*NODE FILE\nU\n")
-    found = solved(tmp_path, text)
-    assert len(found.made.case.probe) == len(COLUMN.at(2, 3))
-    levels = {finding.card: finding.level for finding in found.made.findings}
-    assert levels == {"NODE PRINT": "note", "EL PRINT": "note", "NODE FILE": "note"}
+    for nodes, length in (([3, 4], 12 / 4), ([7, 8], 12 / 4 + 12 / 2), ([11, 12], 2 / 2)):
+        np.testing.assert_allclose(found.u(nodes)[:, 1], length / E, rtol=1e-9)
 
 
 def test_names_of_sides_and_supports(tmp_path):
     """Supports keep the names of their sets; a set of elements that has the name of a surface keeps its own."""
     deck = COLUMN.text() + "*SURFACE, NAME=B\nB_EZ1, S2\n" + section() + held() + step("*DSLOAD\nB, P, 20.\n")
-    made = imported(tmp_path, deck)
-    assert {record.group for record in made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
-    (pressure,) = made.case.pressure
-    assert len(made.mesh.cell_groups[pressure.group]) == 2
-    assert np.allclose(solved(tmp_path, deck).u(COLUMN.at(2, 3))[:, 2], -20 / E * 3)
-
-
-ABAQUS = """\
-*Heading
-** Job name: press
-*Preprint, echo=NO, model=NO
-*Part, name=Body
-{mesh}*Solid Section, elset=B, material=Steel
-,
-*Solid Section, elset=C, material=Steel
-,
-*End Part
-*Assembly, name=Assembly
-*Instance, name=Body-1, part=Body
-*End Instance
-*Surface, type=ELEMENT, name=Upper
-Body-1.C_EZ0, S1
-*Surface, type=ELEMENT, name=Lower
-Body-1.B_EZ1, S2
-*Surface, type=ELEMENT, name=Press
-Body-1.C_EZ1, S2
-*Nset, nset=Held, instance=Body-1
-B_Z0
-*End Assembly
-*Material, name=Steel
-*Elastic
-1000., 0.
-*Surface Interaction, name=Touch
-1.,
-*Friction, slip tolerance=0.005
-0.,
-*Surface Behavior, pressure-overclosure=HARD
-*Contact Pair, interaction=Touch, type=SURFACE TO SURFACE
-Upper, Lower
-*Boundary
-Held, ENCASTRE
-Body-1.C_X0, XSYMM
-Body-1.C_Y0, YSYMM
-*Step, name=Press, nlgeom=NO
-*Static
-1., 1., 1e-05, 1.
-*Dsload
-Press, P, 20.
-*Restart, write, frequency=0
-*Output, field, variable=PRESELECT
-*Output, history
-*Node Output
-U,
-*End Step
-"""
-
-
-def test_a_deck_as_abaqus_writes_it(tmp_path):
-    """A part, its instance, an assembly; supports by their names; output that is noted."""
-    below, above = two_blocks()
-    found = solved(tmp_path, ABAQUS.format(mesh=below.text() + above.text()))
-    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
-    assert np.allclose(found.u(above.at(2, 2))[:, 2], -20 / E * 2, rtol=1e-9)
-    assert {finding.level for finding in found.made.findings} == {"note"}
-
-
-def test_names_in_quotes_are_those_of_parts_and_instances(tmp_path):
-    """Abaqus quotes names with blanks; the deck is the same as with names of one word."""
-    below, above = two_blocks()
-    text = ABAQUS.format(mesh=below.text() + above.text())
-    for name, quoted in (("Body-1", '"The body-1"'), ("Body\n", '"The body"\n')):
-        text = text.replace(name, quoted)
-    found = solved(tmp_path, text)
-    assert '"The body-1".B_EZ1' in text and 'part="The body"' in text
-    assert np.allclose(found.zone.pressure, 20, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("cards", "friction", "limit"),
-    [
-        ("*FRICTION\n0.3, 1e5\n", 0.3, None),
-        ("*FRICTION, TAUMAX=7.\n0.3\n", 0.3, 7.0),
-        ("*FRICTION, ROUGH\n", np.inf, None),
-        ("*FRICTION\n0.\n", 0.0, None),
-    ],
-)
-def test_friction_of_a_deck(tmp_path, cards, friction, limit):
-    below, above = two_blocks()
-    made = imported(tmp_path, on_each_other(below, above, CONTACT + cards, "*DLOAD\nC_EZ1, P2, 20.\n"))
-    (contact,) = made.case.contact
-    assert contact.friction.source == friction
-    assert (contact.shear_limit and contact.shear_limit.source) == limit
-
-
-STIFFER = "*CHANGE SURFACE BEHAVIOR, INTERACTION=SI\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n8000.\n"
-
-
-def softly(loads=("", STIFFER, "")):
-    """Two blocks under a pressure of 20 on linear contact, which steps may change."""
-    below, above = two_blocks()
-    law = "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n5000.\n"
-    deck = on_each_other(below, above, CONTACT + law, f"{loads[0]}*DLOAD\nC_EZ1, P2, 20.\n*NODE PRINT, NSET=C_N\nU\n")
-    return deck + "".join(step(f"{load}*NODE PRINT, NSET=C_N\nU\n") for load in loads[1:]), above
-
-
-def test_pressure_per_overlap_that_a_step_changes(tmp_path):
-    """It is that of the model in the first step, and another one from the second step on."""
-    deck, above = softly()
     found = solved(tmp_path, deck)
-    for time, stiffness in ((1.0, 5000), (2.0, 8000), (3.0, 8000)):
-        (k,) = (k for k, state in enumerate(found.states) if abs(state.time - time) < 1e-9)
-        assert np.allclose(found.u(above.at(2, 2), k)[:, 2], -20 / E * 2 - 20 / stiffness, rtol=1e-9)
-    (contact,) = imported(tmp_path, softly(("", ""))[0]).case.contact
-    assert contact.stiffness.source == 5000
-
-
-def test_friction_that_steps_change(tmp_path):
-    """A block that is pressed and pushed slides with the coefficient of each step."""
-    below, above = Block("B", high=(2, 1, 1), cells=(4, 1, 2)), Block("C", (0, 0, 1), (2, 1, 2), (3, 2, 2), first=10000)
-    deck = below.text() + above.text() + PAIR + section("B", nu=0.0) + "*SOLID SECTION, ELSET=C, MATERIAL=EL\n"
-    deck += "*BOUNDARY\nB_Z0, 1, 3\nB_Y0, 2\nC_Y0, 2\n" + CONTACT + "*FRICTION\n0.3\n"
-    deck += step("*DLOAD\nC_EZ1, P2, 20.\n*BOUNDARY\nC_X0, 1, 1, 0.1\n")
-    for value in (0.1, 0.0):
-        change = f"*CHANGE FRICTION, INTERACTION=SI\n*FRICTION\n{value}\n"
-        deck += step(change + f"*BOUNDARY\nC_X0, 1, 1, {0.3 - value}\n")
-    found = solved(tmp_path, deck)
-    zones = {round(state.time, 6): state.zones[0] for state in found.states}
-    for time, friction in ((1.0, 0.3), (2.0, 0.1), (3.0, 0.0)):
-        force, along = (zones[time].traction * zones[time].area[:, None]).T, np.abs(zones[time].traction[:, :2])
-        assert abs(force[2].sum()) == pytest.approx(40, rel=1e-9)
-        assert abs(force[0].sum()) == pytest.approx(40 * friction, rel=1e-4, abs=1e-8)
-        assert np.allclose(np.hypot(*along.T), friction * zones[time].pressure, rtol=1e-8, atol=1e-8)
-
-
-def test_a_displacement_among_the_models_data(tmp_path):
-    """It grows over the first step, as if it stood in that, and the supports at 0 hold from the start."""
-    block = Block("B", high=(1, 1, 1), cells=(1, 1, 2), element="C3D8")
-    model = block.text() + section() + held()
-    moved = "*BOUNDARY\nB_Z1, 3, 3, -0.01\n"
-    print_u = "*NODE PRINT, NSET=B_N\nU\n"
-    before, inside = (
-        solved(tmp_path, text)  #
-        for text in (model + moved + step(print_u), model + step(moved + print_u))
-    )
-    np.testing.assert_array_equal(before.states[-1].u, inside.states[-1].u)
-    assert before.u(block.at(2, 1))[:, 2] == pytest.approx(-0.01)
-    (found,) = [one for one in before.made.findings if "among the model's data" in one.message]
-    assert found.level == "note"
+    assert {record.group for record in found.made.case.displacement} == {"B_X0", "B_Y0", "B_Z0"}
+    (pressure,) = found.made.case.pressure
+    assert len(found.made.mesh.cell_groups[pressure.group]) == 2
+    assert np.allclose(found.u(TOP)[:, 2], -20 / E * 3)

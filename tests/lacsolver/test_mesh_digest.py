@@ -17,7 +17,7 @@ from lacmesh.partition import cut_part, distribute_nodes, part_of
 from lacsolver.case import changed, fingerprint, fingerprint_as, parse_case
 from lacsolver.case.row_sums import ROWS, row_sums
 from tests.lacsolver.distributed.mpi import ROOT
-from tests.lacsolver.test_case_same import NAMED, mesh
+from tests.lacsolver.test_case_values import NAMED, mesh
 from tests.meshes import random_mesh
 
 #: names groups of cells and of nodes, and an entity

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacsolver.cli import main
 from tests import REPOSITORY
 
 sys.path.append(str(REPOSITORY / "benchmarks"))
@@ -28,15 +27,6 @@ RMS = {"CalculiX": 0.054, "NGSolve": 0.025, "GetFEM": 0.029}
 
 
 def answer(code, pair, folder):
-    """Answer of a code to a pair; ours is run in this process."""
-    if code in (OURS, CURRENT):
-        _, _, _, *words = code.write(pair, folder)
-        assert main(words) == 0
-        return code.read(pair, folder)
-    return in_a_process(code, pair, folder)
-
-
-def in_a_process(code, pair, folder):
     """Answer of a code to a pair, obtained as the benchmark does."""
     found = peers.solved(code, pair, folder)
     assert isinstance(found, peers.Run), found
@@ -46,15 +36,7 @@ def in_a_process(code, pair, folder):
 @pytest.fixture(scope="module")
 def ours(tmp_path_factory):
     """Our answer at N = 8."""
-    return in_a_process(OURS, hertz(8), tmp_path_factory.mktemp("ours"))
-
-
-@pytest.mark.parametrize("code", [OURS, CURRENT], ids=["reference", "current"])
-@pytest.mark.parametrize("lower, upper, skew", PATCH)
-def test_patch_is_as_exact_as_the_best_published(lower, upper, skew, code, tmp_path):
-    found = answer(code, blocks((lower, lower, 2), (upper, upper, 2), skew), tmp_path)
-    assert found["stress"] <= max(PATCH[lower, upper, skew], 1e-12)
-    assert found["iterations"] <= 2
+    return answer(OURS, hertz(8), tmp_path_factory.mktemp("ours"))
 
 
 def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(ours):
@@ -62,13 +44,6 @@ def test_hertz_is_closer_than_what_is_published_of_penalties_and_ray_tracing(our
     assert set(found) == {"p_m", "recovered"}
     assert all(errors.rms < min(RMS.values()) and abs(errors.peak) < 0.023 for errors in found.values())
     assert ours["iterations"] <= 8
-
-
-def test_hertz_is_closer_than_anything_published_once_the_mesh_is_fine(tmp_path):
-    """N = 16: Kratos 0.0032, CalculiX 0.0028."""
-    found = peers.errors(answer(OURS, hertz(16), tmp_path))
-    assert found["p_m"].rms < 0.0028
-    assert abs(found["p_m"].peak) < 0.0045 and abs(found["recovered"].peak) < 0.0045
 
 
 @pytest.mark.calculix
@@ -80,14 +55,6 @@ def test_closer_than_calculix_on_the_same_mesh(code, ours, tmp_path):
         assert errors.rms < theirs.rms and abs(errors.peak) < abs(theirs.peak)
 
 
-@pytest.mark.calculix
-def test_patch_is_closer_than_calculix_on_the_same_mesh(tmp_path):
-    pair = blocks((5, 5, 2), (4, 4, 2), 0.05)
-    theirs = answer(CALCULIX[0], pair, tmp_path)["stress"]
-    assert 1e-8 < theirs < 1e-5
-    assert answer(OURS, pair, tmp_path)["stress"] < 1e-3 * theirs
-
-
 def test_meshes_are_those_that_others_were_measured_on():
     """Their size, their bodies' (the cylinder's is that of its arc), slave faces to the half-width."""
     pair = hertz(16)
@@ -97,14 +64,8 @@ def test_meshes_are_those_that_others_were_measured_on():
     arc = pair.upper.points[np.unique(pair.upper.sides["slave"])]
     assert np.hypot(arc[:, 0], arc[:, 1] - RADIUS) == pytest.approx(np.full(len(arc), RADIUS))
     assert arc[:, 0].max() == 40
-
-
-@pytest.mark.parametrize("pair", [hertz(4), blocks((5, 5, 2), (4, 4, 2), 0.05)], ids=["hertz", "blocks"])
-def test_meshes_are_sound(pair):
-    """Meshes that the case cuts have no error; skins face one another."""
-    mesh = mesh_of(pair)
-    wrong = [finding.rule for finding in lacmesh.check(mesh, "slave", "master") if finding.severity == "error"]
-    assert wrong == []
+    for pair in (hertz(4), blocks((5, 5, 2), (4, 4, 2), 0.05)):  # those that the case cuts have no error
+        assert lacmesh.check(mesh_of(pair), "slave", "master").errors == ()
 
 
 def test_the_measure_sees_errors():
@@ -126,11 +87,6 @@ def test_others_are_given_the_same_problem(tmp_path):
         assert (body.points == other.points).all() and (body.cells == other.cells).all() and body.young == other.young
         assert body.sides.keys() == other.sides.keys()
         assert all((body.sides[name] == nodes).all() for name, nodes in other.sides.items())
-
-
-def test_what_is_absent_is_told():
-    code = peers.in_python("peer_none", "None", "no_such_package", sys.executable)
-    assert "no_such_package" in code.absent()
 
 
 def test_exact_shear_stresses_have_no_error():

@@ -11,10 +11,8 @@ import itertools
 import numpy as np
 import pytest
 
-from lacsolver.equilibrium.load_step import _NEAR, LoadStep
+from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.equilibrium.stepping import march
-from lacsolver.saddle.stiffness import FactorCache
 from tests.lacsolver.contact_cases import JOINT, held
 from tests.lacsolver.finite_cases import YOUNG, problem_of, waves
 from tests.samples import each_option
@@ -24,17 +22,15 @@ pytestmark = pytest.mark.filterwarnings("ignore:contact 'slave'. .* its curvatur
 
 #: of a central difference, and what it is good for
 STEP, EXACT = 1e-6, 1e-7
-#: displacements, where cells are a fifth to a third of 1
-SIZE = 4e-3
 
 
 class Moved:
     """A problem at a random displacement, under random pressures."""
 
-    def __init__(self, mesh, sections, *, t=1.0, size=SIZE, **options):
+    def __init__(self, mesh, sections, *, t=1.0, **options):
         self.model = ReducedProblem(problem_of(mesh, sections, **options))
         self.now, self.rng = LoadStep(self.model, t), np.random.default_rng(0)
-        self.q = size * self.direction()
+        self.q = 4e-3 * self.direction()  # where cells are a fifth to a third of 1
         self.there = self.now.linearize(self.q)
         contact = self.there.contact
         assert all(face.coverage.min() > 1 - 1e-9 for face in self.now.interfaces(self.q)), "nothing at the rim"
@@ -64,61 +60,13 @@ class Moved:
         return np.array([np.abs(f - m).max() / np.abs(m).max() for f, m in zip(found, made, strict=True)])
 
 
-def ground(dim, **values):
-    """The lower block's bottom is held."""
-    return held("bottom", **{f"u{a}": 0.0 for a in "xyz"[:dim]}, **values)
-
-
 FOLLOWER = '[[pressure]]\ngroup = "x0"\nvalue = "50 * (1 + y)"\nfollower = true\n'
+WARM = '[[temperature]]\ngroups = ["upper"]\nvalue = "80 * t * (1 + 0.3 * x)"\n[[spring]]\ngroup = "x1"\nky = 300.0\n'
 MODELS = ("plane_strain", "plane_stress", "axisymmetric", "3d")
 LAWS = ("saint_venant_kirchhoff", "neo_hookean")
 MEASURES = ("reference", "current")
+OF = {2: "plane_strain", 3: "3d"}
 PAIRS = {2: ("QUAD4", "TRIA3"), 3: ("HEXA8", "PENTA6 triangle")}
-
-
-def on_top(dim):
-    """The upper block's top is held where it is moved to, but for one component."""
-    return held("top", **{f"u{a}": v for a, v in zip("xyz"[: dim - 1], (0.002, -0.001), strict=False)})
-
-
-def dimension(model):
-    return 3 if model == "3d" else 2
-
-
-def joint(measure="reference", normals="facet"):
-    return JOINT + f'measure = "{measure}"\nnormals = "{normals}"\nsearch_distance = 0.6\n'
-
-
-@pytest.mark.parametrize("model, law, measure", each_option(itertools.product(MODELS, LAWS, MEASURES)))
-def test_every_model_and_law(model, law, measure):
-    """Straight slave faces with their own normals in front of many: gaps are open by a tenth of the block."""
-    dim = dimension(model)
-    mesh = waves(*PAIRS[dim], dim, gap=0.1)
-    sections = joint(measure) + ground(dim) + on_top(dim) + FOLLOWER
-    made = Moved(mesh, sections, model=model, law=law)
-    assert made.errors().max() <= EXACT
-
-
-@pytest.mark.parametrize("model", MODELS)
-def test_a_body_that_only_contact_holds(model):
-    """The stabilisation of the factor of K is no part of the tangent."""
-    dim = dimension(model)
-    made = Moved(waves(*PAIRS[dim], dim, gap=0.1), joint() + ground(dim) + FOLLOWER, model=model)
-    assert made.there.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)
-    assert (made.model.stabilization.springs is None) == (model == "axisymmetric") and made.errors().max() <= EXACT
-
-
-@pytest.mark.filterwarnings("ignore:poisson = 0.49 makes PYRAM5 far too stiff")
-@pytest.mark.parametrize("model", MODELS[:1] + MODELS[2:])
-def test_mean_dilatation(model):
-    """Nearly incompressible, where linear cells take the volume's mean."""
-    dim, kind = dimension(model), "HEXA8" if model == "3d" else "QUAD4"
-    mesh = waves(kind, kind, dim, gap=0.05, counts=(2, 1))
-    made = Moved(mesh, joint("current") + ground(dim) + on_top(dim), model=model, poisson=0.49)
-    (law,) = made.model.problem.materials.laws
-    assert law.mean_dilatation and made.errors().max() <= EXACT
-
-
 BODIES = {
     "2d, free": (2, "fx = 30.0\nfy = -40.0\nmoment = 25.0\n"),
     "2d, free to turn": (2, "uy = -0.02\nmoment = 25.0\n"),
@@ -129,37 +77,54 @@ BODIES = {
 }
 
 
+def on_top(dim):
+    """The upper block's top is held where it is moved to, but for one component."""
+    return held("top", **{f"u{a}": v for a, v in zip("xyz"[: dim - 1], (0.002, -0.001), strict=False)})
+
+
+def made(model, sections, measure="reference", normals="facet", pair=None, gap=0.1, counts=(3, 4), **options):
+    """A problem of two blocks that wave; the lower one's bottom is held. Gaps are open by a tenth of the block."""
+    dim = 3 if model == "3d" else 2
+    joint = JOINT + f'measure = "{measure}"\nnormals = "{normals}"\nsearch_distance = 0.6\n'
+    mesh = waves(*(pair or PAIRS[dim]), dim, gap=gap, counts=counts)
+    ground = held("bottom", **{f"u{a}": 0.0 for a in "xyz"[:dim]})
+    return Moved(mesh, joint + ground + sections, model=model, **options)
+
+
+@pytest.mark.parametrize("model, law, measure", each_option(itertools.product(MODELS, LAWS, MEASURES)))
+def test_every_model_and_law(model, law, measure):
+    """Straight slave faces with their own normals in front of many."""
+    own = made(model, on_top(3 if model == "3d" else 2) + FOLLOWER, measure, law=law)
+    assert own.errors().max() <= EXACT
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_body_that_only_contact_holds(model):
+    """The stabilisation of the factor of K is no part of the tangent, and entries of K say little of such motions."""
+    own = made(model, FOLLOWER)
+    assert own.there.free.shape[1] == {"3d": 6, "axisymmetric": 1}.get(model, 3)
+    assert (own.model.stabilization.springs is None) == (model == "axisymmetric") and own.errors().max() <= EXACT
+
+
 @pytest.mark.parametrize("name, measure", each_option(itertools.product(BODIES, MEASURES)))
 def test_rigid_masters(name, measure):
     """Turned by 0.2 or so already where they are free to."""
     dim, body = BODIES[name]
-    mesh = waves(*PAIRS[dim], dim, gap=0.1)
-    sections = joint(measure) + ground(dim) + f'[[rigid]]\ngroup = "upper"\n{body}'
-    made = Moved(mesh, sections, model="3d" if dim == 3 else "plane_strain")
-    (rigid,) = made.model.problem.constraints.rigid
+    own = made(OF[dim], f'[[rigid]]\ngroup = "upper"\n{body}', measure)
+    (rigid,) = own.model.problem.constraints.rigid
     turns = np.asarray(rigid.columns)[dim:][rigid.free[dim:]]
     assert len(turns) == (0 if "prescribed" in name else 2 * dim - 3)
-    made.q[turns] = [0.1, -0.06, 0.2][: len(turns)]
-    made.there = made.now.linearize(made.q)
-    assert made.now.interfaces(made.q)[0].coverage.min() > 1 - 1e-9 and made.errors().max() <= EXACT
+    own.q[turns] = [0.1, -0.06, 0.2][: len(turns)]
+    own.there = own.now.linearize(own.q)
+    assert own.now.interfaces(own.q)[0].coverage.min() > 1 - 1e-9 and own.errors().max() <= EXACT
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_warm_bodies_on_springs(model):
     """Temperature is in the law; springs pull where nodes were."""
-    dim = dimension(model)
-    warm = (
-        '[[temperature]]\ngroups = ["upper"]\nvalue = "80 * t * (1 + 0.3 * x)"\n[[spring]]\ngroup = "x1"\nky = 300.0\n'
-    )
-    made = Moved(
-        waves(*PAIRS[dim], dim, gap=0.1),
-        joint() + ground(dim) + on_top(dim) + warm,
-        model=model,
-        more="expansion = 1e-3\n",
-    )
-    cold = made.model.problem.kinematics.internal_force(made.now.u(made.q), 0.0)
-    hot = made.model.problem.kinematics.internal_force(made.now.u(made.q), 1.0)
-    assert np.abs(hot - cold).max() > 0.1 * np.abs(hot).max() and made.errors().max() <= EXACT
+    own = made(model, on_top(3 if model == "3d" else 2) + WARM, more="expansion = 1e-3\n")
+    cold, hot = (own.model.problem.kinematics.internal_force(own.now.u(own.q), t) for t in (0.0, 1.0))
+    assert np.abs(hot - cold).max() > 0.1 * np.abs(hot).max() and own.errors().max() <= EXACT
 
 
 SHAPES = [(2, "QUAD8", "TRIA6"), (3, "TETRA10", "HEXA8"), (3, "HEXA8", "HEXA20")]
@@ -169,29 +134,12 @@ SHAPES = [(2, "QUAD8", "TRIA6"), (3, "TETRA10", "HEXA8"), (3, "HEXA8", "HEXA20")
     "shapes, normals, measure", each_option(itertools.product(SHAPES, ("facet", "smoothed"), MEASURES))
 )
 def test_faces_of_any_shape_in_front_of_one(shapes, normals, measure):
-    dim, slave, master = shapes
-    mesh = waves(slave, master, dim, gap=0.1, counts=(2, 1))
-    made = Moved(mesh, joint(measure, normals) + ground(dim) + on_top(dim), model="3d" if dim == 3 else "plane_strain")
-    assert made.errors().max() <= EXACT
-
-
-@pytest.mark.parametrize(
-    "kinds, measure", each_option(itertools.product([("QUAD8", "QUAD4", 2), ("TETRA4", "HEXA8", 3)], MEASURES))
-)
-def test_what_smoothed_normals_leave_out_goes_with_the_gap(kinds, measure):
-    """In front of many faces: 2e-3 of the largest entry at a gap of 0.1 of a block, 1e-6 at a tenth of that."""
-    dim = kinds[2]
-    worst = []
-    for gap in (0.1, 0.01):
-        mesh = waves(*kinds, gap=gap, size=0.2 * gap)
-        sections = joint(measure, "smoothed") + ground(dim) + on_top(dim)
-        made = Moved(mesh, sections, model="3d" if dim == 3 else "plane_strain", size=0.02 * gap)
-        worst.append(made.errors())
-    assert (worst[0] <= 2e-3).all() and (worst[1] <= 1e-6).all()
+    dim, *pair = shapes
+    own = made(OF[dim], on_top(dim), measure, normals, pair=pair, counts=(2, 1))
+    assert own.errors().max() <= EXACT
 
 
 # ---- foreseen from another displacement
-
 
 FORESEEN = {
     "prescribed displacement": (2, held("top", ux="0.3 * t", uy="-0.2 * t")),
@@ -207,26 +155,24 @@ FORESEEN = {
 def test_what_is_foreseen_is_the_first_order_of_what_comes(name):
     """From 10 times nearer, 100 times better; from where it is, the same."""
     dim, sections = FORESEEN[name]
-    more = "expansion = 1e-3\n" if name == "temperature" else ""
-    mesh = waves(*PAIRS[dim], dim, gap=0.1)
-    made = Moved(mesh, joint("current") + ground(dim) + sections, model="3d" if dim == 3 else "plane_strain", more=more)
-    wanted, G = made.forces(made.q)
+    own = made(OF[dim], sections, "current", more="expansion = 1e-3\n" if name == "temperature" else "")
+    wanted, G = own.forces(own.q)
     off = []
     for ahead in (1e-2, 1e-3, 0.0):
-        u = LoadStep(made.model, 1.0 - ahead).u(made.q)
-        seen = made.now.predictor(made.q, u, made.p)
-        forces = seen.r - seen.contact.rows.B_T @ made.p
-        off.append(
-            (np.abs(forces - wanted).max() / np.abs(wanted).max(), np.abs(seen.contact.G - G).max() / np.abs(G).max())
-        )
+        seen = own.now.predictor(own.q, LoadStep(own.model, 1.0 - ahead).u(own.q), own.p)
+        forces = seen.r - seen.contact.rows.B_T @ own.p
+        pairs = (forces, wanted), (seen.contact.G, G)
+        off.append([np.abs(one - other).max() / np.abs(other).max() for one, other in pairs])
     for far, near, same in zip(*off, strict=True):
         assert same <= 1e-14 and far <= 1e-2 and near <= max(far / 50, 1e-12)
 
 
 def test_a_factor_serves_as_long_as_the_tangent_is_near_it():
-    """The change is all that K lacks; far from it, with damping, and in the next step, there is a new factor."""
-    mesh, sections = waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + held("top", ux=0.01, uy=0.0, uz=-0.05)
-    first = Moved(mesh, sections)
+    """The change is all that K lacks; far from it, with damping, and in the next step, there is a new factor.
+
+    So is it where only contact holds a body: entries of the stiffness say little of motions of so little energy.
+    """
+    first = made("3d", held("top", ux=0.01, uy=0.0, uz=-0.05))
     K = first.there.stiffness(0.0, True)
     near, far = (first.now.linearize(factor * first.q) for factor in (1.1, 8.0))
     alone = LoadStep(first.model, 1.0).linearize(1.1 * first.q).stiffness(0.0, True)
@@ -237,25 +183,5 @@ def test_a_factor_serves_as_long_as_the_tangent_is_near_it():
     for other, how in ((near, (1.0, True)), (near, (0.0, False)), (far, (0.0, True))):
         new = other.stiffness(*how)
         assert new is not K and other.change(new) is None
-
-
-def test_no_earlier_factor_serves_where_only_contact_holds_a_body():
-    """Entries of the stiffness say little of motions of so little energy."""
-    first = Moved(waves(*PAIRS[3], 3, gap=0.1), joint() + ground(3) + on_top(3))
-    K = first.there.stiffness(0.0, True)
-    assert first.now.linearize(1.001 * first.q).stiffness(0.0, True) is not K
-
-
-def test_steps_have_fewer_factors_than_iterations_and_the_same_end(monkeypatch):
-    mesh = waves(*PAIRS[3], 3)
-    sections = joint() + ground(3) + held("top", ux=0.01, uy=0.0, uz=-0.05) + "[steps]\ncount = 2\n"
-    factorise, count, ends = FactorCache.factorise, [], {}
-    monkeypatch.setattr(FactorCache, "factorise", lambda *a, **k: count.append(1) or factorise(*a, **k))
-    for largest in (-1.0, _NEAR):  # a new one in each iteration, and as few as there are
-        monkeypatch.setattr("lacsolver.equilibrium.load_step._NEAR", largest)
-        count.clear()
-        states = list(march(problem_of(mesh, sections)))
-        ends[largest] = len(count), sum(state.iterations for state in states), states[-1].u
-    (every, iterations, u), (few, others, v) = ends.values()
-    assert others == iterations < every and few <= every / 2
-    np.testing.assert_allclose(v, u, rtol=0, atol=1e-10 * np.abs(u).max())
+    loose = made("3d", on_top(3))
+    assert loose.now.linearize(1.001 * loose.q).stiffness(0.0, True) is not loose.there.stiffness(0.0, True)

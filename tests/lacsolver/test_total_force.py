@@ -13,7 +13,7 @@ from lacsolver.cli import main
 from lacsolver.problem import loads
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
-from tests.lacsolver.test_loads_and_cut import blocks
+from tests.lacsolver.test_records_on_mesh import blocks
 from verification.meshes.blocks import block, joined
 
 HEAD = """
