@@ -20,21 +20,20 @@ import pytest
 
 import lacmesh
 from lacmesh import Mesh, cut_skin, generate, raise_order, scene
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import CELLS
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError, WriteError
 from lacmesh.quality.measures import SCALES
 from lacmesh.reference.quadrature import measure
 from lacmesh.scene import camera_of, colours, make_scene
 from lacmesh.scene.edges import edges_of
-from lacmesh.scene.layers import CURVED, curved_parts
 from lacmesh.scene.marks import Values, cell_values, find_marks
 from lacmesh.scene.placing import SEEN_AT
 from lacmesh.scene.request import BODIES_AS
 from lacmesh.scene.visible import BODY, MASTER, SLAVE, find_visible
-from lacmesh.topology.skin import FACE_TYPES, Faces
+from lacmesh.topology.skin import FACE_TYPES
 from lacmesh.view import page, page_text, picture, png
 from tests.meshes import cell_with_faces, facets_of, random_mesh
-from tests.viewing import DATA, Browser, cut_blocks, status, tones
+from tests.viewing import Browser, cut_blocks, status, tones
 
 SOLIDS = [name for name, cell in CELLS.items() if cell.dim == 3]
 SURFACES = [name for name, cell in CELLS.items() if cell.dim == 2]
@@ -108,24 +107,13 @@ def test_the_skin_of_a_solid_is_closed_and_turns_outward_and_a_surface_is_drawn_
     assert (volume if CELLS[name].dim == 3 else area) == pytest.approx(size, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [n for n, c in ALL_CELLS.items() if c.order == 3 and c.dim > 1])
-def test_cells_of_higher_order_are_drawn_by_their_corners(name):
-    cell, linear = ALL_CELLS[name], CELLS[ALL_CELLS[name].linear]
-    corners = np.pad(np.array(linear.reference), ((0, cell.n_nodes - cell.n_corners), (0, 3 - cell.dim)))
-    drawn = make_scene(Mesh.create(corners, [(name, [np.arange(cell.n_nodes)])]))
-    assert sum(len(layer.cells) for layer in layers(drawn, "lines")) == len(linear.edges)
-
-
-def test_curved_faces_are_drawn_curved_and_many_in_fewer_parts():
+def test_curved_faces_are_drawn_curved():
     """A unit disc of one QUAD9: its edges are arcs to second order."""
     angle = np.pi / 4 * np.array([-3, -1, 1, 3, -2, 0, 2, 4])
     x = np.vstack([np.column_stack([np.cos(angle), np.sin(angle)]), [[0, 0]]])
     drawn = make_scene(Mesh.create(x, [("QUAD9", [np.arange(9)])]))
     assert flux(drawn)[1] == pytest.approx(measure("QUAD9", np.pad(x, ((0, 0), (0, 1)))[None]).sum(), rel=0.02)
     assert np.linalg.norm(np.vstack([layer.points for layer in layers(drawn, "lines")]), axis=1).min() > 0.98
-    blocks = [("TRIA6", 1), ("TRIA6", 5_000), ("TRIA6", 20_000), ("TRIA6", 1_000_000), ("TRIA3", 1_000_000)]
-    *parts, flat = [curved_parts(Faces.join([(k, np.zeros((n, CELLS[k].n_nodes), int))])) for k, n in blocks]
-    assert parts[0] == flat == CURVED and parts[-1] == 2 and parts == sorted(parts, reverse=True)
 
 
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (3, 1), (3, 2), (3, 3)])
@@ -143,30 +131,6 @@ def test_neighbours_have_different_colours(dim, order, seed):
         assert len(set(colour[macro == name])) == 1
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("seed", range(3))
-def test_what_is_in_sight_is_what_one_cell_alone_has(dim, seed):
-    """Against counting corners in a table; skin cells, twins, orphans and inner faces included."""
-    mesh = random_mesh(np.random.default_rng(100 + seed), dim, slaves=8, interior=True, twins=True)
-    visible = find_visible(mesh, "slave")
-
-    def keys(rows):
-        return sorted(tuple(sorted(c[c >= 0].tolist())) for c in visible.faces.corners[rows])
-
-    def corners_of(cells):
-        chosen = mesh.select(cells)
-        return {tuple(sorted(own[: CELLS[kind].n_corners].tolist())) for kind, _, rows in chosen for own in rows}
-
-    slaves = corners_of(mesh.cell_groups["slave"])
-    single = {key for key, owners in facets_of(mesh).items() if len(owners) == 1} - slaves
-    assert keys(visible.rows(SLAVE)) == sorted(slaves)
-    assert keys(visible.rows(BODY)) == sorted(single if dim == 3 else corners_of(np.flatnonzero(mesh.cell_dim == 2)))
-    assert (mesh.cell_dim[visible.cell] == dim).all()
-    for cell, corners in zip(visible.cell, visible.faces.corners, strict=True):
-        ((_, _, nodes),) = mesh.select([cell])
-        assert set(corners[corners >= 0]) <= set(nodes[0])
-
-
 @pytest.mark.parametrize("order", ["1", "2", "2-full"])
 def test_a_cut_shows_its_macros_and_internal_nodes(order):
     cut = cut_skin(cube(3) if order == "1" else raise_order(cube(3), order), "slave")
@@ -177,17 +141,6 @@ def test_a_cut_shows_its_macros_and_internal_nodes(order):
     assert flux(drawn) == pytest.approx((1.0, 6.0))
     assert words_of(drawn)[0].startswith("9 macro-elements")
     assert [entry.kind for entry in drawn.legend] == ["area", "dot"]
-
-
-def test_segments_of_a_plane_cut():
-    cut = cut_skin(generate.rectangle(1).only("body", "bottom"), "bottom")
-    drawn, visible = make_scene(cut.mesh), find_visible(cut.mesh)
-    ends, internal = layers(drawn, "dots")
-    assert {tuple(p) for p in ends.points} == {(0, 0, 0), (1, 0, 0)} and tuple(drawn.eye) == (0, 0, 1)
-    assert len(internal.points) == len(cut.internal_nodes[0])
-    slaves = visible.rows(SLAVE)
-    assert len(slaves) == 3 and (cut.mesh.cell_dim[visible.cell[slaves]] == 2).all()
-    assert (cut.mesh.cell_dim[visible.skin[slaves]] == 1).all()
 
 
 def test_the_master_has_a_colour_of_its_own_and_a_face_of_both_groups_is_slave():
@@ -215,7 +168,9 @@ def test_a_hidden_skin_is_turned_towards_the_eye_and_one_that_nothing_hides_stay
     assert flux(drawn)[0] == pytest.approx(2.0)
     assert np.ptp(make_scene(mesh, explode=0, tilt=0).layers[1].points[:, 2]) == 0
     assert make_scene(mesh, explode=0.5, tilt=0).layers[1].points[:, 2] == pytest.approx(0.5 * np.sqrt(6))
-    with pytest.warns(LacmeshWarning, match="moves nothing"):
+    with pytest.warns(LacmeshWarning, match="moves nothing.* none is shown"):
+        make_scene(two_cubes(), explode=0.5)
+    with pytest.warns(LacmeshWarning, match="moves nothing.* no other body"):
         alone = make_scene(cut_skin(cube(2), "slave").mesh, explode=0.5, tilt=30)
     assert alone.layers[1].points[:, 2] == pytest.approx(0) and alone.eye[2] < 0
 
@@ -229,19 +184,16 @@ def test_near_and_cutaway_lay_the_inside_bare_whatever_the_length_of_a_direction
         inside = coloured(bare, colours.INSIDE)
         assert inside.sum() == 4 * 16 and bare.points[inside][:, 2] == pytest.approx(0.5)
         np.testing.assert_allclose(drawn.eye, [np.sqrt(0.5), 0, np.sqrt(0.5)], rtol=1e-3)
-    with pytest.raises(RequestError, match="near means near"):
-        make_scene(cube(4), near=0.2)
-
-
-@pytest.mark.parametrize("options", [{}, {"near": 0.3}])
-def test_orphan_nodes_and_empty_groups_change_nothing(options):
-    mesh = two_cubes()
-    points, groups = np.vstack([mesh.points, [[1e3, 0, 0], [0, 1e3, 5]]]), {**mesh.cell_groups, "none": []}
-    far = Mesh.create(points, mesh.blocks, cell_groups=groups)
-    ours = make_scene(mesh, "slave", "master", **options)
-    theirs = make_scene(far, ["slave", "none"], ["master", "none"], **options)
-    assert camera_of(ours, (800, 600)) == camera_of(theirs, (800, 600)) and ours.legend == theirs.legend
-    assert make_scene(far, "none").legend == ()
+    for options, words in (
+        *(({"near": 0.2}, "near means near"), ({"near": float("nan"), "slave": "slave"}, "near nan")),
+        *(
+            ({"bodies": "gost"}, "bodies are drawn"),
+            ({"camera": (1, 0)}, "camera 1 0"),
+            ({"explode": -1.0}, "explode -1"),
+        ),
+    ):
+        with pytest.raises(RequestError, match=f"^{words}"):
+            page_text(cube(4), **options)
 
 
 def test_groups_of_a_mesh_without_a_cut_and_meshes_of_lines_and_points():
@@ -258,8 +210,13 @@ def test_groups_of_a_mesh_without_a_cut_and_meshes_of_lines_and_points():
 
 @pytest.mark.parametrize("eye", [(1, -1.6, 0.9), (0, 0, 1), (0, 0, -3), (0, 1, 0)])
 def test_everything_is_inside_the_frame(eye):
-    findings = [Said("error", "one", cells=(3,)), Said("warning", "two", nodes=(1,))]
-    for drawn in (make_scene(two_cubes(), camera=eye), make_scene(two_cubes(), "slave", camera=eye, findings=findings)):
+    """Nodes of no cell and groups of none are not part of it."""
+    near, findings = two_cubes(), [Said("error", "one", cells=(3,)), Said("warning", "two", nodes=(1,))]
+    points, groups = np.vstack([near.points, [[1e3, 0, 0], [0, 1e3, 5]]]), {**near.cell_groups, "none": []}
+    mesh = Mesh.create(points, near.blocks, cell_groups=groups)
+    assert make_scene(mesh, "none").legend == ()
+    for skins, said in ((None, None), (["slave", "none"], findings)):
+        drawn = make_scene(mesh, skins, camera=eye, findings=said)
         for size in ((1600, 1000), (400, 900)):
             camera = camera_of(drawn, size)
             back, up = np.subtract(camera["position"], camera["focal"]), np.array(camera["up"])
@@ -299,16 +256,12 @@ def test_bodies_are_ghosts_where_nothing_can_be_moved_to_show_the_slave(mesh, sl
         assert moved is None or f'"opened":{"true" if moved else "false"}' in text
 
 
-@pytest.mark.parametrize(("bodies", "opacity"), [("solid", [1.0]), ("ghost", [0.16]), ("hidden", [])])
-def test_bodies_are_seen_through_or_hidden_and_have_the_names_of_their_groups(bodies, opacity):
+def test_bodies_have_the_names_of_their_groups_and_may_be_hidden():
     """Names in the legend with their colours, and on a page under the pointer."""
-    mesh = cut_skin(lacmesh.read(DATA / "two_blocks.msh"), "slave").mesh
-    drawn = make_scene(mesh, "slave", "master", bodies=bodies)
-    assert [layer.opacity for layer in layers(drawn, "faces")] == [*opacity, 1.0, 1.0]
-    assert drawn.moved == ("opened, tilted" if bodies == "solid" else "")
-    lines = [entry for entry in make_scene(sandwich(), bodies=bodies).legend if entry.words.startswith("bodies")]
-    assert [line.words for line in lines] == ["bodies: 'foot', 'core', 'lid'"] * (bodies != "hidden")
-    assert all(line.colours == colours.BODIES[:3] for line in lines)
+    assert all((layer.rgb != colours.rgb(colours.BODIES[:1])).any() for layer in make_scene(
+        two_cubes(), "slave", bodies="hidden").layers)  # fmt: skip
+    (line,) = [entry for entry in make_scene(sandwich()).legend if entry.words.startswith("bodies")]
+    assert line.words == "bodies: 'foot', 'core', 'lid'" and line.colours == colours.BODIES[:3]
     assert """"bodyNames":["'foot'","'core'","'lid'"]""" in page_text(sandwich())
     assert '"bodyNames":["the body with \'master\'"' in page_text(two_cubes())  # skins alone name them
 
@@ -341,18 +294,14 @@ def test_findings_name_cells_by_the_numbers_of_the_file():
     assert not any(coloured(layer, colours.PALETTE[0]).any() for layer in drawn.layers)
 
 
-def test_findings_on_what_is_cut_away_hints_and_many_findings():
+def test_findings_on_what_is_cut_away_and_many_findings():
     mesh = cube(2)
     findings = [Said("warning", "all", cells=tuple(mesh.cell_number[mesh.cell_dim == 3].tolist()))]
     drawn = make_scene(mesh, "slave", findings=findings, cutaway=(0, 0, 1))
     marked = [layer for layer in layers(drawn, "faces") if coloured(layer, colours.SEVERITIES["warning"]).any()]
     assert [len(layer.cells) for layer in marked] == [4 * 12, 4 * 12]
-    hinted, plain = make_scene(mesh, "slave", findings=[Said("info", "fine", cells=(1,))]), make_scene(mesh, "slave")
-    for ours, theirs in zip(hinted.layers, plain.layers, strict=True):
-        np.testing.assert_array_equal(ours.rgb, theirs.rgb)
     many = make_scene(two_cubes(), findings=[Said("warning", f"finding {k}", cells=(k + 1,)) for k in range(12)])
     assert words_of(many)[-1] == "and 7 more findings" and len(many.labels) == scene.LABELLED
-    assert words_of(make_scene(two_cubes(), findings=[]))[-1].startswith("the check found nothing")
 
 
 def test_cells_are_coloured_by_a_value_and_invalid_ones_are_red():
@@ -419,20 +368,16 @@ def test_values_that_differ_by_round_off_have_one_colour_and_what_has_none_is_gr
 def test_pictures_have_their_size_and_colours_and_are_twice_the_same(tmp_path, capsys):
     from PIL import Image
 
-    cut, wrong = cut_blocks(tmp_path), (colours.SEVERITIES["error"], colours.SEVERITIES["warning"])
+    cut = cut_blocks(tmp_path)
     for name in ("one.png", "two.png"):
         code, said = status(capsys, cut, "--master", "master", "-o", tmp_path / name, "--size", "480x300")
         assert code == 0 and said.startswith(f"{tmp_path / name}: ")
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     assert min(tones(tmp_path / "one.png", *colours.PALETTE[:4], colours.MASTER)) > 60
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.msh", "one.png", "two.png"]
-    findings = [Said("error", "bad", cells=(30, 31), nodes=(1,)), Said("warning", "poor", cells=(1,))]
-    picture(two_cubes(), tmp_path / "marked.png", slave="slave", findings=findings, size=(480, 300))
-    assert min(tones(tmp_path / "marked.png", *wrong)) > 200
     values = cell_values(two_cubes(), "corner_jacobian")
     picture(two_cubes(), tmp_path / "valued.png", values=values, size=(480, 300))
     assert tones(tmp_path / "valued.png", colours.RAMP[-1])[0] > 5000  # cubes are ideal
-    assert max(tones(tmp_path / "valued.png", *wrong)) < 20
     picture(two_cubes(), tmp_path / "pixel.png", size=(1, 1))
     picture(generate.line(2, (0, 0), (1, 0)), tmp_path / "lines.png", size=(60, 200))
     for name, size in (("one.png", (480, 300)), ("pixel.png", (1, 1)), ("lines.png", (60, 200))):
@@ -446,16 +391,15 @@ def test_pictures_have_their_size_and_colours_and_are_twice_the_same(tmp_path, c
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ("-o a", "nothing is drawn"),
-        ("-o a.html --master mastre", "did you mean"),
-        ("-o a.png --camera nan 0 0", "--camera nan 0"),
-        ("-o a.html --camera 0 inf 0", "--camera 0 inf"),
-        ("-o a.html --cutaway 0 0 0", "no direction"),
-        ("-o a.png --cutaway 0 0 inf", "--cutaway 0 0"),
+        *(
+            ("-o a", "nothing is drawn"),
+            ("-o a.html --mesh other", "other"),
+            ("-o a.html --size 300x200", "--size is for"),
+        ),
+        *((f"-o a.html {rest}", "did you mean") for rest in ("--master mastre", "--quality corner_jacobia")),
+        *(("-o a.png --camera nan 0 0", "--camera nan 0"), ("-o a.html --camera 0 inf 0", "--camera 0 inf")),
+        *(("-o a.html --cutaway 0 0 0", "no direction"), ("-o a.png --cutaway 0 0 inf", "--cutaway 0 0")),
         *((f"-o a.html --explode {gap}", f"--explode {float(gap):g} is") for gap in ("nan", "inf", "-1", "100.1")),
-        ("-o a.html --quality corner_jacobia", "did you mean"),
-        ("-o a.html --mesh other", "other"),
-        ("-o a.html --size 300x200", "--size is for"),
         *((f"-o a.png --size={size}", "1600x1000") for size in ("100", "0x5", "axb", "-3x4")),
     ],
 )
@@ -467,24 +411,6 @@ def test_a_wrong_request(arguments, words, tmp_path, capsys, monkeypatch):
     except SystemExit as ended:
         code, said = ended.code, capsys.readouterr().err
     assert code == 2 and words in said and [p.name for p in tmp_path.iterdir()] == ["blocks.msh"]
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"camera": (1, 0)}, "camera 1 0"),
-        ({"cutaway": (0, 0, 0)}, "cutaway 0 0"),
-        ({"explode": float("nan")}, "explode nan"),
-        ({"near": float("nan"), "slave": "slave"}, "near nan"),
-        ({"bodies": "gost"}, "bodies are drawn"),
-    ],
-)
-@pytest.mark.parametrize(("draw", "name"), [(picture, "a.png"), (page, "a.html")])
-def test_a_wrong_request_from_python(options, words, draw, name, tmp_path, monkeypatch):
-    monkeypatch.setattr(png, "find_spec", lambda name: True)
-    with pytest.raises(RequestError, match=f"^{words}"):
-        draw(two_cubes(), tmp_path / name, **options)
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_picture_without_the_extra_or_into_no_folder(tmp_path, monkeypatch):
@@ -499,20 +425,6 @@ def test_a_picture_without_the_extra_or_into_no_folder(tmp_path, monkeypatch):
     for draw, name in ((picture, "a.jpg"), (page, "a.png")):
         with pytest.raises(RequestError, match="is written as"):
             draw(cube(), tmp_path / name)
-
-
-def test_a_gap_that_moves_nothing_is_told_and_force_replaces_a_page(tmp_path, capsys):
-    blocks, single, target = tmp_path / "blocks.msh", tmp_path / "cube.msh", tmp_path / "a.html"
-    lacmesh.write(blocks, two_cubes())
-    lacmesh.write(single, cube())
-    for path, words, says in (
-        (blocks, "--explode 0.5", "none is shown"),
-        (single, "--slave slave --explode 0.5", "no other body"),
-        (blocks, "--slave slave --explode 0", ""),
-        (blocks, "--slave slave --explode 0.5", ""),
-    ):
-        code, said = status(capsys, path, *words.split(), "-o", target, "--force")
-        assert code == 0 and says in said and ("moves nothing" in said) == bool(says)
 
 
 # ---- what a renderer does
@@ -540,32 +452,17 @@ def test_a_renderer_that_dies_is_one_sentence(code, words, tmp_path, capsys, mon
     assert sorted(p.name for p in tmp_path.iterdir()) == ["blocks.msh", "fake"]
 
 
-SLEEP = "import os, pathlib, sys, time; pathlib.Path({!r}).write_text(str(os.getpid())); time.sleep(600)"
-
-
-def alive(pid):
-    """True if a process runs; a zombie does not."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def test_a_drawing_that_takes_too_long(tmp_path, monkeypatch):
-    begin = time.perf_counter()
-    subprocess.run([sys.executable, "-c", "import numpy"], check=True)
-    enough = 4 + 10 * (time.perf_counter() - begin)  # for a child to begin to draw, as busy as the machine is
-    pid = tmp_path / "pid"
-    monkeypatch.syspath_prepend(fake_pyvista(tmp_path, SLEEP.format(str(pid))))
+def test_a_drawing_that_takes_too_long(tmp_path):
     with pytest.raises(WriteError, match="was not drawn"):
-        picture(cube(), tmp_path / "a.png", timeout=enough)
-    assert not alive(pid.read_text()) and not (tmp_path / "a.png").exists()
+        picture(cube(), tmp_path / "a.png", timeout=0.01)
+    assert not (tmp_path / "a.png").exists()
 
 
 def test_an_interruption_ends_the_drawing_too(tmp_path):
     pid, scratch = tmp_path / "pid", tmp_path / "scratch"
     scratch.mkdir()
-    env = {**os.environ, "PYTHONPATH": fake_pyvista(tmp_path, SLEEP.format(str(pid))), "TMPDIR": str(scratch)}
+    code = f"import os, pathlib, time; pathlib.Path({str(pid)!r}).write_text(str(os.getpid())); time.sleep(600)"
+    env = {**os.environ, "PYTHONPATH": fake_pyvista(tmp_path, code), "TMPDIR": str(scratch)}
     command = [sys.executable, "-m", "lacmesh", "view", str(cut_blocks(tmp_path)), "-o", str(tmp_path / "a.png")]
     with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, start_new_session=True) as running:
         while not (pid.exists() and pid.read_text()):
@@ -574,7 +471,9 @@ def test_an_interruption_ends_the_drawing_too(tmp_path):
         running.send_signal(signal.SIGINT)
         said = running.stderr.read()
     assert running.returncode == 130 and "nothing was written" in said and len(said.strip().splitlines()) == 1
-    assert not alive(pid.read_text()) and not list(scratch.iterdir()) and not (tmp_path / "a.png").exists()
+    stat = Path(f"/proc/{pid.read_text()}/stat")
+    assert not stat.exists() or stat.read_text().rpartition(")")[2].split()[0] == "Z"  # ended, or about to be
+    assert not list(scratch.iterdir()) and not (tmp_path / "a.png").exists()
 
 
 # ---- pages
@@ -604,6 +503,7 @@ def unpacked(path):
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2), (3, 3)])
 @pytest.mark.parametrize("seed", range(2))
 def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, tmp_path):
+    """All that one cell alone has, against a table of corners; skin cells, twins, orphans and inner faces included."""
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6, twins=True)
     mesh = cut_skin(mesh, "slave").mesh
     mesh = replace(mesh, cell_number=mesh.cell_number + 2**40 * (seed == 0))  # beyond four bytes
@@ -614,7 +514,8 @@ def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, 
     for name, ids, nodes in mesh.select(np.flatnonzero((mesh.cell_dim < mesh.dim) & (mesh.cell_dim > 0))):
         for cell, row in zip(ids, nodes, strict=True):
             on_face.setdefault(frozenset(row[: CELLS[name].n_corners].tolist()), []).append(cell)
-    start = 0
+    single = {key for key, owners in facets_of(mesh).items() if len(owners) == 1}
+    start, seen = 0, []
     assert len(arrays["role"]) == len(arrays["cell"]) > 0
     for f, code in enumerate(arrays["type"]):
         face = CELLS[FACE_TYPES[code]]
@@ -622,6 +523,7 @@ def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, 
         start += face.n_nodes
         nodes = [node_of[int(n)] for n in arrays["nodeNumber"][own]]
         cell = cell_of[int(arrays["cell"][f])]
+        seen.append(tuple(sorted(nodes[: face.n_corners])))
         ((kind, _, _),) = mesh.select([cell])
         assert head["cellTypes"][arrays["cellType"][f]] == kind
         members = {cell, *on_face.get(frozenset(nodes[: face.n_corners]), [])}
@@ -630,22 +532,16 @@ def test_a_page_holds_the_faces_with_their_numbers_and_groups(dim, order, seed, 
         assert (arrays["role"][f] == SLAVE) == (arrays["skin"][f] >= 0)
         kept = np.array(head["centre"]) + head["half"] * arrays["points"].reshape(-1, 3)[own]
         np.testing.assert_allclose(kept, mesh.points[nodes], atol=1e-6 * head["half"])
-    assert start == len(arrays["nodes"])
+    assert start == len(arrays["nodes"]) and (dim == 2 or single <= set(seen)) and len(seen) == len(set(seen))
     internal = mesh.node_number[mesh.node_data["lac_internal"] >= 0]
     assert sorted(arrays["nodeNumber"][arrays["internal"]]) == sorted(internal)
 
 
-def nasty(path, title):
-    """A page of a mesh with such names."""
-    mesh = two_cubes()
-    groups = {**mesh.cell_groups, **{name: [k] for k, name in enumerate(NASTY, mesh.cell_groups["slave"][0])}}
-    findings = [Said("error", NASTY[0], cells=(1,))]
-    page(Mesh.create(mesh.points, mesh.blocks, cell_groups=groups), path, slave="slave", findings=findings, title=title)
-
-
 def test_a_page_is_whole_and_small_and_names_stay_text(tmp_path):
-    target = tmp_path / "a.html"
-    nasty(target, NASTY[1] + "\udcff")
+    mesh, target = two_cubes(), tmp_path / "a.html"
+    groups = {**mesh.cell_groups, **{name: [k] for k, name in enumerate(NASTY)}}
+    given = {"findings": [Said("error", NASTY[0], cells=(1,))], "title": NASTY[1] + "\udcff"}
+    page(Mesh.create(mesh.points, mesh.blocks, cell_groups=groups), target, slave="slave", **given)
     text = target.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["'](?!data:)|@import|url\(""", text)
     assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
@@ -702,7 +598,7 @@ def test_a_click_tells_the_numbers_of_the_file(tmp_path, browser):
     """The middle of a 3 x 3 x 3 cube seen from above is the top of its middle column."""
     mesh, numbers = generate.box(3).only("body"), 7000 + 11 * np.arange(27)
     points, hexahedra = mesh.points, mesh.block("HEXA8")
-    groups = {"core": np.arange(27), "rest": np.array([0])}
+    groups = {"core": np.arange(27), NASTY[0]: np.array([0])}
     page(replace(mesh, cell_number=numbers, cell_groups=groups), tmp_path / "a.html")
     browser.open(tmp_path / "a.html", "eye=0,0,1")
     middle = browser.value("(c => [c.clientWidth / 2, c.clientHeight / 2])(document.getElementById('canvas'))")
@@ -719,34 +615,11 @@ def test_a_click_tells_the_numbers_of_the_file(tmp_path, browser):
         assert browser.value("document.getElementById('tip').hidden") is False
         browser.value("document.getElementById('close').click()")
 
+    names = browser.value("[...document.querySelectorAll('#groups li span')].map(e => e.textContent)")
+    assert NASTY[0] in names and browser.value("document.title") != "owned"  # names are not run
     click_on([0.5, 0.5, 5 / 6], [0.5, 0.5, 1])
     browser.drag(middle, [middle[0], middle[1] - 600])  # turned over: the other way round, seen from below
     click_on([0.5, 0.5, 1 / 6], [0.5, 0.5, 0])
     browser.click(20, 20)
     browser.wait("document.getElementById('details').hidden")
     assert browser.said == []
-
-
-@pytest.mark.browser
-def test_names_are_not_run(tmp_path, browser):
-    nasty(tmp_path / "a.html", "safe")
-    browser.open(tmp_path / "a.html", "open=0&eye=0,0,-1&bodies=hidden")
-    button(browser, NASTY[0])
-    assert browser.value("document.title") == "safe"
-    assert browser.value("document.querySelectorAll('img, aside script').length") == 0
-    names = browser.value("[...document.querySelectorAll('#groups li span')].map(e => e.textContent)")
-    assert names[-len(NASTY) :] == list(NASTY)
-    assert browser.said == []
-
-
-@pytest.mark.browser
-def test_without_webgl_the_page_says_so(tmp_path):
-    page(two_cubes(), tmp_path / "a.html", slave="slave")
-    browser = Browser(tmp_path / "browser", flags=("--disable-3d-apis",))
-    try:
-        browser.open(tmp_path / "a.html")
-        assert browser.data("state") == "failed"
-        assert "This browser has no WebGL 2" in browser.value("document.body.innerText")
-        assert "slave" in browser.value("document.getElementById('groups').innerText")
-    finally:
-        browser.close()

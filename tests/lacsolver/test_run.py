@@ -18,9 +18,9 @@ from lacsolver.case import Contact, Material, Pressure, Probe, Solver, Spring, S
 from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output.states import read_state
 from lacsolver.problem.problem import Problem
-from lacsolver.results.figures import balance, moment, probe, stress_ranges, with_invariants, zone_figures
+from lacsolver.results.figures import balance, moment, probe, stress_ranges, with_invariants
 from lacsolver.results.nodal import principal, von_mises
-from lacsolver.results.state import CONTACT, OPEN, UNPAIRED, ZoneState
+from lacsolver.results.state import CONTACT, OPEN, UNPAIRED
 from lacsolver.running import Clock, run
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import cube, plane_mixture, square
@@ -85,6 +85,11 @@ def test_steps_are_the_states_and_the_last_is_kept(made):
         np.testing.assert_allclose(told["probes"]["corner"], u[corner], rtol=1e-10, atol=1e-15)
         np.testing.assert_allclose(told["probes"]["top"], u[nodes_of(made.problem, "top")].mean(axis=0), rtol=1e-9)
     history = made.table("history")
+    assert list(history) == [
+        *("time", "iterations", *(f"reaction.{name}.{a}" for name in ("x0", "y0", "bottom") for a in "xyz")),
+        *(f"probe.{name}.u{a}" for name in ("top", "corner") for a in "xyz"),
+        *(f"contact.{zone}.{of}" for zone in ("foot", "glue") for of in ("fx", "fy", "fz", "area", "pressure_max")),
+    ]
     for k, told in enumerate(made.told["steps"]):
         assert (history["time"][k], history["iterations"][k]) == (told["time"], told["iterations"])
         assert [history[f"probe.top.u{a}"][k] for a in "xyz"] == told["probes"]["top"]
@@ -250,16 +255,7 @@ def test_nothing_is_compiled_for_a_small_model(monkeypatch, kinematics):
     assert state.iterations < 10 and (state.zones[0].pressure > 0).any()
 
 
-# ---- figures by hand: zones
-
-
-def zone(force, status=(CONTACT, OPEN, UNPAIRED)):
-    n, d = len(status), force.shape[1]
-    values = ([4.0, 0, 0], [1e-9, 0.5, np.nan], [0.5, 1.0, 0.0], [2.0, 3.0, 5.0])
-    names = ("pressure", "gap", "coverage", "area")
-    rest = {name: np.zeros((n, d)) for name in ("traction", "centre", "normal")}
-    rest |= {name: np.array(own) for name, own in zip(names, values, strict=True)}
-    return ZoneState("joint", False, status=np.array(status), force=force, **rest)
+# ---- figures by hand: moments and balance
 
 
 def pushed(x, pairs):
@@ -274,24 +270,11 @@ X2 = np.array([[1.0, 0], [3.0, 0], [1.0, 1], [3.0, 1]])
 X3 = np.array([[0.0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 1], [2, 0, 1], [0, 3, 1]])
 
 
-def test_zone_figures_in_the_plane():
-    force = pushed(X2, [(0, [0, -4.0]), (1, [1, -2.0]), (2, [0, 4.0]), (3, [-1, 2.0])])
-    told = zone_figures(zone(force), np.array([0, 1]), X2)
-    assert (told.pressure_min, told.pressure_max, told.gap_min, told.gap_max) == (0, 4, 1e-9, 0.5)
-    assert told.contact_area == 1.0 and told.resultant == pytest.approx([1, -6])
-    assert told.moment.shape == () and told.moment == pytest.approx(1 * -4 + 3 * -2)
-    assert (told.coverage_min, told.coverage_max) == (0, 1)
-    assert (told.active, told.open, told.unpaired) == (1, 1, 1)
-    told = zone_figures(zone(np.zeros((4, 2)), (UNPAIRED,) * 3), np.array([0, 1]), X2)
-    assert np.isnan([told.pressure_min, told.pressure_max, told.gap_min, told.gap_max]).all()
-    assert (told.contact_area, told.unpaired, told.coverage_max) == (0, 3, 1)
-
-
-def test_moment_in_space_is_a_vector_about_the_origin():
+def test_the_moment_about_the_origin_is_a_number_in_the_plane_and_a_vector_in_space():
+    force = pushed(X2, [(0, [0, -4.0]), (1, [1, -2.0])])
+    assert moment(force, X2).shape == () and moment(force, X2) == pytest.approx(1 * -4 + 3 * -2)
     force = pushed(X3, [(0, [0, 0, -1.0]), (1, [0, 0, -2.0]), (2, [5.0, 0, -3.0])])
-    told = zone_figures(zone(force), np.array([0, 1, 2]), X3)
-    assert told.resultant == pytest.approx([5, 0, -6])
-    assert told.moment == pytest.approx([-9, 4, -15])
+    assert moment(force, X3) == pytest.approx([-9, 4, -15])
     assert moment(force, X3 + np.array([0, 0, 2.0])) == pytest.approx([-9, 14, -15])
 
 
