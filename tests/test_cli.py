@@ -42,39 +42,29 @@ def msh(tmp_path, monkeypatch, mesh):
 
 @pytest.fixture
 def run(tmp_path, monkeypatch, capsys):
-    """Runs a command in an empty folder: its status, what it prints, and what it says of errors."""
+    """Runs a command in an empty folder, which ends in a status: what it prints, errors too."""
     monkeypatch.chdir(tmp_path)
 
-    def ran(words):
+    def ran(words, status=0):
         capsys.readouterr()
-        status = main(words.split())
-        return status, *capsys.readouterr()
+        found = main(words.split())
+        said = "".join(capsys.readouterr())
+        assert found == status, said
+        return said
 
     return ran
 
 
 @pytest.fixture
-def printed(run):
-    """What a command prints that succeeds."""
-
-    def ran(words):
-        status, out, err = run(words)
-        assert status == 0, err
-        return out
-
-    return ran
-
-
-@pytest.fixture
-def info(printed):
-    return lambda path: json.loads(printed(f"info {path} --json"))
+def info(run):
+    return lambda path: json.loads(run(f"info {path} --json"))
 
 
 # ---- the main job
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c["id"])
-def test_code_aster_counts(case, printed, info):
+def test_code_aster_counts(case, run, info):
     """Every cut_counts row of code_aster's suite, on meshes with the same cells and groups as its own.
 
     Its own meshes are those of the verification (families/cut).
@@ -82,10 +72,10 @@ def test_code_aster_counts(case, printed, info):
     source, target = "twin.med", ("out.med", "out.msh")[CASES.index(case) % 2]
     lacmesh.write(source, twin(case["id"].rsplit("-", 1)[0]))
     if case["prepare"]:
-        printed(f"convert {source} q.med --order {'2-full' if 'full' in case['prepare'] else '2'}")
+        run(f"convert {source} q.med --order {'2-full' if 'full' in case['prepare'] else '2'}")
         source = "q.med"
     words = " ".join(f"--slave {group}" for group in case["slave"]) + f" --hexa {case['hexa']}" * bool(case["hexa"])
-    printed(f"cut {source} {words} -o {target}")
+    run(f"cut {source} {words} -o {target}")
     found = info(target)
     assert {"cells": found["cells"], "nodes": found["nodes"]} == case["expect"]
     assert found["lac"]["zones"] == case["slave"]
@@ -116,31 +106,31 @@ def cube_of_tetrahedra():
     return Mesh.create(x, cells, cell_groups={"Face_2": [14, 15]})
 
 
-def test_the_output_stands_beside_the_input_and_the_summary_counts_what_is_new(msh, mesh, printed, info):
-    out, cut = printed("cut part.msh --slave slave"), cut_skin(mesh, "slave")
+def test_the_output_stands_beside_the_input_and_the_summary_counts_what_is_new(msh, mesh, run, info):
+    out, cut = run("cut part.msh --slave slave"), cut_skin(mesh, "slave")
     for word in ("macro-elements of slave", "worst quality", "nodes", "cells", "read", "peak memory"):
         assert word in out
     assert f"+{cut.mesh.n_nodes - mesh.n_nodes:,}" in out and f"{cut.mesh.n_cells:,}" in out
     first = info("part.lac.msh")
     assert first["lac"] == {"macro_elements": len(mesh.cell_groups["slave"]), "zones": ["slave"]}
-    assert "already cut" in printed("cut part.lac.msh --slave slave")
+    assert "already cut" in run("cut part.lac.msh --slave slave")
     assert info("part.lac.lac.msh") == first
 
 
-def test_the_summary_says_the_worst_quality_before_and_after(printed):
+def test_the_summary_says_the_worst_quality_before_and_after(run):
     mesh = cell_with_faces("TETRA4")
     lacmesh.write("t.msh", mesh)
-    rows = printed("cut t.msh --slave slave").splitlines()
+    rows = run("cut t.msh --slave slave").splitlines()
     figures = [float(word) for word in next(row for row in rows if "worst quality" in row).split()[-2:]]
     cut = cut_skin(mesh, "slave").mesh
     assert figures == [round(worst(m, np.arange(m.n_cells)), 3) for m in (mesh, cut)] and figures[1] < figures[0]
 
 
 @pytest.mark.parametrize(("version", "ascii_"), [("4.1", False), ("4.1", True), ("2.2", False), ("2.2", True)])
-def test_output_keeps_the_inputs_version_and_kind(mesh, printed, version, ascii_):
+def test_output_keeps_the_inputs_version_and_kind(mesh, run, version, ascii_):
     lacmesh.write("in.msh", mesh, msh=version, binary=not ascii_)
     for options, expected in (("", (version, not ascii_)), ("--force --msh 2.2 --ascii", ("2.2", False))):
-        printed(f"cut in.msh --slave slave -q {options}")
+        run(f"cut in.msh --slave slave -q {options}")
         kind = detect_format(Path("in.lac.msh"))
         assert (kind.version, kind.binary) == expected
 
@@ -164,24 +154,24 @@ def test_a_cut_written_is_a_cut_when_read_back(tmp_path, mesh):
         ("--hexa hexa", lambda c: c.mesh.cells_by_type["HEXA8"] == 6),
     ],
 )
-def test_options_reach_the_cut(printed, options, check):
+def test_options_reach_the_cut(run, options, check):
     lacmesh.write("h.med", cell_with_faces("HEXA8", inward=True))
-    printed(f"cut h.med --slave slave {options} -q")
+    run(f"cut h.med --slave slave {options} -q")
     assert check(Cut(lacmesh.read("h.lac.med")))
 
 
-def test_interface_and_skin_only_reach_the_cut(run, printed):
+def test_interface_and_skin_only_reach_the_cut(run):
     lacmesh.write("two.msh", generate.box((2, 1, 1)).with_groups("inner", slave=lambda x: x[0] == 0.5))
-    status, _, said = run("cut two.msh --slave slave --interface refuse")
-    assert status == 1 and "between two cells" in said
+    said = run("cut two.msh --slave slave --interface refuse", 1)
+    assert "between two cells" in said
     shell = Mesh.create([[0, 0, 1], [1, 0, 1], [0, 1, 2]], [("TRIA3", [[0, 1, 2]])], cell_groups={"s": [0]})
     lacmesh.write("shell.med", shell)
-    assert run("cut shell.med --slave s")[0] == 1
-    printed("cut shell.med --slave s --skin-only -q")
+    run("cut shell.med --slave s", 1)
+    run("cut shell.med --slave s --skin-only -q")
     assert Cut(lacmesh.read("shell.lac.med")).n_macros == 1
 
 
-def test_groups_by_tag_and_entity_and_a_file_without_suffix(run, printed):
+def test_groups_by_tag_and_entity_and_a_file_without_suffix(run):
     mesh = replace(
         cell_with_faces("HEXA8", (0, 5)),
         cell_groups={"2:5": np.array([1]), "top": np.array([2]), "body": np.array([0])},
@@ -189,24 +179,25 @@ def test_groups_by_tag_and_entity_and_a_file_without_suffix(run, printed):
         cell_data={"entity": np.array([[3, 1], [2, 17], [2, 18]], np.int32)},
     )
     lacmesh.write("t.msh", mesh)
-    out = printed("info t.msh")
-    assert "2:5" in out and "3:5" in out and run("info t.msh --mesh other")[0] == 2
+    out = run("info t.msh")
+    assert "2:5" in out and "3:5" in out
+    run("info t.msh --mesh other", 2)
     Path("t.msh").rename("bare")
     for spec in ("2:5", "6", "entity:2:17", "top"):
-        printed(f"cut bare --slave {spec} -q --force")
+        run(f"cut bare --slave {spec} -q --force")
         assert Cut(lacmesh.read("bare.lac.msh")).n_macros == 1
-        printed(f"check bare.lac.msh --slave {spec} -q")
-        printed(f"quality bare.lac.msh --group {spec} -q")
-        printed(f"orient bare.lac.msh --group {spec} -o o.msh -q --force")
-        printed(f"view bare.lac.msh --slave {spec} --master top -o v.html -q --force")
-    status, _, said = run("cut bare --slave 5 -q --force")
-    assert status == 2 and "tag 5 means several groups (2:5, 3:5)" in said
+        run(f"check bare.lac.msh --slave {spec} -q")
+        run(f"quality bare.lac.msh --group {spec} -q")
+        run(f"orient bare.lac.msh --group {spec} -o o.msh -q --force")
+        run(f"view bare.lac.msh --slave {spec} --master top -o v.html -q --force")
+    said = run("cut bare --slave 5 -q --force", 2)
+    assert "tag 5 means several groups" in said
 
 
 # ---- info and convert
 
 
-def test_info_counts_distinct_cells_and_types_lists_every_pattern(msh, mesh, info, printed):
+def test_info_counts_distinct_cells_and_types_lists_every_pattern(msh, mesh, info, run):
     found = info(msh)
     assert set(found) == {
         "nodes", "cells", "cells_by_type", "groups", "node_groups", "entities", "bounding_box", "lac",
@@ -217,9 +208,9 @@ def test_info_counts_distinct_cells_and_types_lists_every_pattern(msh, mesh, inf
     assert found["groups"]["all"] == {"dim": 3, "cells": mesh.n_cells} and volume > 0
     assert found["groups"]["slave"]["dim"] == 2 and found["node_groups"]["every"] == mesh.n_nodes
     np.testing.assert_allclose(found["bounding_box"], [mesh.points.min(axis=0), mesh.points.max(axis=0)])
-    out = printed("info part.msh")
+    out = run("info part.msh")
     assert "msh 4.1 binary" in out and "slave" in out
-    out = printed("types")
+    out = run("types")
     assert all(name in out for name in CELLS) and "5 PYRAM5" in out and "6 HEXA20" in out
 
 
@@ -232,26 +223,26 @@ def in_entities():
 
 
 @pytest.mark.parametrize("options", [{}, {"msh": "2.2", "binary": False}])
-def test_entities_are_listed_where_there_are_no_groups(options, run, printed, info):
+def test_entities_are_listed_where_there_are_no_groups(options, run, info):
     lacmesh.write("e.msh", in_entities(), **options)
     assert info("e.msh")["entities"] == [
         {"dim": 1, "tag": 7, "cells": 1, "box": [[1, 0, 0], [2, 0, 0]]},
         {"dim": 2, "tag": 7, "cells": 1, "box": [[1, 0, 0], [2, 1, 0]]},
         {"dim": 2, "tag": 8, "cells": 2, "box": [[0, 0, 0], [3, 1, 0]]},
     ]
-    out = printed("info e.msh")
+    out = run("info e.msh")
     assert re.search(r"entity:1:7 +1 +\(1, 0, 0\) \.\. \(2, 0, 0\)", out)
     assert re.search(r"entity:2:8 +2 +\(0, 0, 0\) \.\. \(3, 1, 0\)", out)
-    status, _, said = run("cut e.msh --slave skin -o c.msh")
-    assert status == 2 and "there are none, but entity:DIM:TAG names an entity, as entity:1:7" in said
-    printed("cut e.msh --slave entity:1:7 -o c.msh")
+    said = run("cut e.msh --slave skin -o c.msh", 2)
+    assert "there are none, but entity:DIM:TAG names an entity, as entity:1:7" in said
+    run("cut e.msh --slave entity:1:7 -o c.msh")
 
 
-def test_entities_among_groups_are_in_the_json_only(run, printed, info):
+def test_entities_among_groups_are_in_the_json_only(run, info):
     lacmesh.write("e.msh", replace(in_entities(), cell_groups={"skin": np.array([3])}))
-    assert len(info("e.msh")["entities"]) == 3 and "entity:" not in printed("info e.msh")
-    status, _, said = run("cut e.msh --slave skim -o c.msh")
-    assert status == 2 and said.strip().endswith("did you mean skin?")
+    assert len(info("e.msh")["entities"]) == 3 and "entity:" not in run("info e.msh")
+    said = run("cut e.msh --slave skim -o c.msh", 2)
+    assert said.strip().endswith("did you mean skin?")
 
 
 def test_a_mesh_with_cells_of_no_entity():
@@ -269,19 +260,19 @@ def test_a_mesh_with_cells_of_no_entity():
             plain.cells_of("entity:2:8")
 
 
-def test_many_entities_are_cut_short_in_the_table_and_brackets_are_printed_as_they_are(printed):
+def test_many_entities_are_cut_short_in_the_table_and_brackets_are_printed_as_they_are(run):
     entity = np.stack([np.ones(140, np.int32), np.arange(140, 0, -1, dtype=np.int32)], axis=1)
     lacmesh.write("m.msh", replace(generate.line(140, (0, 0), (1, 0)), cell_data={"entity": entity}, cell_groups={}))
-    out = printed("info m.msh")
+    out = run("info m.msh")
     assert out.count("entity:1:") == 60 and "and 80 entities more, which --json lists" in out
     mesh = replace(cell_with_faces("TETRA4"), cell_groups={"[red]slave[/red] :smile:": np.array([1])})
     lacmesh.write("b.msh", mesh)
-    assert "[red]slave[/red] :smile:" in printed("info b.msh")
+    assert "[red]slave[/red] :smile:" in run("info b.msh")
 
 
-def test_convert_there_and_back(msh, printed, info):
-    printed("convert part.msh a.med")
-    printed("convert a.med b.msh --msh 2.2 --ascii")
+def test_convert_there_and_back(msh, run, info):
+    run("convert part.msh a.med")
+    run("convert a.med b.msh --msh 2.2 --ascii")
     one, other = info(msh), info("b.msh")
     assert one.pop("bounding_box") and other.pop("bounding_box")
     assert one == other  # groups and types are in any order
@@ -300,8 +291,8 @@ def test_convert_there_and_back(msh, printed, info):
 )  # fmt: skip
 def test_an_option_that_the_format_does_not_take(command, target, option, words, msh, run):
     """It was ignored: `convert x.msh b.med --msh 2.2 --ascii` wrote what it could."""
-    status, _, said = run(f"{command} {target} {option}")
-    assert status == 2 and words in said and not Path(target).exists()
+    said = run(f"{command} {target} {option}", 2)
+    assert words in said and not Path(target).exists()
 
 
 # ---- what is written
@@ -312,15 +303,15 @@ def test_an_output_that_cannot_be_written_whole_leaves_the_old_file(msh, run, mo
     before = {"p.med": "precious", "part.lac.msh": "precious"}
     for name, text in before.items():
         Path(name).write_text(text)
-    status, _, said = run("cut p.msh --slave slave -o p.med --force")
-    assert status == 3 and "PYRAM14" in said
+    said = run("cut p.msh --slave slave -o p.med --force", 3)
+    assert "PYRAM14" in said
 
     def full(handle):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("lacmesh.formats.os.fsync", full)
-    status, _, said = run("cut part.msh --slave slave --force")
-    assert status == 3 and "No space left" in said
+    said = run("cut part.msh --slave slave --force", 3)
+    assert "No space left" in said
     assert {path.name: path.read_text() for path in Path().iterdir() if path.name in before} == before
     assert {path.name for path in Path().iterdir()} == {*before, "p.msh", "part.msh"}
 

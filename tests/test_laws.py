@@ -26,7 +26,6 @@ from lacsolver.problem.problem import Problem
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
 from tests.lacsolver.invariant_cases import permuted
-from tests.lacsolver.tables import table
 from tests.problems import PROBLEMS, case_of
 
 pytestmark = [
@@ -82,29 +81,20 @@ def test_solve_and_march_and_run_are_one(name, tmp_path):
     assert_read(tmp_path / "out", solution)
 
 
-#: columns of the table of a zone, and the values of a solution that they are
-COLUMNS = {"macro": "number", "pressure_recovered": "recovered"}
-COLUMNS |= {name: name for name in ("pressure", "gap", "status", "coverage", "area")}
-
-
 def assert_read(folder, solution):
     """The fields and tables of a folder hold a solution, to the last bit."""
     read, number = ls.read_results(folder).solution(), solution.mesh.node_number
     place = np.argsort(number)[np.searchsorted(np.sort(number), read.mesh.node_number)]
     np.testing.assert_array_equal(number[place], read.mesh.node_number)
     assert read.mesh.n_nodes == len(number)
-    np.testing.assert_array_equal(read.u, solution.u[place])
-    np.testing.assert_array_equal(read.stress(), solution.stress()[place])
+    pairs = [(read.u, solution.u), (read.stress(), solution.stress())]
+    pairs += [(read.contact[name].force, zone.force) for name, zone in solution.contact.items()]
+    for found, own in pairs:
+        np.testing.assert_array_equal(found, own[place])
     for name, zone in solution.contact.items():
-        found, rows = read.contact[name], table(folder / f"contact_{name}.csv")
-        order, last = np.argsort(found.number), rows["time"] == solution.time
-        np.testing.assert_array_equal(found.normal[order], zone.normal)
-        dim = zone.centre.shape[1]
-        np.testing.assert_array_equal(np.column_stack([rows[a][last] for a in "xyz"[:dim]]), zone.centre)
-        np.testing.assert_array_equal(np.column_stack([rows[f"n{a}"][last] for a in "xyz"[:dim]]), zone.normal)
-        for column, own in COLUMNS.items():
-            np.testing.assert_array_equal(getattr(found, own)[order], getattr(zone, own))
-            np.testing.assert_array_equal(rows[column][last], getattr(zone, own))
+        order = np.argsort(read.contact[name].number)
+        for own in ("pressure", "gap", "status", "coverage", "area", "recovered", "centre", "normal"):
+            np.testing.assert_array_equal(getattr(read.contact[name], own)[order], getattr(zone, own))
 
 
 @pytest.mark.parametrize("name", [name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1])

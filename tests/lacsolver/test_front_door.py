@@ -14,7 +14,6 @@ import lacmesh
 import lacsolver as ls
 from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, RequestError
 from lacsolver.contact.laws import Bilateral, Unilateral
-from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.fields import state_fields
@@ -153,19 +152,8 @@ def test_a_case_in_which_nothing_acts_is_a_warning(mesh, change):
 # ---- again, with one number changed
 
 
-def test_another_load_takes_the_cut_the_pairing_and_the_factor_again(mesh, monkeypatch):
-    ls.solve(case_of(), mesh)
-    made, real = [], ReducedProblem._factorised
-    monkeypatch.setattr(ReducedProblem, "_factorised", lambda self, *a: made.append(1) or real(self, *a))
-    for name in ("problem.problem.prepared", "problem.pair.ContactPair.of", "bodies.small.assemble_stiffness"):
-        monkeypatch.setattr(f"lacsolver.{name}", lambda *a, name=name: made.append(name))
-    doubled = ls.solve(case_of(50.0), mesh)
-    monkeypatch.undo()
-    *_, fresh = march(Problem.of(case_of(50.0), mesh))
-    assert made == [] and np.array_equal(doubled.u.ravel(), fresh.u)
-
-
 CHANGES = {
+    "load": {"pressure": [ls.Pressure(group="top", value=50.0)]},
     "material": {"material": [ls.Material(young=1000.0, poisson=0.2)]},
     "support": {"displacement": [fix("bottom", "xyz"), fix("symmetry_x", "xy")]},
     "prescribed": {"displacement": [move("bottom", ux=0, uy=0, uz=0.001), *case_of().displacement[1:]]},

@@ -221,25 +221,17 @@ def test_a_restart_goes_on_in_its_own_folder(tmp_path, kind, from_time):
     assert set(inside(second.folder)) == set(inside(whole.folder))
 
 
-def test_a_restart_elsewhere_leaves_the_first_folder_and_numbers_on(tmp_path):
-    run = after(tmp_path, 2)
-    before = inside(run.folder)
-    again = made_up(tmp_path)
-    state = read_state(run.folder, again.case, 0.25)
-    again.folder = tmp_path / "other"
-    again.steps(again.writer(restart=state), 1, first=2)
-    assert inside(run.folder) == before
-    assert_times(again, [0.5])
-    assert (again.folder / "state_0002.npz").exists()
-
-
-def test_a_restart_writes_over_no_results_elsewhere_and_no_later_states(tmp_path):
+def test_a_restart_elsewhere_leaves_the_first_folder_and_writes_over_nothing(tmp_path):
     run, other = after(tmp_path, 3), after(tmp_path, 1, "other")
     before = inside(run.folder)
     with pytest.raises(RequestError, match="other holds results already"):
         create_output(other.folder, restart=read_state(run.folder, run.case))
+    early = read_state(run.folder, run.case, 0.25)
     with pytest.raises(RequestError, match=r"after steps 2, 3\) than t = 0\.25; --force"):
-        create_output(run.folder, restart=read_state(run.folder, run.case, 0.25))
+        create_output(run.folder, restart=early)
+    other.folder = tmp_path / "third"
+    other.steps(other.writer(restart=early), 1, first=2)
+    assert times_of(other)["states"] == [0.5] and (other.folder / "state_0002.npz").exists()
     assert inside(run.folder) == before
 
 
@@ -308,17 +300,12 @@ def test_a_time_without_a_state_and_a_case_that_changed_are_refused(kept):
 
 
 def test_a_damaged_state_is_told_and_the_one_before_named(tmp_path):
-    run = after(tmp_path, 2)
+    run, rng = after(tmp_path, 2), np.random.default_rng(0)
     last = run.folder / "state_0002.npz"
-    whole, rng = last.read_bytes(), np.random.default_rng(0)
+    whole = last.read_bytes()
     for k in range(60):
-        wrong = bytearray(whole)
-        if k % 2:
-            del wrong[int(rng.integers(len(whole))) :]
-        else:
-            at = int(rng.integers(len(whole)))
-            wrong[at] ^= 1 << int(rng.integers(8))
-        last.write_bytes(bytes(wrong))
+        at = int(rng.integers(len(whole)))
+        last.write_bytes(whole[:at] + (b"" if k % 2 else bytes([whole[at] ^ 1 << k % 8]) + whole[at + 1 :]))
         try:
             state = read_state(run.folder, run.case)
         except ReadError as error:

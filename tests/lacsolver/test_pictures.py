@@ -26,7 +26,7 @@ from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, 
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
 from lacsolver.pictures.profiles import along
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale
-from lacsolver.pictures.skins import macro_places, outlines, rings_of, views_of
+from lacsolver.pictures.skins import views_of
 from lacsolver.results.units import Units
 from tests.lacsolver.bad_cases import GOOD, HEAVY, blocks, put
 from tests.lacsolver.patch_meshes import stack
@@ -234,11 +234,8 @@ def test_a_model_in_space_has_the_values_of_its_slave_faces_and_a_panel_a_polygo
 
 
 @pytest.mark.vtk
-def test_a_model_in_space_is_drawn_at_a_time_and_in_a_film_unless_nothing_can_be_drawn(
-    pressed, tmp_path, monkeypatch, capsys
-):
-    assert main(["plot", str(pressed), "--time", "0.5", "--field", "recovered", "-o", str(tmp_path / "p.png")]) == 0
-    assert "t = 0.5" in capsys.readouterr().out
+def test_a_model_in_space_is_drawn_at_a_time_unless_nothing_can_be_drawn(pressed, tmp_path, monkeypatch):
+    assert ls.plot(pressed, tmp_path / "p.png", time=0.5, field="recovered") == 0.5
     assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0  # without a name, into the folder
     assert (pressed / "status.png").exists()
     monkeypatch.setattr("lacmesh.view.offscreen.windows", lambda: iter(()))
@@ -317,18 +314,6 @@ def test_a_ball_is_seen_from_two_sides(kind):
     views = views_of(Surface.of(mesh, np.arange(8)), mesh.points, np.arange(8))
     assert len(views) == 2 and sorted(np.concatenate([view.rows for view in views])) == [*range(8)]
     assert views[0].words != views[1].words
-
-
-def test_outlines_are_those_of_macro_elements():
-    points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]]
-    surface, x = surface_of(points, "TRIA3", [[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
-    macro = np.array([0, 0, 1, 1])
-    (view,) = views_of(surface, x, macro)
-    lines, ends = outlines(view, rings_of(surface), macro)
-    length = np.linalg.norm(np.diff(lines, axis=1)[:, 0], axis=1)
-    assert len(ends) == 6 and len(lines) == 8 and length.max() == 1.0  # one line twice, and no diagonal
-    places = [(row, place.round(6).tolist()) for row, place, _ in macro_places(view, macro)]
-    assert places == [(0, [0.5, 0.5]), (1, [1.5, 0.5])]
 
 
 # ---- requests
