@@ -15,7 +15,7 @@ import pytest
 
 from lacmesh import Surface, read
 from lacmesh.cells import CELLS
-from lacmesh.errors import LacmeshWarning, ReadError, WriteError
+from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.scene.colours import RESULT

@@ -257,7 +257,8 @@ def cylinder(turn, n=24, m=3, inward=False):
     """Faces on a part of a cylinder of radius 2 about z, of a tube around it (which they look into) or within."""
     radii = (2, 3) if inward else (1, 2)
     tube = generate.ring((1, n, m), radii, "HEXA8", angle=np.degrees(turn), height=3.0)
-    skin = tube.only("inner" if inward else "outer")
+    c, s = np.cos(4.0), np.sin(4.0)  # it begins anywhere
+    skin = tube.only("inner" if inward else "outer").moved(lambda x: [c * x[0] - s * x[1], s * x[0] + c * x[1], x[2]])
     return Surface.of(skin, np.arange(skin.n_cells)), skin.points
 
 
