@@ -6,7 +6,6 @@ byte.
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import select
@@ -137,11 +136,6 @@ class Browser:
         self.mouse("mouseMoved", x, y)
         for kind in ("mousePressed", "mouseReleased"):
             self.mouse(kind, x, y, button="left", clickCount=1)
-
-    def photograph(self, path):
-        """Save what is seen as PNG, once it is drawn."""
-        self.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
-        path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"]))
 
     def close(self):
         """End the browser."""
