@@ -83,6 +83,23 @@ def test_solve_and_march_and_run_are_one(name, tmp_path):
     solution = ls.solve(case)
     np.testing.assert_array_equal(solution.u.ravel(), last.u)
     assert list(solution.contact) == [zone.name for zone in last.zones]
+    assert_read(tmp_path / "out", solution)
+
+
+def assert_read(folder, solution):
+    """The fields and tables of a folder hold a solution, to the last bit."""
+    read, number = ls.read_results(folder).solution(), solution.mesh.node_number
+    place = np.argsort(number)[np.searchsorted(np.sort(number), read.mesh.node_number)]
+    np.testing.assert_array_equal(number[place], read.mesh.node_number)
+    assert read.mesh.n_nodes == len(number)
+    pairs = [(read.u, solution.u), (read.stress(), solution.stress())]
+    pairs += [(read.contact[name].force, zone.force) for name, zone in solution.contact.items()]
+    for found, own in pairs:
+        np.testing.assert_array_equal(found, own[place])
+    for name, zone in solution.contact.items():
+        order = np.argsort(read.contact[name].number)
+        for own in ("pressure", "gap", "status", "coverage", "area", "recovered", "centre", "normal"):
+            np.testing.assert_array_equal(getattr(read.contact[name], own)[order], getattr(zone, own))
 
 
 @pytest.mark.parametrize("name", [name for name in PROBLEMS if len(PROBLEMS[name].case().steps.planned) > 1])

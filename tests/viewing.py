@@ -1,4 +1,4 @@
-"""Helpers of tests of pictures, pages and windows: a browser without a window, an X server without a screen, tones.
+"""Helpers of tests of pictures and pages: a browser without a window, tones.
 
 The browser is driven by Chromium's DevTools protocol over `--remote-debugging-pipe`: JSON messages that end with a zero
 byte.
@@ -6,7 +6,6 @@ byte.
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import select
@@ -15,7 +14,6 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -139,11 +137,6 @@ class Browser:
         for kind in ("mousePressed", "mouseReleased"):
             self.mouse(kind, x, y, button="left", clickCount=1)
 
-    def photograph(self, path):
-        """Save what is seen as PNG, once it is drawn."""
-        self.value("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))")
-        path.write_bytes(base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"]))
-
     def close(self):
         """End the browser."""
         self.writing.close()
@@ -153,22 +146,6 @@ class Browser:
             os.killpg(self.process.pid, signal.SIGKILL)  # a session of its own: the browser and its children
             self.process.wait()
         os.close(self.reading)
-
-
-@contextmanager
-def display():
-    """The environment of a program that runs on an X server of its own; the server answers when the block begins."""
-    reading, writing = os.pipe()
-    words = ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1400x900x24", "-nolisten", "tcp", "-noreset"]
-    with subprocess.Popen(words, pass_fds=[writing], stderr=subprocess.DEVNULL) as server:
-        os.close(writing)
-        try:
-            with os.fdopen(reading) as line:
-                number = line.readline().strip()  # written once the server is ready; empty if it ended
-            assert number, "Xvfb did not start"
-            yield {**os.environ, "DISPLAY": f":{number}"}
-        finally:
-            server.terminate()
 
 
 def cut_blocks(folder):

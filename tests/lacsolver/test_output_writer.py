@@ -1,57 +1,77 @@
-"""Output of a run: when it is written, into which folder, and the fate of results that are already there."""
+"""Output of a run: when it is written, into which folder, one run at a time, and the fate of what is already there."""
 
 from __future__ import annotations
 
-import csv
 import itertools
 import json
 import os
 import signal
+import subprocess
+import sys
+from contextlib import suppress
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 
 from lacmesh.errors import ReadError, RequestError, WriteError
+from lacmesh.formats import output
 from lacmesh.formats.vtu.collection import read_pvd
-from lacsolver.case import read_case
+from lacsolver.case import Material, Output, Pressure, Solver, Steps
 from lacsolver.output import create_output, read_state
 from lacsolver.output import writer as writers
-from lacsolver.output.lock import FILE
-from lacsolver.results.results import Restart
-from tests.lacsolver.test_output_med import room
+from lacsolver.output.lock import FILE, hold
+from tests.bad_input.case import small_files
+from tests.lacsolver.tables import table
 from tests.lacsolver.written import fields, made_up, restart
 from tests.samples import each_option
 
 FORMATS = ("vtu", "med")
+BUSY = "another run is writing"
 
 
-def times_of(run, folder=None):
-    """The times in every file of a folder: history, contact tables, fields, states, results."""
-    folder = folder or run.folder
-    told = {}
+def going(folder, count, name="out", **output):
+    """A run that has made some steps into a folder, and its writer, which holds the folder."""
+    run = made_up(folder, **output)
+    run.folder = folder / name
+    run.steps(writer := run.writer(), count)
+    return run, writer
+
+
+def after(*given):
+    """A run that has made some steps, and whose writer is gone."""
+    return going(*given)[0]
+
+
+def times_of(run):
+    """The times in every file of a run's folder: history, contact tables, fields, states, results."""
+    folder, told = run.folder, {}
     for path in (folder / "history.csv", *folder.glob("contact_*.csv")):
-        with path.open(encoding="utf-8", newline="") as file:
-            told[path.name] = list(dict.fromkeys(float(row["time"]) for row in csv.DictReader(file)))
+        told[path.name] = list(dict.fromkeys(table(path)["time"]))
     for path in folder.glob("*.pvd"):
         told[path.name] = list(read_pvd(path))
     if (folder / "results.med").exists():
-        import h5py
-
         with h5py.File(folder / "results.med") as file:
             told["results.med"] = sorted(float(step.attrs["PDT"]) for step in file["CHA/DEPL"].values())
     states = sorted(folder.glob("state_0*.npz"))
     told["states"] = [json.loads(np.load(path)["about"].tobytes())["time"] for path in states]
-    told["results.json"] = [step["time"] for step in json.loads((folder / "results.json").read_text())["steps"]]
+    told["results.json"] = [step["time"] for step in summary(run)["steps"]]
     return told
 
 
-def figures_of(told):
-    return {name: times for name, times in told.items() if name in ("history.csv", "results.json")}
+def summary(run):
+    return json.loads((run.folder / "results.json").read_text())
 
 
-def fields_of(told):
-    return {name: times for name, times in told.items() if name not in ("history.csv", "results.json", "states")}
+def assert_times(run, times, of=lambda name: True):
+    """Every file (of a kind) of a run has these times."""
+    found = {name: own for name, own in times_of(run).items() if of(name)}
+    assert found and all(own == times for own in found.values()), found
+
+
+def has_fields(name):
+    return name not in ("history.csv", "results.json", "states")
 
 
 def inside(folder):
@@ -65,46 +85,31 @@ def inside(folder):
 @pytest.mark.parametrize(
     ("output", "due", "in_the_end", "states"),
     [
-        ("", [1, 1, 1, 1, 1], [0.25, 0.5, 0.75, 1.0, 1.25], None),
-        ("every = 2", [0, 1, 0, 1, 0], [0.5, 1.0, 1.25], None),
-        ("times = [0.25, 1]", [1, 0, 0, 1, 0], [0.25, 1.0], [0.25, 1.0, 1.25]),
+        ({}, [1, 1, 1, 1, 1], [0.25, 0.5, 0.75, 1.0, 1.25], None),
+        ({"every": 2}, [0, 1, 0, 1, 0], [0.5, 1.0, 1.25], None),
+        ({"times": [0.25, 1]}, [1, 0, 0, 1, 0], [0.25, 1.0], [0.25, 1.0, 1.25]),
     ],
 )
 def test_fields_are_written_as_the_case_says(tmp_path, kind, output, due, in_the_end, states):
-    run = made_up(tmp_path, output=f'[output]\nformat = "{kind}"\n{output}')
+    run = made_up(tmp_path, format=kind, **output)
     writer = run.writer()
     assert run.steps(writer, 5) == [bool(k) for k in due]
     assert run.calls == sum(due)
     run.finish(writer)
-    told = times_of(run)
-    every = [0.25, 0.5, 0.75, 1.0, 1.25]
-    assert all(times == every for times in figures_of(told).values())
-    assert fields_of(told) and all(times == in_the_end for times in fields_of(told).values()), told
-    assert told["states"] == (states or in_the_end)
+    assert_times(run, [0.25, 0.5, 0.75, 1.0, 1.25], lambda name: name in ("history.csv", "results.json"))
+    assert_times(run, in_the_end, has_fields)
+    assert times_of(run)["states"] == (states or in_the_end)
 
 
-@pytest.mark.parametrize("kind", FORMATS)
-@pytest.mark.parametrize("status", ["failed", "interrupted"])
-def test_a_run_that_is_not_done_leaves_its_last_converged_step(tmp_path, kind, status):
-    run = made_up(tmp_path, output=f'[output]\nformat = "{kind}"\ntimes = [1.0]')
-    writer = run.writer()
-    run.steps(writer, 3)
-    run.finish(writer, status, message="no convergence at t = 0.8")
-    told = times_of(run)
-    assert all(times == [0.75] for times in fields_of(told).values()) and told["states"] == [0.75]
-    assert json.loads((run.folder / "results.json").read_text())["message"] == "no convergence at t = 0.8"
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-def test_the_last_state_tried_goes_to_a_folder_of_its_own(tmp_path, kind):
-    run = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
-    writer = run.writer()
-    run.steps(writer, 2)
-    run.finish(writer, "failed", message="no", tried=lambda: fields(run.space, 0.625))
-    assert times_of(run)["states"] == [0.25, 0.5]
+@pytest.mark.parametrize(("kind", "status"), [("vtu", "failed"), ("med", "interrupted")])
+def test_a_run_that_is_not_done_leaves_its_last_converged_step_and_apart_the_state_tried(tmp_path, kind, status):
+    run, writer = going(tmp_path, 3, format=kind, times=[1.0])
+    run.finish(writer, status, message="no convergence at t = 0.8", tried=lambda: fields(run.space, 0.8))
+    assert_times(run, [0.75], has_fields)
+    assert times_of(run)["states"] == [0.75] and summary(run)["message"] == "no convergence at t = 0.8"
     tried = run.folder / "unconverged"
     if kind == "vtu":
-        assert list(read_pvd(tried / "solid.pvd")) == [0.625]
+        assert list(read_pvd(tried / "solid.pvd")) == [0.8]
     else:
         assert (tried / "results.med").stat().st_size > 0
     made_up(tmp_path).writer(force=True)
@@ -121,8 +126,7 @@ def heard():
 
 def test_a_signal_waits_until_a_step_is_whole(heard, tmp_path, monkeypatch):
     run = made_up(tmp_path)
-    writer = run.writer()
-    add = writers.add_contact
+    writer, add = run.writer(), writers.add_contact
 
     def interrupted(*given):
         os.kill(os.getpid(), signal.SIGINT)
@@ -133,13 +137,11 @@ def test_a_signal_waits_until_a_step_is_whole(heard, tmp_path, monkeypatch):
         run.step(writer, 1, 0.25)
     monkeypatch.undo()
     run.finish(writer, "interrupted", message="interrupted")
-    assert all(times == [0.25] for times in times_of(run).values())
+    assert_times(run, [0.25])
 
 
 def test_an_interrupt_while_fields_are_made_leaves_them_to_the_end(tmp_path):
-    run = made_up(tmp_path)
-    writer = run.writer()
-    run.step(writer, 1, 0.25)
+    run, writer = going(tmp_path, 1)
     asked = []
 
     def made():
@@ -152,66 +154,50 @@ def test_an_interrupt_while_fields_are_made_leaves_them_to_the_end(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         writer.step(run.results, made, restart(run.space, 2, 0.5))
     run.finish(writer, "interrupted", message="interrupted")
-    assert all(times == [0.25, 0.5] for times in times_of(run).values())
+    assert_times(run, [0.25, 0.5])
 
 
 # ---- where
 
 
-def test_nothing_is_there_before_the_writer_begins(tmp_path):
+def test_nothing_is_there_before_the_writer_begins_and_other_things_stay(tmp_path):
     create_output(tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_results_are_not_written_over_without_force(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 1)
-    before = inside(run.folder)
-    with pytest.raises(RequestError, match=r"out holds results already; --force replaces them"):
-        create_output(run.folder)
-    create_output(run.folder, force=True)
-    assert inside(run.folder) == before  # until the writer begins
-
-
-def test_force_replaces_results_and_nothing_else(tmp_path):
-    old = made_up(tmp_path)
-    old.steps(old.writer(), 3)
-    mine = ("notes.txt", "fields/mine.vtu", "state_of_art.npz", "contact.csv", "solid_0001.vtu")
-    for name in mine:
-        (old.folder / name).write_text("mine")
-    run = made_up(tmp_path, output='[output]\nformat = "med"')
-    writer = run.writer(force=True)
-    assert set(inside(run.folder)) == {*mine, FILE}
-    run.steps(writer, 1)
-    assert all(times == [0.25] for times in times_of(run).values())
-
-
-def test_a_folder_with_other_things_in_it_is_taken(tmp_path):
-    run = made_up(tmp_path)
-    run.folder.mkdir()
-    (run.folder / "notes.txt").write_text("mine")
-    run.steps(run.writer(), 1)
+    with pytest.raises(WriteError, match="cannot be used"):
+        create_output(tmp_path / ("x" * 300))
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "notes.txt").write_text("mine")
+    run = after(tmp_path, 1)
     assert (run.folder / "notes.txt").read_text() == "mine"
 
 
-def test_a_name_that_no_folder_can_have_is_refused(tmp_path):
-    with pytest.raises(WriteError, match="cannot be used"):
-        create_output(tmp_path / ("x" * 300))
+def test_force_replaces_results_and_nothing_else(tmp_path):
+    old = after(tmp_path, 3)
+    mine = ("notes.txt", "fields/mine.vtu", "state_of_art.npz", "contact.csv", "solid_0001.vtu")
+    for name in mine:
+        (old.folder / name).write_text("mine")
+    before = inside(old.folder)
+    run = made_up(tmp_path, format="med")
+    with pytest.raises(RequestError, match="holds results already; --force"):
+        create_output(run.folder)
+    create_output(run.folder, force=True)
+    assert inside(run.folder) == before  # until the writer begins
+    writer = run.writer(force=True)
+    assert set(inside(run.folder)) == {*mine, FILE}
+    run.steps(writer, 1)
+    assert_times(run, [0.25])
 
 
 @pytest.mark.parametrize("kind", FORMATS)
 def test_a_disk_that_is_full_is_told_in_a_sentence_and_what_was_whole_stays(tmp_path, kind):
-    run = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
-    writer = run.writer()
-    run.step(writer, 1, 0.25)
-    with room(2500), pytest.raises(WriteError, match=r"cannot be written \(File too large\)"):
+    run, writer = going(tmp_path, 1, format=kind)
+    with small_files(2500), pytest.raises(WriteError, match=r"cannot be written \(File too large\)"):
         run.step(writer, 2, 0.5)
-    told = times_of(run)
-    assert all(times == [0.25] for times in fields_of(told).values()) and told["states"] == [0.25]
+    assert_times(run, [0.25], has_fields)
+    assert times_of(run)["states"] == [0.25]
     assert [p.name for p in run.folder.rglob(".*") if p.is_file()] == [FILE]
     run.finish(writer, "failed", message="the disk is full")
-    assert not [p for p in run.folder.rglob(".*") if p.is_file()]
-    assert json.loads((run.folder / "results.json").read_text())["status"] == "failed"
+    assert not [p for p in run.folder.rglob(".*") if p.is_file()] and summary(run)["status"] == "failed"
 
 
 # ---- restart
@@ -220,80 +206,49 @@ def test_a_disk_that_is_full_is_told_in_a_sentence_and_what_was_whole_stays(tmp_
 @pytest.mark.parametrize(("kind", "from_time"), each_option(itertools.product(FORMATS, (None, 0.5))))
 def test_a_restart_goes_on_in_its_own_folder(tmp_path, kind, from_time):
     """Whole or in two parts, the same files hold the same times, and the same states."""
-    force = from_time is not None
-    whole = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
-    whole.folder = tmp_path / "whole"
-    writer = whole.writer()
-    whole.steps(writer, 4)
+    whole, writer = going(tmp_path, 4, "whole", format=kind)
     whole.finish(writer)
-
-    first = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
-    writer = first.writer()
-    first.steps(writer, 3)
+    first, writer = going(tmp_path, 3, format=kind)
     first.finish(writer, "interrupted", message="interrupted", tried=lambda: fields(first.space, 0.9))
-    second = made_up(tmp_path, output=f'[output]\nformat = "{kind}"')
+    second = made_up(tmp_path, format=kind)
     state = read_state(second.folder, second.case, from_time)
-    writer = second.writer(restart=state, force=force)
+    writer = second.writer(restart=state, force=from_time is not None)
     second.steps(writer, 4 - state.number, first=state.number + 1)
     second.finish(writer)
-
     assert times_of(second) == times_of(whole)
     texts = ("history.csv", "contact_joint.csv", "contact_glue_left__é.csv", "results.json")
     assert all((second.folder / name).read_bytes() == (whole.folder / name).read_bytes() for name in texts)
-    assert {p for p in inside(second.folder)} == {p for p in inside(whole.folder)}
+    assert set(inside(second.folder)) == set(inside(whole.folder))
 
 
-def test_a_restart_elsewhere_leaves_the_first_folder_and_numbers_on(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 2)
+def test_a_restart_elsewhere_leaves_the_first_folder_and_writes_over_nothing(tmp_path):
+    run, other = after(tmp_path, 3), after(tmp_path, 1, "other")
     before = inside(run.folder)
-    again = made_up(tmp_path)
-    state = read_state(run.folder, again.case, 0.25)
-    again.folder = tmp_path / "other"
-    again.steps(again.writer(restart=state), 1, first=2)
-    assert inside(run.folder) == before
-    assert all(times == [0.5] for times in times_of(again).values())
-    assert (again.folder / "state_0002.npz").exists()
-
-
-def test_a_restart_elsewhere_does_not_write_over_results(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 2)
-    other = made_up(tmp_path)
-    other.folder = tmp_path / "other"
-    other.steps(other.writer(), 1)
     with pytest.raises(RequestError, match="other holds results already"):
         create_output(other.folder, restart=read_state(run.folder, run.case))
-
-
-def test_later_states_are_not_lost_without_force(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 3)
-    state = read_state(run.folder, run.case, 0.25)
-    before = inside(run.folder)
-    with pytest.raises(RequestError, match=r"later states \(after steps 2, 3\) than t = 0.25; --force"):
-        create_output(run.folder, restart=state)
+    early = read_state(run.folder, run.case, 0.25)
+    with pytest.raises(RequestError, match=r"after steps 2, 3\) than t = 0\.25; --force"):
+        create_output(run.folder, restart=early)
+    other.folder = tmp_path / "third"
+    other.steps(other.writer(restart=early), 1, first=2)
+    assert times_of(other)["states"] == [0.5] and (other.folder / "state_0002.npz").exists()
     assert inside(run.folder) == before
 
 
 def test_a_restart_with_other_probes_has_their_columns(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 2)
-    again = made_up(tmp_path)
-    writer = again.writer(restart=read_state(run.folder, run.case))
+    run = after(tmp_path, 2)
+    writer = made_up(tmp_path).writer(restart=read_state(run.folder, run.case))
     step = run.results.steps[-1]
     results = replace(run.results, steps=(replace(step, time=0.75, probes={"B": np.zeros(3)}),))
     writer.step(results, lambda: fields(run.space, 0.75), restart(run.space, 3, 0.75))
-    with (run.folder / "history.csv").open(newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert [row["probe.B.ux"] for row in rows] == ["", "", "0.0"]
-    assert [row["probe.PA, top.ux"] for row in rows] == ["-0.25", "-0.5", ""]
+    rows = table(run.folder / "history.csv")
+    np.testing.assert_array_equal(rows["probe.B.ux"], [np.nan, np.nan, 0.0])
+    np.testing.assert_array_equal(rows["probe.PA, top.ux"], [-0.25, -0.5, np.nan])
 
 
 @pytest.mark.parametrize("name", ["results.json", "history.csv"])
 def test_a_damaged_file_stops_a_restart_before_anything_is_lost(tmp_path, name):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 2)
+    run = after(tmp_path, 2)
     (run.folder / name).write_bytes((run.folder / name).read_bytes()[:-20])
     before = inside(run.folder)
     with pytest.raises(ReadError, match=name):
@@ -312,96 +267,189 @@ def kept(tmp_path_factory):
 
 
 @pytest.mark.parametrize(("from_time", "number"), [(None, 3), (0.2, 2), (0.1 + 1e-12, 1), (0.3, 3)])
-def test_a_state_comes_back_as_it_was(kept, from_time, number):
+def test_the_state_of_a_time_comes_back_as_it_was(kept, from_time, number):
+    """That a run goes on from it as if it had not stopped is a law (test_laws.py)."""
     assert 0.1 * 3 != 0.3
-    state = read_state(kept.folder, kept.case, from_time)
-    was = restart(kept.space, number, 0.1 * number)
+    state, was = read_state(kept.folder, kept.case, from_time), restart(kept.space, number, 0.1 * number)
+    assert was.folder is None and state.folder == kept.folder
     assert (state.time, state.step_size, state.number) == (was.time, was.step_size, was.number)
-    assert np.array_equal(state.u, was.u) and state.u.dtype == np.float64
     for name in ("multipliers", "status", "rigid"):
         found, expected = getattr(state, name), getattr(was, name)
         assert list(found) == list(expected)
         assert all(np.array_equal(found[key], expected[key]) for key in expected)
-    assert all(map(np.array_equal, state.step.iterate, was.step.iterate))
-    assert (state.step.earlier is None) == (number == 1)
-    one, other = state.step.histories, was.step.histories
-    assert list(one.scheme) == ["velocity"]
-    arrays = [(*h.materials, *h.contact, *h.scheme.values()) for h in (one, other)]
-    assert len(arrays[0]) == 3 and all(map(np.array_equal, *arrays))
-    if was.step.earlier is not None:
-        assert state.step.earlier[0] == was.step.earlier[0] and all(
-            map(np.array_equal, state.step.earlier[1], was.step.earlier[1])
-        )
-    joint, glue = state.multipliers.values()
-    assert joint.ndim == 1 and glue.shape == (len(joint), 3)  # pressures, tractions of the tie
+    one, other = state.step, was.step
+    assert (one.earlier is None) == (number == 1) and list(one.histories.scheme) == ["velocity"]
+    pairs = [
+        (s.iterate, *(s.earlier or ()), s.histories.materials, s.histories.contact, s.histories.scheme.values())
+        for s in (one, other)
+    ]
+    for mine, expected in zip(*pairs, strict=True):
+        assert np.array_equal(mine, expected) if np.isscalar(mine) else all(map(np.array_equal, mine, expected))
 
 
-def test_a_time_without_a_state_is_an_error_that_lists_them(kept):
-    with pytest.raises(RequestError, match=r"no state at t = 0.15; there are: 0.1, 0.2, 0.3$") as caught:
+def test_a_time_without_a_state_and_a_case_that_changed_are_refused(kept):
+    with pytest.raises(RequestError, match=r"at t = 0\.15; there are: 0\.1, 0\.2, 0\.3$") as caught:
         read_state(kept.folder, kept.case, 0.15)
     assert caught.value.status == 2
-
-
-def test_a_case_that_changed_is_refused_and_the_parts_named(kept, tmp_path):
-    text = (kept.folder.parent / "case.toml").read_text()
-    other = kept.folder.parent / "other.toml"
-    other.write_text(text.replace("2000.0", "2100.0").replace("value = 25.0", "value = 26.0"))
+    changed = {"material": [Material(young=2100.0, poisson=0.3)], "pressure": [Pressure(group="master", value=26.0)]}
     with pytest.raises(Exception, match="another case: material, pressure changed") as caught:
-        read_state(kept.folder, read_case(other))
+        read_state(kept.folder, replace(kept.case, **changed))
     assert caught.value.status == 1
-    other.write_text(text.replace("count = 4", "count = 8") + "[solver]\nthreads = 1\n[output]\nevery = 2\n")
-    assert read_state(kept.folder, read_case(other)).number == 3
+    same = replace(kept.case, steps=Steps(count=8), solver=Solver(threads=1), output=Output(every=2))
+    assert read_state(kept.folder, same).number == 3
 
 
 def test_a_damaged_state_is_told_and_the_one_before_named(tmp_path):
-    run = made_up(tmp_path)
-    run.steps(run.writer(), 2)
+    run, rng = after(tmp_path, 2), np.random.default_rng(0)
     last = run.folder / "state_0002.npz"
     whole = last.read_bytes()
-    rng = np.random.default_rng(0)
     for k in range(60):
-        wrong = bytearray(whole)
-        if k % 2:
-            del wrong[int(rng.integers(len(whole))) :]
-        else:
-            at = int(rng.integers(len(whole)))
-            wrong[at] ^= 1 << int(rng.integers(8))
-        last.write_bytes(bytes(wrong))
+        at = int(rng.integers(len(whole)))
+        last.write_bytes(whole[:at] + (b"" if k % 2 else bytes([whole[at] ^ 1 << k % 8]) + whole[at + 1 :]))
         try:
             state = read_state(run.folder, run.case)
         except ReadError as error:
             assert str(error).startswith(f"{last}: is damaged or no state")
             assert str(error).endswith("--from 0.25")
-        else:  # what was changed is not read: a date in the archive's list ...
+        else:  # the changed byte is one that nobody reads: a date in the archive's list ...
             assert k % 2 == 0 and np.array_equal(state.u, restart(run.space, 2, 0.5).u) and state.time == 0.5
-    last.write_bytes(b"")
-    with pytest.raises(ReadError, match=r"go on from an earlier time, --from 0\.25"):
-        read_state(run.folder, run.case)
     assert read_state(run.folder, run.case, 0.25).number == 1
+    last.write_bytes(b"")
     (run.folder / "state_0001.npz").unlink()
-    with pytest.raises(ReadError, match="no other state is in"):
+    with pytest.raises(ReadError, match="no other state"):
         read_state(run.folder, run.case)
 
 
-def test_a_state_of_a_newer_version_is_told(kept, tmp_path):
+class Trap:
+    def __reduce__(self):
+        return (pytest.fail, ("unpickled",))
+
+
+def test_a_state_of_a_newer_version_or_of_objects_is_not_read(kept, tmp_path):
     about = json.loads(np.load(kept.folder / "state_0001.npz")["about"].tobytes())
-    content = np.frombuffer(json.dumps({**about, "version": 99}).encode(), np.uint8)
-    np.savez(tmp_path / "state_0001.npz", about=content, u=np.zeros(3))
-    with pytest.raises(ReadError, match="of a newer lacsolver"):
-        read_state(tmp_path, kept.case)
+    newer = np.frombuffer(json.dumps({**about, "version": 99}).encode(), np.uint8)
+    for content, words in ((newer, "of a newer lacsolver"), (np.array([Trap()]), "damaged or no state")):
+        np.savez(tmp_path / "state_0001.npz", about=content, u=np.zeros(3))
+        with pytest.raises(ReadError, match=words):
+            read_state(tmp_path, kept.case)
 
 
-def test_a_state_of_objects_is_not_unpickled(kept, tmp_path):
-    class Trap:
-        def __reduce__(self):
-            return (pytest.fail, ("unpickled",))
+# ---- one run at a time
 
-    np.savez(tmp_path / "state_0001.npz", about=np.array([Trap()]), u=np.zeros(3))
-    with pytest.raises(ReadError, match="damaged or no state"):
-        read_state(tmp_path, kept.case)
+HOLDS = """
+import sys, time
+from pathlib import Path
+from lacsolver.output.lock import hold
+held = hold(Path(sys.argv[1]))
+print("held", flush=True)
+time.sleep(600)
+"""
 
 
-def test_a_restart_is_a_states_own(kept):
-    state = restart(kept.space, 1, 0.5)
-    assert isinstance(state, Restart) and state.folder is None
-    assert read_state(kept.folder, kept.case).folder == kept.folder
+def test_a_folder_that_a_run_writes_into_is_refused_to_another_and_its_results_are_not_lost(tmp_path):
+    asked_before = create_output(tmp_path / "out")
+    run, writer = going(tmp_path, 1)
+    for asks in (lambda: create_output(run.folder), lambda: create_output(run.folder, force=True), asked_before.hold):
+        with pytest.raises(RequestError, match=BUSY):
+            asks()
+    run.finish(writer)
+    with pytest.raises(RequestError, match="holds results already"):  # since the folder was asked for
+        asked_before.hold()
+    assert_times(run, [0.25])
+    assert not (run.folder / FILE).exists()
+
+
+def test_the_lock_of_a_run_that_was_killed_holds_nobody_up(tmp_path):
+    with subprocess.Popen([sys.executable, "-c", HOLDS, str(tmp_path)], stdout=subprocess.PIPE, text=True) as child:
+        try:
+            assert child.stdout.readline() == "held\n"
+            with pytest.raises(RequestError, match=BUSY):
+                hold(tmp_path)
+        finally:
+            child.send_signal(signal.SIGKILL)
+    assert (tmp_path / FILE).exists()
+    hold(tmp_path)()
+    assert not (tmp_path / FILE).exists()
+
+
+def test_a_lock_that_its_holder_has_just_removed_is_taken_anew(tmp_path, monkeypatch):
+    """Between opening the file and locking it."""
+    opened = os.open
+
+    def removed_meanwhile(path, *flags):
+        handle = opened(path, *flags)
+        monkeypatch.undo()
+        path.unlink()
+        return handle
+
+    monkeypatch.setattr(os, "open", removed_meanwhile)
+    let_go = hold(tmp_path)
+    with pytest.raises(RequestError, match=BUSY):
+        hold(tmp_path)
+    let_go()
+
+
+def test_where_the_file_system_has_no_locks_nothing_is_held(tmp_path, monkeypatch):
+    def none(*given):
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    let_go = hold(tmp_path)
+    hold(tmp_path)()
+    let_go()
+
+
+# ---- what a run that was killed was writing
+
+
+def dead():
+    """Number of a process that has ended."""
+    child = subprocess.Popen([sys.executable, "-c", ""])
+    child.wait()
+    return child.pid
+
+
+def token(pid, host=output._HOST):
+    return f"{host}{pid:08x}0123abcd"
+
+
+def test_hidden_files_of_a_run_that_was_killed_are_ignored_and_cleared(tmp_path):
+    run = after(tmp_path, 3)
+    mine, theirs = dead(), os.getppid()
+    names = (".contact_joint-{}.pvd", ".solid-{}.pvd", ".results-{}.json", "fields/.solid_0004-{}.vtu")
+    left = [run.folder / name.format(token(mine)) for name in names]
+    left += [run.folder / ".contact_joint-0123456789abcdef.pvd", run.folder / f".state_0004-{token(9, '0' * 8)}.npz"]
+    kept = [run.folder / name for name in (".notes-0123456789abcdef.csv", ".solid.pvd", "mine.pvd", ".solid-12.pvd")]
+    kept.append(run.folder / f".solid-{token(theirs)}.pvd")
+    for path in (*left, *kept):
+        path.write_text("half of it")
+    again = made_up(tmp_path)
+    writer = again.writer(restart=read_state(run.folder, run.case))
+    again.step(writer, 4, 1.0)
+    again.finish(writer)
+    assert [path for path in left if path.exists()] == []
+    assert all(path.read_text() == "half of it" for path in kept)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from lacmesh.formats.output import replacing
+with replacing(Path(sys.argv[1])) as (beside,):
+    beside.write_bytes(b"half of it")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_what_a_killed_command_left_of_an_output_is_cleared_by_the_next(tmp_path):
+    place = tmp_path / "out.msh"
+    with suppress(subprocess.CalledProcessError):
+        subprocess.run([sys.executable, "-c", KILLED, str(place)], check=True)
+    (left,) = tmp_path.iterdir()
+    assert left.name.startswith(".out-") and left.suffix == ".msh"
+    alive, elsewhere = (tmp_path / f".out-{t}.msh" for t in (token(os.getppid()), token(dead(), "0" * 8)))
+    other, old = tmp_path / f".outer-{token(dead())}.msh", tmp_path / ".out-0123456789abcdef.msh"
+    for path in (alive, elsewhere, other, old):
+        path.write_text("")
+    output.check_place(place, force=False)
+    assert sorted(tmp_path.iterdir()) == sorted((alive, elsewhere, other, old))

@@ -1,426 +1,375 @@
-"""A run that is interrupted and restarted gives the same results as an uninterrupted one."""
+"""A run that is restarted gives the results of one that is not; a state of another case, mesh or version is refused.
+
+A mesh is recognised by its digest, which parts of it, in several processes, have together.
+"""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from functools import cache
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import lacmesh
+import lacsolver as ls
+from lacmesh import Mesh, cut_skin, example
 from lacmesh.errors import DataError, ReadError
-from lacsolver.case import fingerprint, fingerprint_as, parse_case, read_case
+from lacmesh.partition import cut_part, distribute_nodes, part_of
+from lacsolver import Contact, Material, Rigid, Solver, Steps, run
+from lacsolver.case import changed, fingerprint, fingerprint_as
+from lacsolver.case.row_sums import ROWS, row_sums
 from lacsolver.cli import main
-from lacsolver.equilibrium.load_step import LoadStep
-from lacsolver.equilibrium.reduced import ReducedProblem
-from lacsolver.output import create_output
 from lacsolver.output.states import read_state
-from lacsolver.problem.problem import Problem
-from lacsolver.running import run
 from tests.lacsolver.patch_meshes import three_blocks
 from tests.lacsolver.tables import table
+from tests.meshes import random_mesh
 from tests.problem_meshes import punch
+from tests.problems import ELASTIC, case_of, contact, fix, move
 
-HEAD = """mesh = "blocks.msh"
-model = "{model}"
-[[material]]
-young = 1000.0
-poisson = 0.3
-"""
+#: its slave is finer than its master, which is said
+pytestmark = pytest.mark.filterwarnings("ignore:pressures of contact 'foot' alternate")
+
 #: a contact that opens and closes, a tie, a rigid body that is loaded and one that is moved
 SEVERAL = (
-    HEAD.format(model="3d")
-    + """[[contact]]
-name = "foot"
-slave = "slave1"
-master = "master1"
-clearance = "0.002 * x - 0.001"
-[[tie]]
-name = "glue"
-slave = "slave2"
-master = "master2"
-[[rigid]]
-group = "top"
-fz = "-3 * sin(t)"
-fx = "0.1 * t"
-moment = [0.0, "0.2 * t", 0.0]
-[[rigid]]
-group = "bottom"
-uz = "1e-4 * t * t"
-[[displacement]]
-group = "y0"
-uy = 0.0
-[[spring]]
-group = "master2"
-kx = 50.0
-kz = 2.0
-"""
+    ELASTIC,
+    Contact(name="foot", slave="slave1", master="master1", clearance="0.002 * x - 0.001"),
+    ls.Tie(name="glue", slave="slave2", master="master2"),
+    Rigid(group="bottom", uz="1e-4 * t * t"),
+    ls.Spring(group="master2", kx=50.0, ky=50.0, kz=2.0),
+    Rigid(group="top", fz="-3 * sin(t)", fx="0.1 * t", moment=[0.0, "0.2 * t", 0.0]),
 )
+FLOOR, SMOOTHED = fix("bottom", "xy"), contact(geometry="current", normals="smoothed")
 #: two skins that are paired again and again, over a slave that slides
-SLIDING = (
-    HEAD.format(model="plane_strain")
-    + """[[contact]]
-slave = "slave"
-master = "master"
-geometry = "current"
-normals = "smoothed"
-[[displacement]]
-group = "bottom"
-ux = 0.0
-uy = 0.0
-[[rigid]]
-group = "top"
-ux = "0.05 * t"
-uy = "-0.04 * sin(t)"
-"""
-)
-STILL = SLIDING.replace('geometry = "current"', 'geometry = "reference"')
-
-
+SLIDING = (ELASTIC, SMOOTHED, FLOOR, Rigid(group="top", ux="0.05 * t", uy="-0.04 * sin(t)"))
 #: a body that goes over its master's faces, finite: pressed down, then along
 FAR = (
-    HEAD.format(model="plane_strain").replace(
-        "[[material]]", 'kinematics = "finite"\n[[material]]\nlaw = "neo_hookean"'
-    )
-    + """[[contact]]
-slave = "slave"
-master = "master"
-normals = "smoothed"
-[[displacement]]
-group = "bottom"
-ux = 0.0
-uy = 0.0
-[[rigid]]
-group = "top"
-ux = [[1.0, 0.0], [3.0, 0.4]]
-uy = [[0.0, 0.0], [1.0, -0.08]]
-rotation = "0.02 * t"
-"""
+    *(Material(young=1000.0, poisson=0.3, law="neo_hookean"), contact(normals="smoothed"), FLOOR),
+    Rigid(group="top", ux=[[1, 0], [3, 0.4]], uy=[[0, 0], [1, -0.08]], rotation="0.02 * t"),
 )
+#: model, keys at the top of the case, records, and a zone that opens and closes
+PROBLEMS = {
+    "several": ("3d", {}, SEVERAL, "foot"),
+    "sliding": ("plane_strain", {}, SLIDING, "slave"),
+    "far": ("plane_strain", {"kinematics": "finite"}, FAR, ""),
+}
 
 
 @cache
 def blocks():
-    """Three blocks on one another, y0 without what the rigid bodies hold."""
-    return held_between(three_blocks(("HEXA8", "TETRA4", "PENTA6 quadrangle")))
+    return three_blocks(("HEXA8", "TETRA4", "PENTA6 quadrangle"))
 
 
-def held_between(mesh):
-    """The mesh, its side y0 without faces that touch the bottom or the top."""
-    ends = {n for g in ("bottom", "top") for _, _, nodes in mesh.select(mesh.cells_of(g)) for n in nodes.ravel()}
-    kept = [c for _, cells, rows in mesh.select(mesh.cells_of("y0")) for c, r in zip(cells, rows, strict=True)
-            if not ends & set(r.tolist())]  # fmt: skip
-    groups = {**mesh.cell_groups, "y0": np.array(sorted(kept))}
-    return lacmesh.Mesh.create(mesh.points, mesh.blocks, cell_groups=groups)
+def six(name, end=3.0, count=6):
+    """The case of a problem, in six steps unless other numbers are given."""
+    model, keys, records, _ = PROBLEMS[name]
+    return case_of(blocks() if model == "3d" else punch(), *records, Steps(end=end, count=count), model=model, **keys)
 
 
-CASES = {"several": (blocks, SEVERAL), "current": (punch, SLIDING), "reference": (punch, STILL)}
-PUNCHED = SLIDING.replace('"-0.04 * sin(t)"', '"-0.04 * t"').replace('"0.05 * t"', "0.0")
-
-
-#: what a column's figures are compared with the largest of: forces with forces, places with the body
-KINDS = {
-    "force": ("reaction.", ".fx", ".fy", ".fz"),
-    "pressure": ("pressure", "pressure_recovered"),
-    "length": ("probe.", "x", "y", "z", "gap"),
-}
-END = "[steps]\nend = 3.0\ncount = 6\n"
-EXACT = "[solver]\ntolerance = 1e-13\n"
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))  # for commands in their own processes
-    return tmp_path
-
-
-def put(name, more, file="case.toml"):
-    """A case and its mesh, in the folder that is worked in."""
-    mesh, text = CASES[name]
-    if not Path("blocks.msh").exists():
-        lacmesh.write("blocks.msh", mesh())
-    Path(file).write_text(text + more)
+def on(whole, folder, output, since=None, **options):
+    """Run a case from a state in a folder on."""
+    return run(whole, output, start=read_state(folder, whole, since, mesh=whole.mesh), **options)
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """The folder of a case that has run as `END + EXACT` says, by its name; its results are in `whole`."""
+def ran(tmp_path_factory):
+    """The folder with the results of the whole run of a problem, which is made once."""
 
     @cache
-    def ran(name):
-        made = tmp_path_factory.mktemp(name)
-        with contextlib.chdir(made):
-            put(name, END + EXACT)
-            solve("case.toml", "-o", "whole")
-        return made
+    def folder(name):
+        run(six(name), output := tmp_path_factory.mktemp(name) / "whole")
+        return output
 
-    return ran
+    return folder
 
 
-@pytest.fixture
-def whole(folder, kept):
-    """Puts such a case, its mesh and its results into the folder that is worked in."""
-    return lambda name: shutil.copytree(kept(name), folder, dirs_exist_ok=True)
+def results(folder):
+    return json.loads((folder / "results.json").read_text())
 
 
-def solve(*words):
-    assert main(["run", *words, "-q"]) == 0
+def assert_same(found, wanted, since=0.0):
+    """Tables and results of a folder are those of another one after a time, to the last digit."""
+    for path in wanted.glob("*.csv"):
+        head, *rows = path.read_text().splitlines()
+        after = [row for row in rows if float(row.split(",")[0]) > since]
+        assert after and (found / path.name).read_text().splitlines() == [head, *after]
+    one, other = results(found), results(wanted)
+    assert one["steps"] == [step for step in other["steps"] if step["time"] > since] and one["status"] == "done"
+    assert {k: one[k] for k in ("contact", "stress", "energy")} == {
+        k: other[k] for k in ("contact", "stress", "energy")
+    }
 
 
-def kind_of(column):
-    for kind, parts in KINDS.items():
-        if any(column == part or ("." in part and part in column) for part in parts):
-            return kind
-    return column
+# ---- goes on
 
 
-def assert_same(found, wanted, times):
-    """Every table of `found` has these times, with the figures of `wanted` to 1e-12.
-
-    Iterations are left out: a first step after a restart has no step before it to go on from.
-    """
-    for name in sorted(path.name for path in wanted.glob("*.csv")):
-        one, other = table(found / name), table(wanted / name)
-        assert list(one) == list(other)
-        rows = np.isin(other["time"].round(9), np.round(times, 9))
-        assert sorted({*one["time"].round(9)}) == pytest.approx(times)
-        size = {"length": 1.0}
-        for column, values in other.items():
-            known = np.abs(values[np.isfinite(values)]).max(initial=0.0)
-            size[kind_of(column)] = max(size.get(kind_of(column), 0.0), known)
-        for column in [c for c in one if c != "iterations"]:
-            a, b = one[column], other[column][rows]
-            np.testing.assert_allclose(a, b, rtol=0, atol=1e-12 * size[kind_of(column)], err_msg=f"{name}: {column}")
-
-
-for_all = pytest.mark.parametrize("name", CASES)
-
-
-@for_all
-def test_three_steps_and_three_more_are_six(folder, whole, name):
-    whole(name)
-    put(name, "[steps]\nend = 1.5\ncount = 3\n" + EXACT, "first.toml")
-    solve("first.toml", "-o", "first")
-    solve("case.toml", "--restart", "first", "-o", "then")
-    assert_same(folder / "then", folder / "whole", [2.0, 2.5, 3.0])
-    all_of_it, then = (json.loads((folder / d / "results.json").read_text()) for d in ("whole", "then"))
-    assert then["status"] == "done" and [s["time"] for s in then["steps"]] == [2.0, 2.5, 3.0]
-    assert then["energy"] == pytest.approx(all_of_it["energy"], rel=1e-12)
-    for group, ranges in all_of_it["stress"].items():
-        big = np.abs(list(ranges.values())).max()
-        for component, ends in ranges.items():
-            np.testing.assert_allclose(then["stress"][group][component], ends, atol=1e-12 * big)
-    assert sorted(p.name for p in (folder / "then").glob("state_*")) == [f"state_000{k}.npz" for k in (4, 5, 6)]
-
-
-def test_the_cases_open_and_close(kept):
-    """The restarted cases have contact that changes during the run, before the restart and after it."""
-    for name, zone in (("several", "foot"), ("current", "slave"), ("reference", "slave")):
-        rows = table(kept(name) / "whole" / f"contact_{zone}.csv")
-        closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]
-        assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1, (name, closed)
-
-
-@pytest.mark.parametrize(
-    "name", ["several", *(pytest.param(name, marks=pytest.mark.slow) for name in ("current", "reference"))]
-)
-def test_an_earlier_time_is_gone_on_from_in_the_same_folder(folder, whole, name):
-    whole(name)
-    shutil.copytree("whole", "again")
-    solve("case.toml", "--restart", "again", "--from", "1", "-o", "again", "--force")
-    assert_same(folder / "again", folder / "whole", [0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
-    solve("case.toml", "--restart", "whole", "--from", "2.5", "-o", "last")
-    assert_same(folder / "last", folder / "whole", [3.0])
-
-
-@for_all
-def test_a_state_keeps_all_that_a_run_goes_on_from(whole, name):
-    """A restart that has nothing left to solve knows it; the state is the one that was written."""
-    whole(name)
-    case = read_case("case.toml")
-    states = [read_state("whole", case, t) for t in (1.0, 3.0)]
-    assert [(s.time, s.number) for s in states] == [(1.0, 2), (3.0, 6)]
-    assert not np.allclose(states[0].u, states[1].u)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_run_goes_on_from_any_state_to_the_last_bit(ran, tmp_path, name):
+    """Elsewhere and in the same folder; from the last state there is nothing left to do."""
+    whole, zone = six(name), PROBLEMS[name][3]
+    for since in (0.5, 2.5):
+        on(whole, ran(name), tmp_path / f"from {since}", since)
+        assert_same(tmp_path / f"from {since}", ran(name), since)
+        for time in (since + 0.5, 3.0):
+            one, other = (read_state(d, whole, time, mesh=whole.mesh) for d in (tmp_path / f"from {since}", ran(name)))
+            assert one.number == other.number
+            for a, b in zip((one.u, *one.step.iterate[1:3]), (other.u, *other.step.iterate[1:3]), strict=True):
+                np.testing.assert_array_equal(a, b)
     if name == "several":
-        assert list(states[1].multipliers) == ["foot", "glue"] and states[1].multipliers["glue"].shape[1] == 3
-        assert states[1].rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
-    done = run(case, create_output("nothing"), start=states[1])
-    assert done.status == "done" and done.steps == ()
+        assert list(one.multipliers) == ["foot", "glue"] and one.multipliers["glue"].shape[1] == 3
+        assert one.rigid["bottom"][2] == pytest.approx(9e-4, rel=1e-12)
+        again = shutil.copytree(ran(name), tmp_path / "again")
+        on(whole, again, again, 1.0, force=True)
+        assert_same(again, ran(name))
+    if zone:
+        rows = table(ran(name) / f"contact_{zone}.csv")  # which changes before the restart and after it
+        closed = [(rows["status"][rows["time"] == t] == 1).sum() for t in np.unique(rows["time"])]
+        assert 0 < min(closed) < max(closed) and len(set(closed[2:])) > 1
+    assert on(whole, ran(name), tmp_path / "nothing").steps == ()
 
 
-@for_all
-def test_what_is_kept_is_in_equilibrium(whole, name):
-    """Displacements and pressures as they were, ties' too: there is nothing left for a solve to do."""
-    whole(name)
-    case = read_case("case.toml")
-    model = ReducedProblem(Problem.of(case))
-    now = LoadStep(model, 3.0)
-    q, p, active = read_state("whole", case).step.iterate
-    contact = now.contact(q)
-    forces = contact.rows.B_T @ p
-    np.testing.assert_allclose(now.reference.K @ q + forces, now.f, atol=1e-11 * np.abs(forces).max())
-    assert (p[~active] == 0).all() and np.abs(contact.residuals(p, active)).max() <= 1e-12 and active.any()
-    np.testing.assert_array_equal(contact.next_active(active, p), active)
+def test_a_halved_step_stays_as_short(tmp_path):
+    pressed = ELASTIC, SMOOTHED, FLOOR, Rigid(group="top", ux=0.0, uy="-0.04 * t")
+    whole = case_of(punch(), *pressed, Steps(end=1.0, growth=1.0), Solver(max_iterations=4), model="plane_strain")
+    times = [step.time for step in run(whole, tmp_path / "whole").steps]
+    assert len(times) > 2 and times[0] < 0.5
+    then = on(whole, tmp_path / "whole", tmp_path / "then", times[0])
+    assert then.steps[0].time == pytest.approx(times[1], rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    "old, new, part",
-    [
-        ("young = 1000.0", "young = 1001.0", "material"),
-        ("kz = 2.0", "kz = 2.5", "spring"),
-        ('fx = "0.1 * t"', 'fx = "0.2 * t"', "rigid"),
-        ('clearance = "0.002 * x - 0.001"', "", "contact"),
-        ('name = "glue"', "coverage_threshold = 0.1", "tie"),
-    ],
+    ("number", "status", "word"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
-def test_a_case_that_changed_is_refused(folder, capsys, old, new, part):
-    put("several", "[steps]\nend = 0.5\n")
-    solve("case.toml", "-o", "out")
-    text = SEVERAL.replace(old, new)
-    assert text != SEVERAL
-    Path("case.toml").write_text(text + END)
-    assert main(["run", "case.toml", "--restart", "out", "-o", "then", "-q"]) == 1
-    assert f"are of another case: {part} changed" in capsys.readouterr().err
-    assert not (folder / "then").exists()
-
-
-def test_a_mesh_that_changed_is_refused(folder):
-    put("several", "[steps]\nend = 0.5\n")
-    solve("case.toml", "-o", "out")
-    mesh = lacmesh.read("blocks.msh")
-    moved = lacmesh.Mesh.create(mesh.points * 1.001, mesh.blocks, cell_groups=mesh.cell_groups)
-    lacmesh.write("blocks.msh", moved, force=True)
-    with pytest.raises(DataError, match="another case: mesh changed"):
-        read_state("out", read_case("case.toml"))
-
-
-def test_a_run_that_is_interrupted_goes_on(folder):
-    """SIGINT in the middle: what had converged is kept, and the rest comes to what it would have."""
-    steps = "[steps]\nend = 3.0\ncount = 12\n" + EXACT
-    put("several", steps)
-    solve("case.toml", "-o", "whole")
+def test_the_command_goes_on_after_it_was_stopped(ran, tmp_path, monkeypatch, number, status, word):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+    lacmesh.write("blocks.msh", blocks())
+    case = replace(six("several"), mesh="blocks.msh")
+    case.write("case.toml")
     words = [sys.executable, "-m", "lacsolver", "run", "case.toml", "-o", "out"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        for line in process.stdout:
-            if line.split()[:1] == ["3"]:
-                process.send_signal(signal.SIGINT)
-                break
+        next(line for line in process.stdout if line.split()[:1] == ["2"])
+        process.send_signal(number)
         error = process.communicate(timeout=600)[1]
-    assert process.returncode == 130 and "goes on from there" in error
-    told = json.loads((folder / "out" / "results.json").read_text())
-    assert told["status"] == "interrupted" and 3 <= len(told["steps"]) < 12
-    solve("case.toml", "--restart", "out", "-o", "out")
-    assert_same(folder / "out", folder / "whole", [0.25 * k for k in range(1, 13)])
-    told = json.loads((folder / "out" / "results.json").read_text())
-    assert told["status"] == "done" and len(told["steps"]) == 12
+    told = results(tmp_path / "out")
+    last = told["steps"][-1]["time"]
+    assert process.returncode == status and told["status"] == "interrupted" and 1.0 <= last < 3.0
+    assert f"lacsolver: error: {word}; what converged up to t = {last:g} is in out; --restart out" in error
+    assert read_state(tmp_path / "out", case).time == last
+    assert not [path for path in (tmp_path / "out").rglob(".*") if path.is_file()]
+    assert main(["run", "case.toml", "--restart", "out", "-o", "out", "-q"]) == 0
+    assert main(["run", "case.toml", "--restart", "out", "--from", "2.5", "-o", "last", "-q"]) == 0
+    run(case, tmp_path / "whole")
+    assert_same(tmp_path / "out", tmp_path / "whole")
+    assert_same(tmp_path / "last", tmp_path / "whole", 2.5)
 
 
-def test_a_step_that_was_halved_goes_on_as_long_as_it_was(folder):
-    """The length of the step that comes next is kept with the state."""
-    steps = "[steps]\nend = 1.0\ngrowth = 1.0\n[solver]\nmax_iterations = 4\n"
-    put("current", steps)
-    Path("case.toml").write_text(PUNCHED + steps)
-    solve("case.toml", "-o", "whole")
-    times = [s["time"] for s in json.loads((folder / "whole" / "results.json").read_text())["steps"]]
-    assert len(times) > 2 and times[0] < 0.5
-    solve("case.toml", "--restart", "whole", "--from", str(times[0]), "-o", "then")
-    told = json.loads((folder / "then" / "results.json").read_text())
-    assert told["steps"][0]["time"] == pytest.approx(times[1], rel=1e-12)
+# ---- refused
+
+CHANGES = {
+    "material": (0, {"young": 1001.0}),
+    "contact": (1, {"clearance": 0.0}),
+    "tie": (2, {"coverage_threshold": 0.1}),
+    "spring": (4, {"kz": 2.5}),
+    "rigid": (5, {"fx": "0.2 * t"}),
+}
 
 
-@pytest.mark.parametrize(
-    "steps",
-    [
-        pytest.param(END, id="whole"),
-        pytest.param(
-            "[steps]\nend = 3.0\ncount = 2\ngrowth = 1.0\n[solver]\nmax_iterations = 6\n",
-            id="halved",
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_bodies_that_go_far_go_on_to_the_last_bit(folder, monkeypatch, steps):
-    """Finite kinematics: a run goes on from its states with the same iterations, to the same figures, bit by bit."""
-    monkeypatch.setitem(CASES, "far", (punch, FAR))
-    put("far", steps)
-    solve("case.toml", "-o", "whole")
-    told = json.loads((folder / "whole" / "results.json").read_text())["steps"]
-    assert any(step["halvings"] for step in told) == ("max_iterations" in steps)
-    for first in (1, len(told) - 1):
-        since = told[first - 1]["time"]
-        solve("case.toml", "--restart", "whole", "--from", str(since), "-o", f"from{first}")
-        case = read_case("case.toml")
-        for step in told[first:]:
-            one, other = (read_state(d, case, step["time"]) for d in (f"from{first}", "whole"))
-            np.testing.assert_array_equal(one.u, other.u)
-            np.testing.assert_array_equal(one.step.iterate.p, other.step.iterate.p)
-            np.testing.assert_array_equal(one.step.iterate.active, other.step.iterate.active)
-        for name in ("history.csv", "contact_slave.csv"):
-            head, *rows = (folder / "whole" / name).read_text().splitlines()
-            after = [row for row in rows if float(row.split(",")[0]) > since]
-            assert after and (folder / f"from{first}" / name).read_text().splitlines() == [head, *after]
+@pytest.mark.parametrize("part", CHANGES)
+def test_a_state_of_another_case_is_refused(ran, part):
+    k, change = CHANGES[part]
+    records = [replace(record, **change) if j == k else record for j, record in enumerate(SEVERAL)]
+    other = case_of(blocks(), *records, Steps(end=4.0), model="3d")
+    with pytest.raises(DataError, match=f"another case: {part} changed"):
+        read_state(ran("several"), other, mesh=other.mesh)
 
 
-# ---- the mesh of a run is the one in memory
+def wider(mesh):
+    return replace(mesh, points=mesh.points * [1.001, 1.0, 1.0])
 
 
-def halves():
-    """The case of sliding blocks in two halves, its mesh, and the same mesh a little wider; no file is there."""
-    mesh = lacmesh.cut_skin(punch(), "slave").mesh
-    wider = lacmesh.Mesh.create(mesh.points * [1.001, 1.0, 1.0], mesh.blocks, cell_groups=mesh.cell_groups)
-    return (*(parse_case(STILL + f"[steps]\nend = {end}\ncount = {end}\n") for end in (1, 2)), mesh, wider)
+def test_a_state_on_another_mesh_is_refused(ran, tmp_path):
+    whole = six("sliding", 4.0, 8)
+    start = read_state(ran("sliding"), whole, mesh=whole.mesh)
+    with pytest.raises(DataError, match="another case: mesh changed"):
+        read_state(ran("sliding"), whole, mesh=wider(whole.mesh))
+    with pytest.raises(DataError, match="another case: mesh changed"):
+        run(whole, tmp_path / "then", mesh=wider(whole.mesh), start=start)
+    assert not (tmp_path / "then").exists()
 
 
-def test_a_mesh_in_memory_needs_no_file(folder):
-    """A run on it, and a restart from what the run kept; the mesh that the case names is nowhere."""
-    first, whole, mesh, _ = halves()
-    assert run(first, create_output("first"), mesh=mesh).status == "done"
-    then = run(whole, create_output("then"), mesh=mesh, start=read_state("first", whole, mesh=mesh))
-    assert then.status == "done" and [step.time for step in then.steps] == [2.0]
-
-
-def test_a_restart_on_another_mesh_in_memory_is_refused(folder):
-    """By `read_state`, and by a run whose mesh is not that of the state, whatever file stands where the case says."""
-    first, whole, mesh, wider = halves()
-    lacmesh.write("blocks.msh", mesh)
-    run(first, create_output("first"), mesh=mesh)
-    with pytest.raises(DataError, match="first are of another case: mesh changed"):
-        read_state("first", whole, mesh=wider)
-    with pytest.raises(DataError, match="first are of another case: mesh changed"):
-        run(whole, create_output("then"), mesh=wider, start=read_state("first", whole))
-    assert not (folder / "then").exists()
-
-
-def test_states_that_know_their_mesh_by_the_older_digest_are_gone_on_from(folder, monkeypatch):
-    """On the same mesh; the following states have the digest of this version."""
-    first, whole, mesh, wider = halves()
-    older = fingerprint_as({}, {}, first, mesh)["mesh"]
+def test_states_with_the_older_digest_of_a_mesh_go_on(tmp_path, monkeypatch):
+    first, whole = six("sliding", 1.0, 1), six("sliding", 2.0, 2)
+    older = fingerprint_as({}, {}, first, whole.mesh)["mesh"]
     with monkeypatch.context() as before:
         before.setattr("lacsolver.running.fingerprint", lambda *given: {**fingerprint(*given), "mesh": older})
-        run(first, create_output("first"), mesh=mesh)
-    start = read_state("first", whole, mesh=mesh)
-    assert start.case["mesh"] == older
-    with pytest.raises(DataError, match="mesh changed; restore it, start as many processes as that run of an older"):
-        read_state("first", whole, mesh=wider)
-    assert run(whole, create_output("then"), mesh=mesh, start=start).status == "done"
-    assert dict(read_state("then", whole, mesh=mesh).case) == fingerprint(whole, mesh)
-    assert fingerprint(whole, mesh)["mesh"] != older
+        run(first, tmp_path / "first")
+    start = read_state(tmp_path / "first", whole, mesh=whole.mesh)
+    with pytest.raises(DataError, match="as many processes as that run of an older"):
+        read_state(tmp_path / "first", whole, mesh=wider(whole.mesh))
+    assert run(whole, tmp_path / "then", start=start).status == "done"
+    new = dict(read_state(tmp_path / "then", whole, mesh=whole.mesh).case)
+    assert new == fingerprint(whole, whole.mesh) and new["mesh"] != older == start.case["mesh"]
 
 
-def test_states_of_an_older_version_are_refused(folder, monkeypatch):
-    """Their mesh is known by its file alone."""
-    first, whole, mesh, _ = halves()
-    monkeypatch.setattr("lacsolver.output.states.VERSION", 2)
-    run(first, create_output("first"), mesh=mesh)
-    monkeypatch.undo()
-    with pytest.raises(ReadError, match="do not tell which mesh they are of; run"):
-        read_state(folder / "first", whole, mesh=mesh)
+def test_states_of_an_older_version_are_refused(tmp_path, monkeypatch):
+    """They know their mesh by its file alone."""
+    whole = six("sliding", 1.0, 1)
+    with monkeypatch.context() as before:
+        before.setattr("lacsolver.output.states.VERSION", 2)
+        run(whole, tmp_path / "first")
+    with pytest.raises(ReadError, match="which mesh they are of; run"):
+        read_state(tmp_path / "first", whole, mesh=whole.mesh)
+
+
+# ---- the digest of a mesh: any parts of it have the same one together
+
+
+def naming(some="some"):
+    """A case that names groups of cells and of nodes, and an entity."""
+    moved = move(some, ux=0.0), move("nodes", uy=0.0)
+    return case_of("a.msh", ELASTIC, contact(), *moved, model="3d")
+
+
+def digest_of(case, whole):
+    return fingerprint(case, whole)["mesh"]
+
+
+def digests_of(case, parts):
+    """The digests that processes with the parts of a mesh make together."""
+    sums = []
+
+    def made(part, total):
+        share = SimpleNamespace(own=part.own, node=part.node, cell=part.cell, total=total)
+        return fingerprint(case, part.mesh, share)["mesh"]
+
+    for part in parts:
+        made(part, lambda own: sums.append(own.copy()) or own)
+    return {made(part, lambda own: np.sum(sums, axis=0, dtype=np.uint64)) for part in parts}
+
+
+def divided(whole, n, skins=()):
+    owner = distribute_nodes(whole, n)
+    return [part_of(whole, owner, rank, everywhere=skins) for rank in range(n)]
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+@pytest.mark.parametrize("seed", range(4))
+def test_any_parts_of_a_mesh_have_its_digest(seed, n):
+    rng = np.random.default_rng(seed)
+    some = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
+    groups = {**some.cell_groups, "some": rng.permutation(some.n_cells)[: some.n_cells // 3]}
+    nodes = {"nodes": np.arange(0, some.n_nodes, 3)}
+    whole = Mesh.create(some.points, some.blocks, cell_groups=groups, node_groups=nodes)
+    assert digests_of(naming(), divided(whole, n)) == {digest_of(naming(), whole)}
+
+
+BLOCKS = lacmesh.read(example("two_blocks.msh"))
+CUT = cut_skin(BLOCKS, "slave").mesh
+
+
+def test_an_entity_that_a_part_has_no_cell_of_counts_in_the_others():
+    dim, tag = next(entity for entity in BLOCKS.entities if entity[0] == 2)
+    case, parts = naming(f"entity:{dim}:{tag}"), divided(BLOCKS, 8)
+    assert any((part.mesh.entity_of_cell != [dim, tag]).any(axis=1).all() for part in parts)
+    assert digests_of(case, parts) == {digest_of(case, BLOCKS)} != {digest_of(naming(), BLOCKS)}
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_parts_that_are_cut_have_the_digest_of_the_cut_mesh(n):
+    parts = [cut_part(part, "slave") for part in divided(BLOCKS, n, ["slave", "master"])]
+    assert digests_of(naming(), parts) == {digest_of(naming(), CUT)}
+
+
+def altered(values, rng, change):
+    """A copy of an array with one row changed, or two that change places ("swap")."""
+    values = values.copy()
+    one, other = rng.choice(len(values), 2, replace=False)
+    if change == "swap":
+        values[[one, other]] = values[[other, one]]
+    else:
+        values[one] = change(values[one])
+    return values
+
+
+def in_block(rng, change):
+    """Blocks one of which has other cells."""
+    k = int(rng.integers(len(CUT.blocks)))
+    return tuple((kind, altered(n, rng, change) if j == k else n) for j, (kind, n) in enumerate(CUT.blocks))
+
+
+ALTERED = {
+    "last bit": lambda rng: {"points": altered(CUT.points, rng, lambda x: np.nextafter(x, [9, x[1], x[2]]))},
+    "nodes swapped": lambda rng: {"points": altered(CUT.points, rng, "swap")},
+    "cells swapped": lambda rng: {"blocks": in_block(rng, "swap")},
+    "cell turned": lambda rng: {"blocks": in_block(rng, lambda nodes: np.roll(nodes, 1))},
+    "regrouped": lambda rng: {
+        "cell_groups": {**CUT.cell_groups, "slave": np.delete(CUT.cell_groups["slave"], rng.integers(36))}
+    },
+    "recorded": lambda rng: {
+        "cell_data": {**CUT.cell_data, "lac_macro": altered(CUT.cell_data["lac_macro"], rng, lambda k: k + 1)}
+    },
+    "zone renamed": lambda rng: {"zones": ("other",)},
+}
+
+
+@pytest.mark.parametrize("change", ALTERED)
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32))
+def test_any_change_is_seen(change, seed):
+    other = replace(CUT, **ALTERED[change](np.random.default_rng(seed)))
+    assert digest_of(naming(), other) != digest_of(naming(), CUT)
+
+
+def test_the_sign_of_zero_and_the_width_of_integers_do_not_count():
+    points = np.where(CUT.points == 0.0, -0.0, CUT.points)
+    assert np.signbit(points[CUT.points == 0.0]).all() and (CUT.points == 0.0).any()
+    blocks = tuple((kind, nodes.astype(np.int32)) for kind, nodes in CUT.blocks)
+    assert digest_of(naming(), replace(CUT, points=points, blocks=blocks)) == digest_of(naming(), CUT)
+
+
+def test_sums_of_rows_are_those_of_splitmix64():
+    """Numbers as Python's integers give them: the finaliser of SplitMix64, from two seeds of the SHA-256 of a name."""
+    x = np.array([[0.1, -2.5, np.inf], [1e-300, -0.0, 3.0]])
+    assert row_sums("points", np.array([5, 6]), x).tolist() == [16465191677129263898, 4827909912438296895]
+
+
+@given(st.integers(0, 2**40), st.integers(0, 2**32), st.sampled_from([5, 3 * ROWS + 5]))
+@settings(max_examples=20)
+def test_sums_are_those_of_rows_in_any_order_and_of_pieces(start, seed, n):
+    rng = np.random.default_rng(seed)
+    index, x = start + np.arange(n), rng.normal(size=(n, 3))
+    pieces = np.split(rng.permutation(n), np.sort(rng.integers(0, n, 3)))
+    total = np.sum([row_sums("x", index[rows], x[rows]) for rows in pieces], axis=0, dtype=np.uint64)
+    assert row_sums("x", index, x).tolist() == total.tolist() != row_sums("y", index, x).tolist()
+
+
+def test_a_fingerprint_of_an_older_version_is_compared_as_it_was_made():
+    """The digests are those that commit 5e38391 made of these meshes."""
+    joint = Contact(slave="lower", master="upper")
+    case = case_of("a.msh", Material(young=1.0, poisson=0.3), joint, model="3d")
+    mesh = Mesh.create(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]],
+        [("TETRA4", [[0, 1, 2, 3]]), ("TRIA3", [[0, 2, 1], [1, 2, 3]])],
+        cell_groups={"body": [0], "lower": [1], "upper": [2], "both": [1]},
+        node_groups={"tip": [3], "both": [1]},
+        group_tags={"upper": ((2, 7),)},
+    )
+    cut = cut_skin(mesh, "lower").mesh
+    for some, digest in ((mesh, "ed2c0bdf9bbe1600eda12f11e344dcbf"), (cut, "6ed56fad9dce9ce9b856e2433bdf9947")):
+        now = fingerprint(case, some)
+        older = {**now, "mesh": digest}
+        assert changed(older, now) == ("mesh",)
+        assert changed(older, fingerprint_as(older, now, case, some)) == ()
+        larger = replace(some, points=some.points * 1.001)
+        assert changed(older, fingerprint_as(older, fingerprint(case, larger), case, larger)) == ("mesh",)
+        assert fingerprint_as(now, now, case, some) is now

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh import Mesh, Surface, cut_skin, read, write
-from lacmesh.cells import CELLS
-from lacsolver.case import Case, fingerprint, read_case
+import lacmesh
+from lacmesh import Mesh, Surface, cut_skin, generate
+from lacsolver.case import Case, Contact, Displacement, Material, Output, Pressure, Steps, Tie, fingerprint
 from lacsolver.output import Writer, create_output
 from lacsolver.results.results import Fields, Restart, Results, StepFigures, ZoneFields, ZoneFigures
 from lacsolver.results.state import Histories, Iterate, State, StepState, ZoneState
 from lacsolver.space.space import Space
-from tests.lacsolver.bodies import cube, square
+from tests.problems import case_of
 
 MODELS = ("3d", "plane_strain", "axisymmetric")
 #: zones of every run: one with a plain name, one that no file can be called by
@@ -23,62 +23,16 @@ ZONES = ("joint", "glue/left: é")
 
 def two_blocks(dim=3, kinds=None, plate=True):
     """Two blocks, one above the other, cut on the lower one's top; and, apart from them, a bare skin (`plate`)."""
-    kinds = kinds or (("HEXA8", "TETRA4") if dim == 3 else ("QUAD4", "TRIA3"))
-    make = cube if dim == 3 else square
-    lower, upper = make(kinds[0], 2), make(kinds[1], 1)
-    up = np.eye(3)[dim - 1]
-    shift = lower.n_nodes
-    points = np.vstack([lower.points, upper.points + 1.25 * up])
-    solids = [(b.type, b.nodes + at) for m, at in ((lower, 0), (upper, shift)) for b in m.blocks]
-    tops = facets_at(lower, dim - 1, 1.0)
-    bottoms = [(t, n + shift) for t, n in facets_at(upper, dim - 1, 0.0)]
-    rows = [*solids, *tops, *bottoms]
-    groups = {"lower": solids[:1], "upper": solids[1:], "slave": tops, "master": bottoms}
+    make, corner = (generate.box, (0, 0, 0)) if dim == 3 else (generate.rectangle, (1, 0))
+    ways = zip(kinds or (("HEXA8", "TETRA4") if dim == 3 else ("QUAD4", "TRIA3")), (2, 1), strict=True)
+    parts = [make(n, kind=kind, corner=corner).only("body", ("bottom", "top")[n - 1]) for kind, n in ways]
+    mesh = generate.stack(*parts, gap=0.25, slave="lower")
     if plate:
-        far = len(points)
-        points = np.vstack([points, np.eye(3)[:dim] * 0.5 + 5.0 * up])
-        rows.append(
-            ("TRIA3", np.array([[far, far + 1, far + 2]])) if dim == 3 else ("SEG2", np.array([[far, far + 1]]))
-        )
-        groups["plate"] = rows[-1:]
-    mesh = _mesh(points, rows, groups, 3 if dim == 3 else 2)
-    return cut_skin(mesh, "slave").mesh
-
-
-def facets_at(mesh, axis, value):
-    """Facets of a mesh of one type whose nodes all have a coordinate: (type, nodes) pairs."""
-    (block,) = mesh.blocks
-    found = {}
-    for facet in CELLS[block.type].facets:
-        nodes = block.nodes[:, list(facet.nodes)]
-        at = (np.abs(mesh.points[nodes, axis] - value) < 1e-9).all(axis=1)
-        found.setdefault(facet.type, []).append(nodes[at])
-    return [(kind, np.concatenate(rows)) for kind, rows in found.items() if sum(map(len, rows))]
-
-
-def _mesh(points, rows, groups, space_dim):
-    blocks = {}
-    for kind, nodes in rows:
-        blocks.setdefault(kind, []).append(nodes)
-    start, at = {}, 0
-    for parts in blocks.values():
-        for nodes in parts:
-            start[id(nodes)] = at
-            at += len(nodes)
-    members = {
-        name: np.concatenate([start[id(nodes)] + np.arange(len(nodes)) for _, nodes in parts])
-        for name, parts in groups.items()
-    }
-    return Mesh.create(
-        points,
-        [(kind, np.concatenate(parts)) for kind, parts in blocks.items()],
-        space_dim=space_dim,
-        cell_groups=members,
-        node_groups={"first": [0, 1]},
-        node_number=10 + 2 * np.arange(len(points)),
-        cell_number=1000 + 3 * np.arange(at),
-        name="blocks",
-    )
+        x, kind = np.eye(dim) * 0.5 + 5.0 * np.eye(dim)[-1], "TRIA3" if dim == 3 else "SEG2"
+        bare = Mesh.create(x, [(kind, [range(dim)])], cell_groups={"plate": [0]}, space_dim=dim)
+        mesh = lacmesh.join(mesh, bare)
+    numbers = {"node_number": 10 + 2 * np.arange(mesh.n_nodes), "cell_number": 1000 + 3 * np.arange(mesh.n_cells)}
+    return cut_skin(replace(mesh, node_groups={"first": np.arange(2)}, name="blocks", **numbers), "slave").mesh
 
 
 @dataclass
@@ -92,7 +46,7 @@ class Run:
     calls: int = 0
 
     def writer(self, force=False, restart=None, folder=None):
-        prints = fingerprint(self.case, read(self.case.mesh))  # a file has its own order
+        prints = fingerprint(self.case, lacmesh.read(self.case.mesh))  # a file has its own order
         return Writer(create_output(folder or self.folder, force=force, restart=restart), self.case, self.space, prints)
 
     def step(self, writer, number, time):
@@ -113,37 +67,22 @@ class Run:
         writer.finish(self.results, **rest)
 
 
-def made_up(folder, model="3d", output="", mesh=None):
-    """A run whose case and mesh are files of a folder."""
-    mesh = two_blocks(3 if model == "3d" else 2) if mesh is None else mesh
-    write(folder / "blocks.msh", mesh)
-    last = "z" if model == "3d" else "y"
-    text = f"""
-mesh = "blocks.msh"
-model = "{model}"
-[[material]]
-young = 2000.0
-poisson = 0.3
-[[contact]]
-name = "{ZONES[0]}"
-slave = "slave"
-master = "master"
-[[tie]]
-name = "{ZONES[1]}"
-slave = "plate"
-master = "master"
-[[displacement]]
-group = "lower"
-u{last} = 0.0
-[[pressure]]
-group = "master"
-value = 25.0
-[steps]
-count = 4
-{output}
-"""
-    (folder / "case.toml").write_text(text, encoding="utf-8")
-    return Run(read_case(folder / "case.toml"), Space.of(mesh, model), folder / "out")
+def made_up(folder, model="3d", **output):
+    """A run whose mesh is a file of a folder; `output`: keys of [output]."""
+    mesh = two_blocks(3 if model == "3d" else 2)
+    lacmesh.write(folder / "blocks.msh", mesh)
+    case = case_of(
+        folder / "blocks.msh",
+        Material(young=2000.0, poisson=0.3),
+        Contact(name=ZONES[0], slave="slave", master="master"),
+        Tie(name=ZONES[1], slave="plate", master="master"),
+        Displacement(group="lower", **{"uz" if model == "3d" else "uy": 0.0}),
+        Pressure(group="master", value=25.0),
+        Steps(count=4),
+        Output(**output),
+        model=model,
+    )
+    return Run(case, Space.of(mesh, model), folder / "out")
 
 
 def displacement(x, time):
@@ -153,12 +92,12 @@ def displacement(x, time):
 
 def fields(space, time):
     """Fields at a time; stress is NaN off the body, the first macro-element is unpaired."""
-    x, d, n = space.mesh.points, space.dim, space.mesh.n_nodes
+    x, d = space.mesh.points, space.dim
     stress = time * (np.arange(1.0, 1 + space.model.n_stress) + x[:, :1])
     stress[~space.attached] = np.nan
     reaction = -2 * displacement(x, time)[:, :d]
     zones = {name: zone_fields(space, time, k) for k, name in enumerate(ZONES)}
-    return Fields(time, displacement(x, time)[:, :d], stress, reaction, zones) if n else None
+    return Fields(time, displacement(x, time)[:, :d], stress, reaction, zones)
 
 
 def zone_fields(space, time, k=0):

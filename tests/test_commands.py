@@ -1,0 +1,407 @@
+"""What all commands of both programs share: their start, streams, signals, terminals, completion, and odd names."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import warnings
+from contextlib import suppress
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import lacmesh
+import lacsolver
+from lacmesh import Cut, cli
+from lacmesh.errors import LacmeshWarning
+from lacsolver import cli as solver_cli
+from tests.lacsolver.bad_cases import GOOD, blocks, put
+from tests.meshes import cell_with_faces
+from tests.test_packages import PROJECT
+
+PROGRAMS = {"lacmesh": cli, "lacsolver": solver_cli}
+CUT = "lacmesh cut blocks.msh --slave slave"
+#: a name of a file that is no UTF-8
+ODD = os.fsdecode(b"bad\xff")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A case and its mesh, in the folder that commands work in, also those in their own processes."""
+    put(blocks(), tmp_path)
+    (tmp_path / "case.toml").write_text(GOOD)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(p for p in sys.path if p))
+    return tmp_path
+
+
+def as_module(words):
+    """A command as a process of its own: "lacmesh types"."""
+    return [sys.executable, "-m", *words.split()]
+
+
+def shell(words):
+    """What a command does with its streams led elsewhere by a shell."""
+    return subprocess.run(f"{sys.executable} -m {words}", shell=True, capture_output=True, text=True)
+
+
+def called(words):
+    """The status of a command in this process: of words, or a text of them."""
+    program, *rest = words.split() if isinstance(words, str) else words
+    return PROGRAMS[program].main(rest)
+
+
+# ---- start
+
+
+def test_help_and_version_import_no_numpy_and_importing_a_package_imports_little():
+    """Every command of both programs has a help; without a word a program prints its own."""
+    code = (
+        "import sys, lacmesh, lacsolver\nassert not {'numpy', 'lacsolver.case'} & set(sys.modules)\n"
+        "import lacmesh.cli, lacsolver.cli\n"
+        "for cli in (lacmesh.cli, lacsolver.cli):\n"
+        "    for words in ([], ['--help'], ['--version'], *([name, '--help'] for name in cli.COMMANDS)):\n"
+        "        try: assert cli.main(words) == 0\n        except SystemExit as e: assert e.code == 0\n"
+        "heavy = {'numpy', 'scipy', 'h5py', 'rich', 'numba', 'gmsh', 'pyvista'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0 and not done.stderr, done.stderr
+    for name, program in PROGRAMS.items():
+        assert done.stdout.count(f"usage: {name}") == 2 + len(program.COMMANDS)
+        assert done.stdout.count(f"\n{name} {lacmesh.__version__}\n") == 1
+
+
+@pytest.mark.parametrize("first", ["lacsolver", "lacsolver.pictures.drawing"])
+def test_public_names_are_what_they_say_whatever_was_imported_before(first):
+    code = (
+        f"import importlib, sys\nimportlib.import_module({first!r})\nimport lacsolver\n"
+        "assert callable(lacsolver.run) and callable(lacsolver.march) and callable(lacsolver.plot)\n"
+        "assert lacsolver.run is sys.modules['lacsolver.running'].run\n"
+        "from lacsolver import *\nassert run is lacsolver.run and read_case is lacsolver.read_case\n"
+        "assert all(getattr(lacsolver, name) is not None for name in lacsolver.__all__)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(AttributeError, match="no attribute 'runn'"):
+        _ = lacsolver.runn
+
+
+# ---- words, errors and warnings
+
+
+@pytest.mark.parametrize("words", [f"{program} {name}" for program, of in PROGRAMS.items() for name in of.COMMANDS])
+def test_an_unknown_option_is_one_line_and_leaves_nothing(folder, capsys, words):
+    before = sorted(folder.iterdir())
+    with pytest.raises(SystemExit) as stopped:
+        called(f"{words} --quickly")
+    said = capsys.readouterr().err
+    assert stopped.value.code == 2 and said.startswith(f"{words.split()[0]}: error: ") and said.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", [".", "/", "..", "", "nofile", "nofile.msh"])
+def test_what_is_no_file_cannot_be_read(name, folder, capsys):
+    assert called(["lacmesh", "cut", name, "--slave", "a"]) == 3
+    assert "cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (ZeroDivisionError("of ours"), "internal error (ZeroDivisionError: of ours); --verbose"),
+        (MemoryError(), "there is not enough memory for this model"),
+    ],
+)
+def test_an_error_of_ours_or_too_little_memory_is_one_line(folder, capsys, monkeypatch, error, words):
+    def fails(case, mesh):
+        raise error
+
+    monkeypatch.setattr(import_module("lacsolver.validation"), "validate", fails)
+    assert called("lacsolver validate case.toml") == 1
+    assert capsys.readouterr().err.startswith(f"lacsolver: error: {words}")
+    if isinstance(error, ZeroDivisionError):
+        with pytest.raises(ZeroDivisionError):
+            called("lacsolver validate case.toml --verbose")
+
+
+def test_a_warning_is_said_however_quiet(folder, capsys, monkeypatch):
+    validation = import_module("lacsolver.validation")
+    real = validation.validate
+
+    def warned(case, mesh):
+        warnings.warn("something was left out", LacmeshWarning, stacklevel=1)
+        return real(case, mesh)
+
+    monkeypatch.setattr(validation, "validate", warned)
+    assert called("lacsolver validate case.toml -q") == 0
+    assert capsys.readouterr() == ("", "lacsolver: warning: something was left out\n")
+
+
+QUIET = "run case.toml", "validate case.toml", "matrices case.toml -o m.npz"
+
+
+@pytest.mark.parametrize("words", [*(f"lacsolver {rest}" for rest in QUIET), CUT, "lacmesh view blocks.msh -o a.html"])
+def test_quiet_commands_print_nothing(folder, capsys, words):
+    assert called(f"{words} --quiet") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+# ---- streams
+
+
+@pytest.mark.parametrize("words", ["lacmesh types", "lacsolver schema"])
+def test_a_reader_that_goes_away_ends_a_command_quietly(folder, words):
+    with subprocess.Popen(as_module(words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        said = process.stderr.read()
+    assert "Traceback" not in said and "Broken" not in said
+    assert process.returncode in (0, 120) or words == "lacmesh types"  # a table, printed by rich
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_or_closed_output_is_no_internal_error(folder, monkeypatch, unbuffered):
+    monkeypatch.setenv("PYTHONUNBUFFERED", unbuffered)
+    full, closed = shell("lacmesh info blocks.msh > /dev/full"), shell("lacmesh info blocks.msh >&-")
+    assert full.returncode == 3 and "No space left" in full.stderr and full.stderr.count("\n") == 1
+    assert closed.returncode == 0 and not closed.stderr
+
+
+def test_a_closed_error_stream_is_no_internal_error(folder):
+    """What is opened next must not become stream 2 either, which libraries write to."""
+    done = shell(f"{CUT} -o out.med 2>&-")
+    assert done.returncode == 0 and "worst quality" in done.stdout
+    assert Cut(lacmesh.read("out.med")).zones == ("slave",)
+    assert shell("lacsolver run case.toml 2>&-").returncode == 0
+    assert json.loads((folder / "case" / "results.json").read_text())["status"] == "done"
+
+
+# ---- signals, in the commands as pip installs them
+
+#: what pip makes of an entry point; while the module `slow` is imported the command waits
+SCRIPT = """
+import sys, time
+class Slow:
+    def find_spec(self, name, *rest):
+        if name == "{slow}":
+            print("now", flush=True)
+            for _ in range(12000):  # in short steps: a signal that comes just before one is seen after it
+                time.sleep(0.01)
+sys.meta_path.insert(0, Slow())
+sys.argv = ["{command}", *sys.argv[1:]]
+from {module} import {function}
+sys.exit({function}())
+"""
+
+
+def script(command, slow=""):
+    """The installed command as code, which waits while the module `slow` is imported."""
+    module, _, function = PROJECT["scripts"][command].partition(":")
+    return [sys.executable, "-c", SCRIPT.format(slow=slow, command=command, module=module, function=function)]
+
+
+@pytest.mark.parametrize("command", PROGRAMS)
+def test_the_installed_command_runs_and_an_interrupt_while_it_loads_is_one_line(command):
+    done = subprocess.run([*script(command), "--version"], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.startswith(f"{command} ") and not done.stderr
+    words = [*script(command, f"{command}.cli.options"), "--version"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        assert child.stdout.readline() == "now\n"
+        child.send_signal(signal.SIGINT)
+        said = child.stderr.read()
+    assert child.returncode == 130 and said == f"{command}: error: interrupted; nothing was written\n"
+
+
+# ---- terminals
+
+
+def on_a_terminal(command, streams=("stdout", "stderr"), **variables):
+    """The status of a command some of whose streams are a terminal, and what that shows."""
+    ours, its = pty.openpty()
+    env = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "TERM")}
+    env |= {"TERM": "xterm-256color", "COLUMNS": "80"} | variables
+    led = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL} | dict.fromkeys(streams, its)
+    with os.fdopen(ours, "rb", buffering=0) as reading, subprocess.Popen(command, env=env, **led) as child:
+        os.close(its)
+        shown = b""
+        with suppress(OSError):  # the terminal has gone
+            while block := reading.read(4096):
+                shown += block
+    return child.returncode, shown.decode().replace("\r\n", "\n")
+
+
+def test_errors_and_warnings_have_colours_on_a_terminal_and_are_plain_elsewhere():
+    """NO_COLOR and a dumb terminal, or a pipe, have the words alone."""
+    command = [*script("lacmesh"), "info", "no_such_file.msh"]
+    plain = subprocess.run(command, capture_output=True, text=True).stderr
+    assert plain.startswith("lacmesh: error: no_such_file.msh")
+    coloured = plain.replace("error", "\x1b[1;31merror\x1b[0m", 1)
+    for variables, expected in (({}, coloured), ({"NO_COLOR": "1"}, plain), ({"TERM": "dumb"}, plain)):
+        assert on_a_terminal(command, ["stderr"], **variables) == (3, expected)
+    code = "import warnings; from lacmesh.cli import PROGRAM; from lacmesh.errors import LacmeshWarning; "
+    code += "PROGRAM._show_warning('coarse', LacmeshWarning, '', 0)"
+    shown = on_a_terminal([sys.executable, "-c", code], ["stderr"])[1]
+    assert shown == "lacmesh: \x1b[1;33mwarning\x1b[0m: coarse\n"
+
+
+def test_progress_is_shown_on_a_terminal_only(folder):
+    assert subprocess.run(as_module(CUT), capture_output=True).stderr == b""
+    status, shown = on_a_terminal(as_module(f"{CUT} --force"), ["stderr"])
+    assert status == 0 and "read" in shown and "write" in shown
+
+
+def visible(shown):
+    """The lines that stay: what is erased or written over is left out."""
+    kept = []
+    for line in re.sub(r"\x1b\[[0-9;?]*[lhm]", "", shown).split("\n"):
+        for _ in range(line.count("\x1b[1A")):
+            kept.pop()
+        kept.append(re.split(r"\x1b\[2K|\r", line)[-1].replace("\x1b[1A", ""))
+    return kept
+
+
+def test_a_terminal_shows_the_iterations_of_a_run_which_leave_a_line_a_step(folder):
+    text = GOOD.replace('master = "master"\n', 'master = "master"\nfriction = 0.3\n')
+    (folder / "case.toml").write_text(text + "[steps]\ncount = 3\n")
+    status, shown = on_a_terminal(as_module("lacsolver run case.toml"))
+    assert status == 0 and "\x1b[2K" in shown  # the display that is erased again
+    assert re.search(r"towards t = [\d.]+ of 1", shown) and re.search(r"iteration +\d+  closed +3", shown)
+    lines = visible(shown)
+    assert not [line for line in lines if "towards" in line or "preparing" in line]
+    assert len([line for line in lines if re.match(r" +[123] +[\d.]+ +\d+ +0 ", line)]) == 3
+    assert max(map(len, lines)) <= 80
+    assert on_a_terminal(as_module("lacsolver run case.toml --quiet --force")) == (0, "")
+
+
+# ---- odd names
+
+#: clears the screen, sets the title, rings; C1's own escape; turns what follows round
+SPELL = "\x1b[2J\x1b]0;pwn\x07x\x9b31m\u202e"
+
+
+def raw(text):
+    return [c for c in text if not c.isprintable() and c != "\n"]
+
+
+@pytest.fixture
+def spelt(folder):
+    """The mesh, whose slave has the name of a spell, and so have some nodes."""
+    mesh = blocks()
+    names = {SPELL if name == "slave" else name: cells for name, cells in mesh.cell_groups.items()}
+    mesh = replace(mesh, cell_groups=names, node_groups={"n" + SPELL: np.arange(3)})
+    lacmesh.write("a.vtu", mesh)
+    put(mesh, folder)
+    return folder
+
+
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("lacmesh info a.vtu", "lacmesh info a.vtu --json", "lacmesh check a.vtu --slave SPELL"),
+        *("lacmesh check a.vtu --slave SPELL --json", "lacmesh check a.vtu --slave nobody", "lacmesh quality a.vtu"),
+        *("lacmesh quality a.vtu --json", "lacmesh quality a.vtu --group SPELL"),
+        *("lacmesh cut a.vtu --slave SPELL -o cut.vtu", "lacmesh cut a.vtu --slave SPELL --slave nobody -o cut.vtu"),
+        *("lacmesh orient a.vtu --group SPELL -o out.vtu", "lacmesh view a.vtu -o a.html --slave SPELL"),
+        *("lacsolver validate case.toml", "lacsolver run case.toml"),
+    ],
+)
+def test_names_from_files_are_no_commands_to_the_terminal(words, spelt, capsys):
+    """`lacmesh info` printed a group's name raw, which cleared the screen of who looked at the file."""
+    called([word.replace("SPELL", SPELL) for word in words.split()])
+    said = capsys.readouterr()
+    assert not raw(said.out) and not raw(said.err)
+    if "--json" in words:
+        assert json.dumps(SPELL)[1:-1] in json.dumps(json.loads(said.out))
+    elif words == "lacmesh info a.vtu" or "case" in words:  # among groups that are like the slave
+        assert r"\x1b[2J\x1b]0;pwn\x07x\x9b31m\u202e" in said.out + said.err
+    for page in spelt.glob("*.html"):
+        assert "\x1b" not in page.read_text(encoding="utf-8")
+
+
+def test_a_terminal_has_its_colours_and_no_others(spelt):
+    """Tables are coloured where somebody looks, and names are escaped there too."""
+    command = [sys.executable, "-m", "lacmesh", "check", "a.vtu", "--slave", SPELL]
+    text = on_a_terminal(command, ["stdout"])[1]
+    assert "\x1b[" in text, "colours"
+    assert not raw(re.sub(r"\x1b\[[\d;]*m", "", text))
+
+
+@pytest.mark.parametrize("suffix", [".msh", ".med", ".mail", ".inp", ".vtu"])
+@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
+def test_a_name_that_is_no_utf8_is_a_name(tmp_path, suffix):
+    mesh = cell_with_faces("TETRA4")
+    lacmesh.write(tmp_path / f"{ODD}{suffix}", mesh)
+    assert lacmesh.read(tmp_path / f"{ODD}{suffix}").n_nodes == mesh.n_nodes
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"cut {ODD}.msh --slave slave -o x.msh --report r.{kind}" for kind in ("html", "md", "json")),
+        *(f"view {ODD}.msh -o v.html", f"view {ODD}.msh -o v.html --title {ODD}", f"quality {ODD}.msh --plot q.png"),
+    ],
+)
+def test_reports_and_pages_of_a_file_whose_name_is_no_utf8(words, folder, capsys):
+    (folder / "blocks.msh").rename(f"{ODD}.msh")
+    assert called(f"lacmesh {words}") == 0, capsys.readouterr().err
+
+
+def test_outputs_whose_names_are_no_utf8(folder, capsys):
+    """A folder of results is written and gone on with; XML cannot name a second file so."""
+    (folder / "case.toml").write_text(GOOD + '[output]\nformat = "med"\n[steps]\ncount = 2\n')
+    assert called(f"lacsolver run case.toml -q -o {ODD}") == 0, capsys.readouterr().err
+    (folder / ODD / "state_0002.npz").unlink()
+    assert called(f"lacsolver run case.toml -q -o {ODD} --restart {ODD}") == 0, capsys.readouterr().err
+    assert json.loads((folder / ODD / "results.json").read_text())["status"] == "done"
+    before = sorted(folder.iterdir())
+    assert called(f"{CUT} -o {ODD}.xdmf") == 3
+    assert "its name is no UTF-8" in capsys.readouterr().err and sorted(folder.iterdir()) == before
+
+
+# ---- completion in bash, as it does it: commands, options, choices, files by suffix
+
+#: what is typed -> what is offered, and what is not
+TYPED = {
+    "lacmesh cut --hexa ": ({"pyramid", "hexa", "auto"}, {"part.msh"}),
+    "lacmesh cut pa": ({"part.msh", "part.inp"}, {"part.toml", "part.png", "part.step"}),
+    "lacmesh mesh pa": ({"part.step"}, {"part.msh", "part.toml"}),
+    "lacmesh check --surf": ({"--surface"}, {"--slave"}),
+    "lacmesh ": (set(cli.COMMANDS), set()),
+    "lacsolver ": (set(solver_cli.COMMANDS), set()),
+    "lacsolver run pa": ({"part.toml"}, {"part.msh", "part.png"}),
+    "lacsolver run part.toml --plot pa": ({"part.png"}, {"part.msh", "part.toml"}),
+    "lacsolver modes part.toml --mass ": ({"consistent", "lumped"}, {"part.msh"}),
+    "lacsolver film --for": ({"--force"}, {"--frames"}),
+}
+BASH = r"""
+source "$1"
+words=($2); [[ $2 == *" " ]] && words+=("")
+COMP_WORDS=("${words[@]}"); COMP_CWORD=$((${#words[@]} - 1)); COMP_LINE=$2; COMP_POINT=${#2}
+function=$(complete -p "${words[0]}" | sed 's/.*-F \([^ ]*\) .*/\1/')
+$function "${words[0]}" "${words[COMP_CWORD]}" "${words[COMP_CWORD-1]}"
+printf '%s\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_bash_completes(program, tmp_path, capsys):
+    for kind in ("zsh", "fish", "bash"):
+        assert called(f"{program} completion {kind}") == 0
+        text = capsys.readouterr().out
+        assert all(name in text for name in ("compare" if program == "lacsolver" else "convert", "--output"))
+    (tmp_path / "script").write_text(text)
+    for name in ("part.msh", "part.toml", "part.png", "part.inp", "part.step"):
+        (tmp_path / name).touch()
+    for line, (wanted, unwanted) in TYPED.items():
+        if line.startswith(program):
+            words = ["bash", "--norc", "-c", BASH, "bash", "./script", line]
+            done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True)
+            assert wanted <= {*done.stdout.split()} and not unwanted & {*done.stdout.split()}, line

@@ -1,0 +1,587 @@
+"""`lacmesh mesh` and `lacmesh onelab`: what is listed of CAD files, their meshes, gmsh's window, and wrong requests."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lacmesh
+from lacmesh.cells import CELLS
+from lacmesh.cli import main
+from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
+from lacmesh.gmsh import cad, mesher, to_mesh
+from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
+from lacmesh.gmsh.onelab import MASTER, RESULT, SLAVE, act, open_model, set_parameters
+from lacmesh.reference.quadrature import measure, rule
+from lacmesh.reference.shapes import jacobian
+from lacmesh.topology.orientation import analyse_orientation
+from tests.lacsolver.tables import table
+from tests.samples import each_option
+from tests.viewing import DATA
+
+pytestmark = pytest.mark.gmsh
+LUG = DATA / "pin_in_lug.step"
+
+
+# ---- geometries
+
+
+@contextmanager
+def session():
+    """A quiet session of gmsh."""
+    import gmsh
+
+    gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    try:
+        yield gmsh
+    finally:
+        if gmsh.isInitialized():  # not after a window that could not be opened
+            gmsh.logger.stop()  # else the next session begins with its lines
+            gmsh.finalize()
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """Files of every kind, by name; parts of an assembly have names as a CAD program gives them."""
+    folder = tmp_path_factory.mktemp("cad")
+    for name, text in SCRIPTS.items():
+        (folder / name).write_text(text)
+    with session() as gmsh:
+        for names, text in GEOMETRIES.items():
+            (folder / "made.geo").write_text(OCC + text)
+            gmsh.open(str(folder / "made.geo"))
+            if names.endswith(".stl"):
+                gmsh.model.mesh.generate(2)
+            for name in names.split():
+                gmsh.write(str(folder / name))
+            gmsh.clear()
+    text = (folder / "assembly.step").read_text()
+    for k, name in ((1, "Base plate"), (2, "Upper block")):
+        text = re.sub(rf"'Open CASCADE STEP translator [\d.]+ \d\.{k}'", f"'{name}'", text)
+    (folder / "assembly.step").write_text(text)
+    return folder
+
+
+OCC = 'SetFactory("OpenCASCADE");\n'
+RECTANGLE = OCC + "Rectangle(1) = {0, 0, 0, 1, 2};\n"
+PLATE = "Rectangle(1) = {-2, -1, 0, 4, 2}; Disk(2) = {0, 0, 0, 0.5, 0.5};\n"
+PLATE += "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }\n"
+#: a box 2 x 3 x 4 with a round hole along z, and a ball; a plate with a hole; boxes; a box with a round void, in which
+#: a box floats, and another beside; two that overlap; one without its lid
+GEOMETRIES = {
+    "solids.step solids.stp solids.brep": "Box(1) = {0, 0, 0, 2, 3, 4}; Cylinder(2) = {1, 1.5, -1, 0, 0, 6, 0.5};\n"
+    "BooleanDifference{ Volume{1}; Delete; }{ Volume{2}; Delete; } Sphere(3) = {6, 0, 0, 1};\n",
+    "plate.brep": PLATE,
+    "box.iges box.igs": "Box(1) = {0, 0, 0, 2, 3, 4};\n",
+    "assembly.step": "Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {3, 0, 0, 1, 1, 1};\n",
+    "nested.stl": "Mesh.MeshSizeMax = 1; Box(1) = {0, 0, 0, 10, 10, 10}; Box(2) = {4, 4, 4, 2, 2, 2};\n"
+    "Box(3) = {20, 0, 0, 1, 1, 1}; Sphere(4) = {5, 5, 5, 4};\n",
+    "overlapping.stl": "Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {0.5, 0.5, 0.5, 1, 1, 1};\n",
+    "open.stl": "Box(1) = {0, 0, 0, 1, 1, 1}; Physical Surface(1) = {1, 2, 3, 4, 5};\n",
+}
+#: a quadrangle in a tilted plane, and a triangle that stands on it
+FOUR = """Point(1) = {0, 0, 1, .3}; Point(2) = {1, 0, 2, .3}; Point(3) = {1, 1, 3, .3}; Point(4) = {0, 1, 2, .3};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+"""
+FIN = """Point(5) = {0, 0, 5, .3}; Line(5) = {2, 5}; Line(6) = {5, 1};
+Curve Loop(2) = {1, 5, 6}; Plane Surface(2) = {2};
+"""
+#: a unit square drawn up by 2, a cylinder of radius 2 and height 3
+SCRIPTS = {
+    "plate.geo": OCC + PLATE + "Mesh.MeshSizeMax = 0.3;\n",
+    "column.geo": FOUR.replace(", 1, .3", ", 0, .3").replace(", 2, .3", ", 0, .3").replace(", 3, .3", ", 0, .3")
+    + 'out[] = Extrude {0, 0, 2} { Surface{1}; };\nPhysical Surface("top") = {out[0]}; Physical Surface(7) = {1};\n'
+    'Physical Volume("body") = {1};\nMesh.ElementOrder = 2;\n',
+    "round.geo_unrolled": "Point(1)={0,0,0,.5}; Point(2)={2,0,0,.5}; Point(3)={0,2,0,.5}; Point(4)={-2,0,0,.5};\n"
+    "Point(5)={0,-2,0,.5}; Circle(1)={2,1,3}; Circle(2)={3,1,4}; Circle(3)={4,1,5}; Circle(4)={5,1,2};\n"
+    "Curve Loop(1)={1,2,3,4}; Plane Surface(1)={1}; Extrude {0,0,3} {Surface{1};}\n",
+}
+
+
+def tagged_as(*tags, dim=None):
+    return [EntitySelection(dim, tags)]
+
+
+def size_of(mesh, cells):
+    return sum(measure(kind, mesh.points[n]).sum() for kind, _, n in mesh.select(cells))
+
+
+def volume(mesh):
+    return size_of(mesh, np.flatnonzero(mesh.cell_dim == mesh.dim))
+
+
+def edges_of(mesh, cells):
+    """Lengths of the distinct edges of some cells, and their middles."""
+    pairs = [np.sort(n[:, CELLS[k].edges], axis=2).reshape(-1, 2) for k, _, n in mesh.select(cells)]
+    ends = mesh.points[np.unique(np.concatenate(pairs), axis=0)]
+    return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), ends.mean(axis=1)
+
+
+def mean_edge(mesh, group):
+    return edges_of(mesh, mesh.cell_groups[group])[0].mean()
+
+
+# ---- listing
+
+
+def test_a_step_file_is_listed_exactly():
+    shapes = list_cad(LUG)
+    assert [s.dim for s in shapes] == [3] * 2 + [2] * 20
+    lug, pin, *skin = shapes
+    ends = np.pi * (11.8**3 - 10.8**3) / 3  # two chamfers, 1 high, of half a pin
+    assert pin.measure == pytest.approx(np.pi / 2 * 11.8**2 * 28 + ends, rel=1e-9)
+    assert pin.centre[1:] == pytest.approx((0, 31.8), abs=1e-9) and pin.bodies == ()
+    (bore,) = [s for s in skin if s.radius == pytest.approx(-12)]
+    assert bore.type == "Cylinder" and bore.bodies == (lug.tag,) and bore.normal is None
+    assert bore.measure == pytest.approx(np.pi * 12 * 20, rel=1e-9)
+    assert np.allclose(bore.box, [(0, -10, 20), (12, 10, 44)], atol=0.01)
+    assert pytest.approx(11.8) in [s.radius for s in skin if s.bodies == (pin.tag,)]
+    normals = {tuple(np.round(s.normal)) for s in skin if s.normal and s.bodies == (lug.tag,)}
+    assert normals == {tuple(s * np.eye(3)[k]) for k in range(3) for s in (-1, 1)}
+    bottom = min(skin, key=lambda s: s.centre[2])
+    assert bottom.normal == pytest.approx((0, 0, -1)) and bottom.measure == pytest.approx(36 * 32 - np.pi * 3.5**2)
+    for s in skin:
+        assert all(lo - 1e-6 <= c <= hi + 1e-6 for lo, c, hi in zip(s.box[0], s.centre, s.box[1], strict=True))
+
+
+def test_the_built_in_kernel_is_listed_from_a_mesh(files):
+    body, *skin = list_cad(files / "round.geo_unrolled")
+    assert body.measure == pytest.approx(12 * np.pi, rel=1e-5) and body.centre == pytest.approx((0, 0, 1.5), abs=1e-5)
+    assert sorted(round(s.radius, 3) for s in skin if s.radius is not None) == [2.0] * 4
+    assert sum(s.measure for s in skin) == pytest.approx(2 * np.pi * 2 * 3 + 2 * np.pi * 4, rel=1e-5)
+    ends = sorted(((s.normal, s.centre[2]) for s in skin if s.normal), key=lambda end: end[1])
+    assert [(tuple(np.round(n, 9) + 0.0), round(z, 9)) for n, z in ends] == [((0, 0, -1), 0), ((0, 0, 1), 3)]
+    column = list_cad(files / "column.geo")
+    assert [s.groups for s in column if s.groups] == [("body",), ("2:7",), ("top",)]
+    for s in column[1:]:  # every normal leaves the column
+        assert np.dot(s.normal, np.subtract(s.centre, column[0].centre)) > 0.4
+
+
+@pytest.mark.parametrize("name", ["plate.brep", "plate.geo"])
+def test_a_plane_file_lists_curves(files, name):
+    body, *skin = list_cad(files / name)
+    assert (body.dim, body.measure) == (2, pytest.approx(8 - np.pi / 4, rel=1e-9))
+    (hole,) = [s for s in skin if s.radius is not None]
+    assert hole.radius == pytest.approx(-0.5, rel=1e-4) and hole.measure == pytest.approx(np.pi, rel=1e-9)
+    sides = {tuple(np.round(s.normal, 6) + 0.0): round(s.measure, 9) for s in skin if s.normal}
+    assert sides == {(1, 0, 0): 2, (-1, 0, 0): 2, (0, 1, 0): 4, (0, -1, 0): 4}
+
+
+def test_an_stl_has_bodies_with_voids(files):
+    shapes = list_cad(files / "nested.stl")
+    volumes = sorted(s.measure for s in shapes if s.dim == 3)
+    assert volumes == [pytest.approx(1), pytest.approx(8), pytest.approx(1000 - 4 / 3 * np.pi * 4**3, rel=0.01)]
+    skin = [s for s in shapes if s.dim == 2]
+    assert sum(s.measure for s in skin if s.normal) == pytest.approx(6 * (100 + 4 + 1))
+    inside = [s for s in skin if s.radius is not None or s.normal is None]
+    assert {s.bodies for s in inside} == {next((s.tag,) for s in shapes if s.dim == 3 and s.measure > 10)}
+
+
+def test_the_list_is_printed(files, capsys):
+    """With the names of the parts of an assembly."""
+    for path, words in (
+        (LUG, ("2 volumes, 20 surfaces", "hollow, r = 12", "round, r = 11.8", "Cylinder", "753.98", "(0, 0, -1)")),
+        (files / "plate.geo", ("1 surface, 5 curves",)),
+        (files / "assembly.step", ("1 Base plate Volume", "2 Upper block Volume")),
+    ):
+        assert main(["mesh", str(path), "--list"]) == 0
+        out = " ".join(capsys.readouterr().out.split())
+        assert all(part in out for part in words), out
+    assert main(["mesh", str(LUG), "--list", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["file"] == str(LUG) and len(found["shapes"]) == 22
+    assert set(found["shapes"][0]) == set(cad.CadShape.__dataclass_fields__)
+
+
+# ---- meshing
+
+HOLED = 24 - np.pi + 4 / 3 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "kinds"),
+    each_option(
+        [
+            *((f"solids.{suffix}", HOLED, "TRIA3 TETRA4") for suffix in ("step", "stp", "brep")),
+            *((f"box.{suffix}", 24, "TRIA3 TETRA4") for suffix in ("iges", "igs")),
+            ("column.geo", 2, "TRIA6 TETRA10"),
+            ("round.geo_unrolled", 12 * np.pi, "TRIA3 TETRA4"),
+            ("nested.stl", 1009 - 4 / 3 * np.pi * 64, "TRIA3 TETRA4"),
+            ("plate.geo", 8 - np.pi / 4, "SEG2 TRIA3"),
+        ],
+        of=lambda row: [row[1:]],
+    ),
+)
+def test_every_kind_of_file_is_meshed(files, name, size, kinds):
+    mesh = mesh_cad(files / name)
+    assert set(mesh.cells_by_type) == set(kinds.split())
+    assert volume(mesh) == pytest.approx(size, rel=0.03)
+    skin = np.flatnonzero(mesh.cell_dim == mesh.dim - 1)
+    assert len(skin) and not len(analyse_orientation(mesh, skin).to_flip)
+    for kind, x in ((k, mesh.points[n]) for k, n in mesh.blocks if CELLS[k].dim == mesh.dim):
+        assert measure(kind, x).min() > 0
+
+
+def test_groups_by_tag_and_by_box(files, tmp_path, capsys):
+    skin = [s for s in list_cad(files / "solids.step") if s.dim == 2]
+    bore = next(s.tag for s in skin if s.radius == pytest.approx(-0.5))
+    top = next(s.tag for s in skin if s.normal == pytest.approx((0, 0, 1)))
+    said = [f"bore={bore}", "ends=box:-1,-1,-0.1,3,4,0.1", f"ends={top}", "body=3:1", "edge=1:1"]
+    said.append("all=3:box:-9,-9,-9,9,9,9")
+    command = ["mesh", str(files / "solids.step"), "--size", "0.4", *(a for s in said for a in ("--group", s))]
+    assert main([*command, "-o", str(tmp_path / "out.msh")]) == 0
+    assert "bore: " in capsys.readouterr().out
+    assert main([*command, "-o", str(tmp_path / "out.msh")]) == 2
+    assert main([*command, "-o", str(tmp_path / "out.msh"), "--force", "--msh", "2.2", "--ascii"]) == 0
+    assert (tmp_path / "out.msh").read_bytes().startswith(b"$MeshFormat\n2.2 0")
+    assert main([*command, "-o", str(tmp_path / "out.med")]) == 0
+    assert lacmesh.read(tmp_path / "out.med").cells_by_type == lacmesh.read(tmp_path / "out.msh").cells_by_type
+    mesh = lacmesh.read(tmp_path / "out.msh")
+    cells = mesh.cell_groups
+    assert set(cells) == {"bore", "ends", "body", "edge", "all"}
+    assert size_of(mesh, cells["bore"]) == pytest.approx(4 * np.pi, rel=0.06)
+    assert size_of(mesh, cells["ends"]) == pytest.approx(2 * (6 - np.pi / 4), rel=0.03)
+    assert {mesh.group_dim(n) for n in ("body", "all")} == {3} and mesh.group_dim("edge") == 1
+    assert len(cells["all"]) == (mesh.cell_dim == 3).sum() > len(cells["body"]) > 0
+    assert (mesh.cell_dim == 1).sum() == len(cells["edge"]) > 0  # other curves are left out, and points
+    assert not (mesh.cell_dim == 0).any() and len(mesh.cells_of("entity:2:1"))  # a surface in no group
+
+
+def test_groups_of_a_script_are_kept_and_groups_are_parsed(files):
+    mesh = mesh_cad(files / "column.geo", groups={"side": tagged_as(13)}, order=1, size=0.5)
+    assert {n: mesh.group_dim(n) for n in mesh.cell_groups} == {"top": 2, "2:7": 2, "body": 3, "side": 2}
+    assert mesh.points[mesh.block("TRIA3")[mesh.cell_groups["top"]]][..., 2].min() == 2
+    with pytest.raises(RequestError, match="named 'top' already"):
+        mesh_cad(files / "column.geo", groups={"top": tagged_as(13)})
+    assert parse_group("a=b=1") == ("a=b", EntitySelection(None, (1,)))
+    assert parse_group("a=2:box:0,0,0,1,1,1") == ("a", EntitySelection(2, (), (0, 0, 0, 1, 1, 1)))
+    assert parse_group("a=1:2,3") == ("a", EntitySelection(1, (2, 3)))
+
+
+def test_size_is_the_length_of_edges(files):
+    """Also where the script says otherwise; that of the slave in the plane, and beside the sizes of a script."""
+    for name, size, order in (("solids.step", 0.35, None), ("column.geo", 0.25, 1)):
+        mesh = mesh_cad(files / name, size=size, order=order)
+        assert edges_of(mesh, np.flatnonzero(mesh.cell_dim == 2))[0].mean() == pytest.approx(size, rel=0.15)
+    mesh = mesh_cad(files / "plate.geo", groups={"hole": tagged_as(5)}, slave=["hole"], slave_size=0.08)
+    assert mean_edge(mesh, "hole") == pytest.approx(0.08, rel=0.1)
+    mesh = mesh_cad(files / "column.geo", slave=["2:7"], slave_size=0.1, order=1)
+    assert mean_edge(mesh, "2:7") == pytest.approx(0.1, rel=0.1)
+    assert mean_edge(mesh, "top") == pytest.approx(mean_edge(mesh_cad(files / "column.geo", order=1), "top"), rel=0.05)
+
+
+@pytest.mark.parametrize(("h", "far"), [(1.5, 5.0), (4.0, 2.0)])
+def test_slave_faces_have_the_size_asked(h, far):
+    """And cells that grow away from it, or shrink, where the slave's are the larger ones."""
+    mesh = mesh_cad(LUG, groups={"bore": tagged_as(13)}, slave=["bore"], slave_size=h, size=far)
+    length, _ = edges_of(mesh, mesh.cell_groups["bore"])
+    assert length.mean() == pytest.approx(h, rel=0.1) and np.percentile(length, 95) < 1.35 * h
+    lug = np.flatnonzero((mesh.cell_dim == 3) & (mesh.cell_data["entity"][:, 1] == 1))
+    length, middle = edges_of(mesh, lug)
+    away = np.hypot(middle[:, 0], middle[:, 2] - 32) - 12
+    assert length[away < h / 2].mean() == pytest.approx(h, rel=0.25)
+    assert length[away > 16].mean() == pytest.approx(far, rel=0.3)
+    steps = [length[(away >= a) & (away < a + 3)].mean() for a in (0, 3, 6, 9)]
+    assert (np.diff(steps) * (far - h) > 0).all()  # all the way
+
+
+def test_second_order_stands_on_the_geometry():
+    mesh = mesh_cad(LUG, groups={"bore": tagged_as(13), "pin": tagged_as(15)}, size=5, order=2)
+    assert set(mesh.cells_by_type) == {"TRIA6", "TETRA10"}
+    for group, radius, axis in (("bore", 12, 32), ("pin", 11.8, 31.8)):
+        x = mesh.points[mesh.nodes_on(mesh.cell_groups[group])]
+        assert np.abs(np.hypot(x[:, 0], x[:, 2] - axis) - radius).max() < 1e-5
+    X = np.vstack([np.array(CELLS["TETRA10"].reference), rule("TETRA", 6)[0]])
+    assert np.linalg.det(jacobian("TETRA10", mesh.points[mesh.block("TETRA10")], X)).min() > 0
+    assert volume(mesh) == pytest.approx(sum(s.measure for s in list_cad(LUG) if s.dim == 3), rel=2e-4)
+    assert lacmesh.cut_skin(mesh, "bore").n_macros == len(mesh.cell_groups["bore"])
+
+
+def test_cells_that_stay_invalid_are_told():
+    with session() as gmsh:
+        entity = gmsh.model.addDiscreteEntity(3)
+        points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1]], float)
+        gmsh.model.mesh.addNodes(3, entity, range(1, 6), points.ravel())
+        gmsh.model.mesh.addElementsByType(entity, 4, [8, 9], [1, 2, 3, 4, 1, 2, 3, 5])
+        with pytest.warns(LacmeshWarning, match=r"1 cells are inverted or degenerate \(9\)"):
+            mesher.check_cells(gmsh, 3)
+
+
+@pytest.mark.parametrize(
+    ("text", "dim"),
+    [
+        (RECTANGLE, 1),
+        (RECTANGLE + "Rotate {{1, 2, 3}, {0, 0, 0}, 0.7} {Surface{1};}\n", 1),
+        (OCC + "Sphere(1) = {0, 0, 0, 1};\nDelete {Volume{1};}\n", 2),
+        (OCC + "Box(1) = {0, 0, 0, 1, 1, 1};\n", 2),  # volumes, though only surfaces are meshed
+        (FOUR, 1),
+        (FOUR + FIN, 2),
+    ],
+)
+def test_a_tag_alone_is_a_surface_unless_the_file_is_plane(text, dim, tmp_path):
+    (tmp_path / "a.geo").write_text(text)
+    mesh = mesh_cad(tmp_path / "a.geo", groups={"it": tagged_as(1), "curve": tagged_as(1, dim=1)}, dim=2)
+    assert {name: mesh.group_dim(name) for name in mesh.cell_groups} == {"it": dim, "curve": 1}
+
+
+def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, tmp_path, capsys):
+    mesh = mesh_cad(files / "open.stl", dim=2, size=0.2, groups={"side": tagged_as(2)})
+    assert mesh.group_dim("side") == 2 and set(mesh.cells_by_type) == {"SEG2", "TRIA3"}
+    assert size_of(mesh, np.flatnonzero(mesh.cell_dim == 2)) == pytest.approx(5)
+    with pytest.raises(DataError, match="no volume"):
+        mesh_cad(files / "plate.brep", dim=3)
+    target = tmp_path / "shell.msh"
+    command = ["mesh", str(LUG), "--dim", "2", "--group", "slave=15", "-o", str(target), "--size", "5"]
+    assert main([*command, "--slave", "slave", "--slave-size", "1.5"]) == 0
+    mesh = lacmesh.read(target)
+    (listed,) = [s for s in list_cad(LUG) if (s.dim, s.tag) == (2, 15)]
+    assert size_of(mesh, mesh.cell_groups["slave"]) == pytest.approx(listed.measure, rel=0.01)
+    assert mean_edge(mesh, "slave") == pytest.approx(1.5, rel=0.15) and mesh.group_dim("slave") == 2
+    assert main([*command, "--force", "--slave", "slav", "--slave-size", "1.5"]) == 2
+    assert "no group of surfaces named 'slav'" in capsys.readouterr().err
+
+
+# ---- what is wrong (tests/bad_input/command_cases.py has the others)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "status", "words"),
+    [
+        ("nothing.step", "", 3, "No such file"),
+        ("open.stl", "", 1, "24 edges .*--dim 2"),
+        ("overlapping.stl", "", 1, "cannot mesh it"),
+        *(("solids.step", f"--group {spec}", 2, "says no group") for spec in ("=1", "x=1,a", "x=box:0,0,0,1,1")),
+        ("solids.step", "--slave x", 2, "go together"),
+        ("solids.step", "--json", 2, "--json goes with"),
+    ],
+)
+def test_a_bad_file_or_request_is_one_sentence(files, tmp_path, name, options, status, words, capsys):
+    assert main(["mesh", str(files / name), "-o", str(tmp_path / "out.msh"), *options.split()]) == status
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1 and re.search(words, said.err)
+    assert said.err.startswith(f"lacmesh: error: {files / name}") or status == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_the_reader_of_step_says_is_repeated(tmp_path, capsys):
+    """A file that ends early is an error that names the line; one that lacks some of its lines, a warning."""
+    lines = LUG.read_text().splitlines(keepends=True)
+    early, lacking, broken = (tmp_path / f"{name}.step" for name in ("early", "lacking", "broken"))
+    early.write_text("".join(lines[:700]))
+    lacking.write_text("".join(lines[:399] + lines[500:]))
+    assert main(["mesh", str(early), "--list"]) == 3
+    assert re.search(r"early\.step: .* Line 70\d: .*unexpected end", capsys.readouterr().err)
+    assert main(["mesh", str(lacking), "--list"]) == 0
+    said = capsys.readouterr()
+    assert "1 volume, 6 surfaces" in said.out
+    assert re.search(r"warning: .*lacking\.step: its reader says Unresolved Reference", said.err)
+    broken.write_text("".join(lines).replace("ADVANCED_FACE", "ADVANCD_FACE", 1))  # its body is lost
+    with pytest.warns(LacmeshWarning, match=r"13 surfaces bound no volume \(7, 8"):
+        shapes = list_cad(broken)
+    assert [s.dim for s in shapes].count(3) == 1 and sum(s.dim == 2 and not s.bodies for s in shapes) == 13
+
+
+def test_a_script_whose_last_line_has_no_end(tmp_path):
+    """gmsh leaves statements out; lacmesh says so, and nothing where all is well."""
+    text = OCC + 'Box(1) = {0, 0, 0, 1, 1, 1};\nPhysical Surface("a") = {1}; Physical Surface("b") = {2};'
+    script = tmp_path / "box.geo"
+    script.write_text(text)
+    with pytest.warns(LacmeshWarning, match="last line has no end"):
+        assert list_cad(script)
+    script.write_text(text + "\n")
+    assert {g for s in list_cad(script) for g in s.groups} == {"a", "b"}
+
+
+def test_an_output_that_cannot_be_an_absent_gmsh_and_a_child_that_dies(files, tmp_path, capsys, monkeypatch):
+    step = str(files / "solids.step")
+    monkeypatch.setattr(cad, "_run_child", lambda folder: pytest.fail("meshed for nothing"))
+    for words, status in (([f"{tmp_path}/out.xyz_"], 2), ([f"{tmp_path}/no/out.msh"], 3), ([], 2)):
+        assert main(["mesh", step, *(word for place in words for word in ("-o", place))]) == status
+    monkeypatch.setattr(cad, "_run_child", lambda folder: (-signal.SIGSEGV, "Aborted\n"))
+    with pytest.raises(ReadError, match=r"gmsh died on it \(status -11: Aborted\)"):
+        list_cad(step)
+    monkeypatch.setitem(sys.modules, "gmsh", None)
+    assert main(["mesh", step, "--list"]) == 2
+    assert "pip install 'lacmesh[gmsh]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupt_stops_gmsh_too(tmp_path, number, status):
+    """A mesh that would take minutes; neither the child nor a file is left."""
+    env = dict(os.environ, TMPDIR=str(tmp_path))
+    command = [sys.executable, "-m", "lacmesh", "mesh", str(LUG), "-o", str(tmp_path / "out.msh"), "--size", "0.2"]
+    process = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    child = ""
+    for _ in range(6000):
+        child = child or children.read_text().strip() if children.exists() else ""
+        if child and any(tmp_path.glob("lacmesh-*/printed")):
+            break
+        time.sleep(0.05)
+    time.sleep(1.0)  # gmsh is at work
+    process.send_signal(number)
+    _, said = process.communicate(timeout=300)
+    assert process.returncode == status and "nothing was written" in said
+    assert child and not Path(f"/proc/{child}").exists()
+    assert not list(tmp_path.iterdir())
+
+
+# ---- gmsh's window with the buttons of LAC: its parameters and actions without a window, and the window itself
+
+
+@pytest.fixture
+def gmsh():
+    with session() as opened:
+        yield opened
+
+
+@pytest.fixture
+def window(gmsh, tmp_path):
+    """The path of the two blocks, open in gmsh with the parameters set; messages are logged."""
+    path = shutil.copy(DATA / "two_blocks.msh", tmp_path / "two_blocks.msh")
+    open_model(path)
+    set_parameters()
+    gmsh.logger.start()
+    return path
+
+
+def logged(gmsh, kind):
+    return [line.removeprefix(f"{kind}: ") for line in gmsh.logger.get() if line.startswith(f"{kind}: ")]
+
+
+def views(gmsh):
+    return [(gmsh.view.option.getString(t, "Name"), int(t)) for t in gmsh.view.getTags()]
+
+
+def choices(gmsh):
+    return sorted(json.loads(gmsh.onelab.get(SLAVE))["choices"])
+
+
+def test_the_parameters_are_groups_of_faces_and_buttons(gmsh, window):
+    assert choices(gmsh) == sorted(["slave", "master", "bottom", "top", "symmetry_x", "symmetry_y"])
+    assert gmsh.onelab.getString(SLAVE) == ["slave"] and gmsh.onelab.getString(MASTER) == ["master"]
+    gmsh.onelab.setString(MASTER, ["top"])
+    gmsh.model.addPhysicalGroup(2, [gmsh.model.getEntities(2)[0][1]], name="further")
+    set_parameters()
+    assert "further" in choices(gmsh) and gmsh.onelab.getString(MASTER) == ["top"]
+    own = [json.loads(gmsh.onelab.get(name)) for name in gmsh.onelab.getNames() if name.startswith("LAC/")]
+    buttons = [one for one in own if one.get("attributes", {}).get("Aspect") == "Button"]
+    assert {b["values"][0] for b in buttons} == {"lac cut", "lac check", "lac solve"}
+    assert all(b["attributes"]["Macro"] == "Action" for b in buttons)
+
+
+@pytest.mark.parametrize(("slave", "macros"), [("slave", 36), ("slave, bottom", 78)])
+def test_cut_is_the_cut_of_the_command_and_check_prints_its_findings(gmsh, window, slave, macros):
+    gmsh.onelab.setString(SLAVE, [slave])
+    act(window, "lac check")
+    assert any(line.startswith("not-cut: ") for line in logged(gmsh, "Info"))
+    cut = lacmesh.cut_skin(lacmesh.read(window), slave.split(", "))
+    assert act(window, "lac cut") == f"{slave} cut: {macros} macro-elements" and cut.n_macros == macros
+    assert to_mesh().cells_by_type == cut.mesh.cells_by_type and to_mesh().zones == cut.zones
+    set_parameters()
+    assert gmsh.onelab.getString(SLAVE) == [slave]
+    gmsh.logger.stop()
+    gmsh.logger.start()
+    said = act(window, "lac check")
+    assert said == "no errors, 0 warnings" or slave != "slave"
+    rules = {line.partition(": ")[0] for line in logged(gmsh, "Info")}
+    assert "not-cut" not in rules and "gap" in rules
+    gmsh.onelab.setString(SLAVE, ["top"])
+    assert "cut already" in act(window, "lac cut")
+
+
+@pytest.mark.parametrize("name", ["blocks.med", "pin_in_lug.step"])
+def test_other_formats_and_geometries_that_are_meshed_in_the_window_are_cut(gmsh, tmp_path, name):
+    path = tmp_path / name
+    if name == "blocks.med":
+        lacmesh.write(path, lacmesh.read(DATA / "two_blocks.msh"))
+    else:
+        shutil.copy(LUG, path)
+    open_model(path)
+    set_parameters()
+    if name == "pin_in_lug.step":
+        surfaces = [f"entity:2:{tag}" for _, tag in gmsh.model.getEntities(2)]
+        assert choices(gmsh) == sorted(surfaces)
+        gmsh.onelab.setString(SLAVE, surfaces[:1])
+        assert "no mesh yet" in act(path, "lac cut")
+        gmsh.option.setNumber("Mesh.MeshSizeMin", gmsh.option.getNumber("Mesh.MeshSizeMax"))
+        gmsh.model.mesh.generate(3)
+    assert "macro-elements" in act(path, "lac cut") and to_mesh().zones
+
+
+def test_solve_writes_a_case_then_runs_it_and_shows_results(gmsh, window):
+    """The views hold what the run's own table holds, at the last time; 25 on the top is in balance."""
+    act(window, "lac cut")
+    case = window.with_name("two_blocks.lac.toml")
+    assert "fill in" in act(window, "lac solve") and case.exists() and "displacement" not in dict(views(gmsh))
+    text, supports = case.read_text(), (DATA / "two_blocks.toml").read_text().partition("[[displacement]]")
+    assert 'mesh = "two_blocks.lac.msh"' in text
+    case.write_text(text.partition("# prescribed displacement")[0] + "".join(supports[1:]))
+    for _ in range(2):  # results are replaced, their views too
+        assert "views: displacement, pressure slave" in act(window, "lac solve"), gmsh.logger.get()
+    names = [name for name, _ in views(gmsh)]
+    assert names.count("displacement") == names.count("pressure slave") == 1 and not logged(gmsh, "Error")
+    mesh, tags = to_mesh(), dict(views(gmsh))
+    assert not {"displacement", "pressure slave"} & {*mesh.node_data, *mesh.cell_data}
+    kind, cells, pressure, moment, _ = gmsh.view.getHomogeneousModelData(tags["pressure slave"], 1)
+    rows = table(window.with_name("two_blocks.lac.results") / "contact_slave.csv")
+    last = rows["pressure"][rows["time"] == rows["time"].max()]
+    assert (kind, moment, set(cells)) == ("ElementData", 1.0, set(mesh.cell_number[mesh.cell_groups["slave"]]))
+    np.testing.assert_allclose(np.unique(pressure), np.unique(last), rtol=1e-12)
+    areas, above = (
+        gmsh.model.mesh.getElementQualities(of, "volume") for of in (cells, mesh.cell_number[mesh.cell_groups["top"]])
+    )
+    assert areas @ pressure == pytest.approx(25.0 * sum(above), rel=1e-9)
+    _, nodes, displacement, _, _ = gmsh.view.getHomogeneousModelData(tags["displacement"], 1)
+    bottom = mesh.node_number[mesh.nodes_on(mesh.cell_groups["bottom"])]
+    assert not displacement.reshape(-1, 3)[np.isin(nodes, bottom)].any()
+    assert gmsh.view.option.getNumber(tags["displacement"], "VectorType") == 5
+
+
+BLOCKS = (DATA / "two_blocks.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("slave", "case", "action", "words"),
+    [
+        ("slave", None, "lac solve", "press Cut"),
+        ("", None, "lac cut", "choose LAC/Slave"),
+        ("nothing", None, "lac cut", "nothing"),
+        ("slave", "mesh = 'two_blocks.lac.msh'\nmodle = '3d'\n", "lac solve", "modle"),
+        ("bottom", BLOCKS, "lac solve", "another mesh"),
+        ("bottom", BLOCKS.replace("two_blocks.msh", "two_blocks.lac.msh"), "lac solve", "none of slave"),
+    ],
+)
+def test_what_cannot_be_done_is_a_message(gmsh, window, slave, case, action, words):
+    gmsh.onelab.setString(SLAVE, [slave])
+    if case:
+        act(window, "lac cut")
+        window.with_name("two_blocks.lac.toml").write_text(case)
+    before = sorted(window.parent.iterdir())
+    assert words in act(window, action) and any(words in line for line in logged(gmsh, "Error"))
+    assert words in gmsh.onelab.getString(RESULT)[0] and "displacement" not in dict(views(gmsh))
+    assert case or sorted(window.parent.iterdir()) == before
+
+
+def test_a_damaged_or_absent_file_and_an_absent_display_are_refused(gmsh, tmp_path, monkeypatch, capsys):
+    (tmp_path / "no.msh").write_text("nothing\n")
+    for name in ("no.msh", "absent.msh"):
+        with pytest.raises(ReadError, match=name):
+            open_model(tmp_path / name)
+    if sys.platform == "linux":  # windows of other systems need no display
+        monkeypatch.setenv("DISPLAY", ":65500")
+        assert main(["onelab", str(DATA / "two_blocks.msh")]) == 2
+        assert "cannot open its window" in capsys.readouterr().err
