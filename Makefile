@@ -16,7 +16,7 @@ QUICK := \
   $(addprefix tests/topology/test_,facets.py boxes.py) \
   $(addprefix tests/cutting/test_,regroup.py) \
   $(addprefix tests/partition/test_,bisection.py) \
-  $(addprefix tests/checks/test_,corpus.py) \
+  $(addprefix tests/checks/test_,check.py) \
   $(addprefix tests/formats/test_,exodus.py) \
   $(addprefix tests/surface/test_,kernels.py mortar.py record.py) \
   $(addprefix tests/smooth/test_,shapes.py) \
