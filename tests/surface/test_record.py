@@ -111,7 +111,7 @@ def test_maps_in_monomials_are_those_of_the_shape_functions(name):
 
 
 def test_kinds_of_maps():
-    flat = whole(sheet(3, kind="mixed2"))
+    flat = whole(sheet(3, kind="mixed 2"))
     assert set(kinds(coefficients(flat), flat.n_corners)[0]) == {AFFINE}
     skewed = whole(sheet(3, kind="QUAD8", skew=0.2))
     kind, warp, curved = kinds(coefficients(skewed), skewed.n_corners)
