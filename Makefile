@@ -15,7 +15,7 @@ QUICK := \
   $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py targets.py cli.py) \
   $(addprefix tests/topology/test_,facets.py boxes.py) \
   $(addprefix tests/cutting/test_,regroup.py) \
-  $(addprefix tests/partition/test_,bisection.py) \
+  $(addprefix tests/partition/test_,store.py) \
   $(addprefix tests/checks/test_,check.py) \
   $(addprefix tests/formats/test_,exodus.py) \
   $(addprefix tests/surface/test_,kernels.py record.py) \

@@ -1,4 +1,4 @@
-"""A part has what its process needs: every cell at its nodes, groups, data and cuts, and the rows of the stiffness."""
+"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data and cuts, and rows of stiffness."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lacmesh import Cut, Mesh, cut_skin, read
-from lacmesh.errors import GroupNotFoundError, RequestError
+from lacmesh.errors import DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
 from lacmesh.partition import distribute_nodes, part_of
@@ -14,10 +14,64 @@ from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
-from tests.meshes import random_mesh
+from tests.meshes import box, random_mesh
+from tests.samples import each_option
 
 PARTS = (1, 2, 5)
 BLOCKS = "data/two_blocks.msh"
+
+# ---- owners
+
+
+def owners(points, n):
+    return distribute_nodes(Mesh.create(points, [("POI1", [[0]])]), n)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7, 8, 64])
+def test_ranks_own_equal_numbers_of_nodes(n):
+    points = np.random.default_rng(n).random((1000, 3)) * [1, 5, 2]
+    count = np.bincount(owners(points, n), minlength=n)
+    assert len(count) == n and count.max() - count.min() <= np.log2(n) + 1
+    assert sorted(owners(points[:n], n)) == list(range(n))  # however few there are
+
+
+def test_two_ranks_are_divided_across_the_longest_side_and_a_plane_of_nodes_by_the_others():
+    """Eleven planes of 121 nodes: five and a half are the first half, whose last plane is divided along y."""
+    points = np.random.default_rng(1).random((100, 3)) * [1, 3, 2]
+    owner = owners(points, 2)
+    assert points[owner == 0, 1].max() <= points[owner == 1, 1].min()
+    points, _ = box(10)
+    owner = owners(points, 2)
+    divided = np.isclose(points[:, 0], 0.5)
+    assert (owner[points[:, 0] < 0.45] == 0).all() and (owner[points[:, 0] > 0.55] == 1).all()
+    assert points[divided & (owner == 0), 1].max() <= points[divided & (owner == 1), 1].min()
+    assert owners(np.ones((6, 3)), 3).tolist() == [0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+@pytest.mark.parametrize("factor, shift", [(1e-3, 0.0), (25.4, 0.0), (1.0, 3e5), (0.7, -1.1e4), (1e200, 0.0)])
+def test_owners_do_not_depend_on_units_position_and_numbering(n, factor, shift):
+    points = box(12)[0] / 3 + [0.0, 0.0, 0.1]
+    random = np.random.default_rng(n)
+    moved, order = points + random.uniform(-1e-12, 1e-12, points.shape), random.permutation(len(points))
+    assert np.array_equal(owners(points, n)[order], owners((moved * factor + shift)[order], n))
+
+
+@pytest.mark.parametrize("n", [0, -1, 5])
+def test_a_number_of_parts_that_cannot_be_is_refused(n):
+    with pytest.raises(RequestError, match=f"1 to 4 parts, not {n}"):
+        owners(np.eye(4, 3), n)
+
+
+@pytest.mark.parametrize("wild", [np.nan, np.inf, -1.7e308])
+def test_coordinates_that_are_not_finite_are_refused(wild):
+    points = np.eye(4, 3) * 1e308
+    points[2, 1] = wild
+    with pytest.raises(DataError, match="node 3 has"):
+        owners(points, 2)
+
+
+# ---- parts
 
 
 def parts_of(mesh, n, **options):
@@ -30,57 +84,34 @@ def nodes_of_cells(mesh):
     return [row.tolist() for block in mesh.blocks for row in block.nodes]
 
 
-def random_one(seed):
-    rng = np.random.default_rng(seed)
-    return random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
-
-
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("n", PARTS)
 def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed, n):
-    mesh = random_one(seed)
+    """Groups, numbers, data and the order of the file are those of the whole mesh, restricted to the part."""
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
     whole = nodes_of_cells(mesh)
     parts = parts_of(mesh, n)
     assert sorted(np.concatenate([part.node[part.own] for part in parts])) == list(range(mesh.n_nodes))
     for part in parts:
-        own = set(part.node[part.own].tolist())
+        own, small = set(part.node[part.own].tolist()), part.mesh
         assert part.cell.tolist() == [c for c, nodes in enumerate(whole) if own & set(nodes)]
-        here = own | {node for c in part.cell for node in whole[c]}
-        assert part.node.tolist() == sorted(here)
-        assert [part.node[nodes].tolist() for nodes in nodes_of_cells(part.mesh)] == [whole[c] for c in part.cell]
-        _check_carried(part, mesh)
-
-
-def _check_carried(part, mesh):
-    """Groups, numbers, data and the order of the file are those of the whole mesh, restricted to the part."""
-    small = part.mesh
-    assert [b.type for b in small.blocks] == [b.type for b in mesh.blocks] and small.space_dim == mesh.space_dim
-    assert np.array_equal(small.points, mesh.points[part.node])
-    assert np.array_equal(small.node_number, mesh.node_number[part.node])
-    assert np.array_equal(small.cell_number, mesh.cell_number[part.cell])
-    for there, here, index in (
-        (mesh.cell_groups, small.cell_groups, part.cell),
-        (mesh.node_groups, small.node_groups, part.node),
-    ):
-        assert {name: index[ids].tolist() for name, ids in here.items()} == {
-            name: np.intersect1d(ids, index).tolist() for name, ids in there.items()
-        }
-    for there, here, index in (
-        (mesh.cell_data, small.cell_data, part.cell),
-        (mesh.node_data, small.node_data, part.node),
-    ):
-        assert there.keys() == here.keys() and all(np.array_equal(here[name], there[name][index]) for name in there)
-    in_file = mesh.file_order[np.isin(mesh.file_order, part.cell)]
-    assert np.array_equal(part.cell[small.file_order], in_file)
-    assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
-    assert np.array_equal(part.origin, origin_of_mesh(mesh))
-
-
-def dressed(mesh, shift):
-    """The mesh far from 0, with a second body beside it, of the same cells."""
-    x = mesh.points + np.array([shift, shift, 0.0])
-    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in mesh.blocks]
-    return Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=mesh.space_dim)
+        assert part.node.tolist() == sorted(own | {node for c in part.cell for node in whole[c]})
+        assert [part.node[nodes].tolist() for nodes in nodes_of_cells(small)] == [whole[c] for c in part.cell]
+        assert [b.type for b in small.blocks] == [b.type for b in mesh.blocks] and small.space_dim == mesh.space_dim
+        assert np.array_equal(small.points, mesh.points[part.node])
+        for what, index in (("node", part.node), ("cell", part.cell)):
+            there, here = ({k: getattr(m, f"{what}_{k}") for k in ("number", "groups", "data")} for m in (mesh, small))
+            assert np.array_equal(here["number"], there["number"][index])
+            assert {name: index[ids].tolist() for name, ids in here["groups"].items()} == {
+                name: np.intersect1d(ids, index).tolist() for name, ids in there["groups"].items()
+            }
+            assert here["data"].keys() == there["data"].keys()
+            assert all(np.array_equal(here["data"][name], there["data"][name][index]) for name in there["data"])
+        in_file = mesh.file_order[np.isin(mesh.file_order, part.cell)]
+        assert np.array_equal(part.cell[small.file_order], in_file)
+        assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
+        assert np.array_equal(part.origin, origin_of_mesh(mesh))
 
 
 def stiffness(mesh, model, origin=None):
@@ -88,16 +119,7 @@ def stiffness(mesh, model, origin=None):
     if origin is not None:  # the whole mesh's, in place of that of the part
         space.__dict__.pop("local", None)
         space.__dict__["origin"] = origin
-    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3)))
-
-
-def own_rows(part, K, dim):
-    """(rows, columns of the whole mesh, values) of the own rows of a part's stiffness."""
-    K = K.tocsr()
-    rows = (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
-    columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
-    own = K[rows]
-    return columns[rows], columns[own.indices], own
+    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3))).tocsr()
 
 
 SHAPES = [(name, model, lambda name=name: body(name, 2)) for name, model in PAIRS]
@@ -105,20 +127,24 @@ SHAPES += [(f"mixture {order}", "3d", lambda order=order: mixture(order)) for or
 SHAPES += [(f"mixture {order}", "plane_strain", lambda order=order: plane_mixture(order)) for order in ("1", "2")]
 
 
-@pytest.mark.parametrize("name, model, make", SHAPES, ids=[f"{name}-{model}" for name, model, _ in SHAPES])
+@pytest.mark.parametrize("name, model, make", each_option(SHAPES, of=lambda row: [row[0].rstrip("0123456789"), row[1]]))
 def test_own_rows_of_the_stiffness_are_those_of_the_whole_mesh(name, model, make):
-    """To round-off, with the origin of the whole mesh."""
-    mesh = dressed(distorted(make(), 0.04, seed=4), 1e3)
+    """To round-off, with the origin of the whole mesh, which lies far from 0 and has two bodies."""
+    one = distorted(make(), 0.04, seed=4)
+    x = one.points + np.array([1e3, 1e3, 0.0])
+    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in one.blocks]
+    mesh = Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=one.space_dim)
     space, K = stiffness(mesh, model)
-    K, of_body = K.tocsr(), space.bodies
-    for n in PARTS:
-        for part in parts_of(mesh, n):
-            _, small = stiffness(part.mesh, model, space.origin)
-            rows, columns, own = own_rows(part, small, space.dim)
-            expected = K[rows]
-            assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns, expected.indices)
-            assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
-            assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
+    dim, of_body = space.dim, space.bodies
+    for part in (part for n in PARTS for part in parts_of(mesh, n)):
+        own = stiffness(part.mesh, model, space.origin)[1][
+            (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
+        ]
+        columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
+        expected = K[columns[np.repeat(part.own, dim)]]
+        assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns[own.indices], expected.indices)
+        assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
+        assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
 
 
 @pytest.mark.parametrize("n", PARTS)
@@ -133,9 +159,8 @@ def test_skins_are_whole_in_every_part_with_the_cells_that_touch_them(n):
     cut_up = {parent[c] for c in around} - {-1}
     siblings = {c for c in range(mesh.n_cells) if parent[c] in cut_up}
     assert len(around) > len(skins) and siblings - around
-    bare = parts_of(mesh, n)
-    for part, without in zip(parts_of(mesh, n, everywhere=["slave", "master"]), bare, strict=True):
-        assert set(part.cell.tolist()) == {*without.cell.tolist(), *around, *siblings}
+    for part, bare in zip(parts_of(mesh, n, everywhere=["slave", "master"]), parts_of(mesh, n), strict=True):
+        assert set(part.cell.tolist()) == {*bare.cell.tolist(), *around, *siblings}
         assert {name: part.cell[part.mesh.cell_groups[name]].tolist() for name in faces} == faces
         small = Cut(part.mesh)
         assert small.n_macros == cut.n_macros and small.zones == cut.zones
@@ -148,10 +173,12 @@ def test_nodes_that_all_need_are_in_all_parts():
     """With the cells that have no other nodes, and no others."""
     row = Mesh.create([[k, 0] for k in range(6)], [("SEG2", [[k, k + 1] for k in range(5)])])
     asked = np.array([False, False, False, True, True, False])
-    part = part_of(row, np.repeat([0, 1], 3), 0, nodes=asked)
-    assert part.node.tolist() == [0, 1, 2, 3, 4] and part.cell.tolist() == [0, 1, 2, 3]
-    part = part_of(row, np.array([0, 1, 1, 1, 1, 1]), 0, nodes=asked)
-    assert part.node.tolist() == [0, 1, 3, 4] and part.cell.tolist() == [0, 3]
+    for owner, nodes, cells in (
+        ([0, 0, 0, 1, 1, 1], [0, 1, 2, 3, 4], [0, 1, 2, 3]),
+        ([0, 1, 1, 1, 1, 1], [0, 1, 3, 4], [0, 3]),
+    ):
+        part = part_of(row, np.array(owner), 0, nodes=asked)
+        assert part.node.tolist() == nodes and part.cell.tolist() == cells
 
 
 def test_periodic_nodes_stay_pairs():
@@ -160,20 +187,21 @@ def test_periodic_nodes_stay_pairs():
         [("SEG2", [[0, 2], [1, 3], [0, 1]])],
         model=Model(periodic=(Periodic((1, 1), (1, 2), (), np.array([[0, 1], [2, 3]])),)),
     )
-    part = part_of(mesh, np.array([0, 0, 1, 1]), 0)
-    assert part.node.tolist() == [0, 1, 2, 3]
+    assert part_of(mesh, np.array([0, 0, 1, 1]), 0).node.tolist() == [0, 1, 2, 3]
     part = part_of(mesh, np.array([0, 1, 1, 1]), 0)
     assert part.node.tolist() == [0, 1, 2] and part.mesh.model.periodic[0].nodes.tolist() == [[0, 1]]
 
 
-def test_a_wrong_rank_or_group_is_refused():
+@pytest.mark.parametrize(
+    "skip, rank, groups, error, says",
+    [
+        (0, 2, (), ValueError, "no rank 2 of 2"),
+        (1, 0, (), ValueError, "no rank 0"),
+        (0, 0, ["lower"], RequestError, "of dimension 3"),
+        (0, 0, ["slav"], GroupNotFoundError, "did you mean slave"),
+    ],
+)
+def test_a_wrong_rank_or_group_is_refused(skip, rank, groups, error, says):
     mesh = read(BLOCKS)
-    owner = distribute_nodes(mesh, 2)
-    with pytest.raises(ValueError, match="no rank 2 of 2"):
-        part_of(mesh, owner, 2)
-    with pytest.raises(ValueError, match="no rank 0"):
-        part_of(mesh, owner[1:], 0)
-    with pytest.raises(RequestError, match="'lower' holds cells of dimension 3; name a group of skin faces"):
-        part_of(mesh, owner, 0, everywhere=["lower"])
-    with pytest.raises(GroupNotFoundError, match="did you mean slave"):
-        part_of(mesh, owner, 0, everywhere=["slav"])
+    with pytest.raises(error, match=says):
+        part_of(mesh, distribute_nodes(mesh, 2)[skip:], rank, everywhere=groups)
