@@ -14,10 +14,11 @@ from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.exchange.targets import TARGETS, check_cells, check_target_cells, element, refused
 from lacmesh.formats import write
 from lacmesh.formats.inp.writer_types import card
+from lacmesh.generate import box
 from lacmesh.mesh import Mesh
 from lacsolver.space.rules import SOLID_CELLS
 from tests.formats.feature_cases import one_cell
-from tests.meshes import box, cell_with_faces
+from tests.meshes import cell_with_faces
 
 #: every solid cell, with one facet of each type that it has
 CASES = [
@@ -44,8 +45,7 @@ def test_the_word_before_the_cut_is_the_truth_after_it(kind, facet, hexa):
 
 
 def slave_box():
-    points, cells = box(2)
-    return Mesh.create(points, [("HEXA8", cells), ("QUAD4", [[0, 1, 4, 3]])], cell_groups={"slave": [8]})
+    return box().with_groups(slave=lambda x: (x[0] == 0) & (x[1] <= 0.5) & (x[2] <= 0.5)).only("body", "slave")
 
 
 def side_by_side(group):
