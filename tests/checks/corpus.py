@@ -1,7 +1,4 @@
-"""The corpus of broken meshes: how one is entered, the tools that break a healthy one, and faults of cells.
-
-Faults of the skins and of the contact are in `corpus_skins`, which enters them when it is imported.
-"""
+"""The corpus of broken meshes: how one is entered, the tools that break a healthy one, and the meshes themselves."""
 
 from __future__ import annotations
 
@@ -11,12 +8,13 @@ from typing import Any
 import numpy as np
 
 import lacmesh
-from lacmesh import Mesh, cut_skin
+from lacmesh import Mesh, cut_skin, split
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
-from lacmesh.generate import box
+from lacmesh.generate import box, line, rectangle
 from lacmesh.topology.winding import REVERSED
-from tests.checks.blocks import cut_blocks
+from tests.checks.blocks import cut_blocks, skin, two_blocks
+from tests.coarse_rings import rings
 
 #: name -> how a broken mesh is made and what is found; filled by `defect`
 CORPUS: dict[str, Case] = {}
@@ -91,11 +89,16 @@ def at(mesh, *x):
     return int(np.linalg.norm(mesh.points - np.resize(np.append(x, 0), 3), axis=1).argmin())
 
 
+def put(values, where, new):
+    """A copy of values with some replaced."""
+    values = values.copy()
+    values[where] = new
+    return values
+
+
 def moved(mesh, node, by):
     """A mesh with one node moved."""
-    points = mesh.points.copy()
-    points[node] += by
-    return changed(mesh, points=points)
+    return changed(mesh, points=put(mesh.points, node, mesh.points[node] + by))
 
 
 def of_type(mesh, kind, group):
@@ -138,66 +141,7 @@ def merged(mesh):
     return Mesh.create(mesh.points[first[order]], blocks, cell_groups=mesh.cell_groups)
 
 
-# ---- numbers and places
-
-
-@defect("no-cells", 0, slave="line", master=None)
-def only_lines():
-    return Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])], cell_groups={"line": [0]})
-
-
-@defect("no-cells", 0, slave="none", master=None)
-def nothing_at_all():
-    return Mesh.create(np.zeros((0, 3)), [], cell_groups={"none": []})
-
-
-for kind, value in (("HEXA8", np.nan), ("TETRA10", np.inf)):
-    defect("not-finite", 1, on=kind, name=f"a coordinate that is {value}")(
-        lambda mesh, value=value: moved(mesh, at(mesh, 0.33, 0.33, 1.67), value)
-    )
-
-
-@defect("repeated-number", 1, on="HEXA8")
-def two_cells_of_one_number(mesh):
-    number = mesh.cell_number.copy()
-    number[3] = number[7]
-    return replace(mesh, cell_number=number)
-
-
-@defect("repeated-number", 1, on="HEXA8")
-def a_negative_node_number(mesh):
-    number = mesh.node_number.copy()
-    number[-1] = -4
-    return replace(mesh, node_number=number)
-
-
-@defect("unreferenced-node", 1, on="HEXA8")
-def a_node_of_no_cell(mesh):
-    return changed(mesh, points=np.vstack([mesh.points, [5.0, 5.0, 5.0]]))
-
-
-# ---- cells by themselves
-
-
-@defect("repeated-node", 1, on="HEXA8")
-def a_hexahedron_that_lists_a_node_twice(mesh):
-    rows, nodes = of_type(mesh, "HEXA8", "body1")
-    return changed(mesh, "HEXA8", rows[-1], nodes[-1][[0, 1, 2, 3, 4, 5, 7, 7]])
-
-
-@defect("repeated-cell", 1, on="HEXA8")
-def the_same_hexahedron_twice(mesh):
-    return changed(mesh, add=[("HEXA8", of_type(mesh, "HEXA8", "body1")[1][-1], ["body1"])])
-
-
-@defect("repeated-cell", 1, on="TETRA4")
-def a_cell_inside_the_body_listed_again_from_another_corner(mesh):
-    return changed(mesh, add=[("TETRA4", of_type(mesh, "TETRA4", "body1")[1][80][[1, 2, 0, 3]], ["body1"])])
-
-
-@defect("invalid-cell", 6, on="HEXA8")
-def a_node_pushed_through_its_cells(mesh):
-    return moved(mesh, at(mesh, 1 / 3, 1 / 3, 1 + 2 / 3), [0.5, 0.5, 0.0])
+# ---- cells
 
 
 @defect("invalid-cell", 4, on="TETRA10")
@@ -211,24 +155,6 @@ def a_flat_tetrahedron(mesh):
     corner, n = at(mesh, 1, 1, 2.01), mesh.n_nodes
     more = mesh.points[corner] + 0.3 * np.array([[1, 0, 0], [0, 1, 0], [1, 1, 0]])
     return changed(mesh, points=np.vstack([mesh.points, more]), add=[("TETRA4", [corner, n, n + 1, n + 2], ["body1"])])
-
-
-#: rule of a cell with its nodes in another order, its type, the order
-for rule, kind, row, order in (
-    ("inverted-cell", "HEXA8", -1, [4, 5, 6, 7, 0, 1, 2, 3]),
-    ("inverted-cell", "TETRA10", 90, [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]),
-    ("clockwise-cell", "QUAD4", -1, [0, 3, 2, 1]),
-):
-
-    @defect(rule, 1, on=kind, name=f"{rule} of {kind}")
-    def listed(mesh, kind=kind, row=row, order=order):
-        rows, nodes = of_type(mesh, kind, "body1")
-        return changed(mesh, kind, rows[row], nodes[row][order])
-
-
-@defect("poor-cell", 1, on="HEXA8")
-def a_cell_almost_flat(mesh):
-    return moved(mesh, at(mesh, 1, 1, 2.01), np.full(3, -0.32 / 3))  # at 1/3 the corner is flat
 
 
 # ---- cells with their neighbours
@@ -278,6 +204,310 @@ def a_body_torn_along_a_plane(mesh):
     upper = mesh.points[nodes].mean(axis=1)[:, 2] > 1.4
     torn = np.unique(nodes[upper])
     torn = torn[(np.abs(mesh.points[torn, 2] - (1.01 + 1 / 3)) < 1e-9) & (mesh.points[torn, 0] < 0.5)]
-    new = np.arange(mesh.n_nodes)
-    new[torn] = mesh.n_nodes + np.arange(len(torn))
+    new = put(np.arange(mesh.n_nodes), torn, mesh.n_nodes + np.arange(len(torn)))
     return changed(mesh, "HEXA8", rows[upper], new[nodes[upper]], points=np.vstack([mesh.points, mesh.points[torn]]))
+
+
+@defect("unsupported-face", 1, on="HEXA8", master=None)
+def a_cell_of_order_3_behind(mesh):
+    face = of_type(mesh, "TRIA3", "slave")[1][0]
+    rows, nodes = of_type(mesh, "PYRAM5", "body0")
+    (behind,) = np.flatnonzero(np.isin(nodes, face).sum(axis=1) == 3)
+    more = mesh.points[nodes[behind]].mean(axis=0) + 0.01 * np.random.default_rng(1).random((25, 3))
+    cell = ("PYRAM30", [*nodes[behind], *(mesh.n_nodes + np.arange(25))], ["body0"])
+    number = [b.type for b in mesh.blocks].index("PYRAM5")
+    return changed(mesh, points=np.vstack([mesh.points, more]), drop=[mesh.offsets[number] + rows[behind]], add=[cell])
+
+
+# ---- skins and what is behind them
+
+
+@defect("no-parent", 4, on="HEXA8")
+def cells_behind_missing(mesh):
+    parent = mesh.cell_data["lac_parent"]
+    return changed(mesh, drop=np.flatnonzero(parent == parent[mesh.cell_groups["body0"][-1]]))
+
+
+def without_upper_body(mesh, turned):
+    """A bare master, so many of whose faces are turned."""
+    bare = changed(mesh, drop=mesh.cell_groups["body1"])
+    some = replace(bare, cell_groups={"some": bare.cell_groups["master"][:turned]})
+    return replace(reversed_group(some, "some"), cell_groups=bare.cell_groups)
+
+
+@defect("non-manifold", 3, "interface", "partial-coverage", on="HEXA27")
+def a_fin_on_the_slave(mesh):
+    within = lambda x: (np.abs(x[..., 0] - 0.5) < 1e-9) & (x[..., 2] > 0.45) & (x[..., 2] < 1.005)  # noqa: E731
+    inner = skin(mesh.points, {"HEXA27": mesh.block("HEXA27")}, within)["QUAD9"]
+    return changed(mesh, add=[("QUAD9", next(f for f in inner if at(mesh, 0.5, 0.5, 1.0) in f), ["slave"])])
+
+
+# ---- bodies that do not fit together
+
+
+def under(*bodies, gap=0.01, sew=False):
+    """Bodies whose tops are slaves, under one that is wider, cut."""
+    above = box((4, 2, 2), (2.3, 1.3, 0.9), corner=(-0.1, -0.1, 1 + gap)).renamed(bottom="master")
+    mesh = lacmesh.join(*(one.renamed(top="slave") for one in bodies), above).only("body", "slave", "master")
+    return cut_skin(merged(mesh) if sew else mesh, "slave").mesh
+
+
+@defect("self-intersection", 12)
+def two_slave_bodies_through_each_other():
+    tilted = box(2, corner=(0.7, 0.1, 0)).moved(lambda x: [x[0], x[1], x[2] + 0.05 * (x[0] - 0.85)])
+    return under(box(2), tilted, gap=0.1)
+
+
+@defect("self-intersection", 3, master=None)
+def plane_slaves_that_cross():
+    parts = rectangle(2).renamed(top="slave"), rectangle(2, corner=(0.45, 0.5)).renamed(left="slave")
+    return cut_skin(lacmesh.join(*parts), "slave").mesh
+
+
+# ---- nodes on both sides
+
+
+@defect("crack-front", 1, slave="G_a", master="G_b")
+def a_crack_that_ends_inside():
+    return split(rectangle(2).with_groups("inner", G=lambda x: (x[1] == 0.5) & (x[0] < 0.6)), "G")
+
+
+@defect("shared-nodes", 1)
+def a_node_on_both_sides():
+    mesh = cut_blocks(gap=0.0, matching=True)
+    corner = np.flatnonzero(np.abs(mesh.points - 1).max(axis=1) < 1e-9)
+    a, b = (np.intersect1d(corner, mesh.nodes_on(mesh.cell_groups[name])) for name in ("slave", "master"))
+    return replace(
+        mesh, blocks=tuple(one._replace(nodes=np.where(one.nodes == b, a, one.nodes)) for one in mesh.blocks)
+    )
+
+
+@defect("shared-nodes", 3, "interface")
+def bodies_that_share_their_faces():
+    """Two rows of cells that were meshed as one body, with a group of its middle edges for each side."""
+    points = [[x, y] for y in (0, 1, 2) for x in (0, 1, 2)]
+    quads = [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]]
+    edges = [[3, 4], [4, 5], [4, 3], [5, 4]]
+    groups = {"slave": [4, 5], "master": [6, 7]}
+    return Mesh.create(points, [("QUAD4", quads), ("SEG2", edges)], cell_groups=groups)
+
+
+@defect("zones-share-nodes", 3, slave=["left", "right"])
+def two_zones_side_by_side():
+    halves = {"left": lambda x: (x[2] == 1) & (x[0] <= 0.5), "right": lambda x: (x[2] == 1) & (x[0] >= 0.5)}
+    return cut_skin(two_blocks().with_groups(**halves), ["left", "right"]).mesh
+
+
+# ---- curved skins
+
+
+@defect("faceted", 45)
+def a_curved_skin_of_three_faces_to_a_quarter_turn():
+    """The skin is bent to a shape that is not one of those recognised."""
+
+    def bent(x):
+        angle, radius = np.pi / 2 * (x[0] - 0.5), (0.5 + x[2]) * (1 + 0.1 * x[1] ** 2 + 0.1 * x[0] ** 3)
+        return [radius * np.sin(angle), x[1], radius * np.cos(angle)]
+
+    return cut_skin(two_blocks(n=3, matching=True, gap=0.05).moved(bent), "slave").mesh
+
+
+@defect("few-faces", 80, master="bore")
+def a_pin_of_eight_faces():
+    """Its nodes lie on a cylinder, and its edges turn by 45 degrees."""
+    pin = {"kind": "HEXA8", "n": 8, "radii": (0.5, 1), "heights": (0, 0.5, 1), "names": ("pin", "bore", "slave")}
+    return cut_skin(rings(pin, dim=3), "slave").mesh
+
+
+# ---- macro-elements
+
+
+def macro_elements_of_one_face(n):
+    """Records of a cut in which each slave face, of n in a row, is a macro-element."""
+    mesh = two_blocks("HEXA8", n=n)
+    faces = mesh.cell_groups["slave"]
+    macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
+    macro[faces], zone[faces], child[faces] = np.arange(len(faces)), 0, 1
+    return replace(mesh, cell_data={"lac_macro": macro, "lac_zone": zone, "lac_child": child}, zones=("slave",))
+
+
+# ---- records of a cut
+
+
+def recorded(mesh, **changes):
+    """A cut with other records: name -> (cells or nodes, values)."""
+    data = {**mesh.cell_data, **mesh.node_data}
+    data |= {name: put(data[name], *change) for name, change in changes.items()}
+    cells = {name: data[name] for name in mesh.cell_data}
+    return replace(mesh, cell_data=cells, node_data={name: data[name] for name in mesh.node_data})
+
+
+def two_zones(kind):
+    return cut_skin(two_blocks(kind), ["slave", "master"]).mesh
+
+
+BOTH = {"slave": ["slave", "master"], "master": None}
+
+
+@defect("broken-records", 1, on="HEXA8")
+def an_internal_dof_recorded_at_a_vertex(mesh):
+    node = np.flatnonzero(mesh.node_data["lac_internal"] == 0)
+    return recorded(mesh, lac_internal=([*node, at(mesh, 0.5, 0.5, 1)], [-1] * len(node) + [0]))
+
+
+@defect("broken-records", 1, on="TETRA4")
+def an_internal_dof_recorded_at_a_vertex_of_the_rim(mesh):
+    number = mesh.cell_data["lac_macro"].max()
+    nodes = mesh.nodes_on(np.flatnonzero(mesh.cell_data["lac_macro"] == number))
+    corner = nodes[np.abs(mesh.points[nodes, :2] - 0.5).min(axis=1).argmax()]
+    centre = np.flatnonzero(mesh.node_data["lac_internal"] == number)
+    return recorded(mesh, lac_internal=([*centre, corner], [-1] * len(centre) + [number]))
+
+
+@defect("broken-records", 18, **BOTH)
+def macro_elements_of_two_bodies_with_one_number():
+    mesh = two_zones("TETRA4")
+    macro = mesh.cell_data["lac_macro"]
+    return recorded(mesh, lac_macro=(macro == macro.max(), 0))
+
+
+@defect("broken-records", 3, **BOTH)
+def a_macro_element_in_two_zones():
+    mesh = two_zones("QUAD4")
+    return recorded(mesh, lac_zone=(np.flatnonzero(mesh.cell_data["lac_macro"] == 0)[:1], 1))
+
+
+# ---- in a line each
+
+
+def again(mesh, kind, group, row, order=slice(None), into=None):
+    """A mesh with a cell of a group once more, its nodes in another order."""
+    return changed(mesh, add=[(kind, of_type(mesh, kind, group)[1][row][order], [into or group])])
+
+
+def listed(mesh, kind, row, order):
+    """A mesh of which a cell has other ones of its nodes."""
+    rows, nodes = of_type(mesh, kind, "body1")
+    return changed(mesh, kind, rows[row], nodes[row][order])
+
+
+def tilted(mesh):
+    return replace(mesh, points=mesh.points[:, [0, 1, 0]], space_dim=3)
+
+
+def order_3(mesh):
+    """A mesh with a slave face of order 3 somewhere else."""
+    points = np.vstack([mesh.points, np.random.default_rng(0).random((10, 3)) + 5])
+    return changed(mesh, points=points, add=[("TRIA10", mesh.n_nodes + np.arange(10), ["slave"])])
+
+
+def cut_inside():
+    return cut_skin(box(2).with_groups("inner", slave=lambda x: x[2] == 0.5), "slave").mesh
+
+
+def members(mesh, group, n=None):
+    return set(mesh.cell_groups[group][:n].tolist())
+
+
+TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
+NONE = {"slave": "none", "master": None}
+#: name -> rule, cells or nodes, type of the blocks, how the mesh is made, and what is asked
+ROWS = {
+    "only lines": ("no-cells", 0, None, lambda: replace(line(1, (0, 0), (1, 0)), cell_groups={"none": [0]}), NONE),
+    "nothing at all": ("no-cells", 0, None, lambda: Mesh.create(np.zeros((0, 3)), [], cell_groups={"none": []}), NONE),
+    "a coordinate nan": ("not-finite", 1, "HEXA8", lambda m: moved(m, at(m, 0.33, 0.33, 1.67), np.nan)),
+    "a coordinate inf": ("not-finite", 1, "TETRA10", lambda m: moved(m, at(m, 0.33, 0.33, 1.67), np.inf)),
+    "two cells of one number": (
+        "repeated-number", 1, "HEXA8", lambda m: replace(m, cell_number=put(m.cell_number, 3, m.cell_number[7])),
+    ),
+    "a negative node number": (
+        "repeated-number", 1, "HEXA8", lambda m: replace(m, node_number=put(m.node_number, -1, -4)),
+    ),
+    "a node of no cell": ("unreferenced-node", 1, "HEXA8", lambda m: changed(m, points=[*m.points, [5, 5, 5]])),
+    "a node twice": ("repeated-node", 1, "HEXA8", lambda m: listed(m, "HEXA8", -1, [0, 1, 2, 3, 4, 5, 7, 7])),
+    "a cell inside out": ("inverted-cell", 1, "HEXA8", lambda m: listed(m, "HEXA8", -1, [4, 5, 6, 7, 0, 1, 2, 3])),
+    "a quadratic one inside out": ("inverted-cell", 1, "TETRA10", lambda m: listed(m, "TETRA10", 90, TURNED)),
+    "a plane cell clockwise": ("clockwise-cell", 1, "QUAD4", lambda m: listed(m, "QUAD4", -1, [0, 3, 2, 1])),
+    "a node pushed through cells": (
+        "invalid-cell", 6, "HEXA8", lambda m: moved(m, at(m, 1 / 3, 1 / 3, 1 + 2 / 3), [0.5, 0.5, 0.0]),
+    ),
+    # at 1/3 the corner is flat
+    "a cell almost flat": ("poor-cell", 1, "HEXA8", lambda m: moved(m, at(m, 1, 1, 2.01), np.full(3, -0.32 / 3))),
+    "a cell twice": ("repeated-cell", 1, "HEXA8", lambda m: again(m, "HEXA8", "body1", -1)),
+    "an inner cell twice": ("repeated-cell", 1, "TETRA4", lambda m: again(m, "TETRA4", "body1", 80, [1, 2, 0, 3])),
+    "a slave face twice": ("repeated-face", 1, "HEXA8", lambda m: again(m, "TRIA3", "slave", 2)),
+    "a master face twice": ("repeated-face", 1, "HEXA8", lambda m: again(m, "QUAD4", "master", 2, [1, 2, 3, 0])),
+    "a coated slave face": ("duplicate", 1, "HEXA8", lambda m: again(m, "TRIA3", "slave", 2, into="coating")),
+    "an empty group": (
+        "empty-skin", 0, "HEXA8", lambda m: changed(m, groups={"nobody": set()}), {"slave": ["slave", "nobody"]},
+    ),
+    "a master of lines": (
+        "empty-skin", 1, "HEXA8", lambda m: changed(m, add=[("SEG2", [0, 1], ["edges"])]), {"master": "edges"},
+    ),
+    "a volume in the slave group": (
+        "wrong-dimension", 1, "HEXA8",
+        lambda m: changed(m, groups={"slave": members(m, "slave") | members(m, "body0", 1)}),
+    ),
+    "lines in the slave": ("lower-dimension", 1, "HEXA8", lambda m: changed(m, add=[("SEG2", [0, 1], ["slave"])])),
+    "a slave face of order 3": ("unsupported-face", 1, "HEXA8", order_3),
+    "a face in two zones": (
+        "face-in-two-zones", 4, "HEXA8", lambda m: changed(m, groups={"again": members(m, "slave", 4)}),
+        {"slave": ["slave", "again"]},
+    ),
+    "a rigid master": ("bare-master", 9, "HEXA8", lambda m: changed(m, drop=m.cell_groups["body1"])),
+    "a slave inside the body": ("interface", 16, None, cut_inside, {"master": None}),
+    "a slave turned inward": (
+        "orientation", 16, None, lambda: cut_skin(reversed_group(two_blocks(), "slave"), "slave").mesh,
+    ),
+    "a master turned inward": ("orientation", 3, "QUAD8", lambda m: reversed_group(m, "master")),
+    "a bare master, one face turned": ("orientation partial-coverage", 1, "HEXA8", lambda m: without_upper_body(m, 1)),
+    "a bare master, all turned": ("no-coverage wrong-side", 16, "HEXA8", lambda m: without_upper_body(m, None)),
+    "a bare master, three turned": (
+        "wrong-side orientation partial-coverage", 3, None,
+        lambda: without_upper_body(cut_blocks("HEXA27", n=3, matching=True), 3),
+    ),
+    "two orders": ("mixed-order", 4, None, lambda: under(box(2, kind="HEXA27"), box(2, corner=(1.01, 0, 0)))),
+    "no conforming slave": (
+        "hanging-node torn-body", 2, None, lambda: under(box(2), box((2, 4, 2), corner=(1, 0, 0)), sew=True),
+    ),
+    "a slave on another": ("self-intersection", 32, None, lambda: under(box(2), box(2, corner=(0.21, 0.13, 0)))),
+    "a mesh that is not cut": ("not-cut", 8, None, lambda: two_blocks("TETRA4")),
+    "one face that is not cut": ("not-cut", 1, None, lambda: two_blocks("QUAD4", n=1), {"master": None}),
+    "dofs on the rim only": ("rim-dof", 4, None, lambda: macro_elements_of_one_face(2)),
+    "a macro-element of one face": ("no-internal-dof rim-dof", 5, None, lambda: macro_elements_of_one_face(3)),
+    "dofs that are held": (
+        "fixed-internal-dof", 6, "TETRA10", lambda m: changed(m, groups={"held": members(m, "slave", 6)}),
+        {"dirichlet": ["held"]},
+    ),
+    "no records": (
+        "recognised", 20, None, lambda: without_records(cut_blocks("HEXA20", "hexa")), {"recognise": True},
+    ),
+    "a cut of another group": (
+        "half-cut no-internal-dof no-coverage wrong-side", 9, "HEXA8", lambda m: m, {"slave": ["slave", "loaded"]},
+    ),
+    "records of no cut": (
+        "broken-records", 0, "HEXA8", lambda m: recorded(m, lac_zone=(m.cell_groups["slave"][0], 7)),
+    ),
+    "dofs that are not recorded": ("broken-records", 2, "QUAD8", lambda m: replace(m, node_data={})),
+    "all faces are the first": (
+        "broken-records", 16, "HEXA8", lambda m: recorded(m, lac_child=(m.cell_groups["slave"], 1)),
+    ),
+    "a huge number": (
+        "broken-records", 3, "TETRA10", lambda m: recorded(m, lac_macro=(m.cell_data["lac_macro"] == 3, 10**9)),
+    ),
+    "a master deep in the slave": ("wrong-side", 36, None, lambda: cut_blocks(gap=-0.4, n=3, m=2, reach=0.1)),
+    "a master too deep": ("wrong-side no-coverage", 36, None, lambda: cut_blocks(gap=-0.6, n=3, m=2, reach=0.1)),
+    "a small master": ("partial-coverage", 16, None, lambda: cut_blocks(reach=-0.1)),
+    "a much finer master": ("size-ratio", 0, None, lambda: cut_blocks("QUAD4", n=2, m=14)),
+    "a much coarser master": ("size-ratio", 0, None, lambda: cut_blocks("QUAD4", n=14, m=2)),
+    "a finer master": ("better-slave", 0, None, lambda: cut_blocks(n=2, m=5)),
+    "the wrong master": ("no-coverage", 16, "HEXA8", lambda m: m, {"master": "loaded"}),
+    "a zone that faces nothing": (
+        "no-coverage", 6, None, lambda: cut_skin(two_blocks("QUAD4", reach=0.2), ["slave", "fixed"]).mesh,
+        {"slave": ["slave", "fixed"]},
+    ),
+    "segments in a tilted plane": ("facing-left-out", 0, "QUAD9", tilted),
+}  # fmt: skip
+for name, (rules, count, on, build, *asked) in ROWS.items():
+    rule, *also = rules.split()
+    defect(rule, count, *also, on=on, name=name, **dict(*asked))(build)
