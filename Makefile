@@ -17,7 +17,7 @@ QUICK := \
   $(addprefix tests/partition/test_,store.py) \
   $(addprefix tests/checks/test_,check.py) \
   $(addprefix tests/formats/test_,exodus.py) \
-  $(addprefix tests/surface/test_,kernels.py record.py) \
+  $(addprefix tests/surface/test_,kernels.py) \
   $(addprefix tests/smooth/test_,shapes.py) \
   $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
     contact_held.py contact_ties.py) \

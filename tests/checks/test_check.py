@@ -24,7 +24,7 @@ from lacmesh.generate import rectangle
 from lacmesh.topology.skin import Faces
 from tests import REPOSITORY
 from tests.checks.blocks import cut_blocks, two_blocks
-from tests.checks.corpus import CORPUS
+from tests.checks.corpus import CORPUS, HALVES
 from tests.meshes import pad
 from tests.samples import samples
 
@@ -54,7 +54,7 @@ FAULTS = {
     "an_internal_dof_recorded_at_a_vertex": {NODES},
     "an_internal_dof_recorded_at_a_vertex_of_the_rim": {NODES},
     "dofs that are not recorded": {"lac_internal names no node"},
-    "all faces are the first": {"lac_child does not"},
+    "all are the first": {"lac_child does not"},
     "macro_elements_of_two_bodies_with_one_number": {"are not connected", "in several zones", "lac_child does not"},
     "a_macro_element_in_two_zones": {"in several zones"},
     "a huge number": {"lac_macro does not"},
@@ -76,9 +76,8 @@ def test_each_fault_of_records_is_told_apart_in_the_numbers_of_the_file(name):
 
 
 def test_some_zones_may_be_asked_for_also_of_neighbours():
-    halves = {"left": lambda x: (x[2] == 1) & (x[0] <= 0.5), "right": lambda x: (x[2] == 1) & (x[0] >= 0.5)}
     meshes = [(two_blocks(kind, reach=0.2), ("master", "slave")) for kind in ("TRIA6", "QUAD4", "TETRA4", "HEXA20")]
-    for mesh, zones in (*meshes, (two_blocks("HEXA20", n=4).with_groups(**halves), ("left", "right"))):
+    for mesh, zones in (*meshes, (two_blocks("HEXA20", n=4).with_groups(**HALVES), ("left", "right"))):
         cut = cut_skin(mesh, zones).mesh
         for asked in (*zones, zones):
             assert not check(cut, asked).of_rule("broken-records")

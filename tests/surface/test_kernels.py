@@ -1,4 +1,4 @@
-"""Compiled kernels of contact geometry: polygons, inverse maps, moments, rules, tree and clip, against plain twins."""
+"""Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
 
 from __future__ import annotations
 
@@ -11,22 +11,27 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lacmesh import Mesh
+from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
 from lacmesh.reference.quadrature import rule
-from lacmesh.surface import contact_points
+from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
+from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.fit import correct
 from lacmesh.surface.layers import make_room, nearest_only
 from lacmesh.surface.lines import _nearest_only
-from lacmesh.surface.moments import functions, gauss_rules, straight_integrals
+from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, kinds
 from lacmesh.surface.patches import patches
 from lacmesh.surface.place import plane_rule
 from lacmesh.surface.points import reaches
 from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
 from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle
+from lacmesh.surface.record import mean_normals
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
 from lacmesh.surface.search import _sort, candidates
-from tests.samples import each_option, samples
-from tests.surface.surfaces import TYPES, line, mapped, sheet, whole
+from tests.meshes import cell_with_faces
+from tests.samples import samples
+from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
@@ -198,45 +203,6 @@ def test_places_in_quadrangles_and_triangles(turn):
         assert np.allclose(in_face(inverse(y, 3, xi), *(weights @ y[:3]))[:2], weights @ xi[:3], atol=1e-10)
 
 
-def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
-    y = np.array([[-1.0, -1], [1, 0], [1, 0], [-1, 1]])
-    c, a, b, d = quadrangle(y)
-    for s, t in ((-0.5, 0.3), (0.9, -0.8)):
-        p = ((1 + SQUARE[:, 0] * s) * (1 + SQUARE[:, 1] * t) / 4) @ y
-        assert np.allclose(in_quadrangle(c, a, b, d, *p)[:2], [s, t], atol=1e-10)
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("skew", "k"), each_option(itertools.product((0.0, 0.05, 0.3, 0.6), (3, 5, 7, 8))))
-def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
-    rng = np.random.default_rng(k)
-    for turn in (1, -1):
-        for _ in range(samples(1, 10)):
-            y = SQUARE[::turn] + skew * rng.uniform(-1, 1, (4, 2))
-            ring = y[::turn]
-            p, n = convex(rng, 4)
-            p[:n] = 0.4 * (p[:n] - p[:n].mean(axis=0)) / np.abs(p[:n] - p[:n].mean(axis=0)).max() + 0.3
-            label = np.zeros(ROOM, np.int8)
-            n = cut_by_polygon(p, label, n, ring, 4, CHORD, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8))
-            if n < 3 or area_of(p, n) < 1e-3:
-                continue
-            corner = np.array([in_face(inverse(y, 4, SQUARE), *x)[:2] for x in p[:n]])
-            target = np.zeros(20)
-            local = (corner[:, 0].mean(), corner[:, 1].mean(), 0.5)
-            edges = np.full(n, CHORD, np.int8)
-            straight_integrals(p[:n], corner, edges, 0, y, 4, local, k, 1, gauss_rules(), target)
-            X, w = rule("TRIA", 60)
-            exact, work = np.zeros(20), np.zeros(20)
-            for j in range(1, n - 1):
-                T = np.stack([p[j] - p[0], p[j + 1] - p[0]])
-                for x, weight in zip(p[0] + X @ T, w * np.linalg.det(T), strict=True):
-                    u, v, _ = in_face(inverse(y, 4, SQUARE), *x)
-                    work[0] = 1.0
-                    functions((u - local[0]) / 0.5, (v - local[1]) / 0.5, k, work, 1)
-                    exact += weight * work
-            assert np.abs(target - exact).max() < 1e-11 * np.abs(exact).max()
-
-
 @pytest.mark.parametrize("code", range(len(DEGREE)))
 def test_rules_on_polygons_are_exact_to_their_degree(code):
     rng = np.random.default_rng(code)
@@ -253,6 +219,13 @@ def test_rules_on_polygons_are_exact_to_their_degree(code):
     if code >= FAN3:
         rows = slice(*fan_rules().start[code : code + 2])
         assert np.isclose(fan_rules().w[rows].sum(), 1)
+
+
+def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
+    y = np.array([[-1.0, -1], [1, 0], [1, 0], [-1, 1]])
+    for s, t in ((-0.5, 0.3), (0.9, -0.8)):
+        p = ((1 + SQUARE[:, 0] * s) * (1 + SQUARE[:, 1] * t) / 4) @ y
+        assert np.allclose(in_quadrangle(*quadrangle(y), *p)[:2], [s, t], atol=1e-10)
 
 
 def test_corrected_weights_are_exact_and_nearest_to_those_given():
@@ -393,24 +366,6 @@ def test_any_two_quadrangles_convex_or_not(a, b):
     assert pieces.area.sum() <= s.area.sum() * (1 + 1e-12) + rounding
 
 
-def test_edges_know_what_made_them():
-    slave, master = whole(sheet(3, skew=0.2)), whole(sheet(4, kind="mixed", skew=0.2, down=True))
-    s, m = patches(slave), patches(master)
-    reach = reaches(slave, master, s, m)
-    p = clip(candidates(s, m, reach), s, m, reach)
-    assert (p.edges < CHORD).all()
-    for k in range(len(p.slave)):
-        at = np.arange(p.start[k], p.start[k + 1])
-        there = ((m.x[p.master[k]] - s.centre[p.slave[k]]) @ s.e[p.slave[k]].T)[:, :2]
-        for a, b in zip(at, np.roll(at, -1), strict=True):
-            label = p.edges[a]
-            corners, n = (s.y[p.slave[k], :, :2], s.n[p.slave[k]]) if label < 4 else (there, m.n[p.master[k]])
-            c, d = corners[label % 4], corners[(label % 4 + 1) % n]
-            for v in p.vertices[[a, b]]:
-                off = (d[0] - c[0]) * (v[1] - c[1]) - (d[1] - c[1]) * (v[0] - c[0])
-                assert abs(off) < 1e-13
-
-
 def test_long_lists_of_candidates_are_sorted_without_comparing_all():
     def seconds(n):
         values = np.arange(n + 2)[::-1].copy()
@@ -459,3 +414,124 @@ def test_meshes_that_coincide_or_nearly_do(kind, shift):
         assert (covered <= 1 / 25 / (2 if "TRIA" in kind else 1) * (1 + 1e-12)).all()
         assert points.weight.sum() >= 1 - 10 * shift - 1e-12
         assert np.abs(points.gap - shift).max() <= 2 * shift + 1e-15
+
+
+# ---- surfaces
+
+
+SOLIDS = [name for name, cell in CELLS.items() if cell.dim >= 2 and cell.facets]
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.parametrize("inward", [False, True])
+def test_normals_leave_the_cell_behind_whatever_way_faces_are_listed(name, inward):
+    mesh = cell_with_faces(name, range(len(CELLS[name].facets)), rotation=1, inward=inward)
+    surface = Surface.of(mesh, mesh.cell_groups["slave"])
+    normal, centre = mean_normals(surface)
+    (corners,) = [b.nodes[0, : CELLS[name].n_corners] for b in mesh.blocks if b.type == name]
+    out = centre - mesh.points[corners].mean(axis=0)
+    assert ((normal * out).sum(axis=1) > 0).all()
+    assert (surface.depth > 0).all()
+    assert np.allclose((face_measure(surface)[:, None] * normal).sum(axis=0), 0, atol=1e-12)
+
+
+def test_a_cell_that_is_inside_out_still_has_an_outside():
+    mesh = cell_with_faces("HEXA8", range(6))
+    turned = Mesh.create(
+        mesh.points,
+        [(b.type, b.nodes[:, [4, 5, 6, 7, 0, 1, 2, 3]] if b.type == "HEXA8" else b.nodes) for b in mesh.blocks],
+    )
+    skin = mesh.cell_groups["slave"]
+    assert np.array_equal(Surface.of(turned, skin).faces.nodes, Surface.of(mesh, skin).faces.nodes)
+
+
+def test_duplicates_are_taken_once_and_bare_skins_keep_their_orientation():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    mesh = Mesh.create(points, [("QUAD4", [[3, 2, 1, 0], [0, 1, 2, 3]])], space_dim=3)
+    surface = whole(mesh)
+    assert surface.cell.tolist() == [0] and surface.faces.nodes[0, :4].tolist() == [3, 2, 1, 0]
+    assert np.isnan(surface.depth[0])
+
+
+def test_a_face_between_two_cells_keeps_its_orientation():
+    mesh = blocks(1, 0.0, 1.0)
+    lower = mesh.block("HEXA8")[0]
+    points = np.concatenate([mesh.points, mesh.points[lower[:4]] - [0, 0, 1]])
+    second = np.concatenate([len(mesh.points) + np.arange(4), lower[:4]])
+    for face in (lower[:4], lower[[0, 3, 2, 1]]):
+        both = Mesh.create(points, [("HEXA8", [lower, second]), ("QUAD4", [face])])
+        surface = Surface.of(both, np.array([2]))
+        assert np.array_equal(surface.faces.nodes[0, :4], face) and np.isnan(surface.depth[0])
+
+
+TILTED = Mesh.create([[0, 0, 0], [1, 0, 1.0]], [("SEG2", [[0, 1]])], space_dim=3)
+ORDER_3 = Mesh.create(np.random.default_rng(0).random((10, 3)), [("TRIA10", [list(range(10))])])
+HEXA = cell_with_faces("HEXA8")
+
+
+@pytest.mark.parametrize(
+    ("mesh", "cells", "words"),
+    [
+        (HEXA, [], "at least one"), (HEXA, [0, 1], "dimensions 2, 3"), (HEXA, [0], "dimensions 3"),
+        (TILTED, [0], "z = constant"), (ORDER_3, [0], "TRIA10"),
+    ],
+)  # fmt: skip
+def test_what_is_no_surface_is_refused(mesh, cells, words):
+    with pytest.raises(DataError, match=words):
+        Surface.of(mesh, np.array(cells, int))
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "mixed"])
+def test_neighbours_share_an_edge_and_are_mutual(kind):
+    surface = whole(sheet(4, kind=kind))
+    for f, row in enumerate(surface.neighbours):
+        n = surface.n_corners[f]
+        for k, other in enumerate(row):
+            if k >= n or other < 0:
+                continue
+            edge = {surface.faces.nodes[f, k], surface.faces.nodes[f, (k + 1) % n]}
+            assert edge <= set(surface.faces.nodes[other].tolist()) and f in surface.neighbours[other]
+    border = (surface.neighbours < 0).sum() - (4 - surface.n_corners).sum()
+    assert border == 16
+
+
+def test_neighbours_of_segments():
+    surface = whole(line(3))
+    assert sorted(surface.neighbours[1][:2].tolist()) == [0, 2]
+    assert (surface.neighbours[[0, 2]] >= 0).sum() == 2
+
+
+def test_kinds_of_maps():
+    flat = whole(sheet(3, kind="mixed 2"))
+    assert set(kinds(coefficients(flat), flat.n_corners)[0]) == {AFFINE}
+    skewed = whole(sheet(3, kind="QUAD8", skew=0.2))
+    kind, warp, curved = kinds(coefficients(skewed), skewed.n_corners)
+    assert set(kind) == {BILINEAR} and not warp.any() and not curved.any()
+    rng = np.random.default_rng(0)
+    bent = whole(mapped(sheet(3, kind="QUAD8"), lambda x: x + 0.01 * rng.uniform(-1, 1, x.shape) * [1, 1, 0]))
+    kind, warp, curved = kinds(coefficients(bent), bent.n_corners)
+    assert set(kind) == {CURVED} and not warp.any() and (curved > 0).all()
+    warped = whole(mapped(sheet(3), lambda x: x + np.outer(x[:, 0] * x[:, 1], [0, 0, 1])))
+    kind, warp, _ = kinds(coefficients(warped), warped.n_corners)
+    assert set(kind) == {BILINEAR} and (warp > 0.01).all()
+
+
+def test_a_quadrangle_that_goes_in_is_two_triangles():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.3, 0.3, 0], [0, 1, 0.0]])
+    p = patches(whole(Mesh.create(points, [("QUAD4", [[0, 1, 2, 3]])], space_dim=3)))
+    assert p.n.tolist() == [3, 3] and np.isclose(p.area.sum(), 0.3)
+
+
+def test_faces_without_extent_or_with_nan_have_no_patch():
+    points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [np.nan, 0, 0], [1, 1, 0]])
+    mesh = Mesh.create(points, [("TRIA3", [[0, 1, 2], [0, 1, 3], [0, 1, 4]]), ("QUAD4", [[0, 1, 1, 0]])], space_dim=3)
+    assert patches(whole(mesh)).face.tolist() == [1]
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_moved_surfaces_keep_their_faces(kind):
+    surface = whole(sheet(2, kind=kind))
+    moved = surface.at(surface.x + 1)
+    assert moved.faces is surface.faces and np.allclose(face_measure(moved), face_measure(surface))
+    with pytest.raises(ValueError, match="coordinates"):
+        surface.at(surface.x[:2])

@@ -170,13 +170,6 @@ def test_concentric_circles_in_the_plane_and_axisymmetric_area():
     assert off[-1] < 1e-8 and (np.diff(np.log2(off)) < -3.5).all() and (np.diff(np.log2(areas)) < -3.5).all()
 
 
-def test_axisymmetric_weights_are_exact_on_straight_lines():
-    slave, master = whole(line(5)), whole(line(3, 0.1, down=True))
-    found = coverage(contact_points(slave, master, axisymmetric=True), slave)
-    edges = np.linspace(0, 1, 6)
-    assert np.allclose(np.sort(found.area), np.pi * np.diff(edges**2)) and np.allclose(found.ratio, 1, atol=1e-14)
-
-
 def test_hertz_like_gap():
     """A paraboloid under a plane: heights integrated over its facets tend to r^2 over the square, at order 2."""
     off = []
@@ -254,26 +247,20 @@ def test_nodes_beyond_the_axis_of_an_axisymmetric_model(side):
 
 
 def test_smoothed_normals_where_many_faces_meet_cost_no_more():
-    n, pole = 150, 600
-    flat = sheet(n).points
+    pole = 600
     angle = 2 * np.pi * np.arange(pole) / pole
-    fan = np.tile([5.0, 0.0, 0.0], (1 + pole, 1))
-    fan[1:] += np.column_stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)])
-    k = len(flat) + 1 + np.arange(pole)
-    rim = np.column_stack([np.full(pole, len(flat)), k, np.roll(k, -1)])
-    cells = [("QUAD4", sheet(n).block("QUAD4"))]
-    plain, with_pole = (
-        whole(Mesh.create(np.concatenate([flat, fan]), c, space_dim=3)) for c in (cells, [*cells, ("TRIA3", rim)])
-    )
+    rim = np.column_stack([np.cos(angle), np.sin(angle), 0.1 * np.sin(2 * angle)])
+    nodes = np.column_stack([np.zeros(pole, int), 1 + np.arange(pole), 1 + np.roll(np.arange(pole), -1)])
+    fan = Mesh.create(np.concatenate([np.zeros((1, 3)), rim]) + np.array([5.0, 0, 0]), [("TRIA3", nodes)], space_dim=3)
+    flat, with_pole = whole(sheet(150)), whole(join(sheet(150), fan))
 
     def seconds(surface):
         begin = time.process_time()
         smoothed(surface, 40.0)
         return time.process_time() - begin
 
-    found = smoothed(with_pole, 40.0)[with_pole.faces.nodes[:, 0] == len(flat), 0]
-    assert np.abs(found - [0, 0, 1]).max() < 1e-12
-    assert min(seconds(with_pole) for _ in range(3)) < 5 * min(seconds(plain) for _ in range(3))
+    assert np.abs(smoothed(with_pole, 40.0)[-pole:, 0] - [0, 0, 1]).max() < 1e-12
+    assert min(seconds(with_pole) for _ in range(3)) < 5 * min(seconds(flat) for _ in range(3))
 
 
 def test_partial_overlap_in_the_shape_of_a_t():
@@ -359,14 +346,6 @@ def test_wrong_requests(options, error):
         contact_points(slave, master, **options)
     with pytest.raises(RequestError, match="dimension"):
         contact_points(slave, whole(line(2)))
-
-
-def test_raised_solids_give_the_same_coverage():
-    out = []
-    for kind in KINDS.values():
-        slave, master = skin(blocks(4, 0.01, 0.5, kind=kind, seed=1)), skin(blocks(3, -0.5, 0.0, kind=kind))
-        out.append(coverage(contact_points(slave, master), slave).gap_integral)
-    assert np.allclose(out[0], out[1:], rtol=1e-12, atol=0)
 
 
 def _bent(surface, amount, over=1.0):
