@@ -1,20 +1,26 @@
-"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data and cuts, and rows of stiffness."""
+"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from lacmesh import Cut, Mesh, cut_skin, read
-from lacmesh.errors import DataError, GroupNotFoundError, RequestError
+from lacmesh.cells import CELLS
+from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
-from lacmesh.partition import distribute_nodes, part_of
+from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
+from lacmesh.partition.bisection import bisect
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
-from tests.meshes import box, random_mesh
+from tests.meshes import box, facets_of, random_mesh
+from tests.partition.compare import differences
 from tests.samples import each_option
 
 PARTS = (1, 2, 5)
@@ -205,3 +211,125 @@ def test_a_wrong_rank_or_group_is_refused(skip, rank, groups, error, says):
     mesh = read(BLOCKS)
     with pytest.raises(error, match=says):
         part_of(mesh, distribute_nodes(mesh, 2)[skip:], rank, everywhere=groups)
+
+
+# ---- parts that are cut are parts of the whole cut, cell by cell
+
+
+def with_slave(mesh, *owned, copies=1, numbers=range(6)):
+    """The mesh with its facets of one cell, or of two, as slave faces, `copies` of each, the first in the group.
+
+    `numbers`: of the facets in their cells. Numbers of nodes and cells, order and data are random.
+    """
+    skin = {}
+    for owners in facets_of(mesh).values():
+        if len(owners) in owned and owners[0][1] in numbers:
+            skin.setdefault(owners[0][2], []).append(owners[0][3])
+    blocks = [(b.type, b.nodes) for b in mesh.blocks]
+    blocks += [(kind, np.repeat(rows, copies, axis=0)) for kind, rows in skin.items()]
+    n = sum(len(nodes) for _, nodes in blocks)
+    rng = np.random.default_rng(0)
+    return Mesh.create(
+        mesh.points,
+        blocks,
+        space_dim=mesh.space_dim,
+        node_number=rng.permutation(3 * mesh.n_nodes)[: mesh.n_nodes] + 1,
+        cell_number=rng.permutation(3 * n)[:n] + 1,
+        file_order=rng.permutation(n),
+        cell_groups={"slave": np.arange(mesh.n_cells, n, copies), "body": np.arange(mesh.n_cells)},
+        node_groups={"half": np.arange(0, mesh.n_nodes, 2), "all": np.arange(mesh.n_nodes)},
+        cell_data={"colour": rng.random(n)},
+        node_data={"heat": rng.random(mesh.n_nodes)},
+    )
+
+
+def check(mesh, n, slave=("slave",), hexa="pyramid", everywhere=None):
+    """The parts of a mesh, cut, against the parts of the mesh that is cut as a whole."""
+    everywhere = everywhere or slave
+    whole = cut_skin(mesh, slave, hexa=hexa, recognise=False).mesh
+    owner = distribute_nodes(mesh, n)
+    parts = [cut_part(part_of(mesh, owner, rank, everywhere=everywhere), slave, hexa=hexa) for rank in range(n)]
+    after = np.full(whole.n_nodes, -1, owner.dtype)
+    for part in parts:
+        after[part.node[part.own]] = part.rank
+    assert (after[: mesh.n_nodes] == owner).all() and (after >= 0).all()
+    for part in parts:
+        both = part_of(whole, after, part.rank, everywhere=everywhere), part
+        orders = [k.mesh.file_order for k in both]  # which a mesh may leave out if it is that of its cells
+        orders = [np.arange(part.mesh.n_cells) if order is None else order for order in orders]
+        both = [replace(k, mesh=replace(k.mesh, file_order=order)) for k, order in zip(both, orders, strict=True)]
+        assert differences(*both) == []
+    return parts
+
+
+FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
+
+
+@pytest.mark.parametrize(("name", "n"), each_option(product(FAMILIES, (3, 2, 1, 8))))
+@pytest.mark.parametrize("owners", [1, 2])
+def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interfaces(name, n, owners):
+    for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):
+        check(with_slave(body(name, 2), owners), n, hexa=hexa)
+
+
+@pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
+def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
+    """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
+    check(with_slave(mixture(order), 1), 5, hexa=hexa)
+    check(with_slave(mixture(order), 1, 2), 3, hexa=hexa)
+    check(with_slave(plane_mixture(order), 1, 2), 4, hexa=hexa)
+    check(with_slave(mixture(order), 1, copies=3), 2, hexa=hexa)  # other cells on the slave faces are cut too
+
+
+@pytest.mark.filterwarnings("ignore:slave faces stand twice")
+@pytest.mark.parametrize("seed", range(12))
+def test_random_meshes(seed):
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed % 3, slaves=6, interior=seed % 4 < 2, twins=True)
+    check(mesh, 2 + seed % 5, hexa=("pyramid", "hexa", "auto")[seed % 3])
+
+
+def test_several_zones_and_a_master():
+    mesh = read(BLOCKS)
+    parts = check(mesh, 4, ("slave", "top"), everywhere=("slave", "top", "master"))
+    assert parts[0].mesh.zones == ("slave", "top")
+
+
+def test_parts_that_are_read_are_cut_as_those_in_memory(tmp_path):
+    mesh = read(BLOCKS)
+    owner = distribute_nodes(mesh, 3)
+    write_parts(tmp_path, mesh, owner)
+    for rank in range(3):
+        groups = {"everywhere": ["slave", "master"]}
+        there, here = part_of(mesh, owner, rank, **groups), read_part(tmp_path, rank, **groups)
+        assert differences(cut_part(there, "slave"), cut_part(here, "slave")) == []
+
+
+def test_numbers_follow_the_largest_of_the_whole_mesh_which_another_part_has():
+    mesh = with_slave(body("HEXA8", 3), 1, numbers=[5])
+    far = bisect(mesh.points.T, 2)
+    numbers = np.where(far == 1, mesh.node_number + 10**6, mesh.node_number)
+    check(replace(mesh, node_number=numbers), 2)
+    check(replace(mesh, cell_number=mesh.cell_number.astype(np.int64) + 2**31 * (np.arange(mesh.n_cells) == 0)), 3)
+
+
+def test_new_nodes_outside_the_box_of_the_old_ones_move_the_origin_alike():
+    """Faces of HEXA20 that bulge, far from 0: a node in the middle of one is the nearest to 0."""
+    mesh = body("HEXA20", 1)
+    x = mesh.points.copy()
+    x[:8, 2] -= 0.2 * (x[:8, 2] < 0.5)
+    x[8:, 2] -= 0.3 * (x[8:, 2] < 0.4)
+    mesh = with_slave(replace(mesh, points=x + np.array([0, 0, 50.0])), 1)
+    parts = check(mesh, 2)
+    assert parts[0].origin[2] != part_of(mesh, distribute_nodes(mesh, 2), 0).origin[2]
+
+
+def test_a_part_of_a_cut_mesh_stays_as_it_is_and_the_slave_must_be_in_every_part():
+    mesh = read(BLOCKS)
+    cut = cut_skin(mesh, "slave").mesh
+    part = part_of(cut, distribute_nodes(cut, 3), 1, everywhere=["slave", "top"])
+    assert cut_part(part, "slave") is part
+    with pytest.raises(CutError, match="is cut already"):
+        cut_part(part, "top")
+    with pytest.raises(RequestError, match="'slave' is not in"):
+        cut_part(part_of(mesh, distribute_nodes(mesh, 3), 1, everywhere=["master"]), "slave")
