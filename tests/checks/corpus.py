@@ -12,6 +12,7 @@ from lacmesh import Mesh, cut_skin, split
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.generate import box, line, rectangle
+from lacmesh.generate.parts import SEAM, sew
 from lacmesh.topology.winding import REVERSED
 from tests.checks.blocks import cut_blocks, skin, two_blocks
 from tests.coarse_rings import rings
@@ -112,13 +113,11 @@ def of_type(mesh, kind, group):
 def reversed_group(mesh, group):
     """A mesh with the faces of a group turned over."""
     blocks = []
-    for k, b in enumerate(mesh.blocks):
-        nodes = b.nodes.copy()
-        cells = mesh.cell_groups[group]
-        rows = cells[(cells >= mesh.offsets[k]) & (cells < mesh.offsets[k + 1])] - mesh.offsets[k]
-        if len(rows):
-            nodes[rows] = nodes[rows][:, REVERSED[b.type]]
-        blocks.append(b._replace(nodes=nodes))
+    for start, b in zip(mesh.offsets, mesh.blocks, strict=False):
+        rows = np.isin(start + np.arange(len(b.nodes)), mesh.cell_groups[group])
+        blocks.append(
+            b._replace(nodes=put(b.nodes, rows, b.nodes[rows][:, REVERSED[b.type]]) if rows.any() else b.nodes)
+        )
     return replace(mesh, blocks=tuple(blocks))
 
 
@@ -128,17 +127,6 @@ def without_records(mesh):
     return replace(
         mesh, cell_data=data, node_data={k: v for k, v in mesh.node_data.items() if k != NODE_RECORD}, zones=()
     )
-
-
-def merged(mesh):
-    """Merge the nodes of a mesh that coincide, to nine digits."""
-    _, first, inverse = np.unique(mesh.points.round(9), axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    rank = np.empty(len(first), np.int64)
-    rank[order] = np.arange(len(first))
-    new = rank[inverse.ravel()]
-    blocks = [(b.type, new[b.nodes]) for b in mesh.blocks]
-    return Mesh.create(mesh.points[first[order]], blocks, cell_groups=mesh.cell_groups)
 
 
 def cut(mesh, slave="slave"):
@@ -197,9 +185,9 @@ def linear_beside_quadratic(mesh):
 
 @defect("torn-body", 6)
 def a_node_inside_an_edge_away_from_the_skins():
-    high = box(2, (1, 1, 0.99), corner=(0, 0, 1.01)).renamed(bottom="master")
-    mesh = lacmesh.join(box(2).renamed(top="slave"), high, box((4, 2, 2), corner=(0, 0, 2)))
-    return cut(merged(mesh.only("body", "slave", "master")))
+    high = box(2, (1, 1, 0.99), corner=(0, 0, 1.01)).renamed(bottom="master", top=SEAM)
+    mesh = lacmesh.join(box(2).renamed(top="slave"), high, box((4, 2, 2), corner=(0, 0, 2)).renamed(bottom=SEAM))
+    return cut(sew(mesh, SEAM).only("body", "slave", "master"))
 
 
 @defect("coincident-nodes", 16, on="HEXA8")
@@ -249,11 +237,15 @@ def a_fin_on_the_slave(mesh):
 # ---- bodies that do not fit together
 
 
-def under(*bodies, gap=0.01, sew=False):
-    """Bodies whose tops are slaves, under one that is wider, cut."""
+def under(*bodies, gap=0.01):
+    """Bodies whose tops are slaves, sewn together at their seams, under one that is wider, cut."""
     above = box((4, 2, 2), (2.3, 1.3, 0.9), corner=(-0.1, -0.1, 1 + gap)).renamed(bottom="master")
-    mesh = lacmesh.join(*(one.renamed(top="slave") for one in bodies), above).only("body", "slave", "master")
-    return cut(merged(mesh) if sew else mesh)
+    mesh = lacmesh.join(*(one.renamed(top="slave") for one in bodies), above)
+    return cut(sew(mesh, SEAM).only("body", "slave", "master"))
+
+
+def two_divisions():
+    return under(box().renamed(right=SEAM), box((2, 4, 2), corner=(1, 0, 0)).renamed(left=SEAM))
 
 
 @defect("self-intersection", 12)
@@ -443,7 +435,7 @@ ROWS = {
         lambda: without_upper_body(cut_blocks("HEXA27", n=3, matching=True), 3),
     ),
     "two orders": ("mixed-order", 4, None, lambda: under(box(2, kind="HEXA27"), box(2, corner=(1.01, 0, 0)))),
-    "nodes hang": ("hanging-node torn-body", 2, None, lambda: under(box(), box((2, 4, 2), corner=(1, 0, 0)), sew=True)),
+    "nodes hang": ("hanging-node torn-body", 2, None, two_divisions),
     "two zones": ("zones-share-nodes", 3, None, lambda: cut(two_blocks().with_groups(**HALVES), [*HALVES]), SIDES),
     "a crack": (
         "crack-front", 1, None,
