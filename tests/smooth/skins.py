@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lacmesh import generate
+from lacmesh import Mesh, generate
 from lacmesh.cells import CELLS
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth import height_of
@@ -73,6 +73,13 @@ def rolled(surface, n, kind="TRIA3", skew=0.25, **options):
     """A sheet of n x n faces, its inner nodes moved, on a surface; all faces are the group `skin`."""
     mesh = mapped(sheet(n, kind=kind, skew=skew, **options), surface)
     return replace(mesh, cell_groups={"skin": np.arange(mesh.n_cells)})
+
+
+def chain(points, closed=True):
+    """Segments from each point to the next, as the group `skin`; normals are to the right of the way."""
+    n = len(points)
+    pairs = np.stack([np.arange(n), np.roll(np.arange(n), -1)], axis=1)[: n if closed else n - 1]
+    return Mesh.create(points, [("SEG2", pairs)], cell_groups={"skin": np.arange(len(pairs))}, space_dim=2)
 
 
 def block(kind, n=4):

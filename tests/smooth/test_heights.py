@@ -22,7 +22,7 @@ from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from tests.samples import each_option
 from tests.smooth import skins
-from tests.smooth.skins import KINDS, LEVEL, ROUND, along, block, heights, rolled, skin_of, worst
+from tests.smooth.skins import KINDS, LEVEL, ROUND, along, block, chain, heights, rolled, skin_of, worst
 from tests.surface.surfaces import mapped, sheet, whole
 
 
@@ -116,18 +116,13 @@ def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     assert not lacking.any()
 
 
-def segments(x):
-    """A chain of segments through points; its normals are to the right of the way."""
-    return Mesh.create(x, [("SEG2", np.stack([np.arange(len(x) - 1), np.arange(1, len(x))], axis=1))])
-
-
 def test_a_circle_in_the_plane():
     """Convex is positive, concave negative."""
     t = np.sort(np.random.default_rng(0).random(12))
     for sign in (1, -1):
         x = 2.0 * np.stack([np.cos(t), np.sin(t)], axis=1)
         exact = sign * (2.0 - np.sqrt(4.0 - (np.linalg.norm(np.diff(x, axis=0), axis=1)[::sign] / 2) ** 2))
-        np.testing.assert_allclose(heights(segments(x[::sign]))[:, 0], exact, rtol=1e-9)
+        np.testing.assert_allclose(heights(chain(x[::sign], closed=False))[:, 0], exact, rtol=1e-9)
 
 
 def test_a_free_form_in_the_plane():
@@ -136,7 +131,7 @@ def test_a_free_form_in_the_plane():
     for n in (10, 40):
         x = np.linspace(-1, 1, n + 1)
         x[1:-1] += np.random.default_rng(0).uniform(-0.2, 0.2, n - 1) * 2 / n
-        mesh = segments(np.stack([x, x**2], axis=1))
+        mesh = chain(np.stack([x, x**2], axis=1), closed=False)
         normal, middle = mean_normals(whole(mesh))
         exact = along(lambda p: p[:, 1] - p[:, 0] ** 2, middle, normal)
         errors.append(np.abs(heights(mesh)[:, 0] - exact).max())

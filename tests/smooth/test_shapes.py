@@ -18,7 +18,7 @@ from tests.checks.blocks import two_blocks
 from tests.coarse_rings import rings
 from tests.samples import each_option
 from tests.smooth import skins
-from tests.smooth.skins import ANGLE, KINDS, block, cone, cylinder, heights, plane, rolled, sphere, torus
+from tests.smooth.skins import ANGLE, KINDS, block, chain, cone, cylinder, heights, plane, rolled, sphere, torus
 from tests.surface.surfaces import whole
 from verification.meshes.rings import octant, pair
 
@@ -135,13 +135,6 @@ def around(n, start=0.0, turn=2 * np.pi):
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
-def chain(points, closed=True):
-    """Segments from each point to the next, as the group `skin`."""
-    n = len(points)
-    pairs = np.stack([np.arange(n), np.roll(np.arange(n), -1)], axis=1)[: n if closed else n - 1]
-    return Mesh.create(points, [("SEG2", pairs)], cell_groups={"skin": np.arange(len(pairs))}, space_dim=2)
-
-
 def test_a_line_and_a_circle():
     t = np.sort(np.random.default_rng(0).random(9))
     mesh = chain(np.stack([t, 2 * t + 1], axis=1), closed=False)
@@ -158,6 +151,9 @@ def test_a_circle_of_few_faces(n):
     one = only(chain(around(n, 0.1)))
     assert one.shape == "circle" and one.radius == pytest.approx(1, rel=1e-12) and one.nodes == n
     assert one.turn == (None if n == 9 else pytest.approx(360 / n))
+    for scale, shift in ((1e-6, 0.0), (1e6, 0.0), (1.0, 1e7)):
+        there = only(chain(scale * (around(n) + shift)))
+        assert there.shape == "circle" and there.radius == pytest.approx(scale, rel=1e-6)
     mesh = chain(around(n))
     assert height_of(mesh, whole(mesh)).value[:, 2] == pytest.approx(1 - np.cos(np.pi / n), rel=1e-9)
 
@@ -238,21 +234,19 @@ def revolved(meridian, n, kind="QUAD4"):
     return Mesh.create(points, blocks, cell_groups={"skin": np.arange(len(four) + len(three))})
 
 
-def straight(n):
-    return np.stack([np.ones(4), np.linspace(0, 1, 4)], axis=1)
-
-
 def ball(n, low=-np.pi / 2):
     way = np.linspace(low, np.pi / 2, max(n // 2, 2) + 1)
     return np.stack([np.cos(way).round(15), np.sin(way)], axis=1)
 
 
-def half_ball(n):
-    return ball(n, 0.0)
-
-
-def tapered(n):
-    return straight(n) * [1, 2] + np.stack([np.linspace(0, 0.7, 4), np.zeros(4)], axis=1)
+UP = np.linspace(0, 1, 4)
+#: meridians of skins of n faces around
+MERIDIANS = {
+    "a cylinder": lambda n: np.stack([0 * UP + 1, UP], axis=1),
+    "a sphere": ball,
+    "a sphere, half": lambda n: ball(n, 0.0),
+    "a cone": lambda n: np.stack([1 + 0.7 * UP, 2 * UP], axis=1),
+}
 
 
 def test_closed_shapes_and_a_cone_with_its_apex():
@@ -272,17 +266,15 @@ def test_closed_shapes_and_a_cone_with_its_apex():
 
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
 @pytest.mark.parametrize("n", [5, 6, 8])
-@pytest.mark.parametrize(
-    ("shape", "meridian"), [("cylinder", straight), ("sphere", ball), ("sphere", half_ball), ("cone", tapered)]
-)
-def test_skins_of_few_faces(shape, meridian, kind, n):
-    one = only(revolved(meridian(n), n, kind))
-    assert one.shape == shape and one.turn > 40 and one.distance < 1e-14
+@pytest.mark.parametrize("name", MERIDIANS)
+def test_skins_of_few_faces(name, kind, n):
+    one = only(revolved(MERIDIANS[name](n), n, kind))
+    assert one.shape in name and one.turn > 40 and one.distance < 1e-14
 
 
-@pytest.mark.parametrize("meridian", [straight, ball, half_ball])
-def test_four_faces_are_a_square(meridian):
-    assert set(names(revolved(meridian(4), 4))) <= {"plane", "free form"}
+@pytest.mark.parametrize("name", [name for name in MERIDIANS if name != "a cone"])
+def test_four_faces_are_a_square(name):
+    assert set(names(revolved(MERIDIANS[name](4), 4))) <= {"plane", "free form"}
 
 
 def test_a_pin_with_its_end_and_a_chamfer():
@@ -295,7 +287,7 @@ def test_a_pin_with_its_end_and_a_chamfer():
 @pytest.mark.parametrize("n", [5, 6, 8])
 def test_a_pin_with_a_round_end(n, kind):
     """A cylinder goes over into a sphere, each found from a node around which it is alone."""
-    meridian = np.concatenate([[[1, -0.5], [1, 0], [1, 0.5]], half_ball(4) + np.array([0, 1])])
+    meridian = np.concatenate([[[1, -0.5], [1, 0], [1, 0.5]], ball(4, 0.0) + np.array([0, 1])])
     found = fit_surface(revolved(meridian, n, kind), "skin")
     assert sorted(one.shape for one in found) == ["cylinder", "sphere"]
 
@@ -305,12 +297,6 @@ def test_tetrahedra_that_turn_by_more_than_others():
     mesh = rings({"kind": "TETRA4", "n": 12, "radii": (0.6, 1), "heights": (0, 0.4, 0.8, 1.2), "twist": 0.15}, dim=3)
     (one,) = fit_surface(mesh, "outer")
     assert (one.shape, one.nodes) == ("cylinder", 48) and one.turn > 40
-
-
-@pytest.mark.parametrize("scale, shift", [(1e-6, 0.0), (1e6, 0.0), (1.0, 1e7)])
-def test_units_and_origin_of_few_faces(scale, shift):
-    one = only(chain(scale * (around(8) + shift)))
-    assert one.shape == "circle" and one.radius == pytest.approx(scale, rel=1e-6)
 
 
 def test_smoothed_normals_go_over_the_same_edges():
