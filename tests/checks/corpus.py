@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-import lacmesh
-from lacmesh import Mesh, cut_skin, split
+from lacmesh import Mesh, cut_skin, join, split
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.generate import box, line, rectangle
@@ -21,19 +20,17 @@ from tests.coarse_rings import rings
 CORPUS: dict[str, Case] = {}
 
 
-@dataclass(frozen=True)
-class Case:
-    """A broken mesh: how it is made, the rule that names its defect, and how `check` is asked."""
+class Case(NamedTuple):
+    """A broken mesh, and what is found: `count` cells of a rule or, if it has none, nodes, and `also` other rules."""
 
     build: Any
     rule: str
-    #: cells of the findings of that rule or, if they have none, nodes
     count: int
-    #: the other errors and warnings
-    also: tuple[str, ...] = ()
-    #: type of the two blocks, cut, that are broken; by default there are none
-    on: str | None = None
-    asked: dict[str, Any] = field(default_factory=dict)
+    also: tuple[str, ...]
+    #: type of the two blocks, cut, that are broken, if there are any
+    on: str | None
+    #: arguments of `check`
+    asked: dict[str, Any]
 
     def make(self):
         return self.build(cut_blocks(self.on)) if self.on else self.build()
@@ -43,10 +40,9 @@ def defect(rule, count, *also, on=None, name=None, **asked):
     """Enter a mesh into the corpus, by the name of the function that makes it."""
 
     def enter(build):
-        key = name or build.__name__
-        assert key not in CORPUS
-        CORPUS[key] = Case(build, rule, count, also, on, {"slave": "slave", "master": "master", **asked})
-        return build
+        assert (name or build.__name__) not in CORPUS
+        groups = {"slave": "slave", "master": "master", **asked}
+        CORPUS[name or build.__name__] = Case(build, rule, count, also, on, groups)
 
     return enter
 
@@ -177,16 +173,10 @@ for kind, cell, group, row, mid, count in (
         return changed(mesh, cell, rows[row], nodes[row], points=points)
 
 
-@defect("mid-nodes-differ", 4, on="HEXA20")
-def linear_beside_quadratic(mesh):
-    _, nodes = of_type(mesh, "HEXA20", "body1")
-    return changed(mesh, drop=[mesh.cell_groups["body1"][-1]], add=[("HEXA8", nodes[-1][:8], ["body1"])])
-
-
 @defect("torn-body", 6)
 def a_node_inside_an_edge_away_from_the_skins():
     high = box(2, (1, 1, 0.99), corner=(0, 0, 1.01)).renamed(bottom="master", top=SEAM)
-    mesh = lacmesh.join(box(2).renamed(top="slave"), high, box((4, 2, 2), corner=(0, 0, 2)).renamed(bottom=SEAM))
+    mesh = join(box(2).renamed(top="slave"), high, box((4, 2, 2), corner=(0, 0, 2)).renamed(bottom=SEAM))
     return cut(sew(mesh, SEAM).only("body", "slave", "master"))
 
 
@@ -240,24 +230,12 @@ def a_fin_on_the_slave(mesh):
 def under(*bodies, gap=0.01):
     """Bodies whose tops are slaves, sewn together at their seams, under one that is wider, cut."""
     above = box((4, 2, 2), (2.3, 1.3, 0.9), corner=(-0.1, -0.1, 1 + gap)).renamed(bottom="master")
-    mesh = lacmesh.join(*(one.renamed(top="slave") for one in bodies), above)
+    mesh = join(*(one.renamed(top="slave") for one in bodies), above)
     return cut(sew(mesh, SEAM).only("body", "slave", "master"))
 
 
 def two_divisions():
     return under(box().renamed(right=SEAM), box((2, 4, 2), corner=(1, 0, 0)).renamed(left=SEAM))
-
-
-@defect("self-intersection", 12)
-def two_slave_bodies_through_each_other():
-    tilted = box(2, corner=(0.7, 0.1, 0)).moved(lambda x: [x[0], x[1], x[2] + 0.05 * (x[0] - 0.85)])
-    return under(box(2), tilted, gap=0.1)
-
-
-@defect("self-intersection", 3, master=None)
-def plane_slaves_that_cross():
-    parts = rectangle(2).renamed(top="slave"), rectangle(2, corner=(0.45, 0.5)).renamed(left="slave")
-    return cut(lacmesh.join(*parts))
 
 
 @defect("shared-nodes", 1)
@@ -428,19 +406,32 @@ ROWS = {
     ),
     "a slave turned inward": ("orientation", 16, None, lambda: cut(reversed_group(two_blocks(), "slave"))),
     "a master turned inward": ("orientation", 3, "QUAD8", lambda m: reversed_group(m, "master")),
-    "a bare master, one turned": ("orientation partial-coverage", 1, "HEXA8", lambda m: without_upper_body(m, 1)),
+    "one face turned": ("orientation partial-coverage", 1, "HEXA8", lambda m: without_upper_body(m, 1)),
     "a bare master, all turned": ("no-coverage wrong-side", 16, "HEXA8", lambda m: without_upper_body(m, None)),
     "a bare master, three turned": (
         "wrong-side orientation partial-coverage", 3, None,
         lambda: without_upper_body(cut_blocks("HEXA27", n=3, matching=True), 3),
     ),
     "two orders": ("mixed-order", 4, None, lambda: under(box(2, kind="HEXA27"), box(2, corner=(1.01, 0, 0)))),
+    "orders side by side": (
+        "mid-nodes-differ", 4, "HEXA20",
+        lambda m: changed(m, drop=m.cells_of("body1")[-1:], add=[("HEXA8", m.block("HEXA20")[-1][:8], ["body1"])]),
+    ),
     "nodes hang": ("hanging-node torn-body", 2, None, two_divisions),
     "two zones": ("zones-share-nodes", 3, None, lambda: cut(two_blocks().with_groups(**HALVES), [*HALVES]), SIDES),
     "a crack": (
         "crack-front", 1, None,
         lambda: split(rectangle().with_groups("inner", G=lambda x: (x[1] == 0.5) & (x[0] < 0.6)), "G"),
         {"slave": "G_a", "master": "G_b"},
+    ),
+    "a slave through another": (
+        "self-intersection", 12, None,
+        lambda: under(box(), box(corner=(0.7, 0.1, 0)).moved(lambda x: [*x[:2], x[2] + 0.05 * (x[0] - 0.85)]), gap=0.1),
+    ),
+    "plane slaves that cross": (
+        "self-intersection", 3, None,
+        lambda: cut(join(rectangle().renamed(top="slave"), rectangle(corner=(0.45, 0.5)).renamed(left="slave"))),
+        {"master": None},
     ),
     "a slave on another": ("self-intersection", 32, None, lambda: under(box(2), box(2, corner=(0.21, 0.13, 0)))),
     "a mesh that is not cut": ("not-cut", 8, None, lambda: two_blocks("TETRA4")),

@@ -219,6 +219,10 @@ def test_each_pair_is_examined_by_itself():
     assert partial.message.startswith("head on flange: of 10 macro-elements, 3 do not")
     assert partial.as_dict()["where"]["pair"] == ["head", "flange"] and partial.where.group == "head"
     assert [f.message.split(":")[0] for f in found.of_rule("gap")] == ["head on flange", "base on floor"]
+    # a skin in two pairs is told once
+    found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
+    assert len(found.of_rule("not-cut")) == len(check(mesh, "head", "flange").of_rule("not-cut")) == 1
+    assert [round(one["covered"], 9) for one in found.summary["pairs"]] == [0.7, 0.3]
     # one pair is a slave and a master, and a group may be a number
     mesh = replace(mesh, cell_groups={**mesh.cell_groups, "5": mesh.cell_groups["head"]})
     for slave in ("head", np.int64(5), [np.int32(5)]):
@@ -234,13 +238,6 @@ def test_what_one_pair_has_is_no_fault_of_another():
     assert not check(mesh, pairs=[*PAIRS, ("flange", "under")]).of_rule("shared-nodes")
     (shared,) = check(mesh, pairs=[*PAIRS, ("head", "under")]).of_rule("shared-nodes")
     assert shared.where.pair == ("head", "under")
-
-
-def test_a_skin_in_two_pairs_is_told_once():
-    mesh = bolted()
-    found = check(mesh, pairs=[("head", "flange"), ("head", "floor")], search_distance=1.0)
-    assert len(found.of_rule("not-cut")) == len(check(mesh, "head", "flange").of_rule("not-cut")) == 1
-    assert [round(one["covered"], 9) for one in found.summary["pairs"]] == [0.7, 0.3]
 
 
 def test_several_of_both_need_pairs():

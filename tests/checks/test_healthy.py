@@ -38,16 +38,9 @@ def closed(mesh, place, *ends):
     return sew(mesh.renamed(**dict.fromkeys(ends, SEAM)).moved(place), SEAM)
 
 
-def ring(x):
+def ring(x, turn=2 * np.pi):
     """The first parameter goes round, the last outward."""
-    angle, r = -2 * np.pi * x[0], 3 + x[1]
-    return [r * np.cos(angle), r * np.sin(angle)]
-
-
-def arc(x):
-    """A quarter of a ring, which ends at symmetry lines."""
-    angle, r = np.pi / 2 * x[0], 3 + x[1]
-    return [r * np.sin(angle), r * np.cos(angle)]
+    return [(3 + x[1]) * np.cos(turn * x[0]), -(3 + x[1]) * np.sin(turn * x[0])]
 
 
 def tube(x, turn=2 * np.pi):
@@ -136,7 +129,7 @@ def test_bodies_of_other_shapes(name, shape):
 def test_plane_bodies(name, axisymmetric):
     whole = closed(layers(name, (12, 2), (16, 2), 0.2), ring, "left", "right")
     all_well_before_and_after(whole.moved((10, 0)), axisymmetric=axisymmetric)
-    quarter = layers(name, (4, 2), (5, 2), 0.05).moved(arc)
+    quarter = layers(name, (4, 2), (5, 2), 0.05).moved(lambda x: ring(x, np.pi / 2))
     all_well_before_and_after(quarter, held=("left", "right"), axisymmetric=axisymmetric)
     blocks = two_blocks(name, reach=0.2)
     elsewhere = replace(blocks, points=blocks.points + np.array([0, 0, 7.0]), space_dim=3)

@@ -57,7 +57,6 @@ def waves(x):
 
 #: a function that is 0 on each surface, and grows on its outer side
 LEVEL = {
-    plane: lambda x: 0 * x[:, 0],
     cylinder: lambda x: np.hypot(x[:, 0], x[:, 1]) - 1,
     sphere: lambda x: np.linalg.norm(x, axis=1) - 1,
     cone: lambda x: (np.hypot(x[:, 0], x[:, 1]) - 1) * np.cos(ANGLE) + x[:, 2] * np.sin(ANGLE),

@@ -434,14 +434,10 @@ def test_a_cut_without_records_has_its_shape_and_its_gaps():
     assert again == pytest.approx(gap, rel=1e-12)  # of the macro-elements, not of each child for itself
 
 
-def test_flat_skins_say_nothing_and_centres_are_told_where_they_are_in_the_file():
+def test_flat_and_fine_skins_say_nothing_coarse_ones_are_faceted_and_centres_are_those_of_the_file():
     assert check(two_blocks(), "slave", "master").summary["shapes"] == {}
     (one,) = check(block("HEXA8").moved((1e4, 0, -2e4)), "skin").summary["shapes"]["skin"]
     np.testing.assert_allclose(one["centre"], [1e4, 0, -2e4], atol=1e-8)
-
-
-def test_coarse_skins_are_faceted_and_fine_ones_are_not():
     bowl = lambda x: np.stack([x[:, 0], x[:, 1], 0.6 * x[:, 0] ** 2 + 0.4 * x[:, 1] ** 2], axis=1)  # noqa: E731
-    (coarse,) = check(rolled(bowl, 2, "TRIA3", skew=0, size=1.5), "skin").of_rule("faceted")
-    assert "up to 29 degrees" in coarse.message and len(coarse.cells) == 7
-    assert not check(rolled(bowl, 12, "TRIA3", skew=0, size=1.5), "skin").of_rule("faceted")
+    coarse, fine = (check(rolled(bowl, n, skew=0, size=1.5), "skin").of_rule("faceted") for n in (2, 12))
+    assert "up to 29 degrees" in coarse[0].message and len(coarse[0].cells) == 7 and not fine

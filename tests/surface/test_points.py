@@ -333,13 +333,10 @@ def test_points_are_sorted_by_types_and_rule_and_macros_are_kept():
 @pytest.mark.parametrize(
     ("options", "error"),
     [
-        ({"normals": "nodal"}, RequestError),
-        ({"search_distance": -1.0}, RequestError),
-        ({"max_penetration": float("nan")}, RequestError),
-        ({"axisymmetric": True}, RequestError),
-        ({"macro": [0, 1]}, ValueError),
+        ({"normals": "nodal"}, RequestError), ({"search_distance": -1.0}, RequestError),
+        ({"max_penetration": np.nan}, RequestError), ({"axisymmetric": True}, RequestError), ({"macro": [0, 1]}, ValueError),
     ],
-)
+)  # fmt: skip
 def test_wrong_requests(options, error):
     slave, master = whole(sheet(2)), whole(sheet(2, 0.1, down=True))
     with pytest.raises(error):
