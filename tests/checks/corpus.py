@@ -50,33 +50,29 @@ def defect(rule, count, *also, on=None, name=None, **asked):
 # ---- tools
 
 
-def changed(mesh, kind=None, rows=(), nodes=None, points=None, drop=(), add=(), groups=None, **rest):
-    """A mesh with some cells' nodes replaced, other points, cells left out, and cells added: (type, nodes, groups).
+def changed(mesh, kind=None, rows=(), nodes=None, points=None, drop=(), add=None):
+    """A mesh with some cells' nodes replaced, other points, cells left out, and a cell added: (type, nodes, group).
 
-    Data of the cells follow; those of an added cell are -1.
+    Data of the cells follow; those of the added cell are -1.
     """
     points = mesh.points if points is None else np.asarray(points)
-    keep = np.setdiff1d(np.arange(mesh.n_cells), drop)
-    blocks = {b.type: b.nodes.copy() for b in mesh.blocks}
-    if nodes is not None:
-        blocks[kind][rows] = nodes
-    members = {name: set(np.asarray(g).tolist()) for name, g in mesh.cell_groups.items()} | (groups or {})
-    parts, source = [], []
-    for k, b in enumerate(mesh.blocks):
-        mine = keep[(keep >= mesh.offsets[k]) & (keep < mesh.offsets[k + 1])]
-        new = [np.atleast_2d(n) for t, n, _ in add if t == b.type]
-        parts.append((b.type, np.concatenate([blocks[b.type][mine - mesh.offsets[k]], *new])))
-        source += mine.tolist() + [-1 - i for i, (t, _, _) in enumerate(add) if t == b.type]
-    for t in dict.fromkeys(t for t, _, _ in add if t not in blocks):
-        parts.append((t, np.concatenate([np.atleast_2d(n) for u, n, _ in add if u == t])))
-        source += [-1 - i for i, (u, _, _) in enumerate(add) if u == t]
-    names = [*members, *(g for _, _, of in add for g in of if g not in members)]
-    inside = lambda name, s: s in members.get(name, ()) if s >= 0 else name in add[-1 - s][2]  # noqa: E731
-    cell_groups = {name: [i for i, s in enumerate(source) if inside(name, s)] for name in names}
-    data = {name: np.array([v[s] if s >= 0 else -1 for s in source], v.dtype) for name, v in mesh.cell_data.items()}
-    node_data = {n: np.concatenate([v, np.full(len(points) - len(v), -1, v.dtype)]) for n, v in mesh.node_data.items()}
+    parts, source = {}, {}
+    for start, b in zip(mesh.offsets, mesh.blocks, strict=False):
+        source[b.type] = np.setdiff1d(start + np.arange(len(b.nodes)), drop)
+        parts[b.type] = (put(b.nodes, rows, nodes) if b.type == kind else b.nodes)[source[b.type] - start]
+    groups = dict(mesh.cell_groups)
+    if add:
+        kind, row, group = add
+        parts[kind] = np.vstack([parts[kind], row] if kind in parts else [row])
+        source[kind] = np.append(source.get(kind, []), -1).astype(int)
+        groups[group] = np.append(groups.get(group, []), -1)
+    order = np.concatenate([*source.values()])
+    groups = {name: np.flatnonzero(np.isin(order, ids)) for name, ids in groups.items()}
+    data = {name: np.where(order < 0, -1, v[order]).astype(v.dtype) for name, v in mesh.cell_data.items()}
+    more = len(points) - mesh.n_nodes
+    node_data = {name: np.append(v, np.full(more, -1, v.dtype)) for name, v in mesh.node_data.items()}
     made = Mesh.create(
-        points, parts, cell_groups=cell_groups, cell_data=data, node_data=node_data, space_dim=mesh.space_dim, **rest
+        points, parts.items(), cell_groups=groups, cell_data=data, node_data=node_data, space_dim=mesh.space_dim
     )
     return replace(made, zones=mesh.zones)
 
@@ -142,7 +138,7 @@ def a_mid_node_beyond_the_quarter_of_its_edge(mesh):
 def a_flat_tetrahedron(mesh):
     corner, n = at(mesh, 1, 1, 2.01), mesh.n_nodes
     more = mesh.points[corner] + 0.3 * np.array([[1, 0, 0], [0, 1, 0], [1, 1, 0]])
-    return changed(mesh, points=np.vstack([mesh.points, more]), add=[("TETRA4", [corner, n, n + 1, n + 2], ["body1"])])
+    return changed(mesh, points=np.vstack([mesh.points, more]), add=("TETRA4", [corner, n, n + 1, n + 2], "body1"))
 
 
 # ---- cells with their neighbours
@@ -156,7 +152,7 @@ for rule, count, row, side in (("crowded-facet", 3, 0, 1), ("overlapping-cells",
         _, nodes = of_type(mesh, "HEXA8", "body1")
         base = nodes[row][list(CELLS["HEXA8"].facets[5].nodes)][::side]
         points = np.vstack([mesh.points, mesh.points[base].mean(axis=0) + np.array([0, 0, 0.1 * side])])
-        return changed(mesh, points=points, add=[("PYRAM5", [*base, mesh.n_nodes], ["body1"])])
+        return changed(mesh, points=points, add=("PYRAM5", [*base, mesh.n_nodes], "body1"))
 
 
 #: type of a cell whose mid-node is its own, its group, its place there, the mid-node, how many cells differ
@@ -196,9 +192,9 @@ def a_cell_of_order_3_behind(mesh):
     rows, nodes = of_type(mesh, "PYRAM5", "body0")
     (behind,) = np.flatnonzero(np.isin(nodes, face).sum(axis=1) == 3)
     more = mesh.points[nodes[behind]].mean(axis=0) + 0.01 * np.random.default_rng(1).random((25, 3))
-    cell = ("PYRAM30", [*nodes[behind], *(mesh.n_nodes + np.arange(25))], ["body0"])
+    cell = ("PYRAM30", [*nodes[behind], *(mesh.n_nodes + np.arange(25))], "body0")
     number = [b.type for b in mesh.blocks].index("PYRAM5")
-    return changed(mesh, points=np.vstack([mesh.points, more]), drop=[mesh.offsets[number] + rows[behind]], add=[cell])
+    return changed(mesh, points=np.vstack([mesh.points, more]), drop=[mesh.offsets[number] + rows[behind]], add=cell)
 
 
 # ---- skins and what is behind them
@@ -221,7 +217,7 @@ def without_upper_body(mesh, turned):
 def a_fin_on_the_slave(mesh):
     within = lambda x: (np.abs(x[..., 0] - 0.5) < 1e-9) & (x[..., 2] > 0.45) & (x[..., 2] < 1.005)  # noqa: E731
     inner = skin(mesh.points, {"HEXA27": mesh.block("HEXA27")}, within)["QUAD9"]
-    return changed(mesh, add=[("QUAD9", next(f for f in inner if at(mesh, 0.5, 0.5, 1.0) in f), ["slave"])])
+    return changed(mesh, add=("QUAD9", next(f for f in inner if at(mesh, 0.5, 0.5, 1.0) in f), "slave"))
 
 
 # ---- bodies that do not fit together
@@ -342,7 +338,7 @@ def a_macro_element_in_two_zones():
 
 def again(mesh, kind, group, row, order=slice(None), into=None):
     """A mesh with a cell of a group once more, its nodes in another order."""
-    return changed(mesh, add=[(kind, of_type(mesh, kind, group)[1][row][order], [into or group])])
+    return changed(mesh, add=(kind, of_type(mesh, kind, group)[1][row][order], into or group))
 
 
 def listed(mesh, kind, row, order):
@@ -358,7 +354,7 @@ def tilted(mesh):
 def order_3(mesh):
     """A mesh with a slave face of order 3 somewhere else."""
     points = np.vstack([mesh.points, np.random.default_rng(0).random((10, 3)) + 5])
-    return changed(mesh, points=points, add=[("TRIA10", mesh.n_nodes + np.arange(10), ["slave"])])
+    return changed(mesh, points=points, add=("TRIA10", mesh.n_nodes + np.arange(10), "slave"))
 
 
 def grouped(mesh, **groups):
@@ -369,7 +365,7 @@ def grouped(mesh, **groups):
 TURNED = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8]
 NONE = {"slave": "none", "master": None}
 ZONES, SIDES, MORE = ({"slave": zones} for zones in (["slave", "fixed"], ["left", "right"], ["slave", "more"]))
-LINE, EDGE = [("SEG2", [0, 1], ["line"])], {"master": "line"}
+LINE, EDGE = ("SEG2", [0, 1], "line"), {"master": "line"}
 HALVES = {"left": lambda x: (x[2] == 1) & (x[0] <= 0.5), "right": lambda x: (x[2] == 1) & (x[0] >= 0.5)}
 #: name -> rule, cells or nodes, type of the blocks, how the mesh is made, and what is asked
 ROWS = {
@@ -397,7 +393,7 @@ ROWS = {
     "a volume in the slave": (
         "wrong-dimension", 1, "HEXA8", lambda m: grouped(m, slave=[m.cells_of("body0")[0], *m.cells_of("slave")]),
     ),
-    "lines in the slave": ("lower-dimension", 1, "HEXA8", lambda m: changed(m, add=[("SEG2", [0, 1], ["slave"])])),
+    "lines in the slave": ("lower-dimension", 1, "HEXA8", lambda m: changed(m, add=("SEG2", [0, 1], "slave"))),
     "a slave face of order 3": ("unsupported-face", 1, "HEXA8", order_3),
     "a face twice": ("face-in-two-zones", 4, "HEXA8", lambda m: grouped(m, more=m.cells_of("slave")[:4]), MORE),
     "a rigid master": ("bare-master", 9, "HEXA8", lambda m: changed(m, drop=m.cells_of("body1"))),
@@ -415,7 +411,7 @@ ROWS = {
     "two orders": ("mixed-order", 4, None, lambda: under(box(2, kind="HEXA27"), box(2, corner=(1.01, 0, 0)))),
     "orders side by side": (
         "mid-nodes-differ", 4, "HEXA20",
-        lambda m: changed(m, drop=m.cells_of("body1")[-1:], add=[("HEXA8", m.block("HEXA20")[-1][:8], ["body1"])]),
+        lambda m: changed(m, drop=m.cells_of("body1")[-1:], add=("HEXA8", m.block("HEXA20")[-1][:8], "body1")),
     ),
     "nodes hang": ("hanging-node torn-body", 2, None, two_divisions),
     "two zones": ("zones-share-nodes", 3, None, lambda: cut(two_blocks().with_groups(**HALVES), [*HALVES]), SIDES),

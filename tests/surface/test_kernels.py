@@ -24,7 +24,7 @@ from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, kinds
 from lacmesh.surface.patches import patches
 from lacmesh.surface.place import plane_rule
 from lacmesh.surface.points import reaches
-from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
+from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside
 from lacmesh.surface.project import in_quadrangle, quadrangle
 from lacmesh.surface.record import mean_normals
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
@@ -142,15 +142,6 @@ def test_areas_centroids_and_clips_are_those_of_the_plain_twins(seed):
         k = cut_by_line(p, label, n, *q[0], *q[1], CHORD, side, half, np.zeros(ROOM, np.int8))
         areas.append(area_of(half, k) if k > 2 else 0.0)
     assert np.isclose(sum(areas), area(p[:n]), rtol=1e-12, atol=0)
-
-
-def test_tidying_takes_out_what_adds_no_area_and_the_longer_edge_names_both():
-    p = np.zeros((ROOM, 2))
-    p[:6] = [[0, 0], [0.5, 0], [2, 0], [2, 0], [2, 1], [0, 1]]
-    label = np.arange(ROOM).astype(np.int8)
-    n = tidy(p, label, 6, 1e-14)
-    assert n == 4 and np.array_equal(p[:4], [[0, 0], [2, 0], [2, 1], [0, 1]])
-    assert label[0] == 1  # the edge from (0.5, 0)
 
 
 @pytest.mark.fuzz
