@@ -12,7 +12,6 @@ import pytest
 from lacmesh import Mesh, cut_skin, generate, join, raise_order
 from lacmesh.errors import DataError, RequestError
 from lacmesh.surface import Surface, contact_points, coverage
-from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
 from lacmesh.topology.winding import REVERSED
