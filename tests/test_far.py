@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lacmesh
 from lacmesh import Mesh, check, cut_skin, measure_quality, orient
 from lacmesh.origin import from_origin, origin_of, origin_of_mesh, size_of, told
 from lacmesh.scene import make_scene
@@ -38,8 +37,10 @@ def measures(mesh):
     return values, [(t.type, t.count, t.invalid, t.poor) for t in types]
 
 
-@pytest.mark.parametrize("far", FAR)
-@pytest.mark.parametrize("dim", [2, 3])
+EVERY = pytest.mark.parametrize(("dim", "far"), [(dim, far) for dim in (2, 3) for far in FAR])
+
+
+@EVERY
 def test_check(dim, far):
     there, here, shift = moved(dim, far)
     one, other = (check(mesh, "slave", "master") for mesh in (here, there))
@@ -53,8 +54,7 @@ def test_check(dim, far):
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("far", FAR)
-@pytest.mark.parametrize("dim", [2, 3])
+@EVERY
 def test_quality(dim, far):
     there, here, shift = moved(dim, far)
     (one, counts), (other, same) = measures(here), measures(there)
@@ -67,8 +67,7 @@ def test_quality(dim, far):
         np.testing.assert_allclose(worst[1][number], np.array(worst[0][number]) + shift, rtol=1e-14)
 
 
-@pytest.mark.parametrize("far", FAR)
-@pytest.mark.parametrize("dim", [2, 3])
+@EVERY
 def test_cut_and_orient(dim, far):
     there, here, shift = moved(dim, far)
     for make in (lambda m: cut_skin(m, "slave").mesh, lambda m: orient(m, "slave")):
@@ -96,39 +95,24 @@ def test_units_of_length(dim, length):
     np.testing.assert_allclose(cut_skin(other, "slave").mesh.points / length, cut_skin(mesh, "slave").mesh.points)
 
 
-def test_an_axisymmetric_overlap_is_deep_or_not_whatever_the_radius():
+@pytest.mark.parametrize("radius", [0.1, 1e3])
+def test_an_axisymmetric_overlap_is_deep_or_not_whatever_the_radius(radius):
     """An overlap as deep as macro-elements are large is told, also where 2 pi r makes their areas large."""
-    mesh = cut_skin(stack("QUAD4", "QUAD4", 2, gap=-0.6), "slave").mesh
-    told_of = {"axisymmetric": True, "max_penetration": 0.9, "search_distance": 0.9}
-    for radius in (0.1, 1e3):
-        there = replace(mesh, points=mesh.points + np.array([radius, 0.0, 0.0]))
-        assert "wrong-side" in [f.rule for f in check(there, "slave", "master", **told_of).findings]
+    mesh = cut_skin(stack("QUAD4", "QUAD4", 2, gap=-0.6), "slave").mesh.moved((radius, 0))
+    found = check(mesh, "slave", "master", axisymmetric=True, max_penetration=0.9, search_distance=0.9)
+    assert "wrong-side" in found.rules
 
 
-def test_the_origin_costs_no_digit():
+def test_the_origin_costs_no_digit_and_is_not_moved_by_nodes_of_no_cell_and_wild_ones():
     x = np.random.default_rng(0).uniform(1.0, 3.0, (1000, 3)) + np.array([5e5, -5e6, 0.3])
     origin = origin_of(x)
     assert origin[2] == 0 and (origin[:2] != 0).all()
     np.testing.assert_array_equal((x - origin) + origin, x)
     assert np.abs((x - origin)[:, :2]).max() < 2
-
-
-def test_nodes_of_no_cell_and_wild_ones_do_not_move_the_origin():
     points = [[5e5, 0, 0], [5e5 + 1, 0, 0], [5e5, 1, 0], [0, 0, 0], [np.nan, 0, 0]]
     mesh = Mesh.create(points, [("TRIA3", [[0, 1, 2]])])
     assert origin_of_mesh(mesh).tolist() == [5e5, 0, 0]
     assert origin_of(np.full((2, 3), np.inf)).tolist() == [0, 0, 0]
     assert from_origin(mesh, np.zeros(3)) is mesh and size_of(Mesh.create([[np.inf, 0]], [])) == 0
-
-
-def test_places_in_words():
     assert told([0.123456789, -7.0, 1e-12], 1.0) == ["0.12346", "-7", "0"]
     assert told([5000001.25], 2.0) == ["5000001.25"] and told([1.0], 0.0) == ["1"]
-
-
-@pytest.mark.parametrize("far", FAR)
-def test_the_mesh_of_the_readme(far):
-    mesh = lacmesh.read("data/two_blocks.msh")
-    there = replace(mesh, points=mesh.points + far * np.array([1.0, -0.7, 0.4]))
-    here = replace(there, points=there.points - far * np.array([1.0, -0.7, 0.4]))
-    assert measures(there)[1] == measures(here)[1]

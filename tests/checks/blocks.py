@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lacmesh import Mesh, cut_skin, raise_order
+from lacmesh import Mesh, cut_skin, generate
 from lacmesh.cells import CELLS
 from lacmesh.generate.parts import SPLITS, box_of
 
@@ -62,22 +62,12 @@ def join(parts, **rest):
 
 def two_blocks(name="HEXA8", gap=0.01, n=2, m=3, matching=False, reach=0.0):
     """Two blocks: slave on the lower one's top, master on the upper one's bottom, which reaches `reach` beyond it."""
-    kind, order = SOLIDS[name]
-    flat = CELLS[kind].dim == 2
-    m = n if matching else m
-    low = block((n, n) if flat else (n, n, n), (0,) * (2 if flat else 3), (1,) * (2 if flat else 3), kind)
-    bottom = (-reach, 1 + gap) if flat else (-reach, -reach, 1 + gap)
-    top = (1 + reach, 2 + gap) if flat else (1 + reach, 1 + reach, 2 + gap)
-    high = block((m, m) if flat else (m, m, m), bottom, top, kind)
-    up = 1 if flat else 2
-    on = lambda level: lambda x: np.abs(x[..., up] - level) < 1e-9  # noqa: E731
-    mesh = join(
-        [
-            (*low, {"slave": skin(*low, on(1.0)), "fixed": skin(*low, on(0.0))}),
-            (*high, {"master": skin(*high, on(1 + gap)), "loaded": skin(*high, on(2 + gap))}),
-        ]
-    )
-    return raise_order(mesh, order) if order else mesh
+    beyond = np.array([reach] * (CELLS[name].dim - 1) + [0.0])
+    make = generate.rectangle if len(beyond) == 2 else generate.box
+    high = make(n if matching else m, 1 + 2 * beyond, name, corner=-beyond)
+    mesh = generate.stack(make(n, 1.0, name), high, gap=gap, slave="lower")
+    names = {"lower": "body0", "upper": "body1", "bottom": "fixed", "top": "loaded"}
+    return mesh.renamed(**names).only(*names.values(), "slave", "master")
 
 
 def cut_blocks(name="HEXA8", hexa="pyramid", **options):

@@ -1,23 +1,78 @@
-"""A part has what its process needs: every cell at its nodes, groups, data and cuts, and the rows of the stiffness."""
+"""Owners of nodes are equal numbers in boxes; a part has its cells, groups, data, rows of stiffness, and its cut."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
 from lacmesh import Cut, Mesh, cut_skin, read
-from lacmesh.errors import GroupNotFoundError, RequestError
+from lacmesh.cells import CELLS
+from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
 from lacmesh.origin import origin_of_mesh
-from lacmesh.partition import distribute_nodes, part_of
+from lacmesh.partition import cut_part, distribute_nodes, part_of, read_part, write_parts
+from lacmesh.partition.bisection import bisect
 from lacsolver.bodies.material import Elastic, Materials
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.space.space import Space
 from tests.lacsolver.bodies import PAIRS, body, distorted, mixture, plane_mixture
-from tests.meshes import random_mesh
+from tests.meshes import box, facets_of, random_mesh
+from tests.partition.compare import differences
+from tests.samples import each_option
 
 PARTS = (1, 2, 5)
 BLOCKS = "data/two_blocks.msh"
+
+# ---- owners
+
+
+def owners(points, n):
+    return distribute_nodes(Mesh.create(points, [("POI1", [[0]])]), n)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7, 8, 64])
+def test_ranks_own_equal_numbers_of_nodes(n):
+    points = np.random.default_rng(n).random((1000, 3)) * [1, 5, 2]
+    count = np.bincount(owners(points, n), minlength=n)
+    assert len(count) == n and count.max() - count.min() <= np.log2(n) + 1
+    assert sorted(owners(points[:n], n)) == list(range(n))  # however few there are
+
+
+def test_two_ranks_are_divided_across_the_longest_side_and_a_plane_of_nodes_by_the_others():
+    """Eleven planes of 121 nodes: five and a half are the first half, whose last plane is divided along y."""
+    points = np.random.default_rng(1).random((100, 3)) * [1, 3, 2]
+    owner = owners(points, 2)
+    assert points[owner == 0, 1].max() <= points[owner == 1, 1].min()
+    points, _ = box(10)
+    owner = owners(points, 2)
+    divided = np.isclose(points[:, 0], 0.5)
+    assert (owner[points[:, 0] < 0.45] == 0).all() and (owner[points[:, 0] > 0.55] == 1).all()
+    assert points[divided & (owner == 0), 1].max() <= points[divided & (owner == 1), 1].min()
+    assert owners(np.ones((6, 3)), 3).tolist() == [0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize("n", [2, 3, 8])
+@pytest.mark.parametrize("factor, shift", [(1e-3, 0.0), (25.4, 0.0), (1.0, 3e5), (0.7, -1.1e4), (1e200, 0.0)])
+def test_owners_do_not_depend_on_units_position_and_numbering(n, factor, shift):
+    points = box(12)[0] / 3 + [0.0, 0.0, 0.1]
+    random = np.random.default_rng(n)
+    moved, order = points + random.uniform(-1e-12, 1e-12, points.shape), random.permutation(len(points))
+    assert np.array_equal(owners(points, n)[order], owners((moved * factor + shift)[order], n))
+
+
+@pytest.mark.parametrize("n", [0, -1, 5])
+def test_numbers_of_parts_that_cannot_be_and_wild_coordinates_are_refused(n):
+    with pytest.raises(RequestError, match=f"1 to 4 parts, not {n}"):
+        owners(np.eye(4, 3), n)
+    for wild in (np.nan, np.inf, -1.7e308):
+        with pytest.raises(DataError, match="node 3 has"):
+            owners([[1e308, 0, 0], [0, 1e308, 0], [0, wild, 1e308], [0, 0, 0]], 2)
+
+
+# ---- parts
 
 
 def parts_of(mesh, n, **options):
@@ -30,57 +85,34 @@ def nodes_of_cells(mesh):
     return [row.tolist() for block in mesh.blocks for row in block.nodes]
 
 
-def random_one(seed):
-    rng = np.random.default_rng(seed)
-    return random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
-
-
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("n", PARTS)
 def test_a_part_has_every_cell_at_its_own_nodes_and_all_that_belongs_to_it(seed, n):
-    mesh = random_one(seed)
+    """Groups, numbers, data and the order of the file are those of the whole mesh, restricted to the part."""
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed // 2, interior=seed % 3 == 0, twins=True)
     whole = nodes_of_cells(mesh)
     parts = parts_of(mesh, n)
     assert sorted(np.concatenate([part.node[part.own] for part in parts])) == list(range(mesh.n_nodes))
     for part in parts:
-        own = set(part.node[part.own].tolist())
+        own, small = set(part.node[part.own].tolist()), part.mesh
         assert part.cell.tolist() == [c for c, nodes in enumerate(whole) if own & set(nodes)]
-        here = own | {node for c in part.cell for node in whole[c]}
-        assert part.node.tolist() == sorted(here)
-        assert [part.node[nodes].tolist() for nodes in nodes_of_cells(part.mesh)] == [whole[c] for c in part.cell]
-        _check_carried(part, mesh)
-
-
-def _check_carried(part, mesh):
-    """Groups, numbers, data and the order of the file are those of the whole mesh, restricted to the part."""
-    small = part.mesh
-    assert [b.type for b in small.blocks] == [b.type for b in mesh.blocks] and small.space_dim == mesh.space_dim
-    assert np.array_equal(small.points, mesh.points[part.node])
-    assert np.array_equal(small.node_number, mesh.node_number[part.node])
-    assert np.array_equal(small.cell_number, mesh.cell_number[part.cell])
-    for there, here, index in (
-        (mesh.cell_groups, small.cell_groups, part.cell),
-        (mesh.node_groups, small.node_groups, part.node),
-    ):
-        assert {name: index[ids].tolist() for name, ids in here.items()} == {
-            name: np.intersect1d(ids, index).tolist() for name, ids in there.items()
-        }
-    for there, here, index in (
-        (mesh.cell_data, small.cell_data, part.cell),
-        (mesh.node_data, small.node_data, part.node),
-    ):
-        assert there.keys() == here.keys() and all(np.array_equal(here[name], there[name][index]) for name in there)
-    in_file = mesh.file_order[np.isin(mesh.file_order, part.cell)]
-    assert np.array_equal(part.cell[small.file_order], in_file)
-    assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
-    assert np.array_equal(part.origin, origin_of_mesh(mesh))
-
-
-def dressed(mesh, shift):
-    """The mesh far from 0, with a second body beside it, of the same cells."""
-    x = mesh.points + np.array([shift, shift, 0.0])
-    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in mesh.blocks]
-    return Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=mesh.space_dim)
+        assert part.node.tolist() == sorted(own | {node for c in part.cell for node in whole[c]})
+        assert [part.node[nodes].tolist() for nodes in nodes_of_cells(small)] == [whole[c] for c in part.cell]
+        assert [b.type for b in small.blocks] == [b.type for b in mesh.blocks] and small.space_dim == mesh.space_dim
+        assert np.array_equal(small.points, mesh.points[part.node])
+        for what, index in (("node", part.node), ("cell", part.cell)):
+            there, here = ({k: getattr(m, f"{what}_{k}") for k in ("number", "groups", "data")} for m in (mesh, small))
+            assert np.array_equal(here["number"], there["number"][index])
+            assert {name: index[ids].tolist() for name, ids in here["groups"].items()} == {
+                name: np.intersect1d(ids, index).tolist() for name, ids in there["groups"].items()
+            }
+            assert here["data"].keys() == there["data"].keys()
+            assert all(np.array_equal(here["data"][name], there["data"][name][index]) for name in there["data"])
+        in_file = mesh.file_order[np.isin(mesh.file_order, part.cell)]
+        assert np.array_equal(part.cell[small.file_order], in_file)
+        assert (part.n_nodes, part.n_cells, part.dim) == (mesh.n_nodes, mesh.n_cells, mesh.dim)
+        assert np.array_equal(part.origin, origin_of_mesh(mesh))
 
 
 def stiffness(mesh, model, origin=None):
@@ -88,16 +120,7 @@ def stiffness(mesh, model, origin=None):
     if origin is not None:  # the whole mesh's, in place of that of the part
         space.__dict__.pop("local", None)
         space.__dict__["origin"] = origin
-    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3)))
-
-
-def own_rows(part, K, dim):
-    """(rows, columns of the whole mesh, values) of the own rows of a part's stiffness."""
-    K = K.tocsr()
-    rows = (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
-    columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
-    own = K[rows]
-    return columns[rows], columns[own.indices], own
+    return space, assemble_stiffness(space, Materials.of(space, Elastic(young=200.0, poisson=0.3))).tocsr()
 
 
 SHAPES = [(name, model, lambda name=name: body(name, 2)) for name, model in PAIRS]
@@ -105,20 +128,24 @@ SHAPES += [(f"mixture {order}", "3d", lambda order=order: mixture(order)) for or
 SHAPES += [(f"mixture {order}", "plane_strain", lambda order=order: plane_mixture(order)) for order in ("1", "2")]
 
 
-@pytest.mark.parametrize("name, model, make", SHAPES, ids=[f"{name}-{model}" for name, model, _ in SHAPES])
+@pytest.mark.parametrize("name, model, make", each_option(SHAPES, of=lambda row: [row[0].rstrip("0123456789"), row[1]]))
 def test_own_rows_of_the_stiffness_are_those_of_the_whole_mesh(name, model, make):
-    """To round-off, with the origin of the whole mesh."""
-    mesh = dressed(distorted(make(), 0.04, seed=4), 1e3)
+    """To round-off, with the origin of the whole mesh, which lies far from 0 and has two bodies."""
+    one = distorted(make(), 0.04, seed=4)
+    x = one.points + np.array([1e3, 1e3, 0.0])
+    blocks = [(b.type, np.concatenate([b.nodes, b.nodes + len(x)])) for b in one.blocks]
+    mesh = Mesh.create(np.concatenate([x, x + np.array([4.0, 0.0, 0.0])]), blocks, space_dim=one.space_dim)
     space, K = stiffness(mesh, model)
-    K, of_body = K.tocsr(), space.bodies
-    for n in PARTS:
-        for part in parts_of(mesh, n):
-            _, small = stiffness(part.mesh, model, space.origin)
-            rows, columns, own = own_rows(part, small, space.dim)
-            expected = K[rows]
-            assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns, expected.indices)
-            assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
-            assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
+    dim, of_body = space.dim, space.bodies
+    for part in (part for n in PARTS for part in parts_of(mesh, n)):
+        own = stiffness(part.mesh, model, space.origin)[1][
+            (dim * np.flatnonzero(part.own)[:, None] + np.arange(dim)).ravel()
+        ]
+        columns = (dim * part.node[:, None] + np.arange(dim)).ravel()
+        expected = K[columns[np.repeat(part.own, dim)]]
+        assert np.array_equal(own.indptr, expected.indptr) and np.array_equal(columns[own.indices], expected.indices)
+        assert np.abs(own.data - expected.data).max() <= 1e-14 * np.abs(expected.data).max()
+        assert np.array_equal(part.body, of_body[part.node]) and part.n_bodies == 2
 
 
 @pytest.mark.parametrize("n", PARTS)
@@ -133,9 +160,8 @@ def test_skins_are_whole_in_every_part_with_the_cells_that_touch_them(n):
     cut_up = {parent[c] for c in around} - {-1}
     siblings = {c for c in range(mesh.n_cells) if parent[c] in cut_up}
     assert len(around) > len(skins) and siblings - around
-    bare = parts_of(mesh, n)
-    for part, without in zip(parts_of(mesh, n, everywhere=["slave", "master"]), bare, strict=True):
-        assert set(part.cell.tolist()) == {*without.cell.tolist(), *around, *siblings}
+    for part, bare in zip(parts_of(mesh, n, everywhere=["slave", "master"]), parts_of(mesh, n), strict=True):
+        assert set(part.cell.tolist()) == {*bare.cell.tolist(), *around, *siblings}
         assert {name: part.cell[part.mesh.cell_groups[name]].tolist() for name in faces} == faces
         small = Cut(part.mesh)
         assert small.n_macros == cut.n_macros and small.zones == cut.zones
@@ -148,10 +174,12 @@ def test_nodes_that_all_need_are_in_all_parts():
     """With the cells that have no other nodes, and no others."""
     row = Mesh.create([[k, 0] for k in range(6)], [("SEG2", [[k, k + 1] for k in range(5)])])
     asked = np.array([False, False, False, True, True, False])
-    part = part_of(row, np.repeat([0, 1], 3), 0, nodes=asked)
-    assert part.node.tolist() == [0, 1, 2, 3, 4] and part.cell.tolist() == [0, 1, 2, 3]
-    part = part_of(row, np.array([0, 1, 1, 1, 1, 1]), 0, nodes=asked)
-    assert part.node.tolist() == [0, 1, 3, 4] and part.cell.tolist() == [0, 3]
+    for owner, nodes, cells in (
+        ([0, 0, 0, 1, 1, 1], [0, 1, 2, 3, 4], [0, 1, 2, 3]),
+        ([0, 1, 1, 1, 1, 1], [0, 1, 3, 4], [0, 3]),
+    ):
+        part = part_of(row, np.array(owner), 0, nodes=asked)
+        assert part.node.tolist() == nodes and part.cell.tolist() == cells
 
 
 def test_periodic_nodes_stay_pairs():
@@ -160,20 +188,143 @@ def test_periodic_nodes_stay_pairs():
         [("SEG2", [[0, 2], [1, 3], [0, 1]])],
         model=Model(periodic=(Periodic((1, 1), (1, 2), (), np.array([[0, 1], [2, 3]])),)),
     )
-    part = part_of(mesh, np.array([0, 0, 1, 1]), 0)
-    assert part.node.tolist() == [0, 1, 2, 3]
+    assert part_of(mesh, np.array([0, 0, 1, 1]), 0).node.tolist() == [0, 1, 2, 3]
     part = part_of(mesh, np.array([0, 1, 1, 1]), 0)
     assert part.node.tolist() == [0, 1, 2] and part.mesh.model.periodic[0].nodes.tolist() == [[0, 1]]
 
 
-def test_a_wrong_rank_or_group_is_refused():
+@pytest.mark.parametrize(
+    "skip, rank, groups, error, says",
+    [
+        (0, 2, (), ValueError, "no rank 2 of 2"),
+        (1, 0, (), ValueError, "no rank 0"),
+        (0, 0, ["lower"], RequestError, "of dimension 3"),
+        (0, 0, ["slav"], GroupNotFoundError, "did you mean slave"),
+    ],
+)
+def test_a_wrong_rank_or_group_is_refused(skip, rank, groups, error, says):
     mesh = read(BLOCKS)
-    owner = distribute_nodes(mesh, 2)
-    with pytest.raises(ValueError, match="no rank 2 of 2"):
-        part_of(mesh, owner, 2)
-    with pytest.raises(ValueError, match="no rank 0"):
-        part_of(mesh, owner[1:], 0)
-    with pytest.raises(RequestError, match="'lower' holds cells of dimension 3; name a group of skin faces"):
-        part_of(mesh, owner, 0, everywhere=["lower"])
-    with pytest.raises(GroupNotFoundError, match="did you mean slave"):
-        part_of(mesh, owner, 0, everywhere=["slav"])
+    with pytest.raises(error, match=says):
+        part_of(mesh, distribute_nodes(mesh, 2)[skip:], rank, everywhere=groups)
+
+
+# ---- parts that are cut are parts of the whole cut, cell by cell
+
+
+def with_slave(mesh, *owned, copies=1, numbers=range(6)):
+    """The mesh with its facets of one cell, or of two, as slave faces, `copies` of each, the first in the group.
+
+    `numbers`: of the facets in their cells. Numbers of nodes and cells, order and data are random.
+    """
+    skin = {}
+    for owners in facets_of(mesh).values():
+        if len(owners) in owned and owners[0][1] in numbers:
+            skin.setdefault(owners[0][2], []).append(owners[0][3])
+    blocks = [(b.type, b.nodes) for b in mesh.blocks]
+    blocks += [(kind, np.repeat(rows, copies, axis=0)) for kind, rows in skin.items()]
+    n = sum(len(nodes) for _, nodes in blocks)
+    rng = np.random.default_rng(0)
+    return Mesh.create(
+        mesh.points,
+        blocks,
+        space_dim=mesh.space_dim,
+        node_number=rng.permutation(3 * mesh.n_nodes)[: mesh.n_nodes] + 1,
+        cell_number=rng.permutation(3 * n)[:n] + 1,
+        file_order=rng.permutation(n),
+        cell_groups={"slave": np.arange(mesh.n_cells, n, copies), "body": np.arange(mesh.n_cells)},
+        node_groups={"half": np.arange(0, mesh.n_nodes, 2), "all": np.arange(mesh.n_nodes)},
+        cell_data={"colour": rng.random(n)},
+        node_data={"heat": rng.random(mesh.n_nodes)},
+    )
+
+
+def check(mesh, n, slave=("slave",), hexa="pyramid", everywhere=None):
+    """The parts of a mesh, cut, against the parts of the mesh that is cut as a whole."""
+    everywhere = everywhere or slave
+    whole = cut_skin(mesh, slave, hexa=hexa, recognise=False).mesh
+    owner = distribute_nodes(mesh, n)
+    parts = [cut_part(part_of(mesh, owner, rank, everywhere=everywhere), slave, hexa=hexa) for rank in range(n)]
+    after = np.full(whole.n_nodes, -1, owner.dtype)
+    for part in parts:
+        after[part.node[part.own]] = part.rank
+    assert (after[: mesh.n_nodes] == owner).all() and (after >= 0).all()
+    for part in parts:
+        both = part_of(whole, after, part.rank, everywhere=everywhere), part
+        orders = [k.mesh.file_order for k in both]  # which a mesh may leave out if it is that of its cells
+        orders = [np.arange(part.mesh.n_cells) if order is None else order for order in orders]
+        both = [replace(k, mesh=replace(k.mesh, file_order=order)) for k, order in zip(both, orders, strict=True)]
+        assert differences(*both) == []
+    return parts
+
+
+FAMILIES = [name for name, cell in CELLS.items() if cell.dim > 1]
+
+
+@pytest.mark.parametrize(("name", "n"), each_option(product(FAMILIES, (3, 2, 1, 8))))
+@pytest.mark.parametrize("owners", [1, 2])
+def test_parts_of_every_family_cut_on_the_outside_and_on_both_sides_of_interfaces(name, n, owners):
+    for hexa in ("pyramid", "hexa", "auto") if CELLS[name].family in ("HEXA", "PENTA") else ("pyramid",):
+        check(with_slave(body(name, 2), owners), n, hexa=hexa)
+
+
+@pytest.mark.parametrize(("order", "hexa"), each_option(product(("1", "2", "2-full"), ("auto", "hexa", "pyramid"))))
+def test_mixtures_where_one_face_decides_for_others_far_away(order, hexa):
+    """A hexahedron takes the variant `hexa` only if all slave faces that its neighbours connect it with do."""
+    check(with_slave(mixture(order), 1), 5, hexa=hexa)
+    check(with_slave(mixture(order), 1, 2), 3, hexa=hexa)
+    check(with_slave(plane_mixture(order), 1, 2), 4, hexa=hexa)
+    check(with_slave(mixture(order), 1, copies=3), 2, hexa=hexa)  # other cells on the slave faces are cut too
+
+
+@pytest.mark.filterwarnings("ignore:slave faces stand twice")
+@pytest.mark.parametrize("seed", range(12))
+def test_random_meshes(seed):
+    rng = np.random.default_rng(seed)
+    mesh = random_mesh(rng, dim=2 + seed % 2, order=1 + seed % 3, slaves=6, interior=seed % 4 < 2, twins=True)
+    check(mesh, 2 + seed % 5, hexa=("pyramid", "hexa", "auto")[seed % 3])
+
+
+def test_several_zones_and_a_master():
+    mesh = read(BLOCKS)
+    parts = check(mesh, 4, ("slave", "top"), everywhere=("slave", "top", "master"))
+    assert parts[0].mesh.zones == ("slave", "top")
+
+
+def test_parts_that_are_read_are_cut_as_those_in_memory(tmp_path):
+    mesh = read(BLOCKS)
+    owner = distribute_nodes(mesh, 3)
+    write_parts(tmp_path, mesh, owner)
+    for rank in range(3):
+        groups = {"everywhere": ["slave", "master"]}
+        there, here = part_of(mesh, owner, rank, **groups), read_part(tmp_path, rank, **groups)
+        assert differences(cut_part(there, "slave"), cut_part(here, "slave")) == []
+
+
+def test_numbers_follow_the_largest_of_the_whole_mesh_which_another_part_has():
+    mesh = with_slave(body("HEXA8", 3), 1, numbers=[5])
+    far = bisect(mesh.points.T, 2)
+    numbers = np.where(far == 1, mesh.node_number + 10**6, mesh.node_number)
+    check(replace(mesh, node_number=numbers), 2)
+    check(replace(mesh, cell_number=mesh.cell_number.astype(np.int64) + 2**31 * (np.arange(mesh.n_cells) == 0)), 3)
+
+
+def test_new_nodes_outside_the_box_of_the_old_ones_move_the_origin_alike():
+    """Faces of HEXA20 that bulge, far from 0: a node in the middle of one is the nearest to 0."""
+    mesh = body("HEXA20", 1)
+    x = mesh.points.copy()
+    x[:8, 2] -= 0.2 * (x[:8, 2] < 0.5)
+    x[8:, 2] -= 0.3 * (x[8:, 2] < 0.4)
+    mesh = with_slave(replace(mesh, points=x + np.array([0, 0, 50.0])), 1)
+    parts = check(mesh, 2)
+    assert parts[0].origin[2] != part_of(mesh, distribute_nodes(mesh, 2), 0).origin[2]
+
+
+def test_a_part_of_a_cut_mesh_stays_as_it_is_and_the_slave_must_be_in_every_part():
+    mesh = read(BLOCKS)
+    cut = cut_skin(mesh, "slave").mesh
+    part = part_of(cut, distribute_nodes(cut, 3), 1, everywhere=["slave", "top"])
+    assert cut_part(part, "slave") is part
+    with pytest.raises(CutError, match="is cut already"):
+        cut_part(part, "top")
+    with pytest.raises(RequestError, match="'slave' is not in"):
+        cut_part(part_of(mesh, distribute_nodes(mesh, 3), 1, everywhere=["master"]), "slave")

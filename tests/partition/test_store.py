@@ -1,22 +1,29 @@
-"""Parts in a file are those of the whole mesh; what is damaged, missing or in the way is refused."""
+"""Parts in a file are those of the whole mesh; damage is refused; the commands `partition` and `info`; METIS."""
 
 from __future__ import annotations
 
+import json
 import shutil
+import sys
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
 from lacmesh import LacmeshWarning, Mesh, cut_skin, read
-from lacmesh.errors import GroupNotFoundError, ReadError, RequestError, WriteError
+from lacmesh.cli import main
+from lacmesh.errors import DataError, GroupNotFoundError, ReadError, RequestError, WriteError
 from lacmesh.partition import describe_parts, distribute_nodes, part_of, read_part, write_parts
+from lacmesh.partition.metis import distribute_by_metis
 from lacmesh.partition.store import FILE
+from tests import REPOSITORY
 from tests.meshes import random_mesh
 from tests.partition.compare import differences
 
-BLOCKS = "data/two_blocks.msh"
+BLOCKS = str(REPOSITORY / "data" / "two_blocks.msh")
 
 
 @pytest.fixture(scope="module")
@@ -24,18 +31,11 @@ def cut():
     return cut_skin(read(BLOCKS), "slave").mesh
 
 
-@pytest.fixture(scope="module")
-def written(cut, tmp_path_factory):
-    """A folder with four parts of the cut, which no test changes."""
-    folder = tmp_path_factory.mktemp("written") / "parts"
-    write_parts(folder, cut, distribute_nodes(cut, 4))
-    return folder
-
-
 @pytest.fixture
-def parts(written, tmp_path):
-    """A copy of the folder with four parts."""
-    return shutil.copytree(written, tmp_path / "parts")
+def parts(cut, tmp_path):
+    """A folder with four parts of the cut."""
+    write_parts(tmp_path / "parts", cut, distribute_nodes(cut, 4))
+    return tmp_path / "parts"
 
 
 def check(mesh, n, folder, everywhere):
@@ -59,17 +59,13 @@ def test_parts_of_random_meshes_are_those_of_the_whole_mesh(seed, tmp_path):
     check(mesh, 3 + seed, tmp_path, ("slave", "none"))
 
 
-def test_skins_are_named_by_tags_too(parts, cut):
-    owner = distribute_nodes(cut, 4)
+def test_skins_are_named_by_tags_and_entities_too(parts, cut, tmp_path):
     (dim, tag) = cut.group_tags["slave"][0]
-    there = part_of(cut, owner, 1, everywhere=["slave"])
+    there = part_of(cut, distribute_nodes(cut, 4), 1, everywhere=["slave"])
     assert differences(there, read_part(parts, 1, everywhere=[f"{dim}:{tag}"])) == []
-
-
-def test_a_mesh_without_groups_has_entities_as_skins(cut, tmp_path):
     entity = np.column_stack([cut.cell_dim, np.ones(cut.n_cells, int)])
     mesh = replace(cut, cell_groups={}, group_tags={}, cell_data={**cut.cell_data, "entity": entity})
-    check(mesh, 3, tmp_path, ("entity:2:1",))
+    check(mesh, 3, tmp_path / "entities", ("entity:2:1",))
 
 
 def test_the_folder_is_described(parts, cut):
@@ -85,29 +81,32 @@ def test_the_folder_is_described(parts, cut):
     assert set(told["skins"]) == {name for name in cut.cell_groups if cut.group_dim(name) < 3}
 
 
-def test_what_cannot_be_read_is_refused(parts):
-    with pytest.raises(RequestError, match="has 4 parts, and no rank 4"):
-        read_part(parts, 4)
-    with pytest.raises(GroupNotFoundError, match="did you mean slave"):
-        read_part(parts, 0, everywhere=["slav"])
-    with pytest.raises(GroupNotFoundError, match="no group of skin faces named 'lower'; there are: "):
-        read_part(parts, 0, everywhere=["lower"])
-    for other in (parts / "other", parts / FILE, "data"):
-        with pytest.raises(ReadError, match="is no folder of parts; lacmesh partition makes one"):
-            read_part(other, 0)
+@pytest.mark.parametrize(
+    "place, rank, groups, error, says",
+    [
+        ("", 4, (), RequestError, "no rank 4"),
+        ("", 0, ["slav"], GroupNotFoundError, "did you mean slave"),
+        ("", 0, ["lower"], GroupNotFoundError, "skin faces named 'lower'"),
+        ("other", 0, (), ReadError, "no folder of parts"),
+        (FILE, 0, (), ReadError, "no folder of parts"),
+        (REPOSITORY / "data", 0, (), ReadError, "no folder of parts"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(parts, place, rank, groups, error, says):
+    with pytest.raises(error, match=says):
+        read_part(parts / place, rank, everywhere=groups)
 
 
 def test_parts_are_replaced_only_if_asked_for(parts, cut, tmp_path):
     owner = distribute_nodes(cut, 2)
-    with pytest.raises(RequestError, match="exists already; --force replaces it"):
+    with pytest.raises(RequestError, match="exists already"):
         write_parts(parts, cut, owner)
     assert len(describe_parts(parts)["parts"]["nodes"]) == 4
     write_parts(parts, cut, owner, force=True)
     assert len(describe_parts(parts)["parts"]["nodes"]) == 2
-    with pytest.raises(WriteError, match="is a file; name a folder"):
-        write_parts(parts / FILE, cut, owner, force=True)
-    with pytest.raises(WriteError, match="does not exist"):
-        write_parts(tmp_path / "no" / "folder", cut, owner)
+    for place, says in ((parts / FILE, "is a file"), (tmp_path / "no" / "folder", "does not exist")):
+        with pytest.raises(WriteError, match=says):
+            write_parts(place, cut, owner, force=True)
 
 
 def test_nothing_is_left_of_parts_that_could_not_be_written(cut, tmp_path, monkeypatch):
@@ -115,14 +114,14 @@ def test_nothing_is_left_of_parts_that_could_not_be_written(cut, tmp_path, monke
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("lacmesh.partition.store._write", full)
-    with pytest.raises(WriteError, match=f"{FILE}: cannot be written"):
+    with pytest.raises(WriteError, match="cannot be written"):
         write_parts(tmp_path / "parts", cut, distribute_nodes(cut, 2))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_data_that_are_no_numbers_are_left_out_and_named(tmp_path):
     mesh = Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])], node_data={"name": np.array(["a", "b"])})
-    with pytest.warns(LacmeshWarning, match="data that are no numbers are left out: name"):
+    with pytest.warns(LacmeshWarning, match="left out: name"):
         write_parts(tmp_path, mesh, distribute_nodes(mesh, 2))
     assert read_part(tmp_path, 0).mesh.node_data == {}
 
@@ -130,15 +129,15 @@ def test_data_that_are_no_numbers_are_left_out_and_named(tmp_path):
 @pytest.mark.parametrize(
     "place, value, told",
     [
-        ("header", np.frombuffer(b"{}", np.uint8), r"is damaged \('version'\); partition the mesh again"),
-        ("header", np.frombuffer(b'{"version": 1}', np.uint8), "has version 1, expected 2"),
-        ("header", np.frombuffer(b'{"version": 2}', np.uint8), r"is damaged \('whole'\)"),
-        ("header", np.frombuffer(b"[", np.uint8), "is damaged .*partition the mesh again"),
-        ("node/number", np.array([[1], [2]] * 999), "is damaged .*node_number must be integers"),
-        ("notes", np.frombuffer(b"[]", np.uint8), "/notes: are damaged"),
-        ("node/start", np.zeros((2, 9), int), "/node/start: has 2 rows, expected 4 or more"),
-        ("node/index", np.arange(10, dtype=np.int32), "/node/index: has 10 rows, expected"),
-        ("cell/type1", np.full((9999, 4), 10**6), "has nodes that are not in the part"),
+        ("header", b"{}", r"damaged \('version'\)"),
+        ("header", b'{"version": 1}', "version 1, expected"),
+        ("header", b'{"version": 2}', r"damaged \('whole'\)"),
+        ("header", b"[", "is damaged"),
+        ("node/number", np.array([[1], [2]] * 999), "must be integers"),
+        ("notes", b"[]", "/notes: are damaged"),
+        ("node/start", np.zeros((2, 9), int), "/node/start: has 2"),
+        ("node/index", np.arange(10, dtype=np.int32), "/node/index: has 10"),
+        ("cell/type1", np.full((9999, 4), 10**6), "not in the part"),
         ("node/points", None, "/node/points: is missing"),
     ],
 )
@@ -146,7 +145,7 @@ def test_damage_is_told_with_its_place(parts, place, value, told):
     with h5py.File(parts / FILE, "a") as file:
         del file[place]
         if value is not None:
-            file[place] = value
+            file[place] = np.frombuffer(value, np.uint8) if isinstance(value, bytes) else value
     with pytest.raises(ReadError, match=told):
         read_part(parts, 2)
 
@@ -164,3 +163,76 @@ def test_a_damaged_file_is_refused_or_read(seed, parts):
         assert len(part.node) == part.mesh.n_nodes and describe_parts(parts)["nodes"] == part.n_nodes
     except ReadError as error:
         assert FILE in str(error)
+
+
+# ---- the commands
+
+
+def test_parts_are_written_beside_the_mesh_and_told(fresh, capsys):
+    shutil.copy(BLOCKS, "two.msh")
+    assert main(["partition", "two.msh", "-n", "3"]) == 0
+    out = capsys.readouterr().out
+    mesh = read("two.msh")
+    parts = [part_of(mesh, distribute_nodes(mesh, 3), rank) for rank in range(3)]
+    nodes = [part.mesh.n_nodes for part in parts]
+    assert f"3 parts of {min(nodes)} to {max(nodes)} nodes, {sum(nodes) / mesh.n_nodes:.2f} copies" in out
+    assert "written to two.parts" in out
+    assert [differences(part, read_part("two.parts", part.rank)) for part in parts] == [[], [], []]
+    assert main(["info", "two.parts", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert main(["info", "two.parts"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert all(f"{told[what]:,} {what}" in lines[0] for what in ("nodes", "cells"))
+    assert f"{told['copies']:.2f} copies of a node" in lines[0]
+    largest = next(line.split() for line in lines if line.startswith(" largest"))
+    assert largest[1:] == [f"{max(counts):,}" for counts in told["parts"].values()]
+
+
+@pytest.mark.parametrize(
+    "args, status, told",
+    [
+        (("partition", BLOCKS, "-n", "0"), 2, "1 to 476 parts, not 0"),
+        (("partition", BLOCKS, "-n", "4000"), 2, "not 4,000"),
+        (("partition", BLOCKS, "-n", "2", "--method", "metis"), 2, "pip install 'lacmesh[metis]'"),
+        (("partition", BLOCKS, "-n", "2", "-o", "no/p"), 3, "folder no does not"),
+        (("partition", BLOCKS, "-n", "2", "-o", "file"), 3, "file: is a file"),
+        (("partition", BLOCKS, "-n", "2", "-o", "old"), 2, "old/parts.h5 exists already"),
+        (("partition", ".", "-n", "2"), 3, ".: cannot be read"),
+        (("partition", "nothing.msh", "-n", "2"), 3, "nothing.msh: cannot be read"),
+        (("info", "old", "-q"), 0, ""),
+        (("info", "data"), 3, "data: is no folder of parts"),
+    ],
+)
+def test_what_cannot_be_done_has_its_status_and_changes_nothing(args, status, told, fresh, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymetis", None)
+    assert main(["partition", BLOCKS, "-n", "2", "-o", "old", "-q"]) == 0
+    assert capsys.readouterr() == ("", "")
+    before = (fresh / "old" / "parts.h5").read_bytes()
+    (fresh / "file").write_text("kept")
+    there = sorted(fresh.iterdir())
+    assert main(list(args)) == status
+    said = capsys.readouterr().err
+    assert told in said and said.count("\n") == (status > 0)
+    assert sorted(fresh.iterdir()) == there
+    assert (fresh / "old" / "parts.h5").read_bytes() == before
+
+
+# ---- METIS, in whose place a function looks at the graph
+
+
+def test_metis_is_given_the_graph_of_nodes_that_share_a_cell_and_may_leave_no_part_empty(monkeypatch):
+    mesh, seen = read(BLOCKS), set()
+    answer = [node % 3 for node in range(mesh.n_nodes)]
+
+    def part_graph(n, xadj, adjncy):
+        seen.update((a, b) for a, (i, j) in enumerate(pairwise(xadj.tolist())) for b in adjncy[i:j].tolist())
+        return 0, answer
+
+    monkeypatch.setitem(sys.modules, "pymetis", SimpleNamespace(part_graph=part_graph))
+    assert np.array_equal(distribute_by_metis(mesh, 3), np.arange(mesh.n_nodes) % 3)
+    solids = [block.nodes for k, block in enumerate(mesh.blocks) if mesh.cell_dim[mesh.offsets[k]] == mesh.dim]
+    assert seen == {(a, b) for nodes in solids for row in nodes.tolist() for a in row for b in row if a != b}
+    with pytest.raises(RequestError, match="1 to 476 parts"):
+        distribute_by_metis(mesh, 477)
+    with pytest.raises(DataError, match="1 of 4 parts"):
+        distribute_by_metis(mesh, 4)

@@ -9,56 +9,42 @@ from itertools import product
 import numpy as np
 import pytest
 
-from lacmesh import Mesh, Surface, cut_skin, raise_order
+from lacmesh import Mesh, cut_skin, generate, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth import find, height_of
 from lacmesh.smooth.heights import smooth_of
 from lacmesh.smooth.parents import inverse, parents_of
 from lacmesh.surface import contact_points
-from lacmesh.surface.maps import NormalMaps, coefficients, slopes, values
+from lacmesh.surface.maps import coefficients, slopes, values
 from lacmesh.surface.normals import smooth_normals, unit
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from tests.samples import each_option
-from tests.smooth.skins import (
-    LEVEL,
-    along,
-    block,
-    cone,
-    cylinder,
-    ellipsoid,
-    inner,
-    over,
-    plane,
-    rolled,
-    saddle,
-    shell,
-    sphere,
-    torus,
-    waves,
-    worst,
-)
-from tests.surface.surfaces import whole
+from tests.smooth import skins
+from tests.smooth.skins import KINDS, LEVEL, ROUND, along, block, chain, heights, rolled, skin_of, worst
+from tests.surface.surfaces import mapped, sheet, whole
 
-KINDS = ["TRIA3", "QUAD4", "mixed"]
+
+def with_heights(mesh, skin=None):
+    """The surface of a mesh of faces with its heights."""
+    faces = whole(mesh) if skin is None else skin
+    return replace(faces, height=height_of(mesh, faces))
 
 
 @cache
 def skin_with_heights(surface, n, kind):
-    """A skin of so many faces, and its heights."""
-    mesh = rolled(surface, n, kind)
-    faces = whole(mesh)
-    return faces, height_of(mesh, faces)
+    return with_heights(rolled(surface, n, kind))
 
 
-def rate(surface, kind, sizes, rows=lambda n, kind: None):
+def rate(surface, kind, sizes, rim=True):
     """The rate at which the largest error of a height falls, over skins of so many faces, and the errors."""
     errors = []
     for n in sizes:
-        faces, height = skin_with_heights(surface, n, kind)
-        some = rows(n, kind)
-        errors.append(worst(surface, faces, height, np.arange(len(faces))[slice(None) if some is None else some]))
+        faces = skin_with_heights(surface, n, kind)
+        centre = mean_normals(whole(sheet(n, kind=kind, skew=0.25)))[1]
+        some = rim | (np.abs(centre[:, :2] - 0.5) < 0.5 - 1.2 / n).all(axis=1)
+        errors.append(worst(surface, faces, faces.height, np.flatnonzero(some)))
     return np.log2(errors[0][0] / errors[-1][0]) / np.log2(sizes[-1] / sizes[0]), errors
 
 
@@ -80,14 +66,14 @@ def shared_normals(faces):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+@pytest.mark.parametrize("surface", ROUND)
 def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kind):
     """Exact along what both faces at an edge take for the normal, the same for both; O(h^4) along a face's own."""
     errors = []
     for size in (1.0, 0.25):  # the same faces, a quarter as large
         mesh = rolled(surface, 6, kind, size=size)
         faces = whole(mesh)
-        value, normal = over(height_of(mesh, faces)), mean_normals(faces)[0]
+        value, normal = heights(mesh, faces), mean_normals(faces)[0]
         np.testing.assert_allclose(value[:, :4], at_edges(surface, faces, shared_normals(faces)), atol=1e-12)
         quads = faces.n_corners == 4
         x = faces.x[faces.faces.nodes[quads, :4]].mean(axis=1)
@@ -98,30 +84,27 @@ def test_heights_of_an_exact_shape_are_its_own_at_edges_and_centres(surface, kin
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+@pytest.mark.parametrize("surface", ROUND)
 def test_heights_anywhere_in_the_faces_of_an_exact_shape(surface, kind):
     """A quadratic over each face misses O(h^3) of a skin whose curvature changes."""
-    found, errors = rate(surface, kind, (6, 24))
+    found, errors = rate(surface, kind, (8, 32))
     assert found > 2.5, errors
     assert errors[-1][0] < 0.02 * errors[-1][1]
 
 
-@pytest.mark.parametrize(("surface", "kind"), each_option(product((ellipsoid, saddle, waves), KINDS)))
+@pytest.mark.parametrize(("surface", "kind"), each_option(product((skins.ellipsoid, skins.saddle, skins.waves), KINDS)))
 def test_heights_of_a_free_form(surface, kind):
     """O(h^3) inside, on meshes whose nodes stand anywhere; not much less at the rim, where fits are one-sided."""
-    found, errors = rate(surface, kind, (8, 32), lambda n, kind: inner(n, kind))
-    assert found > 2.6, errors
-    assert errors[-1][0] < 0.05 * errors[-1][1], errors
-    found, errors = rate(surface, kind, (8, 32))
-    assert found > 2.2, errors
-    assert errors[-1][0] < 0.15 * errors[-1][1], errors
+    for rim, least, share in ((False, 2.6, 0.05), (True, 2.2, 0.15)):
+        found, errors = rate(surface, kind, (8, 32), rim)
+        assert found > least and errors[-1][0] < share * errors[-1][1], errors
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
     """With the chord's length for that of its shadow, the fits miss of a sphere what three turns of the frame leave."""
     monkeypatch.setattr(find, "simplest", lambda *_: None)
-    mesh = rolled(sphere, 7, kind)
+    mesh = rolled(skins.sphere, 7, kind)
     faces = whole(mesh)
     smooth = smooth_of(mesh, faces, 40.0)
     assert smooth.sought.free.all()
@@ -134,14 +117,12 @@ def test_local_fits_are_exact_on_a_sphere_up_to_the_face(kind, monkeypatch):
 
 
 def test_a_circle_in_the_plane():
+    """Convex is positive, concave negative."""
     t = np.sort(np.random.default_rng(0).random(12))
-    pairs = np.stack([np.arange(11), np.arange(1, 12)], axis=1)
-    for radius, sign in ((2.0, 1), (2.0, -1)):
-        x = radius * np.stack([np.cos(t), np.sin(t)], axis=1)
-        mesh = Mesh.create(x, [("SEG2", pairs if sign > 0 else pairs[:, ::-1])])
-        height = height_of(mesh, whole(mesh))
-        exact = radius - np.sqrt(radius**2 - (np.linalg.norm(np.diff(x, axis=0), axis=1) / 2) ** 2)
-        np.testing.assert_allclose(over(height)[:, 0], sign * exact, rtol=1e-9)
+    for sign in (1, -1):
+        x = 2.0 * np.stack([np.cos(t), np.sin(t)], axis=1)
+        exact = sign * (2.0 - np.sqrt(4.0 - (np.linalg.norm(np.diff(x, axis=0), axis=1)[::sign] / 2) ** 2))
+        np.testing.assert_allclose(heights(chain(x[::sign], closed=False))[:, 0], exact, rtol=1e-9)
 
 
 def test_a_free_form_in_the_plane():
@@ -150,55 +131,45 @@ def test_a_free_form_in_the_plane():
     for n in (10, 40):
         x = np.linspace(-1, 1, n + 1)
         x[1:-1] += np.random.default_rng(0).uniform(-0.2, 0.2, n - 1) * 2 / n
-        nodes = np.arange(n + 1)
-        mesh = Mesh.create(np.stack([x, x**2], axis=1), [("SEG2", np.stack([nodes[:-1], nodes[1:]], axis=1))])
-        faces = whole(mesh)
-        normal, middle = mean_normals(faces)
-        height = height_of(mesh, faces)
+        mesh = chain(np.stack([x, x**2], axis=1), closed=False)
+        normal, middle = mean_normals(whole(mesh))
         exact = along(lambda p: p[:, 1] - p[:, 0] ** 2, middle, normal)
-        errors.append(np.abs(over(height)[:, 0] - exact).max())
+        errors.append(np.abs(heights(mesh)[:, 0] - exact).max())
     assert np.log2(errors[0] / errors[1]) / 2 > 2.3 and errors[1] < 0.05 * 0.05**2 / 4, errors
 
 
-def test_what_is_flat_has_no_height():
-    for kind in KINDS:
-        mesh = rolled(plane, 5, kind)
-        assert height_of(mesh, whole(mesh)) is None
-    cube = block("HEXA8", lambda x: x)
-    assert height_of(cube, Surface.of(cube, np.flatnonzero(cube.cell_dim == 2))) is None
-
-
-def test_quadratic_faces_that_are_curved_have_no_height():
-    mesh = raise_order(rolled(sphere, 5), "2")
-    mesh = replace(mesh, points=mesh.points / np.linalg.norm(mesh.points, axis=1, keepdims=True))
-    assert height_of(mesh, whole(mesh)) is None
+def test_what_is_flat_and_curved_quadratic_faces_have_no_height():
+    cube, ball = generate.box(3).only("body", "top"), raise_order(rolled(skins.sphere, 5), "2")
+    ball = replace(ball, points=ball.points / np.linalg.norm(ball.points, axis=1, keepdims=True))
+    for mesh, skin in (
+        (cube, skin_of(cube, "top")),
+        *((one, whole(one)) for one in (rolled(skins.plane, 5, "mixed"), ball)),
+    ):
+        assert height_of(mesh, skin) is None
 
 
 @pytest.mark.parametrize(("kind", "order"), [("TRIA3", "2"), ("QUAD4", "2"), ("QUAD4", "2-full"), ("mixed", "2")])
 @pytest.mark.parametrize("digits", [16, 6])
 def test_quadratic_faces_that_are_straight_have_the_heights_of_linear_ones(kind, order, digits):
     """Also where mid-nodes are off the chord by the digits of a file: the height is measured from where they are."""
-    linear = rolled(cylinder, 6, kind)
+    linear = rolled(skins.cylinder, 6, kind)
     mesh = raise_order(linear, order)
     points = mesh.points.copy()
     points[linear.n_nodes :] = points[linear.n_nodes :].round(digits)
     mesh = replace(mesh, points=points)
-    skin, faces = whole(linear), whole(mesh)
-    want, got = replace(skin, height=height_of(linear, skin)), replace(faces, height=height_of(mesh, faces))
-    rng, rows = np.random.default_rng(0), np.arange(len(skin))
-    xi = rng.uniform(0.1, 0.4, (len(rows), 2))
+    want, got = with_heights(linear), with_heights(mesh)
+    rows = np.arange(len(want))
+    xi = np.random.default_rng(0).uniform(0.1, 0.4, (len(rows), 2))
     np.testing.assert_allclose(got.heights(rows, xi), want.heights(rows, xi), atol=max(10.0**-digits, 1e-14))
     np.testing.assert_allclose(got.leans(rows, xi), want.leans(rows, xi), atol=10 * max(10.0**-digits, 1e-14))
 
 
-@pytest.mark.parametrize("surface", [cylinder, sphere, cone, torus])
+@pytest.mark.parametrize("surface", ROUND)
 def test_normals_are_those_of_the_shape(surface):
     """Over flat faces, at a rim too: to h^3, and those of a cylinder have nothing along its axis."""
     worst = []
     for n in (5, 10):
-        mesh = rolled(surface, n)
-        skin = whole(mesh)
-        skin = replace(skin, height=height_of(mesh, skin))
+        skin = with_heights(rolled(surface, n))
         rows = np.repeat(np.arange(len(skin)), 3)
         xi = np.tile([[0.2, 0.2], [0.6, 0.1], [0.1, 0.6]], (len(skin), 1))
         J = slopes(coefficients(skin), rows, xi, 2)
@@ -207,7 +178,7 @@ def test_normals_are_those_of_the_shape(surface):
         steps = 1e-6 * np.eye(3)
         want = unit(np.stack([level(x + step) - level(x - step) for step in steps], axis=1))
         worst.append(np.abs(np.cross(got, want)).max())
-        if surface is cylinder:
+        if surface is skins.cylinder:
             assert np.abs(got[:, 2]).max() < 1e-6
     assert worst[0] < 1e-6 or worst[1] < worst[0] / 5 < 1e-3
 
@@ -219,38 +190,36 @@ CUTS = [("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("PENTA6", "pyramid"), ("TETRA4
 CUTS += [("mixed", "pyramid"), ("mixed", "hexa"), ("mixed", "auto")]
 
 
-def by_corners(faces, corners):
-    """Rows of faces in the order of their corners, and these."""
-    ordered = np.sort(corners, axis=1)
+def by_corners(faces):
+    """The corners of faces, sorted, and the rows of the faces in their order."""
+    ordered = np.sort(faces.faces.corners, axis=1)
     rows = np.lexsort(ordered.T)
-    return rows, ordered[rows]
+    return ordered[rows], rows
 
 
 @pytest.mark.parametrize(("kind", "hexa"), CUTS)
 def test_children_take_the_heights_of_their_parents(kind, hexa):
-    mesh = block(kind, shell)
+    mesh = block(kind)
     cut = cut_skin(mesh, "skin", hexa=hexa).mesh
-    before, after = Surface.of(mesh, mesh.cells_of("skin")), Surface.of(cut, cut.cells_of("skin"))
+    before, after = skin_of(mesh), skin_of(cut)
     old, new = height_of(mesh, before), height_of(cut, after)
     parents = parents_of(cut, after)
-    rows, corners = by_corners(before, before.faces.corners)
-    mine, theirs = by_corners(parents.faces, parents.faces.faces.corners)
+    (corners, rows), (theirs, mine) = by_corners(before), by_corners(parents.faces)
     assert (corners == theirs).all() and len(after) > len(before)
     row = np.empty(len(mine), int)
     row[mine] = rows  # of the parents among the faces that were not cut
+    at_node = {}
     for name, faces, nodes in after.by_type():
         place = np.array([[0.3, 0.2]]) if name == "TRIA3" else np.array([[0.4, -0.3]])
         x = np.einsum("pn,kns->ks", shape(name, place), after.x[nodes])
         b = new.at(faces, np.tile(place, (len(faces), 1)))
         for face, at, one in zip(faces, x, b, strict=True):
             parent = row[parents.of[face]]
-            kind_, ring = FACE_TYPES[before.faces.type[parent]], before.faces.corners[parent]
+            ring = before.faces.corners[parent]
             ring = before.x[ring[ring >= 0]]
-            xi = inverse(kind_, ring[None], at[None])[0]
-            off = (shape(kind_, xi) @ ring - at) @ mean_normals(after)[0][face]
+            xi = inverse(FACE_TYPES[before.faces.type[parent]], ring[None], at[None])[0]
+            off = (shape(FACE_TYPES[before.faces.type[parent]], xi) @ ring - at) @ mean_normals(after)[0][face]
             assert abs(one - off[0] - old.at(np.array([parent]), xi)[0]) < 2e-2 * old.value.max()
-    at_node: dict = {}
-    for name, faces, nodes in after.by_type():
         for corner, place in enumerate(CELLS[name].reference):
             b = new.at(faces, np.tile(place, (len(faces), 1)))
             for node, one in zip(nodes[:, corner], b, strict=True):
@@ -262,34 +231,13 @@ def test_children_take_the_heights_of_their_parents(kind, hexa):
     assert 1.4**2 * 0.25**2 / 8 / 1.4 / 2 < max(v[0] for v in at_node.values()) < 1.4 * 0.25**2 / 2
 
 
-@pytest.mark.parametrize(("kind", "hexa"), CUTS)
-def test_places_of_children_are_on_their_parents(kind, hexa):
-    """The parent's map takes the corners' reference coordinates to where the corners are."""
-    cut = cut_skin(block(kind, shell), "skin", hexa=hexa).mesh
-    faces = Surface.of(cut, cut.cells_of("skin"))
-    parents = parents_of(cut, faces)
-    for row in range(len(faces)):
-        parent = parents.faces.faces.take(parents.of[[row]])
-        name = FACE_TYPES[parent.type[0]]
-        x = faces.x[parent.nodes[0, : CELLS[name].n_nodes]]
-        n = faces.n_corners[row]
-        there = shape(name, parents.corner[row, :n]) @ x
-        np.testing.assert_allclose(there, faces.x[faces.faces.nodes[row, :n]], atol=1e-14)
-
-
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA3"])
 def test_children_in_the_plane(kind):
     """Two or three pieces of a segment carry the arc of the whole."""
     n = 10
-    t = np.linspace(0, 1.5, n + 1)
-    x = np.concatenate([r * np.stack([np.sin(t), np.cos(t)], axis=1) for r in (1.0, 0.7)])
-    k = np.arange(n)
-    quads = np.stack([k, k + n + 1, k + n + 2, k + 1], axis=1)
-    cells = quads if kind == "QUAD4" else np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
-    skin = np.arange(len(cells), len(cells) + n)
-    mesh = Mesh.create(x, [(kind, cells), ("SEG2", np.stack([k + 1, k], axis=1))], cell_groups={"skin": skin})
+    mesh = generate.ring((1, n), (0.7, 1.0), kind, angle=np.degrees(1.5)).renamed(outer="skin").only("body", "skin")
     cut = cut_skin(mesh, "skin").mesh
-    faces = Surface.of(cut, cut.cells_of("skin"))
+    faces = skin_of(cut)
     height = height_of(cut, faces)
     assert len(height.value) == len(faces) == (3 * n if kind == "QUAD4" else 2 * n)
     for end in (-1.0, 0.0, 1.0):
@@ -299,18 +247,17 @@ def test_children_in_the_plane(kind):
 
 
 def test_a_part_of_a_macro_element_has_its_parent_whole():
-    cut = cut_skin(block("HEXA8", shell), "skin", hexa="hexa").mesh
-    faces = Surface.of(cut, cut.cells_of("skin"))
+    cut = cut_skin(block("HEXA8"), "skin", hexa="hexa").mesh
+    faces = skin_of(cut)
     part = faces.take(np.flatnonzero(cut.cell_data["lac_child"][faces.cell] == 5))  # centres, which touch nothing outer
-    whole_, some = parents_of(cut, faces), parents_of(cut, part)
-    a = by_corners(whole_.faces, whole_.faces.faces.corners)[1]
-    assert (a == by_corners(some.faces, some.faces.faces.corners)[1]).all()
+    some = parents_of(cut, part)
+    assert (by_corners(parents_of(cut, faces).faces)[0] == by_corners(some.faces)[0]).all()
     np.testing.assert_allclose(np.abs(some.corner), 1 / 3, atol=1e-14)
 
 
 def test_the_copies_of_slave_faces_have_parents_too():
     """Another group on the same nodes: the cut cuts both, and marks one of them."""
-    mesh = block("TETRA4", shell)
+    mesh = block("TETRA4")
     skin = mesh.block("TRIA3")
     doubled = Mesh.create(
         mesh.points,
@@ -318,12 +265,9 @@ def test_the_copies_of_slave_faces_have_parents_too():
         cell_groups={"skin": mesh.cells_of("skin"), "copy": mesh.cells_of("skin") + len(skin)},
     )
     cut = cut_skin(doubled, "skin").mesh
-    faces = Surface.of(cut, cut.cells_of("copy"))
+    faces = skin_of(cut, "copy")
     assert len(faces) == 3 * len(skin) and len(parents_of(cut, faces).faces) == len(skin)
-    own = Surface.of(mesh, mesh.cells_of("skin"))
-    slave = Surface.of(cut, cut.cells_of("skin"))
-    np.testing.assert_allclose(height_of(cut, faces).value, height_of(cut, slave).value, atol=1e-15)
-    assert len(own) == len(skin)
+    np.testing.assert_allclose(height_of(cut, faces).value, height_of(cut, skin_of(cut)).value, atol=1e-15)
 
 
 # ---- creases and rims
@@ -331,84 +275,60 @@ def test_the_copies_of_slave_faces_have_parents_too():
 
 def test_fits_do_not_reach_over_a_crease():
     """Two skins of free form that meet at right angles: what one is changes nothing of the other."""
+    found = []
+    for bump in (0.1, 0.2):
 
-    def two(bump):
-        i, j = np.meshgrid(np.arange(9), np.arange(17), indexing="ij")
-        u, v = i.ravel() / 8, (j.ravel() - 8) / 8
-        flat = np.where(v <= 0, v, 0.0)
-        up = np.where(v > 0, v, 0.0)
-        side = v > 0
-        x = np.stack([u, flat - side * bump * up * np.sin(3 * u), up + ~side * 0.1 * np.sin(2 * u + v) * v], axis=1)
-        g = np.arange(9 * 17).reshape(9, 17)
-        quads = np.stack([g[:-1, :-1], g[1:, :-1], g[1:, 1:], g[:-1, 1:]], axis=-1).reshape(-1, 4)
-        mesh = Mesh.create(x, [("QUAD4", quads)], space_dim=3)
-        return over(height_of(mesh, whole(mesh))), x[quads][:, :, 2].max(axis=1) > 0.05
+        def folded(x, bump=bump):
+            u, v = x[:, 0], 2 * x[:, 1] - 1
+            low, high = np.minimum(v, 0), np.maximum(v, 0)
+            return np.stack([u, low - bump * high * np.sin(3 * u), high + 0.1 * np.sin(2 * u + v) * low], axis=1)
 
-    a, upper = two(0.1)
-    b, _ = two(0.2)
+        mesh = mapped(sheet(8, ny=16), folded)
+        found.append(heights(mesh))
+    upper = mesh.points[mesh.block("QUAD4")][:, :, 2].max(axis=1) > 0.05
+    a, b = found
     lower = ~upper & (np.abs(a).max(axis=1) > 0)
     assert lower.sum() > 30 and np.abs(a[upper] - b[upper]).max() > 1e-4
     np.testing.assert_allclose(a[lower], b[lower], rtol=0, atol=1e-14)
 
 
 def test_a_bare_skin_and_a_body_have_the_same_heights():
-    mesh = block("HEXA8", shell)
-    own = Surface.of(mesh, mesh.cells_of("skin"))
-    bare = Mesh.create(mesh.points, [("QUAD4", mesh.block("QUAD4"))], space_dim=3)
-    np.testing.assert_allclose(height_of(bare, whole(bare)).value, height_of(mesh, own).value, rtol=0, atol=1e-14)
-    assert over(height_of(mesh, own)).min() > 0  # convex
-
-
-def test_the_sides_of_heights():
     """Convex > 0, along the outward normal; concave < 0."""
-    mesh = rolled(sphere, 6)
-    faces = whole(mesh)
-    out = (mean_normals(faces)[0] * mean_normals(faces)[1]).sum(axis=1) > 0
-    sign = 1 if out.all() else -1
-    assert (sign * over(height_of(mesh, faces))[:, :3] > 0).all()
-    other = Mesh.create(mesh.points, [("TRIA3", mesh.block("TRIA3")[:, ::-1])], space_dim=3)
-    assert (sign * over(height_of(other, whole(other)))[:, :3] < 0).all()
+    mesh = block("HEXA8")
+    turned = Mesh.create(mesh.points, [("QUAD4", mesh.block("QUAD4")[:, ::-1])], space_dim=3)
+    bare = Mesh.create(mesh.points, [("QUAD4", mesh.block("QUAD4"))], space_dim=3)
+    np.testing.assert_allclose(height_of(bare, whole(bare)).value, height_of(mesh, skin_of(mesh)).value, atol=1e-14)
+    assert heights(mesh, skin_of(mesh)).min() > 0 > heights(turned).max()
 
 
-def test_coordinates_that_are_no_numbers_and_faces_without_extent_are_passed_over():
-    mesh = rolled(waves, 6)
+@pytest.mark.parametrize("extent", [False, True])
+def test_coordinates_that_are_no_numbers_and_faces_without_extent_are_passed_over(extent):
+    mesh = rolled(skins.waves, 6)
     x = mesh.points.copy()
-    x[24] = np.nan
-    broken = replace(mesh, points=x)
-    height = height_of(broken, whole(broken))
+    x[24] = x[25] if extent else np.nan
+    height = with_heights(replace(mesh, points=x)).height
     assert np.isfinite(height.value).all() and np.abs(height.value).max() > 1e-4
-    x = mesh.points.copy()
-    x[24] = x[25]
-    broken = replace(mesh, points=x)
-    assert np.isfinite(height_of(broken, whole(broken)).value).all()
 
 
-def noise_of_gaps(kind, skew):
-    """Largest change of a gap's integral by last bits of the nodes, and the largest of these integrals.
+def gaps(*sides, **options):
+    """Integrals of the gap over the slave faces of meshes of faces with heights."""
+    points = contact_points(*sides, **options)
+    return np.bincount(points.macro, points.weight * points.gap)
 
-    Skins with the same nodes: last bits say into how many triangles a common part is divided.
+
+@pytest.mark.parametrize(("kind", "skew"), [*product(("TRIA3", "QUAD4"), (0.02, 0.25))])
+def test_gaps_of_smooth_skins_have_the_round_off_of_those_of_faces(kind, skew):
+    """Skins have the same nodes: last bits say into how many triangles a common part is divided.
+
+    Along normals that lean a rule of few points leaves as much however the corners of a part are numbered.
     """
-    slave, master = (rolled(cylinder, 5, each, skew, down=down) for each, down in ((kind, False), ("QUAD4", True)))
-    both = [replace(whole(mesh), height=height_of(mesh, whole(mesh))) for mesh in (slave, master)]
-    rng, found = np.random.default_rng(0), []
-    for _ in range(8):
-        moved = [side.at(side.x + 1e-15 * rng.uniform(-1, 1, side.x.shape)) for side in both]
-        points = contact_points(*moved)
-        found.append(np.bincount(points.macro, points.weight * points.gap))
-    return np.ptp(found, axis=0).max(), np.abs(found).max()
-
-
-@pytest.mark.parametrize(("kind", "skew"), [*product(("TRIA3", "QUAD4"), (0.02, 0.25))])
-def test_gaps_of_smooth_skins_have_the_round_off_of_those_of_faces(kind, skew, monkeypatch):
-    """Along the normals of faces heights are integrated exactly, however a common part is divided."""
-    monkeypatch.setattr("lacmesh.surface.points.normal_maps", lambda *_: NormalMaps.none())
-    assert noise_of_gaps(kind, skew)[0] < 1e-15
-
-
-@pytest.mark.parametrize(("kind", "skew"), [*product(("TRIA3", "QUAD4"), (0.02, 0.25))])
-def test_gaps_along_normals_that_lean_have_the_round_off_of_those_of_faces(kind, skew):
-    """There a rule of few points leaves as much of a common part however its corners are numbered."""
-    assert noise_of_gaps(kind, skew)[0] < 1e-15
+    both = [
+        with_heights(rolled(skins.cylinder, 5, each, skew, down=down))
+        for each, down in ((kind, False), ("QUAD4", True))
+    ]
+    rng = np.random.default_rng(0)
+    found = [gaps(*(side.at(side.x + 1e-15 * rng.uniform(-1, 1, side.x.shape)) for side in both)) for _ in range(8)]
+    assert np.ptp(found, axis=0).max() < 1e-15
 
 
 def turned_over(mesh):
@@ -420,11 +340,8 @@ def turned_over(mesh):
 @pytest.mark.parametrize("normals", ["facet", "smoothed"])
 @pytest.mark.parametrize(("slave", "master"), [*product(("TRIA3", "QUAD4"), repeat=2)])
 def test_a_mirror_image_has_the_same_gaps(slave, master, normals):
-    meshes = rolled(waves, 4, slave), rolled(waves, 3, master, down=True)
-    found = []
-    for sides in (meshes, [turned_over(mesh) for mesh in meshes]):
-        both = [replace(whole(mesh), height=height_of(mesh, whole(mesh))) for mesh in sides]
-        points = contact_points(*both, normals=normals)
-        found.append(np.bincount(points.macro, points.weight * points.gap))
+    meshes = rolled(skins.waves, 4, slave), rolled(skins.waves, 3, master, down=True)
+    mirrored = [turned_over(mesh) for mesh in meshes]
+    found = [gaps(*map(with_heights, sides), normals=normals) for sides in (meshes, mirrored)]
     assert np.abs(found[0]).max() > 1e-5
     np.testing.assert_allclose(*found, rtol=0, atol=1e-15)

@@ -1,23 +1,104 @@
-"""Compiled polygons, inverse maps, moments and rules, each against its plain twin."""
+"""Surfaces once, outward, with neighbours; compiled polygons, rules, tree and clip, against plain twins."""
+
+from __future__ import annotations
 
 import itertools
+import time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from lacmesh import Mesh, join
+from lacmesh.cells import CELLS
+from lacmesh.errors import DataError
 from lacmesh.reference.quadrature import rule
-from lacmesh.surface.clip import FACING, mean_plane, project
+from lacmesh.surface import Surface, contact_points
+from lacmesh.surface.clip import FACING, clip, mean_plane, project
+from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.fit import correct
 from lacmesh.surface.layers import make_room, nearest_only
-from lacmesh.surface.moments import functions, gauss_rules, straight_integrals
+from lacmesh.surface.lines import _nearest_only
+from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, kinds
+from lacmesh.surface.patches import patches
 from lacmesh.surface.place import plane_rule
-from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside, tidy
-from lacmesh.surface.project import in_face, in_quadrangle, inverse, quadrangle
+from lacmesh.surface.points import reaches
+from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside
+from lacmesh.surface.project import in_quadrangle, quadrangle
+from lacmesh.surface.record import mean_normals
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
-from tests.samples import each_option, samples
-from tests.surface import plain
+from lacmesh.surface.search import _sort, candidates
+from tests.meshes import cell_with_faces
+from tests.samples import samples
+from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+
+# ---- plain twins
+
+
+def all_candidates(slave, master, reach):
+    """The pairs of the tree: every pair, by the definition of the prism."""
+    deep = reach.deep.max(initial=0.0)
+    out = []
+    for s in range(len(slave.n)):
+        y = slave.y[s, : slave.n[s]]
+        low, high = y.min(axis=0), y.max(axis=0)
+        low[2] -= min(reach.behind[s] + deep, reach.limit)
+        high[2] += reach.ahead[s]
+        row = []
+        for m in range(len(master.n)):
+            x = master.x[m, : master.n[m]]
+            ends = np.array(list(itertools.product(*zip(x.min(axis=0), x.max(axis=0), strict=True))))
+            there = (ends - slave.centre[s]) @ slave.e[s].T
+            if (there.max(axis=0) >= low - 1e-9).all() and (there.min(axis=0) <= high + 1e-9).all():
+                row.append(m)
+        out.append(row)
+    return out
+
+
+def area(p):
+    """Area of a polygon (n, 2), counter-clockwise."""
+    p = np.asarray(p).reshape(-1, 2)
+    if len(p) < 3:
+        return 0.0
+    q = np.roll(p, -1, axis=0)
+    return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
+
+
+def inside(polygon, by):
+    """The part of a polygon inside a convex one, side by side, on lists of points."""
+    for a, b in zip(by, np.roll(by, -1, axis=0), strict=True):
+        side = [(b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) for p in polygon]
+        out = []
+        for k, p in enumerate(polygon):
+            q, f, g = polygon[k - 1], side[k], side[k - 1]
+            if f * g < 0:
+                out.append(q + (p - q) * g / (g - f))
+            if f >= 0:
+                out.append(p)
+        polygon = out
+    return polygon
+
+
+def fan(p):
+    """Triangles, counter-clockwise, that with their signs make up a polygon."""
+    for k in range(1, len(p) - 1):
+        corners = p[[0, k, k + 1]]
+        yield (1, corners) if area(corners) >= 0 else (-1, corners[::-1])
+
+
+def shared_area(slave, s, master, m):
+    """Area that two patches share in the slave's plane; both may be any quadrangles that do not cross themselves."""
+    p = slave.y[s, : slave.n[s], :2]
+    q = (((master.x[m, : master.n[m]] - slave.centre[s]) @ slave.e[s].T)[::-1])[:, :2]
+    if area(p) <= 0 or area(q) <= 0:
+        return 0.0
+    return sum(i * j * area(inside(list(b), a)) for i, a in fan(p) for j, b in fan(q) if area(a) > 0)
+
+
+# ---- polygons and places
 
 
 def convex(rng, n=None):
@@ -25,7 +106,7 @@ def convex(rng, n=None):
     n = int(rng.integers(3, 9)) if n is None else n
     angle = np.sort(rng.uniform(0, 2 * np.pi, n))
     p = np.stack([np.cos(angle), np.sin(angle)], axis=1) @ rng.normal(size=(2, 2)) + rng.normal(size=2)
-    p = p[::-1] if plain.area(p) < 0 else p
+    p = p[::-1] if area(p) < 0 else p
     room = np.zeros((ROOM, 2))
     room[:n] = p
     return room, n
@@ -46,10 +127,10 @@ def monomial_integral(p, a, b):
 def test_areas_centroids_and_clips_are_those_of_the_plain_twins(seed):
     rng = np.random.default_rng(seed)
     (p, n), (q, m) = convex(rng), convex(rng)
-    assert np.isclose(area_of(p, n), plain.area(p[:n]), rtol=1e-12, atol=0)
-    mean = [monomial_integral(p[:n], *k) / plain.area(p[:n]) for k in ((1, 0), (0, 1))]
+    assert np.isclose(area_of(p, n), area(p[:n]), rtol=1e-12, atol=0)
+    mean = [monomial_integral(p[:n], *k) / area(p[:n]) for k in ((1, 0), (0, 1))]
     assert np.allclose(centroid(p, n), mean, atol=1e-12)
-    shared = plain.area(plain.inside(list(p[:n]), q[:m]))
+    shared = area(inside(list(p[:n]), q[:m]))
     room, label = p.copy(), np.zeros(ROOM, np.int8)
     found = cut_by_polygon(room, label, n, q, m, MASTER, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8))
     assert np.isclose(area_of(room, found) if found else 0.0, shared, atol=1e-13)
@@ -60,16 +141,7 @@ def test_areas_centroids_and_clips_are_those_of_the_plain_twins(seed):
     for side in (1, -1):
         k = cut_by_line(p, label, n, *q[0], *q[1], CHORD, side, half, np.zeros(ROOM, np.int8))
         areas.append(area_of(half, k) if k > 2 else 0.0)
-    assert np.isclose(sum(areas), plain.area(p[:n]), rtol=1e-12, atol=0)
-
-
-def test_tidying_takes_out_what_adds_no_area_and_the_longer_edge_names_both():
-    p = np.zeros((ROOM, 2))
-    p[:6] = [[0, 0], [0.5, 0], [2, 0], [2, 0], [2, 1], [0, 1]]
-    label = np.arange(ROOM).astype(np.int8)
-    n = tidy(p, label, 6, 1e-14)
-    assert n == 4 and np.array_equal(p[:4], [[0, 0], [2, 0], [2, 1], [0, 1]])
-    assert label[0] == 1  # the edge from (0.5, 0)
+    assert np.isclose(sum(areas), area(p[:n]), rtol=1e-12, atol=0)
 
 
 @pytest.mark.fuzz
@@ -99,63 +171,6 @@ def _holds(p, X):
     return ((q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) > 0).all(axis=1)
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-def test_places_in_quadrangles_and_triangles(turn):
-    rng = np.random.default_rng(0)
-    for _ in range(200):
-        y = SQUARE[::turn] + 0.45 * rng.uniform(-1, 1, (4, 2))
-        s, t = rng.uniform(-1, 1, 2)
-        N = (1 + SQUARE[:, 0] * s) * (1 + SQUARE[:, 1] * t) / 4
-        p = N @ y
-        c, a, b, d = quadrangle(y)
-        u, v, jacobian = in_quadrangle(c, a, b, d, *p)
-        assert np.allclose([u, v], [s, t], atol=1e-12) and np.sign(jacobian) == turn
-        u, v, ratio = in_face(inverse(y, 4, (SQUARE + 1) / 2), *p)
-        assert np.allclose([u, v], [(s + 1) / 2, (t + 1) / 2], atol=1e-12) and np.isclose(ratio, 0.25 / jacobian)
-        xi = rng.random((4, 2))
-        weights = rng.dirichlet(np.ones(3))
-        assert np.allclose(in_face(inverse(y, 3, xi), *(weights @ y[:3]))[:2], weights @ xi[:3], atol=1e-10)
-
-
-def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
-    y = np.array([[-1.0, -1], [1, 0], [1, 0], [-1, 1]])
-    c, a, b, d = quadrangle(y)
-    for s, t in ((-0.5, 0.3), (0.9, -0.8)):
-        p = ((1 + SQUARE[:, 0] * s) * (1 + SQUARE[:, 1] * t) / 4) @ y
-        assert np.allclose(in_quadrangle(c, a, b, d, *p)[:2], [s, t], atol=1e-10)
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize(("skew", "k"), each_option(itertools.product((0.0, 0.05, 0.3, 0.6), (3, 5, 7, 8))))
-def test_moments_of_quadrangles_are_those_of_a_rule_of_many_points(skew, k):
-    rng = np.random.default_rng(k)
-    for turn in (1, -1):
-        for _ in range(samples(1, 10)):
-            y = SQUARE[::turn] + skew * rng.uniform(-1, 1, (4, 2))
-            ring = y[::turn]
-            p, n = convex(rng, 4)
-            p[:n] = 0.4 * (p[:n] - p[:n].mean(axis=0)) / np.abs(p[:n] - p[:n].mean(axis=0)).max() + 0.3
-            label = np.zeros(ROOM, np.int8)
-            n = cut_by_polygon(p, label, n, ring, 4, CHORD, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8))
-            if n < 3 or area_of(p, n) < 1e-3:
-                continue
-            corner = np.array([in_face(inverse(y, 4, SQUARE), *x)[:2] for x in p[:n]])
-            target = np.zeros(20)
-            local = (corner[:, 0].mean(), corner[:, 1].mean(), 0.5)
-            edges = np.full(n, CHORD, np.int8)
-            straight_integrals(p[:n], corner, edges, 0, y, 4, local, k, 1, gauss_rules(), target)
-            X, w = rule("TRIA", 60)
-            exact, work = np.zeros(20), np.zeros(20)
-            for j in range(1, n - 1):
-                T = np.stack([p[j] - p[0], p[j + 1] - p[0]])
-                for x, weight in zip(p[0] + X @ T, w * np.linalg.det(T), strict=True):
-                    u, v, _ = in_face(inverse(y, 4, SQUARE), *x)
-                    work[0] = 1.0
-                    functions((u - local[0]) / 0.5, (v - local[1]) / 0.5, k, work, 1)
-                    exact += weight * work
-            assert np.abs(target - exact).max() < 1e-11 * np.abs(exact).max()
-
-
 @pytest.mark.parametrize("code", range(len(DEGREE)))
 def test_rules_on_polygons_are_exact_to_their_degree(code):
     rng = np.random.default_rng(code)
@@ -167,11 +182,18 @@ def test_rules_on_polygons_are_exact_to_their_degree(code):
         for a in range(DEGREE[code] + 1):
             for b in range(DEGREE[code] + 1 - a):
                 found = w[:m] @ (X[:m, 0] ** a * X[:m, 1] ** b)
-                scale = plain.area(p[:n]) * size ** (a + b)
+                scale = area(p[:n]) * size ** (a + b)
                 assert abs(found - monomial_integral(p[:n], a, b)) < 1e-12 * scale
     if code >= FAN3:
         rows = slice(*fan_rules().start[code : code + 2])
         assert np.isclose(fan_rules().w[rows].sum(), 1)
+
+
+def test_places_in_a_quadrangle_two_of_whose_corners_are_one():
+    y = np.array([[-1.0, -1], [1, 0], [1, 0], [-1, 1]])
+    for s, t in ((-0.5, 0.3), (0.9, -0.8)):
+        p = ((1 + SQUARE[:, 0] * s) * (1 + SQUARE[:, 1] * t) / 4) @ y
+        assert np.allclose(in_quadrangle(*quadrangle(y), *p)[:2], [s, t], atol=1e-10)
 
 
 def test_corrected_weights_are_exact_and_nearest_to_those_given():
@@ -197,3 +219,281 @@ def test_mean_planes_go_through_the_corners_and_face_by_their_turn():
         assert np.allclose(c0 + y[:3, :2] @ [c1, c2], y[:3, 2])
         assert (cosine > FACING) == faces
     assert abs(cosine - 1 / np.sqrt(1 + 0.1**2 + 0.2**2)) < 1e-15
+
+
+# ---- layers of lines
+
+
+@pytest.mark.parametrize("patch", [1, 10**5, 10**7])
+def test_layers_of_lines_on_any_patch(patch):
+    """Neighbours share 5e-13, which is rounding; a third interval shares 5e-12 with a farther one, which is cut."""
+    low, high = np.array([0.0, 0.1 - 5e-13, 0.7]), np.array([0.1, 0.7 + 5e-12, 1.0])
+    h0, slope = np.array([1.0, 2.0, 1.0]), np.zeros(3)
+    first = _nearest_only(np.zeros(3, int), np.arange(3), low, high, h0, slope)
+    there = _nearest_only(np.full(3, patch), np.arange(3), low, high, h0, slope)
+    assert (there[0] == patch).all() and all(np.array_equal(a, b) for a, b in zip(first[1:], there[1:], strict=True))
+    assert there[3][there[1] == 1].max() == 0.7
+    here = _nearest_only(np.full(2, patch), np.arange(2), low[:2], high[:2], h0[:2], slope[:2])
+    assert here[2].tolist() == low[:2].tolist() and here[3].tolist() == high[:2].tolist()
+
+
+def test_of_crossing_lines_on_many_patches_the_nearest_counts_everywhere():
+    rng = np.random.default_rng(0)
+    s = np.sort(rng.integers(0, 300, 1200))
+    low, high = np.sort(rng.random((2, len(s))), axis=0)
+    h0, slope = rng.uniform(-1, 1, (2, len(s)))
+    patch, m, a, b = _nearest_only(s, np.arange(len(s)), low, high, h0, slope)
+    for one in range(300):
+        mine, found = np.flatnonzero(s == one), np.flatnonzero(patch == one)
+        for t in rng.random(20):
+            over = mine[(low[mine] < t) & (high[mine] > t)]
+            hit = found[(a[found] < t) & (b[found] > t)]
+            assert len(hit) == (len(over) > 0)
+            if len(hit):  # the nearest in the middle of its part, where they are compared
+                middle = (a[hit] + b[hit]) / 2
+                assert m[hit] == over[np.abs(h0[over] + slope[over] * middle).argmin()]
+
+
+# ---- search and clip
+
+
+def random_pair(seed):
+    """Two random surfaces that face each other: holes, several parts, unequal sizes, curved, tilted, any types."""
+    rng = np.random.default_rng(seed)
+    if rng.random() < 0.2:
+        (one, two), (n, m) = rng.choice(["SEG2", "SEG3"], 2), rng.integers(1, 12, 2)
+        above = line(m, 0.05, kind=two, down=True, a=rng.uniform(-0.5, 0.3), b=rng.uniform(0.5, 1.5))
+        return whole(line(n, kind=one, skew=0.3, seed=seed)), whole(above)
+    made = []
+    for down in (False, True):
+        holes = rng.random((3, 3)) < rng.choice([0.0, 0.35])
+        holes[tuple(rng.integers(0, 3, 2))] = False
+        n = int(rng.integers(3, 8)) * (1 + 2 * (rng.random() < 0.15))
+        kind = str(rng.choice(("QUAD4", "TRIA3", "mixed") if n > 8 else TYPES))
+        keep = lambda c, holes=holes: ~holes[tuple(np.clip((c[:, :2] * 3).astype(int), 0, 2).T)]  # noqa: E731
+        made.append(sheet(n, 0.03 * down, kind=kind, skew=rng.choice([0, 0.2]), seed=seed, down=down, keep=keep))
+    turn, shift, bend = rng.uniform(-0.5, 0.5), rng.uniform(-0.2, 0.2, 2), rng.choice([0.0, 0.0, 0.3, -0.3])
+    c, s = np.cos(turn), np.sin(turn)
+    made[1] = mapped(made[1], lambda x: x @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + [*shift, 0])
+    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    tilt *= np.sign(np.linalg.det(tilt))
+    lift = lambda x: x + np.outer((x[:, :2] ** 2).sum(axis=1) * bend, [0, 0, 1])  # noqa: E731
+    return tuple(whole(mapped(m, lambda x: lift(x) @ tilt)) for m in made)
+
+
+@pytest.mark.fuzz
+def test_the_tree_finds_what_brute_force_finds():
+    for seed in range(samples(20, 40)):
+        slave, master = random_pair(seed)
+        s, m = patches(slave), patches(master)
+        reach = reaches(slave, master, s, m, 0.2 if seed % 2 else None)
+        pairs = candidates(s, m, reach)
+        for k, row in enumerate(all_candidates(s, m, reach) if len(s.n) * len(m.n) < 20000 else ()):
+            assert pairs.master[pairs.start[k] : pairs.start[k + 1]].tolist() == row
+
+
+@pytest.mark.fuzz
+def test_pieces_are_what_the_plain_clip_gives():
+    for seed in range(samples(12, 60)):
+        slave, master = random_pair(seed)
+        s, m = patches(slave), patches(master)
+        if slave.dim == 1 or len(s.n) * len(m.n) > 4000:
+            continue
+        reach = reaches(slave, master, s, m, 10.0, 10.0)
+        pieces = clip(candidates(s, m, reach), s, m, reach)
+        found = np.zeros((len(s.n), len(m.n)))
+        np.add.at(found, (pieces.slave, pieces.master), pieces.area)
+        plain = np.array([[shared_area(s, a, m, b) for b in range(len(m.n))] for a in range(len(s.n))])
+        layered = plain.sum(axis=1) > s.area * (1 + 1e-9)
+        assert np.abs(found - plain)[~layered].max(initial=0) < 1e-12
+        assert (found.sum(axis=1) <= s.area * (1 + 1e-12)).all()
+
+
+corner = st.tuples(*[st.floats(-1, 1)] * 2)
+
+
+@pytest.mark.fuzz
+@settings(max_examples=samples(100, 300), deadline=None)
+@given(st.lists(corner, min_size=4, max_size=4), st.lists(corner, min_size=4, max_size=4))
+def test_any_two_quadrangles_convex_or_not(a, b):
+    def face(p, z, order):
+        p = np.array(p) - np.mean(p, axis=0)
+        points = np.pad(p[np.argsort(np.arctan2(p[:, 1], p[:, 0]))], ((0, 0), (0, 1)), constant_values=z)
+        return whole(Mesh.create(points, [("QUAD4", [order])], space_dim=3))
+
+    slave, master = face(a, 0.0, [0, 1, 2, 3]), face(b, 0.1, [0, 3, 2, 1])
+    s, m = patches(slave), patches(master)
+    reach = reaches(slave, master, s, m, 10.0, 10.0)
+    pieces = clip(candidates(s, m, reach), s, m, reach)
+    if not len(s.n) or not len(m.n):
+        assert not len(pieces.slave)
+        return
+    shared = sum(shared_area(s, k, m, j) for k in range(len(s.n)) for j in range(len(m.n)))
+    assert np.isclose(pieces.area.sum(), shared, atol=1e-9)
+    rounding = 8 * np.finfo(float).eps * np.ptp(a, axis=0).max() ** 2  # of eight products, however thin the patch
+    assert pieces.area.sum() <= s.area.sum() * (1 + 1e-12) + rounding
+
+
+def test_long_lists_of_candidates_are_sorted_without_comparing_all():
+    def seconds(n):
+        values = np.arange(n + 2)[::-1].copy()
+        begin = time.process_time()
+        _sort(values, 1, n + 1)
+        spent = time.process_time() - begin
+        assert values[0] == n + 1 and values[-1] == 0 and np.array_equal(values[1:-1], np.arange(1, n + 1))
+        return spent
+
+    for n in (0, 1, 2, 9, 10, 63, 1000):
+        seconds(n)
+    assert min(seconds(300_000) for _ in range(3)) < 60 * min(seconds(15_000) for _ in range(9))  # insertion alone: 400
+
+
+def test_two_layers_of_many_faces_over_one_cost_no_more_than_a_few_times_one():
+    def seconds(master):
+        clip(candidates(s, master, reach), s, master, reach)  # compiled
+        begin = time.process_time()
+        pieces = clip(candidates(s, master, reach), s, master, reach)
+        return time.process_time() - begin, pieces
+
+    near, far = sheet(70, 0.05, down=True, skew=0.1), sheet(71, 0.1, down=True, skew=0.1)
+    slave, both = whole(sheet(1)), whole(join(far, near))
+    s, m = patches(slave), patches(both)
+    reach = reaches(slave, both, s, m, 10.0, 10.0)
+    two, pieces = seconds(m)
+    assert abs(pieces.area.sum() - 1) < 1e-8 and (pieces.area[pieces.master < 71**2].sum() < 1e-8)
+    reach = reaches(slave, whole(far), s, patches(whole(far)), 10.0, 10.0)
+    one, _ = seconds(patches(whole(far)))
+    assert two < 20 * one
+
+
+@pytest.mark.parametrize("shift", [0.0, *(10.0**-k for k in range(15, 5, -1))])
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA3", "QUAD8", "TRIA6"])
+def test_meshes_that_coincide_or_nearly_do(kind, shift):
+    for turn in (0.0, shift):
+        c, s = np.cos(turn), np.sin(turn)
+        turned = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+        slave = whole(sheet(5, kind=kind))
+        master = whole(mapped(sheet(5, kind=kind, down=True), lambda x, q=turned: x @ q + shift))
+        points = contact_points(slave, master)
+        covered = np.bincount(points.slave, points.weight, minlength=len(slave))
+        assert np.isfinite(points.weight).all() and np.isfinite(points.xi_master).all()
+        assert (covered <= 1 / 25 / (2 if "TRIA" in kind else 1) * (1 + 1e-12)).all()
+        assert points.weight.sum() >= 1 - 10 * shift - 1e-12
+        assert np.abs(points.gap - shift).max() <= 2 * shift + 1e-15
+
+
+# ---- surfaces
+
+
+SOLIDS = [name for name, cell in CELLS.items() if cell.dim >= 2 and cell.facets]
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+@pytest.mark.parametrize("inward", [False, True])
+def test_normals_leave_the_cell_behind_whatever_way_faces_are_listed(name, inward):
+    mesh = cell_with_faces(name, range(len(CELLS[name].facets)), rotation=1, inward=inward)
+    surface = Surface.of(mesh, mesh.cell_groups["slave"])
+    normal, centre = mean_normals(surface)
+    (corners,) = [b.nodes[0, : CELLS[name].n_corners] for b in mesh.blocks if b.type == name]
+    out = centre - mesh.points[corners].mean(axis=0)
+    assert ((normal * out).sum(axis=1) > 0).all()
+    assert (surface.depth > 0).all()
+    assert np.allclose((face_measure(surface)[:, None] * normal).sum(axis=0), 0, atol=1e-12)
+
+
+def test_a_cell_that_is_inside_out_still_has_an_outside():
+    mesh = cell_with_faces("HEXA8", range(6))
+    turned = Mesh.create(
+        mesh.points,
+        [(b.type, b.nodes[:, [4, 5, 6, 7, 0, 1, 2, 3]] if b.type == "HEXA8" else b.nodes) for b in mesh.blocks],
+    )
+    skin = mesh.cell_groups["slave"]
+    assert np.array_equal(Surface.of(turned, skin).faces.nodes, Surface.of(mesh, skin).faces.nodes)
+
+
+def test_duplicates_are_taken_once_and_bare_skins_keep_their_orientation():
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    mesh = Mesh.create(points, [("QUAD4", [[3, 2, 1, 0], [0, 1, 2, 3]])], space_dim=3)
+    surface = whole(mesh)
+    assert surface.cell.tolist() == [0] and surface.faces.nodes[0, :4].tolist() == [3, 2, 1, 0]
+    assert np.isnan(surface.depth[0])
+
+
+def test_a_face_between_two_cells_keeps_its_orientation():
+    mesh = blocks(1, 0.0, 1.0)
+    lower = mesh.block("HEXA8")[0]
+    points = np.concatenate([mesh.points, mesh.points[lower[:4]] - [0, 0, 1]])
+    second = np.concatenate([len(mesh.points) + np.arange(4), lower[:4]])
+    for face in (lower[:4], lower[[0, 3, 2, 1]]):
+        both = Mesh.create(points, [("HEXA8", [lower, second]), ("QUAD4", [face])])
+        surface = Surface.of(both, np.array([2]))
+        assert np.array_equal(surface.faces.nodes[0, :4], face) and np.isnan(surface.depth[0])
+
+
+TILTED = Mesh.create([[0, 0, 0], [1, 0, 1.0]], [("SEG2", [[0, 1]])], space_dim=3)
+ORDER_3 = Mesh.create(np.random.default_rng(0).random((10, 3)), [("TRIA10", [list(range(10))])])
+HEXA = cell_with_faces("HEXA8")
+
+
+@pytest.mark.parametrize(
+    ("mesh", "cells", "words"),
+    [
+        (HEXA, [], "at least one"), (HEXA, [0, 1], "dimensions 2, 3"), (HEXA, [0], "dimensions 3"),
+        (TILTED, [0], "z = constant"), (ORDER_3, [0], "TRIA10"),
+    ],
+)  # fmt: skip
+def test_what_is_no_surface_is_refused(mesh, cells, words):
+    with pytest.raises(DataError, match=words):
+        Surface.of(mesh, np.array(cells, int))
+
+
+@pytest.mark.parametrize("kind", ["QUAD4", "TRIA6", "mixed"])
+def test_neighbours_share_an_edge_and_are_mutual(kind):
+    surface = whole(sheet(4, kind=kind))
+    for f, row in enumerate(surface.neighbours):
+        n = surface.n_corners[f]
+        for k, other in enumerate(row):
+            if k >= n or other < 0:
+                continue
+            edge = {surface.faces.nodes[f, k], surface.faces.nodes[f, (k + 1) % n]}
+            assert edge <= set(surface.faces.nodes[other].tolist()) and f in surface.neighbours[other]
+    border = (surface.neighbours < 0).sum() - (4 - surface.n_corners).sum()
+    assert border == 16
+    chain = whole(line(3)).neighbours
+    assert sorted(chain[1][:2].tolist()) == [0, 2] and (chain[[0, 2]] >= 0).sum() == 2
+
+
+def test_kinds_of_maps():
+    flat = whole(sheet(3, kind="mixed 2"))
+    assert set(kinds(coefficients(flat), flat.n_corners)[0]) == {AFFINE}
+    skewed = whole(sheet(3, kind="QUAD8", skew=0.2))
+    kind, warp, curved = kinds(coefficients(skewed), skewed.n_corners)
+    assert set(kind) == {BILINEAR} and not warp.any() and not curved.any()
+    rng = np.random.default_rng(0)
+    bent = whole(mapped(sheet(3, kind="QUAD8"), lambda x: x + 0.01 * rng.uniform(-1, 1, x.shape) * [1, 1, 0]))
+    kind, warp, curved = kinds(coefficients(bent), bent.n_corners)
+    assert set(kind) == {CURVED} and not warp.any() and (curved > 0).all()
+    warped = whole(mapped(sheet(3), lambda x: x + np.outer(x[:, 0] * x[:, 1], [0, 0, 1])))
+    kind, warp, _ = kinds(coefficients(warped), warped.n_corners)
+    assert set(kind) == {BILINEAR} and (warp > 0.01).all()
+
+
+def test_a_quadrangle_that_goes_in_is_two_triangles():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.3, 0.3, 0], [0, 1, 0.0]])
+    p = patches(whole(Mesh.create(points, [("QUAD4", [[0, 1, 2, 3]])], space_dim=3)))
+    assert p.n.tolist() == [3, 3] and np.isclose(p.area.sum(), 0.3)
+
+
+def test_faces_without_extent_or_with_nan_have_no_patch():
+    points = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [np.nan, 0, 0], [1, 1, 0]])
+    mesh = Mesh.create(points, [("TRIA3", [[0, 1, 2], [0, 1, 3], [0, 1, 4]]), ("QUAD4", [[0, 1, 1, 0]])], space_dim=3)
+    assert patches(whole(mesh)).face.tolist() == [1]
+
+
+@pytest.mark.parametrize("kind", TYPES)
+def test_moved_surfaces_keep_their_faces(kind):
+    surface = whole(sheet(2, kind=kind))
+    moved = surface.at(surface.x + 1)
+    assert moved.faces is surface.faces and np.allclose(face_measure(moved), face_measure(surface))
+    with pytest.raises(ValueError, match="coordinates"):
+        surface.at(surface.x[:2])
