@@ -84,7 +84,7 @@ def test_random_meshes(seed, dim, order):
     rng = np.random.default_rng([seed, dim, order])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)  # of duplicates
-        mesh = random_mesh(rng, dim, order, slaves=6, interior=bool(seed % 2), twins=seed % 3 == 0)
+        mesh = random_mesh(rng, dim, order, slaves=8 if dim == 2 else 6, interior=bool(seed % 2), twins=seed % 3 == 0)
         assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
         for hexa in ("pyramid", "hexa"):
             cut = cut_skin(mesh, "slave", hexa=hexa)
@@ -233,9 +233,18 @@ def alternate_diagonals(n=4):
     return Mesh.create(points, blocks, cell_groups={"slave": 2 * n * n + np.arange(n)})
 
 
+def fan(*triangles):
+    """Triangles around the middle of an edge of the boundary, which is the last node."""
+    points = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]]
+    blocks = [("TRIA3", triangles), ("SEG2", [[0, 4], [4, 1]])]
+    return Mesh.create(points, blocks, cell_groups={"slave": len(triangles) + np.arange(2)})
+
+
 @pytest.mark.parametrize(
     ("mesh", "macros"),
     [
+        (fan([0, 4, 3], [4, 2, 3], [4, 1, 2]), 2),  # a cut makes three only at an interface
+        (fan([0, 4, 2], [0, 2, 3], [4, 1, 2]), 2),  # and two that follow each other
         (crossed_quadrangles(), 36),
         (alternate_diagonals(), 4),
         # on a line with an even spacing every pair and every triple stands as a cut would put them
