@@ -24,6 +24,7 @@ from tests import properties
 from tests.checks.blocks import two_blocks
 from tests.coarse_rings import rings
 from tests.meshes import cell_with_faces, facets_of, pad, random_mesh
+from tests.samples import samples
 from verification.meshes.blocks import bent, nodes_of
 from verification.meshes.rings import octant, ring, sleeve
 from verification.solving import solve
@@ -138,7 +139,8 @@ def test_each_type_becomes_the_right_one_in_place(order, name):
     np.testing.assert_allclose(raised.points[raised.block(target)[0]], expected, atol=1e-15)
 
 
-@settings(max_examples=30, deadline=None)
+@pytest.mark.fuzz
+@settings(max_examples=samples(12, 30), deadline=None)
 @given(seed=st.integers(0, 10**9), dim=st.sampled_from([2, 3]), order=st.sampled_from(["2", "2-full"]))
 def test_random_meshes(seed, dim, order):
     mesh = random_mesh(np.random.default_rng(seed), dim)
