@@ -159,33 +159,6 @@ def test_cells_of_special_meshes(mesh, slave, variants, counts):
         assert {kind: found.get(kind, 0) for kind in counts} == counts
 
 
-def mirrored(name, inward):
-    mesh = cell_with_faces(name, tuple(range(len(CELLS[name].facets))), inward=inward)
-    return replace(mesh, points=mesh.points * ([1, 1, -1] if CELLS[name].dim == 3 else [1, -1, 1]))
-
-
-@pytest.mark.parametrize("mesh", [
-    *(random_mesh(np.random.default_rng(order), dim, order, slaves=10) for dim in (2, 3) for order in (1, 2, 3)),
-    *(mirrored(name, inward) for name in ("TETRA4", "TRIA3", "HEXA20", "QUAD8") for inward in (False, True)),
-])  # fmt: skip
-def test_faces_are_turned_outward(mesh):
-    """Also those of cells that are inverted; nothing else changes."""
-    cut = cut_skin(mesh, "slave", orient="outward")
-    after, behind = cut.mesh, {k: owners[0][0] for k, owners in facets_of(cut.mesh).items() if len(owners) == 1}
-    centre = np.empty((after.n_cells, 3))
-    for _, cells, nodes in after.select(np.arange(after.n_cells)):
-        centre[cells] = after.points[nodes].mean(axis=1)
-    faces = np.flatnonzero(cut.macro_of_face >= 0)
-    for kind, _, rows in after.select(faces):
-        for nodes in rows:
-            x = after.points[nodes]
-            cell = behind[tuple(sorted(nodes[: CELLS[kind].n_corners].tolist()))]
-            normal = np.cross(x[1] - x[0], x[2] - x[0] if CELLS[kind].dim == 2 else [0, 0, 1])
-            assert normal @ (x.mean(axis=0) - centre[cell]) > 0
-    assert len(faces) >= len(mesh.cell_groups["slave"])
-    assert properties.canonical(cut_skin(mesh, "slave").mesh) == properties.canonical(after)
-
-
 @pytest.mark.parametrize("inward", [False, True])
 def test_a_face_between_two_cells_has_no_outward_side(inward):
     mesh = row(2, prism=False, inward=inward)

@@ -106,8 +106,11 @@ def test_the_signed_area_is_the_integral_of_the_determinant(name):
     np.testing.assert_allclose(signed_area(name, x), expected, atol=1e-12)
 
 
-def test_everything_else_is_kept():
-    mesh = random_mesh(np.random.default_rng(4), 3, order=2, slaves=8)
+@pytest.mark.parametrize("order", [1, 2, 3])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_everything_else_is_kept(dim, order):
+    """A cut that turns faces outward is the cut of these faces turned, with the same cells as if they were not."""
+    mesh = random_mesh(np.random.default_rng(order), dim, order, slaves=8)
     after = orient(mesh, "slave")
     for name in ("points", "node_number", "cell_number", "file_order"):
         np.testing.assert_array_equal(getattr(after, name), getattr(mesh, name))
@@ -117,25 +120,22 @@ def test_everything_else_is_kept():
         assert (np.sort(a.nodes, axis=1) == np.sort(b.nodes, axis=1)).all()
     assert len(analyse_orientation(after, after.cell_groups["slave"]).to_flip) == 0
     assert any((a.nodes != b.nodes).any() for a, b in zip(after.blocks, mesh.blocks, strict=True))
+    outward = cut_skin(mesh, "slave", orient="outward")
+    assert places(outward) == places(cut_skin(after, "slave"))
+    assert properties.canonical(outward.mesh) == properties.canonical(cut_skin(mesh, "slave").mesh)
 
 
 @pytest.mark.parametrize("inward", [False, True])
-@pytest.mark.parametrize("name", ["QUAD8", "TETRA10", "HEXA8", "PENTA15", "PYRAM14"])
+@pytest.mark.parametrize("name", ["TRIA3", "QUAD8", "TETRA10", "HEXA8", "PENTA15", "PYRAM14"])
 def test_each_facet_of_a_cell(name, inward):
+    """Also of one that is inside out."""
     mesh = cell_with_faces(name, range(len(CELLS[name].facets)), rotation=1, inward=inward)
-    after = orient(mesh, "slave")
-    assert face_out(after, "slave", mesh.points.mean(axis=0)).all()
-    np.testing.assert_array_equal(
-        measure(name, after.points[after.block(name)]), measure(name, mesh.points[mesh.block(name)])
-    )
-
-
-def test_a_body_inside_out_has_the_same_outward():
-    mesh = two_blocks("HEXA8")
-    hexa = mesh.block("HEXA8")[:, [4, 5, 6, 7, 0, 1, 2, 3]]
-    blocks = [(b.type, hexa if b.type == "HEXA8" else b.nodes) for b in mesh.blocks]
-    wrong = Mesh.create(mesh.points, blocks, cell_groups=mesh.cell_groups)
-    assert len(analyse_orientation(wrong, wrong.cell_groups["slave"]).to_flip) == 0
+    for mirror in (1, -1):
+        mesh = replace(mesh, points=mesh.points * ([1, 1, mirror] if CELLS[name].dim == 3 else [1, mirror, 1]))
+        after = orient(mesh, "slave")
+        assert face_out(after, "slave", mesh.points.mean(axis=0)).all()
+        sizes = [measure(name, m.points[m.block(name)]) for m in (after, mesh)]
+        np.testing.assert_array_equal(*sizes)
 
 
 def test_faces_between_two_cells_stay_and_are_named():
