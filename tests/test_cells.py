@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from itertools import product
 from math import factorial
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
-from lacmesh.cutting.patterns import internal_points
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
 from lacmesh.topology.skin import FACE_TYPES, label_rows
@@ -162,15 +159,6 @@ def test_rule_of_an_unknown_family_is_refused():
         rule("OCTA", 1)
 
 
-def test_node_orders_agree_with_the_recorded_facts():
-    """Every format's order is a permutation of the nodes of the type it is listed for."""
-    orders = json.loads((Path(__file__).parent / "reference" / "node_orders.json").read_text())
-    for name, formats in orders.items():
-        if name in CELLS:
-            for perm in formats.values():
-                assert perm is None or sorted(perm) == list(range(CELLS[name].n_nodes))
-
-
 @pytest.mark.parametrize("name", FACE_TYPES[1:])
 def test_a_reversed_face_is_the_same_face_turned_over(name):
     order = list(REVERSED[name])
@@ -182,11 +170,6 @@ def test_a_reversed_face_is_the_same_face_turned_over(name):
     assert (sign < 0).all()
     assert order[0] == 0 or CELLS[name].dim == 1
     np.testing.assert_allclose(shape(name, there).sum(axis=1), 1)
-
-
-def test_only_nodes_of_a_positive_integral_count_as_internal():
-    assert internal_points("TRIA6", "cone").tolist() == [1, 2, 3]  # not the centre: its function integrates to zero
-    assert internal_points("QUAD8", "ring").tolist() == list(range(4, 12))
 
 
 def test_labels_of_rows():

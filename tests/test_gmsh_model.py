@@ -16,10 +16,14 @@ import pytest
 import lacmesh
 from lacmesh import Cut, Mesh, cut_skin
 from lacmesh.cells import CELLS
+from lacmesh.cutting.earlier import recognise
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh, update_model
 from lacmesh.topology.orientation import reverse
+from tests.checks.blocks import two_blocks
+from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, random_mesh
+from tests.test_recognition import places
 
 pytestmark = pytest.mark.gmsh
 
@@ -189,15 +193,6 @@ def entities_of(mesh):
 # ---- the model as a mesh
 
 
-@pytest.mark.filterwarnings("ignore:.*InterpolationScheme")  # gmsh's way to write a view
-def test_a_model_is_the_mesh_of_its_file(model, gmsh, tmp_path):
-    file = saved(gmsh, tmp_path / "model.msh")
-    mesh = to_mesh()
-    same(mesh, file)
-    assert mesh.name == gmsh.model.getCurrent()
-    assert np.array_equal(mesh.node_number, file.node_number) and np.array_equal(mesh.cell_number, file.cell_number)
-
-
 def discrete(gmsh, *entities):
     """A model of discrete entities (dimension, nodes, elements): elements are (number, cell type's, node tags)."""
     gmsh.model.add("mixed")
@@ -250,8 +245,13 @@ def test_a_model_that_is_missing_is_refused(gmsh, monkeypatch):
 
 
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
-def test_a_cut_model_is_the_cut_of_its_file_and_gmshs_own_functions_see_it(model, gmsh, tmp_path):
-    expected = cut_skin(saved(gmsh, tmp_path / "before.msh"), model)
+def test_a_model_is_the_mesh_of_its_file_and_its_cut_that_of_this_mesh(model, gmsh, tmp_path):
+    """gmsh's own functions see the cut."""
+    file, mesh = saved(gmsh, tmp_path / "before.msh"), to_mesh()
+    same(mesh, file)
+    assert mesh.name == gmsh.model.getCurrent()
+    assert np.array_equal(mesh.node_number, file.node_number) and np.array_equal(mesh.cell_number, file.cell_number)
+    expected = cut_skin(file, model)
     entities = {tag: gmsh.model.getType(*tag) for tag in gmsh.model.getEntities()}
     parts = gmsh.model.getPartitions(*gmsh.model.getEntities(gmsh.model.getDimension())[-1]).size
     cut = cut_model(model)
@@ -445,6 +445,15 @@ def test_every_cell_goes_into_a_model_and_back(name):
     back = to_mesh()
     same_cells(back, mesh)
     assert members(back) == members(mesh) and back.name == name
+
+
+@pytest.mark.parametrize("name, hexa", [("TETRA4", "pyramid"), ("HEXA8", "pyramid"), ("HEXA20", "hexa")])
+def test_a_cut_without_records_that_gmsh_writes_is_recognised(gmsh, name, hexa, tmp_path):
+    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
+    from_mesh(without_records(cut.mesh), "cut")
+    gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+    gmsh.write(str(tmp_path / "cut.msh"))
+    assert places(recognise(lacmesh.read(tmp_path / "cut.msh"), "slave")) == places(cut)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 import warnings
 from dataclasses import replace
 
@@ -434,30 +432,6 @@ def test_through_a_file_without_fields(tmp_path):
     a, b = lacmesh.aster_multipliers(cut), lacmesh.aster_multipliers(found)
     np.testing.assert_array_equal(a.nodes, b.nodes)
     np.testing.assert_array_equal(a.patch_code, b.patch_code)
-
-
-REWRITE = """
-import gmsh, sys
-gmsh.initialize(interruptible=False)
-gmsh.option.setNumber("General.Terminal", 0)
-gmsh.open(sys.argv[1])
-gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
-gmsh.write(sys.argv[2])
-"""
-
-
-@pytest.mark.gmsh
-@pytest.mark.parametrize(
-    ("name", "hexa"), [("TETRA4", "pyramid"), ("HEXA8", "pyramid"), ("HEXA20", "hexa"), ("QUAD4", "pyramid")]
-)
-@pytest.mark.filterwarnings("ignore:.*left out")
-def test_through_gmsh(name, hexa, tmp_path):
-    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
-    ours, theirs = tmp_path / "cut.msh", tmp_path / "gmsh.msh"
-    lacmesh.write(ours, without_records(cut.mesh))
-    words = [sys.executable, "-c", REWRITE, str(ours), str(theirs)]
-    subprocess.run(words, check=True, timeout=600, capture_output=True)
-    assert places(recognise(lacmesh.read(theirs), "slave")) == places(cut)
 
 
 @pytest.mark.parametrize("suffix", [".mail", ".inp"])
