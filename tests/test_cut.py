@@ -19,6 +19,7 @@ from lacmesh.reference.quadrature import measure
 from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
 from tests.samples import samples
+from tests.test_cut_cells import in_file
 
 VARIANTS = ("pyramid", "hexa", "auto")
 
@@ -396,15 +397,8 @@ def test_the_input_is_not_touched():
 @pytest.mark.parametrize("second", range(1, 6))
 def test_a_child_that_is_cut_again_is_replaced_where_it_is(second):
     """As in code_aster's sequence of cuts: of five pyramids, the one on the second face becomes four tetrahedra."""
-    once, twice = (list(children(cut_skin(cell_with_faces("HEXA8", f), "slave"))) for f in ((0,), (0, second)))
+    cuts = [cut_skin(cell_with_faces("HEXA8", facets), "slave") for facets in ((0,), (0, second))]
+    once, twice = ([row[1:] for row in in_file(c.mesh) if c.parent_of_cell[row[0]] == 1] for c in cuts)
     base = {*CELLS["HEXA8"].facets[second].nodes}
     (place,) = (k for k, (_, nodes) in enumerate(once) if {*nodes[:4]} == base)
     assert [kind for kind, _ in twice] == ["PYRAM5"] * place + ["TETRA4"] * 4 + ["PYRAM5"] * (4 - place)
-
-
-def children(cut):
-    """Type and nodes of the children of cell 1, in the order of the file."""
-    order = np.arange(cut.mesh.n_cells) if cut.mesh.file_order is None else cut.mesh.file_order
-    for cell in order[cut.parent_of_cell[order] == 1]:
-        ((kind, _, nodes),) = cut.mesh.select(np.array([cell]))
-        yield kind, nodes[0].tolist()

@@ -23,7 +23,7 @@ from tests.checks.blocks import SOLIDS, block, join, skin, two_blocks
 from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, random_mesh
 from tests.samples import samples
-from tests.test_cut_cells import CASES, CUTS, from_aster, type_of, ways
+from tests.test_cut_cells import CASES, CUTS, after_aster, ways
 
 
 def macros(cut):
@@ -172,25 +172,7 @@ ASTER_CUTS = sorted(path for path in CUTS.glob("*_face*.json") if path.stem != "
 @pytest.mark.parametrize("path", ASTER_CUTS, ids=lambda p: p.stem)
 def test_code_aster_cut(path):
     data = json.loads(path.read_text())
-    after = data["after"]
-    dim = CELLS[data["cell"]].dim
-    volume = set(after["groups"]["VOL"])
-    cells = {}
-    for k, nodes in enumerate(after["cells"], start=1):
-        kind = type_of(nodes, dim - (k not in volume))
-        cells.setdefault(kind, []).append((k, from_aster(kind, nodes)))
-    numbers = [k for rows in cells.values() for k, _ in rows]
-    mesh = Mesh.create(
-        np.array(after["coordinates"], float),
-        [(kind, [nodes for _, nodes in rows]) for kind, rows in cells.items()],
-        cell_number=numbers,
-        file_order=np.argsort(numbers),
-        cell_groups={"ESCL": [i for i, k in enumerate(numbers) if k in after["groups"]["ESCL"]]},
-    )
-    found = recognise(mesh, "ESCL")
-    assert found.n_macros == 1
-    assert macros(found) == {tuple(after["groups"]["ESCL"])}
-    assert np.flatnonzero(np.array(after["patch_of_cell"])).tolist() == sorted(n - 1 for n in after["groups"]["ESCL"])
+    assert macros(recognise(after_aster(data), "ESCL")) == {tuple(data["after"]["groups"]["ESCL"])}
 
 
 # ---- what is not cut
