@@ -386,14 +386,6 @@ def test_new_nodes_have_the_entity_that_they_lie_on():
     assert {tuple(e) for e in after.cell_data["entity"]} == {(3, 1), (2, 9)}
 
 
-def test_the_input_is_not_touched():
-    mesh, same = (random_mesh(np.random.default_rng(0), 3, 1) for _ in range(2))
-    cut_skin(mesh, "slave", orient="outward", hexa="auto")
-    arrays = ([m.points, *(b.nodes for b in m.blocks), *m.cell_groups.values()] for m in (mesh, same))
-    for one, other in zip(*arrays, strict=True):
-        np.testing.assert_array_equal(one, other)
-
-
 @pytest.mark.parametrize("second", range(1, 6))
 def test_a_child_that_is_cut_again_is_replaced_where_it_is(second):
     """As in code_aster's sequence of cuts: of five pyramids, the one on the second face becomes four tetrahedra."""

@@ -207,28 +207,6 @@ def test_the_forms_say_the_same_and_need_nothing_else(report, tmp_path):
     assert found["worst"][0]["corner_jacobian"] == report.worst[0].value
 
 
-@pytest.mark.browser
-def test_html_opens_in_a_browser(report, tmp_path):
-    """The console stays empty, all charts are there, and nothing runs out of the page."""
-    from tests.viewing import Browser
-
-    path = tmp_path / "report.html"
-    write_report(path, report, name="part.msh")
-    browser = Browser(tmp_path / "profile", flags=())
-    try:
-        browser.ask("Page.navigate", url=path.as_uri())
-        browser.wait("location.protocol == 'file:' && document.readyState == 'complete'")
-        assert browser.said == [] and browser.value("document.title") == "The cut of part.msh"
-        wide = "[...document.querySelectorAll('svg')].filter(s => s.getBBox().width > 200).length"
-        assert browser.value(wide) == sum(len(c.after) + 1 for c in report.comparisons if c.dim > 1)
-        for width in (1200, 400):
-            size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
-            browser.ask("Emulation.setDeviceMetricsOverride", **size)
-            assert browser.value("document.documentElement.scrollWidth <= window.innerWidth")
-    finally:
-        browser.close()
-
-
 def test_a_cut_that_touches_no_cell_has_a_report_too(tmp_path):
     mesh = cell_with_faces("HEXA27")
     assert all(len(form) > 100 for form in written(tmp_path, cut_report(mesh, cut_skin(mesh, "slave"))))
@@ -349,14 +327,6 @@ def test_a_master_far_away_is_found_within_the_search_distance(tmp_path, capsys)
     assert main([*asked, "-o", str(tmp_path / "out.msh"), "--search-distance", "6"]) == 0
     with pytest.raises(SystemExit, match="2"):
         main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"])
-
-
-def test_a_quiet_check_prints_warnings(tmp_path, capsys):
-    mesh = str(DATA / "disc_on_block.msh")
-    assert main(["cut", mesh, "--slave", "slave", "-o", str(tmp_path / "out.msh"), "-q"]) == 0
-    assert main(["check", str(tmp_path / "out.msh"), "--slave", "slave", "--master", "master", "-q"]) == 0
-    printed = capsys.readouterr()
-    assert not printed.out and "lacmesh: warning: partial-coverage: " in printed.err
 
 
 def test_a_shell_that_was_cut_as_one_passes_the_check():

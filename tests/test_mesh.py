@@ -88,9 +88,9 @@ def test_what_a_mesh_is_made_of_is_not_copied_and_stays_its_owners():
 def test_a_mesh_is_copied_and_pickled():
     mesh = cut_skin(two_blocks(), "slave").mesh
     for made in (copy.deepcopy(mesh), pickle.loads(pickle.dumps(mesh))):
-        np.testing.assert_array_equal(made.points, mesh.points)
         assert dict(made.cell_groups).keys() == mesh.cell_groups.keys()
-        for array in arrays(made):
+        for array, before in zip(arrays(made), arrays(mesh), strict=True):
+            np.testing.assert_array_equal(array, before)
             assert not array.flags.writeable
 
 
@@ -109,12 +109,11 @@ def test_a_group_by_its_name_or_tag(spec):
         assert lacmesh.recognise(mesh, spec) is None
 
 
-@pytest.mark.parametrize("spec", [7, (2, 7), "2:7"])
-def test_a_tag_that_is_not_there(spec):
-    mesh = two_blocks()
-    for ask in (orient, measure_quality):
+@pytest.mark.parametrize("ask", [orient, measure_quality])
+def test_a_tag_that_is_not_there(ask):
+    for spec in (7, (2, 7), "2:7"):
         with pytest.raises(GroupNotFoundError, match="no cell group named '"):
-            ask(mesh, spec)
+            ask(two_blocks(), spec)
 
 
 @pytest.mark.parametrize("module", MODULES.split())
@@ -239,12 +238,14 @@ def test_new_nodes_lie_on_cylinders_and_cones_up_to_their_rims(kind, slope, orde
 
 
 @pytest.mark.parametrize("order", ORDERS)
-def test_new_nodes_lie_on_spheres_and_circles(order):
-    for mesh in (octant("TETRA4", (2, 3), (1.0, 2.0)), ring("QUAD4", (2, 5), (1.0, 2.0), jitter=0.15)):
-        raised, _ = both(mesh, order)
-        for name, radius in (("low", 1.0), ("high", 2.0)):
-            x = raised.points[nodes_of(raised, name)]
-            np.testing.assert_allclose(np.linalg.norm(x, axis=1), radius, atol=1e-14)
+@pytest.mark.parametrize(
+    "shape", [octant("TETRA4", (2, 3), (1.0, 2.0)), ring("QUAD4", (2, 5), (1.0, 2.0), jitter=0.15)]
+)
+def test_new_nodes_lie_on_spheres_and_circles(shape, order):
+    raised = raise_order(shape, order, surface="smooth")
+    r = [np.linalg.norm(raised.points[nodes_of(raised, name)], axis=1) for name in ("low", "high")]
+    np.testing.assert_allclose(r[0], 1.0, atol=1e-14)
+    np.testing.assert_allclose(r[1], 2.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("kind", ["TETRA4", "HEXA8"])
