@@ -15,19 +15,9 @@ from lacmesh import Mesh, generate
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks import check
 from lacmesh.errors import GroupNotFoundError, RequestError
-from lacmesh.quality import (
-    corner_jacobian,
-    linear,
-    measure_cells,
-    measure_quality,
-    measures_of,
-    validity,
-    validity_at,
-    validity_of,
-    vectors,
-    worst,
-)
-from lacmesh.quality.corner import corner_measures
+from lacmesh.quality import linear, measure_cells, measure_quality, measures_of, validity, validity_at, vectors
+from lacmesh.quality.corner import corner_jacobian, corner_measures, worst
+from lacmesh.quality.determinant import validity_of
 from lacmesh.quality.measures import SCALES, default_measures, primary_metric
 from lacmesh.quality.statistics import histogram, statistics
 from lacmesh.quality.summary import PLACES
@@ -35,20 +25,9 @@ from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, jacobian
 from tests.meshes import box, pad
-from tests.quality_cells import (
-    IDEAL,
-    LINEAR,
-    MEASURED,
-    QUADRATIC,
-    degenerate,
-    distorted,
-    ideal,
-    near_ideal,
-    reference,
-    rotation,
-)
+from tests.quality_cells import LINEAR, MEASURED, degenerate, distorted, ideal, near_ideal, reference, rotation
 
-CURVED = [n for n in QUADRATIC if CELLS[n].dim > 1]
+CURVED = [n for n in MEASURED if CELLS[n].order == 2]
 LINES_TOO = [n for n in CELLS if CELLS[n].dim]
 
 
@@ -82,7 +61,7 @@ def test_every_type_has_its_measures():
         assert (primary_metric(name) is None) == (not measures)
         assert bool(measures) == (name in CELLS and cell.dim > 0)
     assert set(ACCEPTED) == set(LINEAR)
-    assert not any(set(measures_of(n)) & {"scaled_jacobian", "condition", "shape"} for n in QUADRATIC)
+    assert not any(set(measures_of(n)) & {"scaled_jacobian", "condition", "shape"} for n in CURVED)
 
 
 def test_a_measure_that_is_not_defined_is_refused():
@@ -93,18 +72,6 @@ def test_a_measure_that_is_not_defined_is_refused():
 
 
 # ---- ideal cells
-
-
-@pytest.mark.vtk
-@pytest.mark.parametrize("name", LINEAR)
-def test_ideal_cells_score_one(name):
-    found = measured(name, ideal(name))
-    best = {"skew": 0, "taper": 0, "oddy": 0, "collapse_ratio": np.sqrt(2 / 3)}
-    for measure, values in found.items():
-        kind, better = SCALES[measure]
-        if kind in ("unit", "ratio", "other") and better:
-            rounded = 1e-5 if name == "PENTA6" and measure in ("condition", "max_aspect_frobenius", "distortion") else 0
-            assert values[0] == pytest.approx(best.get(measure, 1), abs=1e-12 + rounded), measure
 
 
 #: sizes and angles by hand: area or volume, least angle, largest angle (dihedral of solids)
@@ -183,7 +150,7 @@ def test_measures_stay_in_their_ranges(name, cells):
             low = 1 - 1e-9 if measure != "radius_ratio" else 0.9
             assert (some >= low).all(), measure
         elif kind == "unit" and better > 0 and measure not in ("distortion", "collapse_ratio", "stretch"):
-            best = np.sqrt(2) if measure == "corner_jacobian" and name in QUADRATIC else 1  # edges that bend at corners
+            best = np.sqrt(2) if measure == "corner_jacobian" and name in CURVED else 1  # edges that bend at corners
             assert (some <= best + 1e-9).all(), measure
             assert (some >= -np.sqrt(2) - 1e-9).all() or measure == "validity", measure
 
