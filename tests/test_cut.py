@@ -14,8 +14,9 @@ from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin, generate, raise_order
 from lacmesh.cells import CELLS
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.mesh import Model, Periodic
-from lacmesh.quality import worst
+from lacmesh.quality import validity_of, worst
 from lacmesh.reference.quadrature import measure
+from lacmesh.reference.shapes import shape
 from tests import properties
 from tests.meshes import affine, box, cell_with_faces, facets_of, random_mesh, rotate
 from tests.samples import samples
@@ -158,6 +159,19 @@ def test_cells_of_special_meshes(mesh, slave, variants, counts):
     for hexa in variants:
         found = cut_skin(mesh, slave, hexa=hexa).mesh.cells_by_type
         assert {kind: found.get(kind, 0) for kind in counts} == counts
+
+
+def test_children_of_curved_tetrahedra_have_their_parents_own_map():
+    mesh = generate.ring((2, 5, 2), (1, 1.75), "TETRA10").only("body", "inner")
+    cut = cut_skin(mesh, "inner")
+    solid = np.flatnonzero((cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == 3))
+    parents = np.searchsorted(mesh.cell_number, cut.parent_of_cell[solid])
+    size, whole = (properties.volumes(m) for m in (cut.mesh, mesh))
+    np.testing.assert_allclose(np.bincount(parents, size[solid])[parents], whole[parents], rtol=1e-12)
+    assert validity_of(cut.mesh).min() > 0
+    on_faces = shape("TRIA6", np.array([(2, 2), (1, 1), (4, 1), (1, 4)]) / 6) @ mesh.points[mesh.block("TRIA6")]
+    new = cut.mesh.points[mesh.n_nodes :]
+    assert np.linalg.norm(on_faces.reshape(-1, 1, 3) - new, axis=2).min(axis=1).max() < 1e-14
 
 
 @pytest.mark.parametrize("inward", [False, True])

@@ -113,6 +113,9 @@ def test_motions_change_nothing_and_units_only_sizes(name, scale):
     for measure, values in before.items():
         own_unit = after[measure] / scale ** powers.get(measure, 0)
         np.testing.assert_allclose(own_unit, values, rtol=1e-9, atol=1e-9, err_msg=measure)
+    if name in LINEAR:
+        lengths = np.linalg.norm(np.diff(x[:, CELLS[name].edges], axis=2)[:, :, 0], axis=2)
+        np.testing.assert_allclose(before["edge_ratio"], lengths.max(axis=1) / lengths.min(axis=1), rtol=1e-12)
 
 
 @pytest.mark.vtk

@@ -1,11 +1,10 @@
-"""Whole files, cut, written, and opened by the programs that people use; a generated twin of each; a part of CAD."""
+"""Whole files, cut, written, and opened by the programs that people use; a generated twin of each always runs."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,6 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.earlier import recognise
 from lacmesh.cutting.recognition import find_macros
 from lacmesh.cutting.select import slave_skin
-from lacmesh.reference.quadrature import measure, rule
-from lacmesh.reference.shapes import gradient, jacobian, shape
 from tests import properties
 from tests.checks.corpus import without_records
 from tests.formats.med_peer import ask
@@ -119,68 +116,3 @@ def test_generated_twin(dim, order, seed, tmp_path):
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=6)
     assert any(CELLS[b.type].dim == dim for b in mesh.blocks)
     opens_everywhere(mesh, "slave", tmp_path)
-
-
-# ---- a part of CAD: gmsh's nut, meshed with TETRA10, cut on its curved bore
-
-
-#: curved surfaces of each part, by tag: the two halves of the bore
-BORE = {"component8.step": (17, 18), "t20_data.step": (17, 18)}
-
-
-def mesh_part(name, path):
-    import gmsh
-
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(next((Path(sys.prefix) / "share" / "doc" / "gmsh").rglob(name))))
-        gmsh.model.addPhysicalGroup(2, BORE[name], name="bore")
-        gmsh.model.addPhysicalGroup(3, [1], name="nut")
-        for option, value in {"MeshSizeMax": 5, "ElementOrder": 2, "HighOrderOptimize": 2, "Binary": 1}.items():
-            gmsh.option.setNumber(f"Mesh.{option}", value)
-        gmsh.model.mesh.generate(3)
-        gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
-    return lacmesh.read(path)
-
-
-@pytest.mark.gmsh
-@pytest.mark.parametrize("name", list(BORE))
-def test_cut_on_a_curved_face(name, tmp_path):
-    """TETRA10 children have their parent's own map: they are valid, fill it, and lie on its curved face."""
-    mesh = mesh_part(name, tmp_path / "nut.msh")
-    cut = lacmesh.cut_skin(mesh, "bore")
-    after, faces = cut.mesh, len(mesh.cell_groups["bore"])
-    assert cut.n_macros == faces > 100
-    assert (after.n_nodes - mesh.n_nodes, after.n_cells - mesh.n_cells) == (5 * faces, 4 * faces)
-    x = after.points[after.block("TETRA10")]
-    X = np.vstack([np.array(CELLS["TETRA10"].reference), rule("TETRA", 8)[0]])
-    assert (np.linalg.det(jacobian("TETRA10", x, X)).min(axis=1) / measure("TETRA10", x)).min() > 0
-    properties.owns_internal_dofs(mesh, cut)
-    row = {int(n): k for k, n in enumerate(mesh.cell_number)}
-    children = np.flatnonzero((cut.parent_of_cell >= 0) & (after.cell_dim == 3))
-    parents = [row[int(n)] for n in cut.parent_of_cell[children]]
-    total = np.bincount(parents, properties.volumes(after)[children], mesh.n_cells)
-    np.testing.assert_allclose(total[parents], properties.volumes(mesh)[parents], rtol=1e-12)
-    assert distance_to_parents(mesh, cut, row) < 1e-12 * np.ptp(mesh.points, axis=0).max()
-    assert {"bore", "nut"} <= {*after.cell_groups}
-
-
-def distance_to_parents(mesh, cut, row):
-    """Largest distance of a slave child's node from its parent face's own surface (Newton on the face's map)."""
-    ((_, cells, nodes),) = cut.mesh.select(np.flatnonzero(cut.macro_of_face >= 0))
-    parents = np.array([row[int(n)] for n in cut.parent_of_cell[cells]])
-    ((_, order, parent_nodes),) = mesh.select(np.sort(parents))
-    x = mesh.points[parent_nodes[np.searchsorted(order, parents)]]
-    worst = 0.0
-    for k in range(6):
-        y = cut.mesh.points[nodes[:, k]]
-        X = np.full((len(y), 2), 1 / 3)
-        for _ in range(25):
-            J = np.einsum("kns,knd->ksd", x, gradient("TRIA6", X))
-            r = y - np.einsum("kns,kn->ks", x, shape("TRIA6", X))
-            X = X + np.linalg.solve(np.einsum("ksd,kse->kde", J, J), np.einsum("ksd,ks->kd", J, r)[..., None])[..., 0]
-        worst = max(worst, np.linalg.norm(y - np.einsum("kns,kn->ks", x, shape("TRIA6", X)), axis=1).max())
-    return worst
