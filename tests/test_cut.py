@@ -51,11 +51,6 @@ def cube(n, skin, **groups):
     return Mesh.create(points, [("QUAD4", skin(top)), ("HEXA8", hexas)], cell_groups=groups)
 
 
-def twins(**groups):
-    """A HEXA8 whose face on top is there twice, turned round."""
-    return cube(1, lambda top: [top[0], rotate(top[0], "QUAD4", 2, True)], **groups)
-
-
 def row(n, prism=True, inward=False):
     """A row of n HEXA8, then a PENTA6. Groups of faces: `between` cells, `chain` between hexahedra, `end`."""
     at = lambda x, y, z: x + (n + 1) * (y + 2 * z)  # noqa: E731
@@ -203,7 +198,8 @@ def shell(kind="mixed"):
 
 @pytest.mark.parametrize("listed", [True, False])
 def test_a_face_that_is_there_twice_is_cut_twice(listed):
-    mesh = twins(slave=[0, 1] if listed else [1], other=[0])
+    turned = lambda top: [top[0], rotate(top[0], "QUAD4", 2, True)]  # noqa: E731
+    mesh = cube(1, turned, slave=[0, 1] if listed else [1], other=[0])
     if listed:
         with pytest.warns(LacmeshWarning, match="stand twice"):
             cut = cut_skin(mesh, "slave")

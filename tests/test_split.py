@@ -93,7 +93,7 @@ def test_random_faces_of_random_meshes(dim, order, seed):
 
 def same_solids(mesh, new, opened):
     """Each facet that did not open is shared as before, the others are apart."""
-    np.testing.assert_allclose(solid_volume(new), solid_volume(mesh), rtol=1e-14)
+    np.testing.assert_allclose(solid_volume(new), solid_volume(mesh), rtol=1e-13)
     pairs, pairs_now = (
         {frozenset((int(m.cell_number[o[0]]), o[1]) for o in owners): key for key, owners in facets_of(m).items()}
         for m in (mesh, new)
@@ -193,9 +193,9 @@ def test_an_edge_crack_keeps_its_front_closed(kind):
     assert not findings.errors and fronts == ["crack-front"]
 
 
-@pytest.mark.parametrize(("kind", "per_node"), [("QUAD4", 1), ("HEXA20", None), ("TETRA10", None)])
+@pytest.mark.parametrize("kind", ["QUAD4", "HEXA20", "TETRA10"])
 @pytest.mark.parametrize(("half", "sides"), [(True, 3), (False, 4)])
-def test_junctions_have_a_node_for_each_side(kind, per_node, half, sides):
+def test_junctions_have_a_node_for_each_side(kind, half, sides):
     """Two groups that meet in a T, or cross in an X."""
     dim = CELLS[kind].dim
     end = 0.5 if half else 2.0
@@ -203,7 +203,7 @@ def test_junctions_have_a_node_for_each_side(kind, per_node, half, sides):
     parts = split_skins(mesh, ["G", "H"])
     assert parts.bodies == (1, sides)
     line = np.isclose(mesh.points[:, dim - 1], 0.5) & np.isclose(mesh.points[:, 0], 0.5)
-    assert (parts.n_sides == sides).sum() == line.sum() and per_node in (None, line.sum())
+    assert (parts.n_sides == sides).sum() == line.sum()
     one = split(mesh, "G")
     assert parts.mesh.n_cells == split(one, "H").n_cells
 
