@@ -12,9 +12,8 @@ PETSC := .venv-petsc
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
 QUICK := \
-  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py targets.py cli.py) \
+  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py mesh.py targets.py cli.py) \
   $(addprefix tests/topology/test_,facets.py boxes.py) \
-  $(addprefix tests/cutting/test_,regroup.py) \
   $(addprefix tests/partition/test_,bisection.py) \
   $(addprefix tests/checks/test_,corpus.py) \
   $(addprefix tests/formats/test_,exodus.py) \
