@@ -87,8 +87,8 @@ def test_a_concave_plane_cell(name, back):
         assert orient(mesh, "s").block(facets[0].type).tolist() == np.array(right).tolist()
         assert Surface.of(mesh, mesh.cell_groups["s"]).faces.nodes[:, :2].tolist() == np.array(right)[:, :2].tolist()
         assert ("orientation" in {f.rule for f in lacmesh.check(mesh, "s")}) == bool(wrong)
-        cuts = cut_skin(mesh, "s", orient="outward"), cut_skin(orient(mesh, "s"), "s")
-        assert places(cuts[0]) == places(cuts[1])
+        cuts = [cut.mesh.blocks for cut in (cut_skin(mesh, "s", orient="outward"), cut_skin(orient(mesh, "s"), "s"))]
+        assert all(np.array_equal(a.nodes, b.nodes) for a, b in zip(*cuts, strict=True))
 
 
 @pytest.mark.parametrize("name", ["TRIA3", "QUAD4", "TRIA6", "TRIA7", "QUAD8", "QUAD9"])
@@ -118,7 +118,8 @@ def test_everything_else_is_kept(dim, order):
     assert len(analyse_orientation(after, after.cell_groups["slave"]).to_flip) == 0
     assert any((a.nodes != b.nodes).any() for a, b in zip(after.blocks, mesh.blocks, strict=True))
     outward = cut_skin(mesh, "slave", orient="outward")
-    assert places(outward) == places(cut_skin(after, "slave"))
+    cuts = outward.mesh.blocks, cut_skin(after, "slave").mesh.blocks
+    assert all(np.array_equal(a.nodes, b.nodes) for a, b in zip(*cuts, strict=True))
     assert properties.canonical(outward.mesh) == properties.canonical(cut_skin(mesh, "slave").mesh)
 
 
