@@ -17,7 +17,6 @@ IDEAL = {
     "PYRAM5": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, np.sqrt(0.5))],
 }
 LINEAR = list(IDEAL)
-QUADRATIC = [name for name, cell in CELLS.items() if cell.order == 2]
 MEASURED = [name for name, cell in CELLS.items() if cell.dim > 1]
 
 

@@ -20,14 +20,17 @@ UNDEFINED = -12345.0
 HUGE = 1e10
 
 
-def verdict(name, x, measure="all"):
-    """{measure: (k,)} as pyvista has them, those that are defined for the type."""
+def grid(name, x):
     import pyvista
 
     k, n = x.shape[:2]
-    cells = {pyvista.CellType[TYPES[name]]: np.arange(k * n).reshape(k, n)}
-    grid = pyvista.UnstructuredGrid(cells, x.reshape(-1, 3)).cell_quality(measure, null_value=UNDEFINED)
-    found = {m: np.array(grid.cell_data[m]) for m in grid.cell_data.keys()}  # noqa: SIM118
+    return pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: np.arange(k * n).reshape(k, n)}, x.reshape(-1, 3))
+
+
+def verdict(name, x, measure="all"):
+    """{measure: (k,)} as pyvista has them, those that are defined for the type."""
+    found = grid(name, x).cell_quality(measure, null_value=UNDEFINED).cell_data
+    found = {m: np.array(found[m]) for m in found.keys()}  # noqa: SIM118
     return {m: v for m, v in found.items() if not (v == UNDEFINED).all()}
 
 
@@ -78,11 +81,6 @@ def a_corner_across_the_face(measure, x, mine, theirs):
 ROUNDED = (a_straight_angle, nothing_over_nothing, a_corner_across_the_face)
 
 
-@pytest.mark.parametrize("name", LINEAR)
-def test_the_measures_are_those_that_verdict_defines(name):
-    assert set(verdict(name, distorted(name, k=2))) == set(ACCEPTED[name])
-
-
 @pytest.mark.parametrize(
     ("name", "cells", "seed"),
     each_option(
@@ -92,7 +90,7 @@ def test_the_measures_are_those_that_verdict_defines(name):
 def test_every_measure_equals_verdicts(name, cells, seed):
     x = cells(name, seed=seed)
     mine, theirs = ours(name, x), verdict(name, x)
-    assert set(mine) == set(theirs)
+    assert set(mine) == set(theirs)  # those that Verdict defines
     for measure, values in mine.items():
         differ = differences(values, theirs[measure]) > 1e-10
         rounded = differ & np.any([rule(measure, x, values, theirs[measure]) for rule in ROUNDED], axis=0)
@@ -125,32 +123,6 @@ def test_ideal_cells_have_the_values_that_pyvista_gives(name):
             continue
         assert mine[measure][0] == pytest.approx(info.unit_cell_value, abs=1e-12), measure
         assert limits == pytest.approx(info.acceptable_range), measure
-
-
-@pytest.mark.parametrize("name", LINEAR)
-def test_edge_ratio_is_verdicts_where_it_has_one(name):
-    import pyvista
-    from vtkmodules.vtkFiltersVerdict import vtkMeshQuality
-
-    if name == "PYRAM5":
-        assert not hasattr(vtkMeshQuality, "PyramidEdgeRatio")
-        return
-    x = distorted(name, k=20)
-    k, n = x.shape[:2]
-    cells = {pyvista.CellType[TYPES[name]]: np.arange(k * n).reshape(k, n)}
-    which = {"TRIA3": "Triangle", "QUAD4": "Quad", "TETRA4": "Tet", "HEXA8": "Hex", "PENTA6": "Wedge"}[name]
-    quality = vtkMeshQuality()
-    getattr(quality, f"Set{which}QualityMeasureToEdgeRatio")()
-    quality.SetInputData(pyvista.UnstructuredGrid(cells, x.reshape(-1, 3)))
-    quality.Update()
-    theirs = np.array(pyvista.wrap(quality.GetOutput()).cell_data["Quality"])
-    mine = ours(name, x, ["edge_ratio"])["edge_ratio"]
-    if name == "HEXA8":  # its program misses the longest or the shortest edge of some cells
-        assert (mine >= theirs * (1 - 1e-10)).all()
-        same = np.isclose(mine, theirs, rtol=1e-10, atol=0)
-        assert 0.2 < same.mean() < 1  # when it finds them all, these lines go
-        return
-    np.testing.assert_allclose(mine, theirs, rtol=1e-10)
 
 
 def test_min_dihedral_is_the_angle_that_verdict_means():

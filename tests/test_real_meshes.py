@@ -11,27 +11,24 @@ import pytest
 
 import lacmesh
 from lacmesh.cells import CELLS
+from lacmesh.cutting.earlier import recognise
+from lacmesh.cutting.recognition import find_macros
+from lacmesh.cutting.select import slave_skin
 from tests import properties
+from tests.checks.corpus import without_records
 from tests.formats.med_peer import ask
 from tests.meshes import random_mesh
 from tests.samples import each_option, samples
+from tests.test_recognition import same
 
-#: code_aster's meshes and the group that its tests take as slave
+#: code_aster's meshes and the groups that its tests take as slave
 SLAVE = {
-    "ssnp150c": "BAS",
-    "ssnp170a": "Group_1",
-    "ssnp170e": "Group_1",
-    "ssnp170k": "Group_1",
-    "ssnp170m": "Group_1",
-    "ssnp173a": "Group_2",
-    "ssnv104k": "CON2",
-    "ssnv104l": "CON2",
-    "ssnv219e": "ESCLAVE",
-    "zzzz383a": "Edge_1",
-    "zzzz383b": "Edge_1",
-    "zzzz383c": "Face_2",
-    "zzzz383d": "Face_2",
+    **{name: ["Group_1"] for name in ("ssnp170a", "ssnp170k", "ssnp170m")},
+    **{name: ["Group_2"] for name in ("ssnp170e", "ssnp173a")},
+    **{"ssnp150c": ["BAS"], "ssnv104k": ["CON2"], "ssnv104l": ["CON2"], "ssnv219e": ["ESCLAVE"]},
+    **{"zzzz383a": ["Edge_1", "Edge_2"], "zzzz383b": ["Edge_1"], "zzzz383c": ["Face_2"], "zzzz383d": ["Face_2"]},
 }
+OF_EACH_TEST = each_option([(name,) for name in sorted(SLAVE)], of=lambda row: [row[0][:-1]])
 GMSH = """
 import gmsh, json, sys
 gmsh.initialize(interruptible=False)
@@ -89,10 +86,24 @@ def same_sign_as_parents(mesh, cut):
 @pytest.mark.shared
 @pytest.mark.gmsh
 @pytest.mark.medcoupling
-@pytest.mark.parametrize("name", each_option([(name,) for name in SLAVE], of=lambda row: [row[0][:-1]]))
+@pytest.mark.parametrize("name", OF_EACH_TEST)
 @pytest.mark.filterwarnings("ignore:.*left out")
 def test_code_aster_mesh(name, shared, tmp_path):
     opens_everywhere(lacmesh.read(shared / "reference" / "meshes" / f"{name}.med"), SLAVE[name], tmp_path)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("name", OF_EACH_TEST)
+@pytest.mark.filterwarnings("ignore:.*left out")
+def test_cuts_of_code_aster_meshes_are_recognised(shared, name):
+    """Linear and quadratic, both variants: nothing is found before the cut, the whole cut after it."""
+    mesh, slave = lacmesh.read(shared / "reference" / "meshes" / f"{name}.med"), SLAVE[name]
+    quadratic = any(CELLS[b.type].order == 2 for b in mesh.blocks)
+    for base in [mesh] if quadratic else [mesh, lacmesh.raise_order(mesh, "2")]:
+        assert find_macros(base, slave_skin(base, slave)).n_cut == 0
+        for hexa in ("pyramid", "hexa"):
+            cut = lacmesh.cut_skin(base, slave, hexa=hexa)
+            same(cut, recognise(without_records(cut.mesh), slave))
 
 
 @pytest.mark.fuzz

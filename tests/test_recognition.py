@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 import warnings
 from dataclasses import replace
 
@@ -15,39 +13,30 @@ import pytest
 import lacmesh
 from lacmesh import Cut, LacmeshWarning, Mesh, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
+from lacmesh.cli import main
+from lacmesh.cutting.cut import CELL_RECORDS
 from lacmesh.cutting.earlier import recognise
 from lacmesh.cutting.recognition import find_macros
 from lacmesh.cutting.select import slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, RequestError
-from tests.checks.blocks import SOLIDS, block, cut_blocks, join, skin, two_blocks
+from tests.checks.blocks import SOLIDS, block, join, skin, two_blocks
+from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, random_mesh
 from tests.samples import samples
-from tests.test_cut_cells import CASES, CUTS, from_aster, type_of, ways
+from tests.test_cut_cells import CASES, CUTS, after_aster, ways
 
 
-def without_records(mesh):
-    """The mesh as a program writes it that knows nothing of a cut."""
-    cells = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
-    nodes = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
-    return replace(mesh, cell_data=cells, node_data=nodes, zones=())
-
-
-def macros(cut):
-    """The macro-elements: the file's numbers of their faces, E1 first."""
-    return {tuple(cut.mesh.cell_number[faces].tolist()) for faces in cut.faces_of_macro}
-
-
-def internal(cut):
-    return sorted(sorted(cut.mesh.node_number[nodes].tolist()) for nodes in cut.internal_nodes)
+def facts(cut):
+    """The file's numbers of the faces of the macro-elements, E1 first, and of their internal nodes; zones of faces."""
+    number, nodes = cut.mesh.cell_number, cut.mesh.node_number
+    faces = {tuple(number[of].tolist()) for of in cut.faces_of_macro}
+    internal = sorted(sorted(nodes[of].tolist()) for of in cut.internal_nodes)
+    return faces, internal, {int(number[f]): cut.zones[z] for f, z in enumerate(cut.zone_of_face) if z >= 0}
 
 
 def same(cut, found):
     assert found is not None
-    assert macros(found) == macros(cut)
-    assert internal(found) == internal(cut)
-    zones = lambda c: {int(c.mesh.cell_number[f]): c.zones[z] for f, z in enumerate(c.zone_of_face) if z >= 0}  # noqa: E731
-    assert zones(found) == zones(cut)
+    assert facts(found) == facts(cut)
 
 
 # ---- what we cut
@@ -77,7 +66,7 @@ def test_random_meshes(seed, dim, order):
     rng = np.random.default_rng([seed, dim, order])
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LacmeshWarning)  # of duplicates
-        mesh = random_mesh(rng, dim, order, slaves=6, interior=bool(seed % 2), twins=seed % 3 == 0)
+        mesh = random_mesh(rng, dim, order, slaves=8 if dim == 2 else 6, interior=bool(seed % 2), twins=seed % 3 == 0)
         assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
         for hexa in ("pyramid", "hexa"):
             cut = cut_skin(mesh, "slave", hexa=hexa)
@@ -95,27 +84,27 @@ def test_another_ring(name, ring):
     same(cut, cut_skin(mesh, "slave", recognise=True))
 
 
-def test_a_skin_without_cells_behind():
+@pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
+@pytest.mark.parametrize(
+    "blocks",
+    [
+        [("TRIA3", [[0, 1, 2], [1, 3, 2]])],
+        [("QUAD4", [[0, 1, 3, 2], [1, 4, 5, 3]])],
+        [("SEG2", [[0, 1], [1, 4]]), ("TRIA3", [[2, 3, 5]])],
+    ],
+)
+def test_a_skin_without_cells_behind(blocks, hexa):
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0.2], [1, 1, 0.0], [2, 0, 0], [2, 1, 0]]
-    for name, faces in (("TRIA3", [[0, 1, 2], [1, 3, 2]]), ("QUAD4", [[0, 1, 3, 2], [1, 4, 5, 3]])):
-        mesh = Mesh.create(points, [(name, faces)], cell_groups={"s": [0, 1]})
-        for hexa in ("pyramid", "hexa"):
-            cut = cut_skin(mesh, "s", skin_only=True, hexa=hexa)
-            same(cut, recognise(without_records(cut.mesh), "s"))
-
-
-def test_bare_lines():
-    points = [[0, 0], [1, 0], [2, 0], [3, 0.5], [0, -2], [1, -2], [0, -3]]
-    mesh = Mesh.create(
-        points, [("TRIA3", [[4, 6, 5]]), ("SEG2", [[0, 1], [1, 2], [2, 3]])], cell_groups={"s": [1, 2, 3]}
-    )
-    cut = cut_skin(mesh, "s", skin_only=True)
+    points = np.array(points) * [1, 1, len(blocks) == 1]  # in the plane with a cell elsewhere
+    mesh = Mesh.create(points, blocks, cell_groups={"s": [0, 1]}, space_dim=3 - (len(blocks) > 1))
+    cut = cut_skin(mesh, "s", skin_only=True, hexa=hexa)
     same(cut, recognise(without_records(cut.mesh), "s"))
 
 
 def test_zones_keep_their_order():
     mesh = two_blocks("HEXA8")
     cut = cut_skin(mesh, ["slave", "loaded"])
+    assert recognise(cut.mesh, ["slave", "loaded"]).mesh is cut.mesh, "records that are there are taken"
     found = recognise(without_records(cut.mesh), ["slave", "loaded"])
     same(cut, found)
     assert found.zones == ("slave", "loaded")
@@ -125,9 +114,19 @@ def test_zones_keep_their_order():
     assert (found.parent_of_cell == -1).all(), "what was replaced is not in the mesh any more"
 
 
-def test_records_that_are_there_are_taken():
-    cut = cut_skin(two_blocks(), "slave")
-    assert recognise(cut.mesh, "slave").mesh is cut.mesh
+def renumbered(mesh, order):
+    """The mesh with its nodes in another order."""
+    blocks = [(b.type, np.argsort(order)[b.nodes]) for b in mesh.blocks]
+    return Mesh.create(mesh.points[order], blocks, cell_groups=mesh.cell_groups)
+
+
+def reordered(mesh, rng):
+    """The mesh with the cells of each type in another order, and the new place of each cell."""
+    rows = [rng.permutation(len(b.nodes)) for b in mesh.blocks]
+    new = np.argsort(np.concatenate([start + r for start, r in zip(mesh.offsets, rows, strict=False)]))
+    blocks = [(b.type, b.nodes[r]) for b, r in zip(mesh.blocks, rows, strict=True)]
+    groups = {name: new[members] for name, members in mesh.cell_groups.items()}
+    return Mesh.create(mesh.points, blocks, cell_groups=groups), new
 
 
 def test_numbers_and_places_of_another_program():
@@ -136,19 +135,11 @@ def test_numbers_and_places_of_another_program():
     for name, hexa in (("HEXA8", "pyramid"), ("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("PENTA6", "pyramid")):
         cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
         mesh = without_records(cut.mesh)
-        order = rng.permutation(mesh.n_nodes)
-        place = np.argsort(order)
-        blocks, groups, old = [], {}, []
-        for k, b in enumerate(mesh.blocks):
-            rows = rng.permutation(len(b.nodes))
-            blocks.append((b.type, place[b.nodes[rows]]))
-            old.append(mesh.offsets[k] + rows)
-        new = np.argsort(np.concatenate(old))
-        groups = {g: new[members] for g, members in mesh.cell_groups.items()}
-        points = mesh.points[order].astype(np.float32).astype(float)
-        mesh = Mesh.create(points, blocks, cell_groups=groups)
+        mesh = renumbered(mesh, rng.permutation(mesh.n_nodes))
+        mesh, new = reordered(mesh, rng)
+        mesh = replace(mesh, points=mesh.points.astype(np.float32).astype(float))
         assert recognise(mesh, "slave") is None
-        with pytest.warns(LacmeshWarning, match="macro-elements of an earlier cut without records.* --recognise"):
+        with pytest.warns(LacmeshWarning, match="earlier cut without records.* --recognise"):
             assert cut_skin(mesh, "slave").n_macros > cut.n_macros
         found = recognise(mesh, "slave", certain=False)
         wanted = {frozenset(new[faces].tolist()) for faces in cut.faces_of_macro}
@@ -165,25 +156,7 @@ ASTER_CUTS = sorted(path for path in CUTS.glob("*_face*.json") if path.stem != "
 @pytest.mark.parametrize("path", ASTER_CUTS, ids=lambda p: p.stem)
 def test_code_aster_cut(path):
     data = json.loads(path.read_text())
-    after = data["after"]
-    dim = CELLS[data["cell"]].dim
-    volume = set(after["groups"]["VOL"])
-    cells = {}
-    for k, nodes in enumerate(after["cells"], start=1):
-        kind = type_of(nodes, dim - (k not in volume))
-        cells.setdefault(kind, []).append((k, from_aster(kind, nodes)))
-    numbers = [k for rows in cells.values() for k, _ in rows]
-    mesh = Mesh.create(
-        np.array(after["coordinates"], float),
-        [(kind, [nodes for _, nodes in rows]) for kind, rows in cells.items()],
-        cell_number=numbers,
-        file_order=np.argsort(numbers),
-        cell_groups={"ESCL": [i for i, k in enumerate(numbers) if k in after["groups"]["ESCL"]]},
-    )
-    found = recognise(mesh, "ESCL")
-    assert found.n_macros == 1
-    assert macros(found) == {tuple(after["groups"]["ESCL"])}
-    assert np.flatnonzero(np.array(after["patch_of_cell"])).tolist() == sorted(n - 1 for n in after["groups"]["ESCL"])
+    assert facts(recognise(after_aster(data), "ESCL"))[0] == {tuple(data["after"]["groups"]["ESCL"])}
 
 
 # ---- what is not cut
@@ -192,66 +165,59 @@ def test_code_aster_cut(path):
 @pytest.mark.parametrize("name", SOLIDS)
 def test_uncut_blocks(name):
     mesh = two_blocks(name)
-    found = find_macros(mesh, slave_skin(mesh, ["slave"]))
-    assert found.n_cut == 0
-    whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")
-    assert (recognise(two_blocks(name), "slave") is not None) == whole, (
-        "faces that own an internal dof are macro-elements"
-    )
+    assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
+    whole = name in ("TRIA6", "TRIA7", "QUAD8", "QUAD9", "HEXA27", "PYRAM14")  # their faces own an internal dof
+    assert (recognise(mesh, "slave") is not None) == whole
 
 
-def crossed(n):
-    """A block whose top is made of quadrangles crossed by their diagonals: centres with four triangles around them."""
+def crossed_quadrangles(n=3):
+    """A block whose top is made of quadrangles crossed by their diagonals, as a mesher makes and numbers it."""
     points, cells = block((n, n, n), (0, 0, 0), (1, 1, 1), "PYRAM5")
     bases = cells["PYRAM5"]
     top = np.abs(points[bases[:, :4], 2] - 1).max(axis=1) < 1e-9
-    centre = len(points) + np.arange(top.sum())
-    b = bases[top]
+    centre, b = len(points) + np.arange(top.sum()), bases[top]
     tets = np.stack([np.column_stack([b[:, i], b[:, (i + 1) % 4], centre, b[:, 4]]) for i in range(4)], axis=1)
-    middle = points[b[:, :4]].mean(axis=1)
-    return np.vstack([points, middle]), {"PYRAM5": bases[~top], "TETRA4": tets.reshape(-1, 4)}
+    points = np.vstack([points, points[b[:, :4]].mean(axis=1)])
+    cells = {"PYRAM5": bases[~top], "TETRA4": tets.reshape(-1, 4)}
+    mesh = join([(points, cells, {"slave": skin(points, cells, lambda x: np.abs(x[..., 2] - 1) < 1e-9)})])
+    return renumbered(mesh, np.lexsort(mesh.points.T))
 
 
-def renumbered(mesh, order):
-    """The mesh with its nodes in another order."""
-    place = np.argsort(order)
-    blocks = [(b.type, place[b.nodes]) for b in mesh.blocks]
-    return Mesh.create(mesh.points[order], blocks, cell_groups=mesh.cell_groups)
-
-
-def test_crossed_quadrangles_of_a_mesher_are_no_cut():
-    on = lambda x: np.abs(x[..., 2] - 1) < 1e-9  # noqa: E731
-    points, cells = crossed(3)
-    mesh = join([(points, cells, {"slave": skin(points, cells, on)})])
-    by_place = renumbered(mesh, np.lexsort(mesh.points.T))
-    assert recognise(by_place, "slave") is None
-    assert cut_skin(by_place, "slave").n_macros == 36
-
-
-@pytest.mark.parametrize("n", [2, 3, 4, 6])
-def test_even_lines_are_no_cut(n):
-    """On a line with an even spacing every pair and every triple stands as a cut would put them."""
-    for kind in ("TRIA3", "QUAD4"):
-        mesh = two_blocks(kind, n=n)
-        assert find_macros(mesh, slave_skin(mesh, ["slave"])).n_cut == 0
-        assert cut_skin(mesh, "slave").n_macros == n
-
-
-def test_diagonals_that_alternate_are_no_cut():
-    """Every second node of such a boundary has just two triangles, as in a cut; its number says that it is older."""
-    n = 4
+def alternate_diagonals(n=4):
+    """Every second node of the boundary has just two triangles, as in a cut; its number says that it is older."""
     g = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
     x, y = np.meshgrid(np.arange(n + 1.0), np.arange(n + 1.0), indexing="ij")
     triangles = []
-    for i in range(n):
-        for j in range(n):
-            a, b, c, d = g[i, j], g[i + 1, j], g[i + 1, j + 1], g[i, j + 1]
-            triangles += [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
+    for i, j in np.ndindex(n, n):
+        a, b, c, d = g[i, j], g[i + 1, j], g[i + 1, j + 1], g[i, j + 1]
+        triangles += [(a, b, c), (a, c, d)] if (i + j) % 2 else [(a, b, d), (b, c, d)]
     points = np.stack([x.ravel(), y.ravel()], axis=1)
     edges = [[g[i, 0], g[i + 1, 0]] for i in range(n)]
-    mesh = Mesh.create(points, [("TRIA3", triangles), ("SEG2", edges)], cell_groups={"s": 2 * n * n + np.arange(n)})
-    assert recognise(mesh, "s") is None
-    assert cut_skin(mesh, "s").n_macros == n
+    blocks = [("TRIA3", triangles), ("SEG2", edges)]
+    return Mesh.create(points, blocks, cell_groups={"slave": 2 * n * n + np.arange(n)})
+
+
+def fan(*triangles):
+    """Triangles around the middle of an edge of the boundary, which is the last node."""
+    points = [[0, 0], [2, 0], [2, 2], [0, 2], [1, 0]]
+    blocks = [("TRIA3", triangles), ("SEG2", [[0, 4], [4, 1]])]
+    return Mesh.create(points, blocks, cell_groups={"slave": len(triangles) + np.arange(2)})
+
+
+@pytest.mark.parametrize(
+    ("mesh", "macros"),
+    [
+        (fan([0, 4, 3], [4, 2, 3], [4, 1, 2]), 2),  # a cut makes three only at an interface
+        (fan([0, 4, 2], [0, 2, 3], [4, 1, 2]), 2),  # and two that follow each other
+        (crossed_quadrangles(), 36),
+        (alternate_diagonals(), 4),
+        # on a line with an even spacing every pair and every triple stands as a cut would put them
+        *((two_blocks(kind, n=n), n) for kind in ("TRIA3", "QUAD4") for n in (2, 3, 4, 6)),
+    ],
+)
+def test_what_a_mesher_makes_is_no_cut(mesh, macros):
+    assert recognise(mesh, "slave") is None
+    assert cut_skin(mesh, "slave").n_macros == macros
 
 
 def test_a_tetrahedron_at_the_centre_of_a_triangle_but_not_quite():
@@ -262,7 +228,7 @@ def test_a_tetrahedron_at_the_centre_of_a_triangle_but_not_quite():
     assert recognise(replace(without_records(cut.mesh), points=points), "slave") is None
 
 
-def o_grid(half, layers, way, upper_first=False):
+def o_grid(half, layers=1, way="rings", upper_first=False):
     """Columns of five hexahedra around a square of some half-width, the slave skin at one end: a mesher's, not a cut's.
 
     `way`: "rings", each layer's outline before its inside, or "inside last", all the inner nodes after all others.
@@ -299,29 +265,58 @@ def test_an_o_grid_is_no_cut(half, layers, way, upper_first):
     assert cut.n_macros == 5
     same(cut, cut_skin(mesh, "slave", recognise=False))
     assert cut_skin(mesh, "slave", recognise=True).n_macros == 1
+    for option, macros in ((None, 5), (False, 5), (True, 1)):  # the check takes it as the cut does
+        found = lacmesh.check(mesh, "slave", recognise=option)
+        assert found.summary["macro_elements"] == macros
+        assert ("recognised" in {f.rule for f in found}) == (macros == 1)
 
 
 def test_an_o_grid_beside_more_faces_is_cut():
     """It was refused, as cut before."""
-    grid = o_grid(0.5, 1, "rings")
+    grid = o_grid(0.5)
     points = np.vstack([grid.points, np.add(grid.points, [2, 0, 0])])
     more = [np.vstack([grid.block(kind), grid.block(kind) + 16]) for kind in ("HEXA8", "QUAD4")]
     mesh = Mesh.create(points, [("HEXA8", more[0]), ("QUAD4", more[1][:9])], cell_groups={"slave": 10 + np.arange(9)})
     assert cut_skin(mesh, "slave").n_macros == 9
 
 
-@pytest.mark.parametrize("late", [False, True])
-def test_triangles_split_at_an_inner_node_are_no_cut(late):
+def new_nodes_among_others(late):
     """A skin and its tetrahedra as a mesher splits them, whose new nodes are not the last ones of the mesh."""
     cut = cut_skin(two_blocks("TETRA4"), "slave")
-    mesh = without_records(cut.mesh)
     new = np.flatnonzero(cut.macro_of_node >= 0)
-    old = np.setdiff1d(np.arange(mesh.n_nodes), new)
+    old = np.setdiff1d(np.arange(cut.mesh.n_nodes), new)
     order = np.concatenate([old[:-1], new, old[-1:]]) if late else np.concatenate([new, old])
-    mesh = renumbered(mesh, order)
-    assert recognise(mesh, "slave") is None
-    with pytest.warns(LacmeshWarning, match="the 24 faces of slave look like 8 macro-elements"):
-        assert cut_skin(mesh, "slave").n_macros == 24
+    return renumbered(without_records(cut.mesh), order)
+
+
+#: a square that a mesher has divided at its middle, in a mesh that was never cut
+DIVIDED = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
+MIDDLE = Mesh.create(
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0], [0.5, 0.5, 1]],
+    [("TRIA3", DIVIDED), ("TETRA4", [[*face, 5] for face in DIVIDED])],
+    cell_groups={"slave": range(4)},
+)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "faces", "macros"),
+    [
+        (new_nodes_among_others(late=False), 24, 8),
+        (new_nodes_among_others(late=True), 24, 8),
+        (without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh), 20, 4),
+        (MIDDLE, 4, 1),
+    ],
+)
+def test_faces_that_look_like_a_cut_are_cut_with_a_warning_unless_recognition_is_asked_for(mesh, faces, macros):
+    with pytest.warns(
+        LacmeshWarning, match=f"the {faces} faces of slave look like {macros} macro-element.*--recognise"
+    ):
+        assert cut_skin(mesh, "slave").n_macros == faces
+    assert cut_skin(mesh, "slave", recognise=False).n_macros == faces
+    assert cut_skin(mesh, "slave", recognise=True).n_macros == macros
+    assert lacmesh.check(mesh, "slave", recognise=False).summary["macro_elements"] == faces
+    assert lacmesh.check(mesh, "slave", recognise=True).summary["macro_elements"] == macros
+    assert lacmesh.check(mesh, "slave").summary["macro_elements"] == faces
 
 
 @pytest.mark.parametrize("zone", ["slave", "loaded"])
@@ -335,218 +330,71 @@ def test_one_of_two_zones(name, zone):
         assert recognise(without_records(mesh), zone).n_macros == macros
 
 
-def test_what_looks_like_a_cut_is_cut_with_a_warning_unless_it_is_asked_for():
-    mesh = without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh)
-    with pytest.warns(LacmeshWarning, match="the 20 faces of slave look like 4 macro-elements of .*--recognise"):
-        assert cut_skin(mesh, "slave").n_macros == 20
-    assert cut_skin(mesh, "slave", recognise=False).n_macros == 20
-    assert cut_skin(mesh, "slave", recognise=True).n_macros == 4
-
-
-def test_who_knows_that_it_is_cut_is_told_where_it_is_not():
-    with pytest.raises(CutError, match="no earlier cut is recognised on slave"):
-        cut_skin(two_blocks("HEXA8"), "slave", recognise=True)
+# ---- what is asked for
 
 
 def test_a_cut_with_records_is_cut_again_on_request():
     cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
-    with pytest.warns(LacmeshWarning, match=r"cut already: its records \(zones slave\) are replaced"):
+    with pytest.warns(LacmeshWarning, match=r"records \(zones slave\) are replaced"):
         again = cut_skin(cut.mesh, "slave", hexa="hexa", recognise=False)
     assert again.n_macros == 20
     same(again, cut_skin(without_records(cut.mesh), "slave", hexa="hexa", recognise=False))
+    for option, macros in ((None, 4), (True, 4), (False, 20)):
+        found = lacmesh.check(cut.mesh, "slave", recognise=option)
+        assert found.summary["macro_elements"] == macros
+        assert ("not-cut" in {f.rule for f in found}) == (macros == 20)
 
 
 def test_the_command_decides(tmp_path, capsys):
-    from lacmesh.cli import main
-
-    lacmesh.write(tmp_path / "o.vtu", o_grid(0.5, 1, "rings"))
+    lacmesh.write(tmp_path / "o.vtu", o_grid(0.5))
+    asked = ["cut", str(tmp_path / "o.vtu"), "--slave", "slave", "-o", str(tmp_path / "a.vtu"), "--force"]
     for option, macros in (("--recut", 5), ("--recognise", 1)):
-        assert (
-            main(["cut", str(tmp_path / "o.vtu"), "--slave", "slave", option, "-o", str(tmp_path / "a.vtu"), "--force"])
-            == 0
-        )
+        assert main([*asked, option]) == 0
         assert Cut(lacmesh.read(tmp_path / "a.vtu")).n_macros == macros
     with pytest.raises(SystemExit, match="2"):
-        main(["cut", str(tmp_path / "o.vtu"), "--slave", "slave", "--recut", "--recognise"])
-    cut = without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh)
-    lacmesh.write(tmp_path / "cut.vtu", cut)
+        main([*asked, "--recut", "--recognise"])
+    lacmesh.write(tmp_path / "o.vtu", without_records(cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa").mesh))
     capsys.readouterr()
-    assert main(["cut", str(tmp_path / "cut.vtu"), "--slave", "slave", "-o", str(tmp_path / "b.vtu")]) == 0
+    assert main(asked) == 0
     assert "the 20 faces of slave look like 4 macro-elements" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("option", "macros"), [(None, 5), (False, 5), (True, 1)])
-def test_the_check_takes_it_as_the_cut_does(option, macros):
-    found = lacmesh.check(o_grid(0.5, 1, "rings"), "slave", recognise=option)
-    assert found.summary["macro_elements"] == macros
-    assert ("recognised" in {f.rule for f in found}) == (macros == 1)
-
-
-# ---- partly cut
-
-
-def test_a_skin_cut_in_part_is_said():
-    cut = cut_skin(two_blocks("HEXA8"), "slave")
+def test_a_skin_that_is_cut_in_part_is_not_recognised():
+    cut = cut_skin(two_blocks("TETRA4", n=2, m=2), "slave")
     mesh = without_records(cut.mesh)
     with pytest.warns(LacmeshWarning, match="cut in part"):
         assert recognise(mesh, ["slave", "loaded"]) is None
+    with pytest.raises(CutError, match="no earlier cut") as caught:
+        cut_skin(mesh, ["slave", "loaded"], recognise=True)
+    assert cut_skin(mesh, ["slave", "loaded"], recognise=False).n_macros == 32
+    assert set(caught.value.cells) == set(mesh.cell_number[mesh.cell_groups["loaded"]].tolist())
+    with pytest.raises(CutError, match="no earlier cut"):
+        cut_skin(two_blocks("HEXA8"), "slave", recognise=True)
 
 
-def test_cutting_what_is_recognised_does_nothing():
-    cut = cut_skin(two_blocks("TETRA4"), "slave")
-    again = cut_skin(without_records(cut.mesh), "slave", recognise=True)
-    assert again.mesh.n_cells == cut.mesh.n_cells
-    same(cut, again)
-
-
-def test_four_triangles_about_a_node_of_a_mesher_are_four_macro_elements():
-    """A square that a mesher has divided at its middle, in a mesh that was never cut, is no macro-element."""
-    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0], [0.5, 0.5, 1]]
-    faces = [[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]]
-    mesh = Mesh.create(
-        points, [("TRIA3", faces), ("TETRA4", [[*face, 5] for face in faces])], cell_groups={"slave": range(4)}
-    )
-    with pytest.warns(LacmeshWarning, match="look like 1 macro-element"):
-        assert cut_skin(mesh, "slave").n_macros == 4
-    assert lacmesh.check(mesh, "slave").summary["macro_elements"] == 4
-
-
-def test_recognising_a_skin_that_is_half_cut_is_refused():
-    cut = cut_skin(two_blocks("TETRA4", n=2, m=2), "slave")
-    with pytest.raises(CutError, match="no earlier cut is recognised") as caught:
-        cut_skin(without_records(cut.mesh), ["slave", "loaded"], recognise=True)
-    assert cut_skin(without_records(cut.mesh), ["slave", "loaded"], recognise=False).n_macros == 32
-    loaded = cut.mesh.cell_groups["loaded"]
-    assert set(caught.value.cells) == set(cut.mesh.cell_number[loaded].tolist())
-
-
-def test_a_group_that_is_not_there():
+def test_groups_that_are_missing_or_have_no_faces():
     with pytest.raises(GroupNotFoundError):
         recognise(two_blocks(), "slvae")
     with pytest.raises(RequestError):
         recognise(two_blocks(), [])
-
-
-def test_groups_without_faces():
     mesh = replace(two_blocks(), cell_groups={"none": np.empty(0, int), "body": np.arange(3)})
-    assert recognise(mesh, "none") is None
-    assert recognise(mesh, "body") is None
+    assert recognise(mesh, "none") is None and recognise(mesh, "body") is None
 
 
 # ---- through files that keep no fields
 
 
 def test_through_a_file_without_fields(tmp_path):
-    cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
+    """A recognised cut can be used as a cut: code_aster's multipliers come out the same."""
+    cut = cut_skin(two_blocks("HEXA20"), "slave", hexa="hexa")
     path = tmp_path / "cut.msh"
     lacmesh.write(path, cut.mesh, msh="2.2", binary=False)
-    text = path.read_text()
-    text = re.sub(r"\$(ElementData|NodeData|LacMesh)\n.*?\$End\1\n", "", text, flags=re.S)
+    text = re.sub(r"\$(ElementData|NodeData|LacMesh)\n.*?\$End\1\n", "", path.read_text(), flags=re.S)
     path.write_text(text)
     mesh = lacmesh.read(path)
     assert not set(CELL_RECORDS) & set(mesh.cell_data)
-    same(cut, recognise(mesh, "slave"))
-
-
-REWRITE = """
-import gmsh, sys
-gmsh.initialize(interruptible=False)
-gmsh.option.setNumber("General.Terminal", 0)
-gmsh.open(sys.argv[1])
-gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
-gmsh.write(sys.argv[2])
-"""
-
-
-@pytest.mark.gmsh
-@pytest.mark.parametrize(
-    ("name", "hexa"), [("TETRA4", "pyramid"), ("HEXA8", "pyramid"), ("HEXA20", "hexa"), ("QUAD4", "pyramid")]
-)
-@pytest.mark.filterwarnings("ignore:.*left out")
-def test_through_gmsh(name, hexa, tmp_path):
-    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
-    ours, theirs = tmp_path / "cut.msh", tmp_path / "gmsh.msh"
-    lacmesh.write(ours, without_records(cut.mesh))
-    words = [sys.executable, "-c", REWRITE, str(ours), str(theirs)]
-    subprocess.run(words, check=True, timeout=600, capture_output=True)
-    mesh = lacmesh.read(theirs)
     found = recognise(mesh, "slave")
-    assert found is not None and found.n_macros == cut.n_macros
-    assert places(found) == places(cut)
-
-
-def places(cut):
-    """The macro-elements, by the middles of their faces."""
-    out = set()
-    for faces in cut.faces_of_macro:
-        parts = [cut.mesh.points[n].mean(axis=1) for _, _, n in cut.mesh.select(np.sort(faces))]
-        out.add(frozenset(map(tuple, np.concatenate(parts).round(9) + 0.0)))
-    return out
-
-
-@pytest.mark.parametrize("suffix", [".mail", ".inp"])
-@pytest.mark.parametrize(
-    ("name", "hexa"), [("HEXA8", "hexa"), ("TETRA10", "pyramid"), ("TRIA3", "pyramid"), ("QUAD4", "pyramid")]
-)
-@pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
-def test_through_text_formats(name, hexa, suffix, tmp_path):
-    cut = cut_skin(two_blocks(name), "slave", hexa=hexa)
-    lacmesh.write(tmp_path / f"cut{suffix}", without_records(cut.mesh))
-    mesh = lacmesh.read(tmp_path / f"cut{suffix}")
-    slave = next(group for group in mesh.cell_groups if group.lower() == "slave")
-    assert places(recognise(mesh, slave)) == places(cut)
-
-
-def test_the_whole_of_a_cut_is_a_cut():
-    """A recognised cut can be used as a cut: code_aster's multipliers come out the same."""
-    cut = cut_skin(two_blocks("HEXA20"), "slave", hexa="hexa")
-    found = recognise(without_records(cut.mesh), "slave")
-    assert isinstance(found, Cut)
+    same(cut, found)
     a, b = lacmesh.aster_multipliers(cut), lacmesh.aster_multipliers(found)
     np.testing.assert_array_equal(a.nodes, b.nodes)
     np.testing.assert_array_equal(a.patch_code, b.patch_code)
-    assert cut_blocks("QUAD4").n_cells > 0
-
-
-# ---- real meshes
-
-#: mesh of the shared folder -> its slave groups
-REAL = {
-    "ssnp150c": "BAS",
-    "ssnp170a": "Group_1",
-    "ssnp170e": "Group_2",
-    "ssnp170k": "Group_1",
-    "ssnp170m": "Group_1",
-    "ssnp173a": "Group_2",
-    "ssnv104k": "CON2",
-    "ssnv104l": "CON2",
-    "ssnv219e": "ESCLAVE",
-    "zzzz383a": ("Edge_1", "Edge_2"),
-    "zzzz383b": "Edge_1",
-    "zzzz383c": "Face_2",
-    "zzzz383d": "Face_2",
-}
-
-
-@pytest.mark.shared
-@pytest.mark.parametrize("name", REAL)
-@pytest.mark.filterwarnings("ignore:.*left out")
-def test_real_meshes(shared, name):
-    """Linear and quadratic, both variants: nothing is found before the cut, the whole cut after it."""
-    mesh = lacmesh.read(shared / "reference" / "meshes" / f"{name}.med")
-    specs = [REAL[name]] if isinstance(REAL[name], str) else list(REAL[name])
-    quadratic = any(CELLS[b.type].order == 2 for b in mesh.blocks)
-    for base in [mesh] if quadratic else [mesh, lacmesh.raise_order(mesh, "2")]:
-        assert find_macros(base, slave_skin(base, specs)).n_cut == 0
-        for hexa in ("pyramid", "hexa"):
-            cut = cut_skin(base, specs, hexa=hexa)
-            same(cut, recognise(without_records(cut.mesh), specs))
-
-
-@pytest.mark.parametrize(("option", "with_records", "without"), [(None, 4, 20), (True, 4, 4), (False, 20, 20)])
-def test_the_check_of_a_cut_with_records(option, with_records, without):
-    cut = cut_skin(two_blocks("HEXA8"), "slave", hexa="hexa")
-    for mesh, macros in ((cut.mesh, with_records), (without_records(cut.mesh), without)):
-        found = lacmesh.check(mesh, "slave", recognise=option)
-        assert found.summary["macro_elements"] == macros
-        assert ("not-cut" in {f.rule for f in found}) == (macros == 20)
