@@ -375,7 +375,7 @@ def test_two_springs_in_series():
     records += spring("a", kx=2.0, ky=3.0), spring("b", "a", kx=5.0, ky=7.0)
     _, u, energy = moved(problem_of(*records, model="plane_stress", kinematics="finite", thickness=0.3))
     one = np.array([0.5 / 2.0, 0.1 / 3.0])
-    two = one + [0.4 / 5.0, 0.3 / 7.0]
+    two = np.add(one, [0.4 / 5.0, 0.3 / 7.0])
     np.testing.assert_allclose(u[[0, 4]], [one, two], rtol=1e-9)
     assert energy == pytest.approx(0.5 * ([0.1, -0.2] @ one + [0.4, 0.3] @ two), rel=1e-9)
 
