@@ -129,7 +129,8 @@ def ring(hexa: str) -> Problem:
         hexa=hexa,
     )
     grown = {"ux": 0.0, "uy": "0.01 * (y - 1) * t", "uz": "0.01 * z * t"}
-    return problem(wedge, "3d", Material(young=1000.0, poisson=0.0), sides, move("in", **grown), move("out", **grown))
+    grow = move("in", **grown), move("out", **grown)
+    return problem(wedge, "3d", Material(young=1000.0, poisson=0.0), sides, *grow, Steps(count=2))
 
 
 def columns(value: Any, joint: Contact, law: Any = ELASTIC, mesh: Any = plane, **keys: Any) -> Problem:
