@@ -265,3 +265,11 @@ def differences(ones, others, world, mesh, place=slice(None)):
                 unit = np.abs(p).max(initial=1e-300) if unit is None else unit
                 far[step, zone.name, name] = np.abs(p - q).max(initial=0.0) / unit
     return far
+
+
+def assert_same(ones, others, world, mesh, place=slice(None), *, allowed=1e-8, iterations=True):
+    """Assert that the states of a problem and of one in a world are the same, after the same number of `iterations`."""
+    far = differences(ones, others, world, mesh, place)
+    worst = max(far, key=far.get)
+    assert far[worst] <= allowed, (worst, far[worst])
+    assert [one.iterations for one in ones] == [other.iterations for other in others] or not iterations

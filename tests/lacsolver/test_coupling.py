@@ -22,7 +22,6 @@ from lacsolver.case import (
     Force,
     Material,
     Rigid,
-    Solver,
     Steps,
     Tie,
     Traction,
@@ -212,13 +211,9 @@ def test_axisymmetric_points_move_along_the_axis():
     assert moved.displacement[1] == pytest.approx(0.01) and len(moved.rotation) == 0
 
 
-def test_a_body_hangs_on_a_coupling_with_multigrid_and_in_motion():
-    records = Coupling(group="z0", ux=0, uy=0, uz=0, rotation=[0, 0, 0]), Traction(group="z1", tx=1.0)
-    one, other = (
-        solved(made("HEXA8", "small", *records, Solver(backend=name), free=True))[1].u for name in ("auto", "multigrid")
-    )
-    np.testing.assert_allclose(other, one, atol=1e-9 * np.abs(one).max())
-    _, _, figures = solved(made("HEXA8", "small", *records, Dynamics(), Steps(end=0.2, count=4), free=True))
+def test_a_body_hangs_on_a_coupling_in_motion():
+    hung = Coupling(group="z0", ux=0, uy=0, uz=0, rotation=[0, 0, 0]), Traction(group="z1", tx=1.0)
+    _, _, figures = solved(made("HEXA8", "small", *hung, Dynamics(), Steps(end=0.2, count=4), free=True))
     np.testing.assert_allclose(figures.couplings["z0"].displacement, 0, atol=1e-12)
 
 

@@ -69,12 +69,8 @@ def test_the_work_of_a_pressure_is_that_of_the_change_of_volume(name, model):
     v = np.random.default_rng(0).normal(size=space.n_dof)
     degree = 24 if CELLS[name].dim == 2 else 16
     zz = (2,) if model == "axisymmetric" or space.dim == 3 else ()
-    of = assemble.weights, assemble.points
-    ((w,), (x,)), (e,), (u,) = (
-        [make(space, degree) for make in of],
-        assemble.strain(space, v, degree),
-        assemble.displacement(space, v, degree),
-    )
+    parts = assemble.weights(space, degree), assemble.points(space, degree)
+    (w,), (x,), (e,), (u,) = (*parts, *(of(space, v, degree) for of in (assemble.strain, assemble.displacement)))
     exact = (w * ((3 + 4 * x[..., 1]) * e[..., [0, 1, *zz]].sum(axis=-1) + 4 * u[..., 1])).sum()
     got = loads.pressure(space, skin, lambda x, t: 3 + t * x[:, 1], t=4.0)
     assert got @ v == pytest.approx(-exact, rel=1e-12)
