@@ -316,11 +316,6 @@ def test_a_wrong_load_is_refused(mesh, load, error, words):
         load(Space.of(mesh(), "plane_strain"))
 
 
-def test_a_traction_between_two_cells_has_no_side_to_choose():
-    found = loads.traction(Space.of(two_triangles(), "plane_strain"), np.array([2]), (1.0, 0.0))
-    np.testing.assert_allclose(found.sum(), np.sqrt(2))
-
-
 def test_a_value_is_a_number_or_a_function():
     x = np.arange(12.0).reshape(2, 2, 3)
     assert evaluate(2, x, 0.0, "it").tolist() == [[2, 2], [2, 2]]
