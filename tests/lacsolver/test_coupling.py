@@ -307,6 +307,8 @@ def test_a_rotation_that_a_moment_would_give(kind):
     keys = KINDS[kind]
     free = column(**keys, moment=(MX, MY, 0.0))
     theta, moment = moved(free)
+    if "axes" not in keys:
+        np.testing.assert_allclose(moment, (MX, MY, 0.0), atol=1e-8)
     R = np.eye(3)
     if "axes" in keys:
         x, y = np.array(AXES["x"]), np.array(AXES["xy"])
