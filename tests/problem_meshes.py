@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 
-from lacmesh import Mesh
+from lacmesh import Mesh, generate
+from lacmesh import join as join_meshes
+from lacmesh.cells import CELLS
 from tests.checks.blocks import block as linear_block
 from tests.checks.blocks import join, skin
-from tests.lacsolver.patch_meshes import block, placed, stack, three_blocks
+from tests.lacsolver.patch_meshes import block, joined, placed, stack, three_blocks
 from tests.lacsolver.sectors import sector
 
 
@@ -147,3 +150,62 @@ def pair():
 def tower(height):
     """Three blocks on one another, all of hexahedra; tall ones are cut best into hexahedra."""
     return placed(three_blocks(("HEXA8", "HEXA8", "HEXA8")), size=(1, 1, height))
+
+
+# ---- blocks whose surfaces wave, and a bolted joint
+
+
+def waved(mesh, size=0.05):
+    """Blocks whose surfaces wave, the upper one crowned so that it stands off the lower at the rim."""
+    x, up = mesh.points.copy(), mesh.space_dim - 1
+    upper = nodes_of(mesh, "upper")
+    x[:, up] += size * np.sin(2.1 * x[:, :up].sum(axis=1) + 0.4)
+    crown = {1: 0.1, 2: 0.04}[up]
+    x[upper, up] += crown * ((x[upper, :up] - x[upper, :up].mean(axis=0)) ** 2).sum(axis=1)
+    inner = np.setdiff1d(upper, nodes_of(mesh, "top")) if "top" in mesh.cell_groups else upper
+    return replace(mesh, points=x, node_groups={"inner": inner})
+
+
+@cache
+def _waving(slave, master, counts, shift):
+    return waved(stack(slave, master, CELLS[slave].dim, counts=counts, skew=0.1, shift=shift))
+
+
+def waving(slave, master, counts=(4, 3), shift=(0, 0, 0)):
+    """A maker of two blocks whose surfaces wave; nodes `inner`: those of the upper one that are not on its top."""
+    return partial(_waving, slave, master, counts, shift)
+
+
+@cache
+def two_stacks(kinds=(("QUAD4", "TRIA3"), ("TRIA6", "QUAD4")), apart=(1.5, 0.1, 0.0)):
+    """Two stacks beside each other: slave0 on master0, slave1 on master1."""
+    parts = []
+    for k, (low, high) in enumerate(kinds):
+        mesh = waved(stack(low, high, 2, number=k, counts=(4, 2), skew=0.1))
+        parts.append((mesh, k * np.asarray(apart), {name: name for name in mesh.cell_groups}))
+    return joined(parts)
+
+
+@cache
+def joint(kind="HEXA8", n=2, m=2, halves=False):
+    """A bolt on 0 < x < 1, and beside it a foot and a lid on 2 < x < 3 that touch; all are 2 high.
+
+    `m`: cells of the lid to a side; `halves`: the bolt is of two bodies whose meshes differ.
+    """
+    dim = CELLS[kind.split()[0]].dim
+    up = dim - 1
+
+    def column(x, low, high, n, tall):
+        size, corner = (*(1,) * up, high - low), (x, *(0,) * (dim - 2), low)
+        make = generate.rectangle if dim == 2 else generate.box
+        return make((*(n,) * up, tall), size, kind, corner=corner).only("body", "bottom", "top")
+
+    parts = [column(2, 0, 1, n, 2).renamed(bottom="foot", top="slave", body="body0")]
+    parts += [column(2, 1, 2, m, 2).renamed(bottom="master", top="head", body="body1")]
+    if halves:
+        parts += [column(0, 0, 1, n, 2).renamed(bottom="foot", top="shank_a", body="body2")]
+        parts += [column(0, 1, 2, n + 1, 2).renamed(bottom="shank_b", top="head", body="body3")]
+    else:
+        bolt = column(0, 0, 2, n, 4).with_groups("inner", shank=lambda x: np.abs(x[up] - 1) < 1e-9)
+        parts += [bolt.renamed(bottom="foot", top="head", body="body2")]
+    return join_meshes(*parts)

@@ -10,7 +10,7 @@ capability adds a row here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -41,11 +41,13 @@ from lacsolver.case import (
     Traction,
 )
 from lacsolver.case.keys import sections_of
+from tests.lacsolver.sectors import sector
 from tests.problem_meshes import (
     apart,
     bolted,
     cube,
     gapped,
+    joint,
     linked,
     overhang,
     pair,
@@ -55,6 +57,8 @@ from tests.problem_meshes import (
     solid,
     tower,
     towers,
+    two_stacks,
+    waving,
     wedge,
 )
 
@@ -127,7 +131,8 @@ def ring(hexa: str) -> Problem:
         hexa=hexa,
     )
     grown = {"ux": 0.0, "uy": "0.01 * (y - 1) * t", "uz": "0.01 * z * t"}
-    return problem(wedge, "3d", Material(young=1000.0, poisson=0.0), sides, move("in", **grown), move("out", **grown))
+    grow = move("in", **grown), move("out", **grown)
+    return problem(wedge, "3d", Material(young=1000.0, poisson=0.0), sides, *grow, Steps(count=2))
 
 
 def columns(value: Any, joint: Contact, law: Any = ELASTIC, mesh: Any = plane, **keys: Any) -> Problem:
@@ -444,4 +449,112 @@ PROBLEMS = {
     "pyramid": stacked(4.0, "pyramid"),
     "hexa": stacked(1.0, "hexa"),
     "auto": stacked(4.0, "auto"),
+}  # fmt: skip
+
+
+# ---- hard problems without an answer in closed form, for the laws of units, places, turns and orders alone
+
+SOFTLY = Spring(group="top", kx=30.0, ky=30.0)
+DOWN, PUSHED = move("top", ux=0.004, uy=-0.03), move("top", ux=0.004, uy=0.002, uz=-0.03)
+HUNG = Coupling(
+    name="pin", group="top", ux=0.002, fy=-20.0, moment=0.2, axes={"x": [1.0, 0.0], "xy": [0.0, 1.0]},
+)  # fmt: skip
+
+
+def hard(mesh: Callable[[], Mesh], *records: Any, model: str = "plane_strain", **keys: Any) -> Problem:
+    """Two blocks in contact, the lower one held; records may have a material of their own."""
+    if not any(isinstance(one, Material) for one in records):
+        law = "neo_hookean" if keys.get("kinematics") == "finite" else "elastic"
+        records = (Material(young=1000.0, poisson=0.3, law=law), *records)
+    return problem(mesh, model, fix("bottom", "xyz" if model == "3d" else "xy"), *records, **keys)
+
+
+FINITE = {"kinematics": "finite"}
+HARD = {
+    "plane strain": hard(waving("QUAD4", "TRIA3"), contact(), DOWN),
+    "plane stress, smoothed, bodied, sprung": hard(
+        waving("QUAD8", "QUAD4"), contact(normals="smoothed"), SOFTLY,
+        BodyForce(fx="0", fy="-20 * (1 + x)"), Traction(group="top", tx="3 * x", ty="-40 * t"),
+        model="plane_stress", thickness=3.0,
+    ),
+    "plane, finite": hard(waving("TRIA6", "QUAD4"), contact(), DOWN, **FINITE),
+    "plane, finite, follower": hard(
+        waving("QUAD4", "QUAD4"), contact(), SOFTLY,
+        Pressure(group="top", value="30 * t * (1 + 0.3 * x)", follower=True), **FINITE,
+    ),
+    "bilateral": hard(
+        waving("TRIA3", "QUAD4"), contact(type="bilateral"), SOFTLY, Force(group="top", fx=0.4, fy=1.5),
+    ),
+    "rigid, finite": hard(
+        waving("QUAD4", "TRIA3"), contact(), replace(SOFTLY, group="inner"),
+        Rigid(group="top", centre=[0.5, 2.0], fx=2.0, fy=-15.0, moment=1.5), **FINITE,
+    ),
+    "two zones": hard(
+        two_stacks, DOWN, Contact(slave="slave0", master="master0", normals="smoothed"),
+        Contact(slave="slave1", master="master1"),
+    ),
+    "overlap": hard(waving("QUAD4", "TRIA3"), contact(geometry="current", clearance=-0.01), fix("top", "xy")),
+    "warm, held along normals": problem(
+        waving("QUAD8", "QUAD4"), "plane_strain", contact(), Material(young=1000.0, poisson=0.3, expansion=2e-3),
+        *(move(group, un=0.0) for group in ("bottom", "x0", "top")), Temperature(value="20 * t * (1 + x)"),
+    ),
+    "axisymmetric": hard(
+        waving("QUAD4", "TRIA3", shift=(0.5, 0, 0)), contact(), move("top", uy="-0.03 * t"), model="axisymmetric",
+    ),
+    "axisymmetric, finite, smoothed": hard(
+        waving("QUAD8", "QUAD4", shift=(0.5, 0, 0)), contact(normals="smoothed"), move("top", uy="-0.03 * t"),
+        model="axisymmetric", **FINITE,
+    ),
+    "in space": hard(waving("HEXA8", "TETRA4", (2, 2)), contact(), PUSHED, model="3d"),
+    "in space, finite, smoothed": hard(
+        waving("HEXA8", "HEXA8", (2, 1)), contact(normals="smoothed"), PUSHED, model="3d", **FINITE,
+    ),
+    "tie in space": hard(
+        waving("TETRA4", "HEXA8", (2, 1)), Tie(slave="slave", master="master"),
+        move("top", ux=0.01, uy=0.004, uz=0.02), model="3d",
+    ),
+    # rows of contact, whose size is an area, beside rows of equality, whose size is 1; they hold bodies that are free
+    "coupled, tied": hard(
+        waving("QUAD4", "QUAD4"), Tie(slave="slave", master="master"), Traction(group="top", tx=0.5, ty=-4.0),
+        Coupling(name="pin", group="top", ux=0.002, uy=-0.01, rotation=0.001),
+    ),
+    "coupled, tied, in space": hard(
+        waving("HEXA8", "HEXA8", (2, 1)), Tie(slave="slave", master="master"),
+        Coupling(name="pin", group="top", ux=0.002, uy=-0.01, uz=0.001, rotation=[0.0, 0.0, 0.0]),
+        Traction(group="top", tx=0.5, ty=-4.0, tz=0.5), model="3d",
+    ),
+    "held by contact and a coupling": hard(waving("QUAD4", "TRIA3"), contact(), HUNG),
+    "held by contact and a coupling, finite": hard(waving("QUAD4", "QUAD4"), contact(), HUNG, **FINITE),
+    "rubbing": hard(waving("QUAD4", "TRIA3"), contact(friction=0.3), move("top", ux=0.02, uy=-0.03)),
+    "rubbing in space": hard(
+        waving("HEXA8", "HEXA8", (2, 2)), contact(friction=0.3), move("top", ux=0.02, uy=0.002, uz=-0.03), model="3d",
+    ),
+    "rubbing, finite": hard(
+        waving("QUAD4", "QUAD4"), contact(friction=0.3), move("top", ux=0.02, uy=-0.03), **FINITE,
+    ),
+    "soft contact": hard(
+        waving("QUAD4", "TRIA3"), DOWN, contact(law="exponential", pressure_at_contact=0.5, clearance_at_zero=0.002),
+    ),
+    "bolted": problem(
+        joint, "3d", Material(young=1000.0, poisson=0.0), contact(), fix("foot", "xyz"),
+        Rigid(
+            group="head", centre=[1.5, 0.5, 2.0], rotation=[0.0, 0.0, 0.0], fx=[[0, 0], [1, 0], [3, 0]],
+            fy=[[0, 0], [1, 0], [3, 0]], fz=[[0, 0], [1, 0], [3, 10]],
+        ),
+        Pretension(group="shank", force=[[0, 0], [1, 10]], lock=1.0), Steps(times=[1.0, 2.0, 3.0]),
+    ),
+    "sector": problem(
+        lambda: sector("QUAD4", (3, 3), 4, skew=0.1), "plane_strain", ELASTIC,
+        Cyclic(slave="b", master="a", sectors=4, origin=[0.0, 0.0]), Pressure(group="out", value=20.0),
+        move("in", ux="0.01 * x * (1 + t)", uy="0.01 * y * (1 + t)"),
+    ),
+    "yielding": hard(
+        waving("QUAD4", "QUAD4"), contact(), move("top", ux=0.0005, uy=-0.006),
+        Material(law="plastic", young=1000.0, poisson=0.3, hardening=[[2.0, 0.0], [3.0, 0.02]], kinematic=40.0),
+    ),
+    "thrown": hard(
+        waving("QUAD4", "QUAD4"), contact(friction=0.3), Material(young=1000.0, poisson=0.3, density=1.0),
+        Initial(groups=["upper"], vx=1.0, vy=-2.0), Dynamics(rayleigh=[0.1, 0.0]), Steps(end=0.05, count=5),
+    ),
+    "multigrid": hard(waving("QUAD4", "TRIA3"), contact(), HUNG, Solver(backend="multigrid")),
 }  # fmt: skip

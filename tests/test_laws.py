@@ -5,7 +5,6 @@ A law is a test over `PROBLEMS`; a problem for which it has no meaning is left o
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import MISSING, replace
 from functools import cache
@@ -15,11 +14,9 @@ import pytest
 
 import lacsolver as ls
 from lacmesh.errors import LacmeshError, LacmeshWarning
-from lacsolver.case import Case, read_case
-from lacsolver.case.formula import Formula
+from lacsolver.case import Case, Solver, read_case
 from lacsolver.case.keys import defaults_of, keys_of, sections_of
 from lacsolver.case.kinds import Choice
-from lacsolver.case.value import Value
 from lacsolver.equilibrium.load_step import LoadStep
 from lacsolver.equilibrium.newmark import Newmark
 from lacsolver.equilibrium.reduced import ReducedProblem
@@ -30,8 +27,8 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.state import StepState
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
-from tests.lacsolver.invariant_cases import permuted
 from tests.problems import PROBLEMS, case_of
+from tests.worlds import CannotTurnError, World, assert_same, case_in, permuted, turned_world
 
 pytestmark = [
     pytest.mark.filterwarnings(f"ignore:{words}:lacmesh.errors.LacmeshWarning")
@@ -236,109 +233,42 @@ def test_every_key_has_an_effect(place, tmp_path):
     pytest.fail(f"{tried} problems have it, and none needs it")
 
 
-# ---- the same in other units, elsewhere, in another order
+# ---- the same in other units, turned, elsewhere, in another order
 
-#: exponents of length, stress and time in each dimension; a mass is stress × length × time²
-DIMENSIONS = {
-    "": (0, 0, 0), "1": (0, 0, 0), "length": (1, 0, 0), "stress": (0, 1, 0), "time": (0, 0, 1), "force": (2, 1, 0),
-    "mass": (1, 1, 2), "temperature": (0, 0, 0), "degree": (0, 0, 0), "radian": (0, 0, 0),
+UNITS = {
+    "mm in m": World(1e-3), "m in μm": World(1e6, 1e-12), "forces": World(stress=1e9), "slow": World(time=1e4),
 }  # fmt: skip
-POWERS = {"": 1, "²": 2, "³": 3}
 
 
-def factor(unit, scales):
-    """Factor of a value whose unit is a product such as `mass / length³` where length, stress, time have factors."""
-    total = np.zeros(3)
-    above, *below = unit.split(" / ")
-    for sign, words in ((1, above), *((-1, part) for part in below)):
-        for word in words.split(" × "):
-            name, power = re.fullmatch(r"(.*?)([²³]?)", word).groups()
-            total += sign * POWERS[power] * np.array(DIMENSIONS[name])
-    return float(np.prod(np.asarray(scales) ** total))
-
-
-def scaled(value, size, scales):
-    """A value of a key in other units: numbers, tables of time, and formulas of x, y, z and t."""
-    length, _, time = scales
-    if isinstance(value, Value):
-        return scaled(value.source, size, scales)
-    if isinstance(value, (str, Formula)):
-        text = value if isinstance(value, str) else value.text
-        own = {**dict.fromkeys("xyz", length), "t": time}
-        moved = re.sub(r"\b[xyzt]\b", lambda m: f"({m[0]} / {own[m[0]]!r})", text)
-        return f"{size!r} * ({moved})"
-    if isinstance(value, (tuple, list)):
-        if value and isinstance(value[0], (tuple, list)):  # a table of time
-            return [[t * time, scaled(v, size, scales)] for t, v in value]
-        return [scaled(v, size, scales) for v in value]
-    return None if value is None else value * size
-
-
-#: keys of rows with two units, and of axes, whose origin is a place
-PAIRS = {"hardening", "pressures"}
-
-
-def record_in(record, scales):
-    """A record in other units."""
-    changes = {}
-    for name, key in keys_of(record).items():
-        value, units = getattr(record, name), key.unit.split(", ")
-        if value is None or (not key.unit and name not in ("axes", "terms", "weights")):
-            continue
-        if name == "end" and record.times:
-            continue
-        if name in PAIRS:
-            changes[name] = [[v * factor(u, scales) for v, u in zip(row, units, strict=True)] for row in value]
-        elif name == "rayleigh":
-            changes[name] = [v * factor(u, scales) for v, u in zip(value, units, strict=True)]
-        elif name == "axes":
-            if isinstance(value, dict) and "origin" in value:
-                changes[name] = {**value, "origin": [c * scales[0] for c in value["origin"]]}
-        elif name == "terms":
-            changes[name] = [
-                {**term, "at": [c * scales[0] for c in term["at"]]} if term.get("at") else dict(term) for term in value
-            ]
-        else:
-            changes[name] = scaled(value, factor(units[0], scales), scales)
-    return replace(record, **changes)
-
-
-def case_in(problem, scales):
-    """The case of a problem whose lengths, stresses and times are so many times larger."""
-    case, mesh = problem.case(), problem.mesh()
-    records = [record_in(one, scales) for one in problem.records]
-    if not any(one.SECTION.name == "steps" for one in problem.records):
-        records.append(record_in(case.steps, scales))
-    keys = dict(problem.keys)
-    if case.model in ("plane_strain", "plane_stress"):
-        own = keys.get("thickness", 1.0)
-        keys["thickness"] = {k: v * scales[0] for k, v in own.items()} if isinstance(own, dict) else own * scales[0]
-    return case_of(replace(mesh, points=mesh.points * scales[0]), *records, **keys)
-
-
-UNITS = {"mm in m": (1e-3, 1.0, 1.0), "m in μm": (1e6, 1e-12, 1.0), "forces": (1.0, 1e9, 1.0), "slow": (1.0, 1.0, 1e4)}
-
-
-def assert_same(name, states, scales=(1.0, 1.0, 1.0), place=slice(None), iterations=True):
-    """States are those of a problem, in units that are `scales` times as large, with its nodes in other places."""
-    mesh = PROBLEMS[name].mesh()
-    for one, other in zip(states_of(name), states, strict=True):
-        u, v = (state.u.reshape(-1, mesh.space_dim)[: mesh.n_nodes] for state in (one, other))
-        assert np.abs(v[place] / scales[0] - u).max() <= 1e-8 * max(np.abs(u).max(), 1e-300)
-        assert one.iterations == other.iterations or not iterations
-        zones = {zone.name: zone for zone in other.zones}
-        for own in one.zones:
-            p, q = np.sort(own.pressure), np.sort(zones[own.name].pressure) / scales[1]
-            assert sorted(own.status) == sorted(zones[own.name].status)
-            assert np.abs(p - q).max() <= 1e-8 * max(np.abs(p).max(), 1e-300)
+def check_in(name, case, world, place=slice(None), iterations=True):
+    """The states of a case are those of a problem in a world, with its nodes in other places."""
+    others = tuple(march(Problem.of(case, case.mesh)))
+    assert_same(states_of(name), others, world, PROBLEMS[name].mesh(), place, iterations=iterations)
 
 
 @pytest.mark.parametrize("units", UNITS)
 @SOLVED
 def test_in_other_units(name, units):
     """Lengths, forces and times in other units: the same answer in the same iterations."""
-    case = case_in(PROBLEMS[name], UNITS[units])
-    assert_same(name, march(Problem.of(case, case.mesh)), UNITS[units])
+    check_in(name, case_in(PROBLEMS[name], UNITS[units]), UNITS[units])
+
+
+def turns(name):
+    """True if a problem is exact, and can be written in a turned world: it has no component of its mesh alone."""
+    problem = PROBLEMS[name]
+    if any(isinstance(one, Solver) and one.tolerance > 1e-8 for one in problem.records):
+        return False
+    try:
+        case_in(problem, turned_world(problem))
+    except CannotTurnError:
+        return False
+    return problem.keys["model"] != "axisymmetric"
+
+
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name != "given up" and turns(name)])
+def test_turned(name):
+    problem = PROBLEMS[name]
+    check_in(name, case_in(problem, turned_world(problem)), turned_world(problem), iterations=False)
 
 
 @SOLVED
@@ -346,5 +276,4 @@ def test_in_another_order(name):
     """Nodes, cells, blocks, groups and records in another order."""
     problem = PROBLEMS[name]
     mesh, place = permuted(problem.mesh(), seed=1)
-    case = problem.case(problem.records[::-1], mesh)
-    assert_same(name, march(Problem.of(case, mesh)), place=place, iterations=False)
+    check_in(name, case_in(problem, World(), mesh, reverse=True), World(), place, iterations=False)

@@ -1,4 +1,6 @@
-"""Slip over anchors: its derivative against differences, its objectivity, and which anchors are kept."""
+"""Slip over anchors: its derivative against differences, its objectivity, which anchors are kept; and the multipliers
+of the manual (R5.03.55, 3.3.4), which are on nodes where those of the solver are on macro-elements.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lacsolver.contact import Pairing, integrate
+from lacmesh import aster_multipliers, cut_skin
+from lacsolver.contact import Pairing, Zone, integrate
 from lacsolver.contact.anchors import Anchors, renewed, slip
 from lacsolver.contact.tangent import motion_of
+from tests.lacsolver.patch_meshes import stack, ways
 from tests.lacsolver.test_interface import PAIRS, wavy
 from tests.lacsolver.test_tangent import ANY, MEASURES, NORMALS, STRAIGHT
 from tests.samples import each_option
+from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
 
 #: of a difference
 STEP, EXACT = 1e-5, 1e-9
@@ -151,3 +156,39 @@ def test_the_derivative_without_anchors_has_moving_edges(pair, margin):
     case = Anchored(pair, counts=(3, 4), margin=margin, surface="faces")
     x = case.shaken(case.before, 4e-3)
     assert error(case, lambda x: case.slip(x, Anchors.none()), x) <= (EXACT if margin > 0 or pair[2] == 2 else 1e-5)
+
+
+# ---- multipliers on nodes
+
+CUT = [(kind, 2, "pyramid") for kind in PLANE_KINDS] + [(kind, 3, way) for kind in SOLID_KINDS for way in ways(kind)]
+
+
+@pytest.mark.parametrize("kind, dim, way", CUT)
+def test_halves_and_quarters_make_one_row_a_macro_element(kind, dim, way):
+    """Each face's share (1, 1/2 or 1/4) and the sum over the nodes that carry it give B, the master's side included."""
+    cut = cut_skin(stack(kind, "mixed 2", dim, counts=(2, 2)), "slave", hexa=way)
+    zone = Zone.of(cut.mesh, "slave", "master")
+    faces = np.arange(len(zone.slave))  # each a macro-element of its own
+    whole, apart = integrate(zone, dim), integrate(replace(zone, macro=faces, number=faces), dim)
+    multipliers = aster_multipliers(cut)
+    row_of, B = {cell: row for row, cell in enumerate(zone.slave.cell)}, np.zeros(whole.B.shape)
+    for cell, carried, share in zip(multipliers.faces, multipliers.nodes, multipliers.share, strict=True):
+        for node in carried[carried >= 0]:
+            macro = multipliers.patch_of_node[node] - 1
+            B[np.searchsorted(zone.number, macro)] += share * apart.B[[row_of[cell]]].toarray()[0]
+    np.testing.assert_allclose(B, whole.B.toarray(), atol=1e-15)
+    assert np.abs(B).max() > 1e-3
+
+
+def test_the_multipliers_of_a_hexahedron_cut_into_hexahedra_are_at_the_corners_of_its_middle_face():
+    """Matrix (42): each of the faces around gives its row to two corners, the middle one to all four."""
+    cut = cut_skin(stack("HEXA8", "HEXA8", 3, counts=(1, 3)), "slave", hexa="hexa")
+    multipliers = aster_multipliers(cut)
+    (faces,) = cut.faces_of_macro
+    corners = {
+        cell: set(nodes) for _, cells, rows in cut.mesh.select(faces) for cell, nodes in zip(cells, rows, strict=True)
+    }
+    (middle,) = [cell for cell in faces if all(len(corners[cell] & corners[other]) > 1 for other in faces)]
+    for cell, carried in zip(multipliers.faces, multipliers.nodes, strict=True):
+        assert set(carried[carried >= 0]) == corners[cell] & corners[middle]
+    assert sorted(multipliers.share) == [0.25, 0.5, 0.5, 0.5, 0.5]

@@ -1,4 +1,6 @@
-"""Couplings: resultants at any weights, strains as under tractions, exact rotations, prescribed motions."""
+"""Couplings: resultants at any weights, exact rotations, prescribed motions, rotations free about some axes, and nodes
+whose displacement several records prescribe.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import lacsolver as ls
+from lacmesh import join
 from lacmesh.errors import LacmeshError
+from lacmesh.generate import box, rectangle
 from lacsolver.case import (
-    Case,
     CaseError,
     Coupling,
     Displacement,
@@ -18,10 +22,10 @@ from lacsolver.case import (
     Force,
     Material,
     Rigid,
-    Solver,
     Steps,
     Tie,
     Traction,
+    parse_case,
 )
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.rotation import turn
@@ -32,31 +36,46 @@ from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
 from lacsolver.results.figures import step_figures
 from lacsolver.validation import validate
-from tests.checks.blocks import block as grid
-from tests.checks.blocks import join, skin
 from tests.lacsolver.patch_meshes import block
+from tests.problems import case_of, fix
 
 LAWS = {"small": "elastic", "finite": "neo_hookean"}
-CELLS = ["QUAD4", "QUAD8", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"]
+#: a cell of a plane and one of space, and kinematics
+BOTH = pytest.mark.parametrize("cell", ["QUAD8", "HEXA8"])
+EITHER = pytest.mark.parametrize("kinematics", LAWS)
 
 
 def dim_of(cell):
     return 2 if cell[:4] in ("QUAD", "TRIA") else 3
 
 
-def made(cell="HEXA8", kinematics="small", model="", **keys):
+def sides(dim):
+    """The names of the lowest and the highest side of a block."""
+    return f"{'xyz'[dim - 1]}0", f"{'xyz'[dim - 1]}1"
+
+
+def along(name, values):
+    """Keys of a vector: along("f", (1, 2)) is fx = 1, fy = 2."""
+    return {f"{name}{axis}": value for axis, value in zip("xyz", values, strict=False)}
+
+
+def made(cell="HEXA8", kinematics="small", *records, free=False, model="", **keys):
+    """A block of a cell with its lowest side fixed, unless it is `free`, and records."""
     dim = dim_of(cell)
-    side = "xyz"[dim - 1]
-    keys = {"displacement": Displacement(group=f"{side}0", **{f"u{a}": 0 for a in "xyz"[:dim]})} | keys
+    foot = [] if free else [fix(sides(dim)[0], "xyz"[:dim])]
     material = Material(young=100.0, poisson=0.3, density=1.0, law=LAWS[kinematics])
     model = model or ("3d" if dim == 3 else "plane_strain")
-    return Case(mesh=block(cell, dim, 2, f"{side}1"), model=model, kinematics=kinematics, material=material, **keys)
+    mesh = block(cell, dim, 2, sides(dim)[1])
+    return case_of(mesh, material, *foot, *records, model=model, kinematics=kinematics, **keys)
 
 
 def solved(case):
     problem = Problem.of(case)
     *_, state = march(problem)
     return problem, state, step_figures(problem, state)
+
+
+# ---- the weights of a point
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -92,50 +111,65 @@ def test_a_rotation_vector_comes_back(angle):
     )
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("kinematics", LAWS)
+def test_the_tangent_of_rows_of_a_point_that_turns():
+    point = Coupling(group="z1", at=[0.8, 1.6, 1.9], ux=0.05, uz=-0.1, axes={"x": [1, 1, 0], "xy": [0, 1, 0]})
+    problem = Problem.of(made("HEXA8", "finite", point))
+    (rows,) = problem.equalities
+    assert isinstance(rows, CouplingRows) and not rows.linear
+    h, p = 1e-6, np.array([1.0, -2.0])
+    u, du = 0.3 * np.random.default_rng(3).standard_normal((2, problem.space.n_dof))
+    ends = [rows.at(u + sign * h * du, 1.0) for sign in (1, -1)]
+    np.testing.assert_allclose(rows.at(u, 1.0).C @ du, -(ends[0].gap - ends[1].gap) / (2 * h), atol=1e-7)
+    bent = (ends[0].C.T @ p - ends[1].C.T @ p) / (2 * h)
+    np.testing.assert_allclose(rows.curvature(u, 1.0, p) @ du, bent, atol=1e-6)
+
+
+# ---- bodies that are moved and loaded
+
+
+@pytest.mark.parametrize("cell", ["QUAD4", "QUAD8", "TRIA6", "HEXA8", "HEXA20", "TETRA10", "PENTA6"])
+@EITHER
 def test_a_body_pulled_by_a_coupling_strains_as_under_tractions(cell, kinematics):
     dim = dim_of(cell)
-    side = f"{'xyz'[dim - 1]}1"
-    t = dict(zip("xyz", (2.0, -1.0, 3.0)[3 - dim :], strict=False))
-    pulled = {f"t{a}": v for a, v in t.items()}
-    _, one, _ = solved(made(cell, kinematics, traction=Traction(group=side, **pulled)))
-    case = made(cell, kinematics, coupling=Coupling(group=side, **{f"f{a}": v for a, v in t.items()}))
-    _, other, figures = solved(case)
+    t, side = (2.0, -1.0, 3.0)[3 - dim :], sides(dim)[1]
+    _, one, _ = solved(made(cell, kinematics, Traction(group=side, **along("t", t))))
+    _, other, figures = solved(made(cell, kinematics, Coupling(group=side, **along("f", t))))
     np.testing.assert_allclose(other.u, one.u, atol=1e-10 * np.abs(one.u).max())
-    coupling = figures.couplings[side]
-    np.testing.assert_allclose(coupling.force, list(t.values()), atol=1e-11)
-    np.testing.assert_allclose(coupling.moment, 0, atol=1e-11)
+    np.testing.assert_allclose(figures.couplings[side].force, t, atol=1e-11)
+    np.testing.assert_allclose(figures.couplings[side].moment, 0, atol=1e-11)
 
 
-@pytest.mark.parametrize("cell", ["QUAD8", "HEXA8"])
-def test_large_rotations_are_without_strain(cell):
+@BOTH
+@pytest.mark.parametrize("angle, count", [(None, 4), (1.1, 1), (1.5, 1), (np.pi / 2, 1), (np.pi, 1)])
+def test_a_free_body_turns_as_far_as_its_coupling_without_strain(cell, angle, count):
+    """In one step too: the rows hold for half a turn less as well, and for a body that stays where it is at pi."""
     dim = dim_of(cell)
-    side = f"{'xyz'[dim - 1]}1"
-    theta = [1.5, -1.2, 0.9] if dim == 3 else 2.5
-    at = [0.3, 0.4, 2.0][:dim]
-    moved = {f"u{a}": 0.5 for a in "xyz"[:dim]}
-    turned = Coupling(group=side, at=at, rotation=theta, weights="1 + x", **moved)
-    problem, state, figures = solved(made(cell, "finite", displacement=[], coupling=turned, steps=Steps(count=4)))
-    full = np.array(theta if dim == 3 else [0, 0, theta])
-    arm = problem.space.mesh.points - np.array([*at, 0, 0][:3]) * ([1, 1, dim == 3])
-    wanted = (arm @ turn(full).T)[:, :dim] + 0.5
-    np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, atol=1e-11)
-    assert figures.energy < 1e-20
-    np.testing.assert_allclose(figures.couplings[side].displacement, 0.5, atol=1e-12)
-    np.testing.assert_allclose(figures.couplings[side].rotation, theta, atol=1e-12)
+    axis = np.array([0.36, 0.48, 0.8] if dim == 3 else [0, 0, 1.0])
+    theta = angle * axis if angle else np.array([1.5, -1.2, 0.9] if dim == 3 else [0, 0, 2.5])
+    at, away = ([0.0] * dim, 0.0) if angle else ([0.3, 0.4, 2.0][:dim], 0.5)
+    keys = {} if angle else {"weights": "1 + x"}
+    given = list(theta) if dim == 3 else theta[2]
+    turned = Coupling(group=sides(dim)[1], at=at, rotation=given, **along("u", dim * [away]), **keys)
+    problem, state, figures = solved(made(cell, "finite", turned, Steps(count=count), free=True))
+    arm = problem.space.mesh.points - np.array([*at, 0, 0][:3]) * [1, 1, dim == 3]
+    wanted = (arm @ turn(theta).T)[:, :dim] + away
+    np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, atol=1e-9)
+    assert figures.energy < 1e-18
+    point = figures.couplings[sides(dim)[1]]
+    np.testing.assert_allclose(point.displacement, away, atol=1e-12)
+    if angle != np.pi:  # or the other way round
+        np.testing.assert_allclose(point.rotation, given, atol=1e-12)
 
 
-@pytest.mark.parametrize("kinematics", LAWS)
-@pytest.mark.parametrize("cell", ["QUAD8", "HEXA8"])
+@EITHER
+@BOTH
 def test_motions_and_loads_at_a_point_far_from_its_nodes(cell, kinematics):
     """Prescribed motions are reached, loads are as given, and supports carry the whole."""
     dim = dim_of(cell)
-    side, low = f"{'xyz'[dim - 1]}1", f"{'xyz'[dim - 1]}0"
-    at = [0.8, 1.6, 1.9][:dim] if dim == 3 else [0.8, 1.9]
+    low, side = sides(dim)
     moment = [0.5, -0.4, 0.7] if dim == 3 else 0.5
-    point = Coupling(group=side, at=at, ux=0.05, fy=1.0, moment=moment)
-    _, _, figures = solved(made(cell, kinematics, coupling=point, steps=Steps(count=2)))
+    point = Coupling(group=side, at=[0.8, 1.6, 1.9] if dim == 3 else [0.8, 1.9], ux=0.05, fy=1.0, moment=moment)
+    _, _, figures = solved(made(cell, kinematics, point, Steps(count=2)))
     coupling = figures.couplings[side]
     assert coupling.displacement[0] == pytest.approx(0.05, abs=1e-12)
     assert coupling.force[1] == pytest.approx(1.0, rel=1e-10)
@@ -144,188 +178,298 @@ def test_motions_and_loads_at_a_point_far_from_its_nodes(cell, kinematics):
     assert kinematics == "small" or figures.iterations <= 6
 
 
-def test_the_tangent_of_rows_of_a_point_that_turns():
-    point = Coupling(group="z1", at=[0.8, 1.6, 1.9], ux=0.05, uz=-0.1, axes={"x": [1, 1, 0], "xy": [0, 1, 0]})
-    problem = Problem.of(made("HEXA8", "finite", coupling=point))
-    (rows,) = problem.equalities
-    assert isinstance(rows, CouplingRows) and not rows.linear
-    rng = np.random.default_rng(3)
-    u, du, h, p = 0.3 * rng.standard_normal((2, problem.space.n_dof)), None, 1e-6, np.array([1.0, -2.0])
-    u, du = u
-    ends = [rows.at(u + sign * h * du, 1.0) for sign in (1, -1)]
-    np.testing.assert_allclose(rows.at(u, 1.0).C @ du, -(ends[0].gap - ends[1].gap) / (2 * h), atol=1e-7)
-    bent = (ends[0].C.T @ p - ends[1].C.T @ p) / (2 * h)
-    np.testing.assert_allclose(rows.curvature(u, 1.0, p) @ du, bent, atol=1e-6)
-
-
-@pytest.mark.parametrize("kinematics", LAWS)
-@pytest.mark.parametrize("cell", ["QUAD8", "HEXA8"])
+@EITHER
+@BOTH
 def test_a_rigid_coupling_is_a_rigid_body(cell, kinematics):
+    """The same answer, also with axes, along which all components follow."""
     dim = dim_of(cell)
-    side, at = f"{'xyz'[dim - 1]}1", [0.3, 0.4, 2.0][:dim]
-    moment = [0.5, -0.4, 0.7] if dim == 3 else 0.5
-    loads = {f"f{a}": 0.3 for a in "xyz"[1:dim]}
-    body = Rigid(group=side, centre=at, ux=0.02, moment=moment, **loads)
-    _, one, _ = solved(made(cell, kinematics, rigid=body))
-    point = Coupling(group=side, at=at, kind="rigid", name="end", ux=0.02, moment=moment, **loads)
-    _, other, figures = solved(made(cell, kinematics, coupling=point))
+    side, at = sides(dim)[1], [0.3, 0.4, 2.0][:dim]
+    keys = {"ux": 0.02, "moment": [0.5, -0.4, 0.7] if dim == 3 else 0.5, **along("f", [None, 0.3, 0.3][:dim])}
+    _, one, _ = solved(made(cell, kinematics, Rigid(group=side, centre=at, **keys)))
+    point = Coupling(group=side, at=at, kind="rigid", name="end", **keys)
+    _, other, figures = solved(made(cell, kinematics, point))
     np.testing.assert_allclose(other.u, one.u, atol=1e-13)
     coupling = figures.couplings["end"]
     np.testing.assert_allclose(coupling.force[1:], 0.3, rtol=1e-9)
-    np.testing.assert_allclose(coupling.moment, moment, rtol=1e-9)
+    np.testing.assert_allclose(coupling.moment, keys["moment"], rtol=1e-9)
+    axes = {"x": [1, 0, 0], "xy": [0, 1, 0]} if dim == 3 else {"x": [1, 0]}
     if kinematics == "small":
-        along = {"axes": {"x": [1, 0, 0], "xy": [0, 1, 0]} if dim == 3 else {"x": [1, 0]}}
-        _, third, figures = solved(made(cell, coupling=replace(point, **along)))
+        _, third, figures = solved(made(cell, kinematics, replace(point, axes=axes)))
         np.testing.assert_allclose(third.u, one.u, atol=1e-12)
         for now, then in zip(figures.couplings["end"], coupling, strict=True):
             np.testing.assert_allclose(now, then, atol=1e-10)
 
 
-def test_components_that_follow_leave_the_others_free():
-    """A lid that stays plane and is tilted, whose nodes slide in it: the strains of a bar that is bent."""
-    lid = Coupling(group="z1", kind="rigid", components=["uz"], fz=2.0, rotation=[0.01, 0.0, 0.0])
-    problem, state, figures = solved(made(coupling=lid, steps=Steps(count=1)))
-    u, x = state.u.reshape(-1, 3), problem.space.mesh.points
-    top = x[:, 2] == x[:, 2].max()
-    coupling = figures.couplings["z1"]
-    wanted = coupling.displacement[2] + 0.01 * (x[top, 1] - x[top, 1].mean())
-    np.testing.assert_allclose(u[top, 2], wanted, atol=1e-12)
-    assert coupling.force[2] == pytest.approx(2.0) and np.ptp(u[top, 0]) > 1e-4
-    np.testing.assert_allclose(figures.reactions["z0"], [0, 0, -2], atol=1e-10)
-
-
 def test_axisymmetric_points_move_along_the_axis():
-    point = Coupling(group="y1", fy=3.0)
-    _, state, figures = solved(made("QUAD8", model="axisymmetric", coupling=point))
+    def of(record):
+        return solved(made("QUAD8", "small", record, model="axisymmetric"))[1:]
+
+    (state, figures), (pulled, _) = of(Coupling(group="y1", fy=3.0)), of(Force(group="y1", fy=3.0, total=True))
     np.testing.assert_allclose(figures.reactions["y0"][1], -3.0)
-    _, pulled, _ = solved(made("QUAD8", model="axisymmetric", force=Force(group="y1", fy=3.0, total=True)))
     np.testing.assert_allclose(state.u, pulled.u, atol=1e-13)
-    _, _, moved = solved(made("QUAD8", model="axisymmetric", coupling=Coupling(group="y1", uy=0.01)))
-    assert moved.couplings["y1"].displacement[1] == pytest.approx(0.01) and len(moved.couplings["y1"].rotation) == 0
+    moved = of(Coupling(group="y1", uy=0.01))[1].couplings["y1"]
+    assert moved.displacement[1] == pytest.approx(0.01) and len(moved.rotation) == 0
 
 
-def test_a_body_hangs_on_a_coupling_with_multigrid_and_in_motion():
-    held = Coupling(group="z0", ux=0, uy=0, uz=0, rotation=[0, 0, 0])
-    pulled = Traction(group="z1", tx=1.0)
-    answers = []
-    for backend in ("auto", "multigrid"):
-        case = made(displacement=[], coupling=held, traction=pulled, solver=Solver(backend=backend))
-        answers.append(solved(case)[1].u)
-    np.testing.assert_allclose(answers[1], answers[0], atol=1e-9 * np.abs(answers[0]).max())
-    case = made(displacement=[], coupling=held, traction=pulled, dynamics=Dynamics(), steps=Steps(end=0.2, count=4))
-    _, _, figures = solved(case)
+def test_a_body_hangs_on_a_coupling_in_motion():
+    hung = Coupling(group="z0", ux=0, uy=0, uz=0, rotation=[0, 0, 0]), Traction(group="z1", tx=1.0)
+    _, _, figures = solved(made("HEXA8", "small", *hung, Dynamics(), Steps(end=0.2, count=4), free=True))
     np.testing.assert_allclose(figures.couplings["z0"].displacement, 0, atol=1e-12)
 
 
-def test_a_moment_of_a_force_is_spread():
-    force = Force(group="z1", fx=1.0, moment=[0.1, 0.2, 0.3], total=True)
-    problem, _, figures = solved(made(force=force))
+def test_a_moment_of_a_force_is_spread_as_that_of_a_coupling():
+    load = {"group": "z1", "fx": 1.0, "moment": [0.1, 0.2, 0.3]}
+    problem, _, figures = solved(made("HEXA8", "small", Force(**load, total=True)))
     (one,) = resultants(problem.space, problem.materials, problem.case, 1.0)
     np.testing.assert_allclose(one.force, [1, 0, 0], atol=1e-13)
-    centre = problem.space.mesh.points[problem.space.mesh.points[:, 2] == problem.space.extent].mean(axis=0)
-    _, _, other = solved(made(coupling=Coupling(group="z1", fx=1.0, moment=[0.1, 0.2, 0.3])))
+    _, _, other = solved(made("HEXA8", "small", Coupling(**load)))
     np.testing.assert_allclose(figures.reactions["z0"], other.reactions["z0"], atol=1e-12)
-    assert centre.shape == (3,) and figures.energy == pytest.approx(other.energy, rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"at": [0, 0, 2], "fx": 1.0, "weights": "x > 0.999 and y > 0.999"}, "one point, so that they take no moment"),
-        ({"fx": 1.0, "weights": [[999, 1.0]]}, "its weights name node 999, which is not in the group"),
-        ({"fx": 1.0, "weights": "-1"}, "the weights of its nodes add up to"),
-        ({"kind": "rigid", "components": ["ux"], "fy": 1.0}, "no node follows its fy, with these components"),
-        ({"kind": "rigid", "components": ["ux"], "rotation": [1, 0, 0]}, "no node follows its rotation"),
-    ],
-)
-def test_couplings_that_cannot_be_are_named(keys, words):
-    with pytest.raises(CaseError, match=words):
-        solved(made(coupling=Coupling(group="z1", **keys)))
-
-
-def test_a_coupling_between_prescribed_nodes_is_named():
-    with pytest.raises(LacmeshError, match=r"coupling: it is off by .* all that it acts on is prescribed"):
-        solved(made(coupling=Coupling(group="z0", ux=0.1)))
-
-
-@pytest.mark.parametrize("ux", [0.1, 0.2])
-def test_two_couplings_of_one_motion_are_named(ux):
-    """A motion that both hold has no force of its own in either, whether they agree or not."""
-    couplings = [Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=ux, name="again")]
-    with pytest.raises(CaseError, match=r"what it holds follows from coupling 'z1', or contradicts it; leave one out"):
-        solved(made(coupling=couplings))
+    assert figures.energy == pytest.approx(other.energy, rel=1e-10)
 
 
 def test_a_rotation_that_an_equation_holds_already_has_no_moment():
     """A top that is level by an equation: round-off of the rotation's rows is no row."""
     lid = Equation(group="z1", same=["uz"])
-    _, _, one = solved(made(coupling=Coupling(group="z1", uz=0.1), equation=lid))
-    _, _, other = solved(made(coupling=Coupling(group="z1", uz=0.1, rotation=[0.0, 0.0, 0.0]), equation=lid))
-    (first,), (second,) = one.couplings.values(), other.couplings.values()
+    (first,), (second,) = (
+        solved(made("HEXA8", "small", Coupling(group="z1", uz=0.1, **keys), lid))[2].couplings.values()
+        for keys in ({}, {"rotation": [0.0, 0.0, 0.0]})
+    )
     np.testing.assert_allclose(second.force, first.force, rtol=0, atol=1e-9 * abs(first.force[2]))
     np.testing.assert_allclose(second.moment, 0.0, rtol=0, atol=1e-9 * abs(first.force[2]))
-
-
-# ---- far turns in one step
-
-
-@pytest.mark.parametrize("cell", ["QUAD4", "HEXA8"])
-@pytest.mark.parametrize("angle", [1.1, 1.5, np.pi / 2, np.pi])
-def test_a_free_body_turns_as_far_as_its_coupling_in_one_step(cell, angle):
-    """The rows of the coupling hold for half a turn less as well, and for a body that stays where it is at pi."""
-    dim = dim_of(cell)
-    axis = np.array([0.36, 0.48, 0.8]) if dim == 3 else np.array([0.0, 0.0, 1.0])
-    side, zero = f"{'xyz'[dim - 1]}1", {f"u{a}": 0 for a in "xyz"[:dim]}
-    turned = Coupling(group=side, at=[0.0] * dim, rotation=list(angle * axis) if dim == 3 else angle, **zero)
-    problem, state, figures = solved(made(cell, "finite", displacement=[], coupling=turned))
-    wanted = (problem.space.mesh.points @ turn(angle * axis).T)[:, :dim]
-    np.testing.assert_allclose(state.u.reshape(-1, dim), wanted, atol=1e-9)
-    assert figures.energy < 1e-18
-
-
-def bent_beam(kind, theta, count):
-    """A slender beam, held at its foot; the rotation of its end is prescribed."""
-    cells = grid((8, 1), (0, 0), (10, 1), "QUAD4")
-    ends = {name: skin(*cells, lambda x, at=at: np.isclose(x[..., 0], at)) for name, at in (("foot", 0), ("end", 10))}
-    case = Case(
-        mesh=join([(*cells, ends)]), model="plane_strain", kinematics="finite",
-        material=Material(young=100.0, poisson=0.0, law="saint_venant_kirchhoff"), steps=Steps(count=count),
-        displacement=Displacement(group="foot", ux=0, uy=0), coupling=Coupling(group="end", kind=kind, rotation=theta),
-    )  # fmt: skip
-    return solved(case)[2]
 
 
 @pytest.mark.parametrize("kind, theta", [("distributing", 2.0), ("distributing", 2 * np.pi), ("rigid", 2 * np.pi)])
 def test_a_beam_is_bent_the_way_that_is_prescribed(kind, theta):
     """One step leads where many do: not half a turn short of it, and not back to the straight beam at a full turn."""
-    few, many = (bent_beam(kind, theta, count) for count in (1, 5))
+    law = Material(young=100.0, poisson=0.0, law="saint_venant_kirchhoff")
+    records = law, fix("left", "xy"), Coupling(group="right", kind=kind, rotation=theta)
+    few, many = (
+        solved(case_of(rectangle((8, 1), (10, 1)), *records, Steps(count=count), **FINITE_PLANE))[2] for count in (1, 5)
+    )
     assert few.energy == pytest.approx(many.energy, rel=1e-6) and many.energy > 1.0
-    np.testing.assert_allclose(few.couplings["end"].moment, many.couplings["end"].moment, rtol=1e-6)
+    np.testing.assert_allclose(few.couplings["right"].moment, many.couplings["right"].moment, rtol=1e-6)
 
 
-def test_a_rotation_that_is_too_large_for_a_step_is_refused():
-    turned = Coupling(group="y1", rotation=3.0, ux=0, uy=0)
-    case = made("QUAD4", "finite", displacement=[], coupling=turned, steps=Steps(max_halvings=0))
-    words = "'y1' turns by 3 radian in the step to time 1, and bodies follow a quarter of a turn at most; take more"
-    with pytest.raises(LacmeshError, match=words):
-        solved(case)
+FINITE_PLANE = {"model": "plane_strain", "kinematics": "finite"}
 
 
-@pytest.mark.parametrize("kinematics", LAWS)
+@EITHER
 def test_a_body_that_a_coupling_moves_is_not_held_by_contact_alone(kinematics):
     """It goes three times as far as it is long; another one, which is tied to it, goes with it."""
-    low, high = grid((2, 2), (0, 0), (1, 1), "QUAD4"), grid((3, 2), (0, 1), (1, 2), "QUAD4")
-    skins = {
-        "foot": skin(*low, lambda x: np.isclose(x[..., 1], 0)),
-        "m": skin(*low, lambda x: np.isclose(x[..., 1], 1)),
-    }
-    mesh = join([(*low, skins), (*high, {"s": skin(*high, lambda x: np.isclose(x[..., 1], 1))})])
-    case = Case(
-        mesh=mesh, model="plane_strain", kinematics=kinematics, tie=Tie(slave="s", master="m"),
-        material=Material(young=100.0, poisson=0.3, law=LAWS[kinematics]),
-        coupling=Coupling(group="foot", ux=3, uy=0, rotation=0),
-    )  # fmt: skip
+    low, high = rectangle(2).renamed(top="m"), rectangle((3, 2), corner=(0, 1)).renamed(bottom="s")
+    mesh = join(low.renamed(body="body0").only("body0", "bottom", "m"), high.renamed(body="body1").only("body1", "s"))
+    material = Material(young=100.0, poisson=0.3, law=LAWS[kinematics])
+    records = material, Tie(slave="s", master="m"), Coupling(group="bottom", ux=3, uy=0, rotation=0)
+    case = case_of(mesh, *records, model="plane_strain", kinematics=kinematics)
     state = solved(case)[1]
     assert not any("body0" in one.words for one in state.held)
     assert [message for message in warnings_of(state.held, state.prescribed)] == []
     assert not any("body0" in words for words in validate(case).held)
+
+
+# ---- rotations prescribed about some axes and free about others
+
+#: moments about x and y of the lid of a column of 1 x 2 x 3
+MX, MY = 3.0, 2.0
+AXES = {"x": [0.8, 0.6, 0.0], "xy": [-0.6, 0.8, 0.0]}
+KINDS = {
+    "distributing": {"kind": "distributing"},
+    "distributing at a place": {"kind": "distributing", "at": (0.2, 0.7, 3.5), "ux": 0.002},
+    "distributing along other axes": {"kind": "distributing", "axes": AXES},
+    "rigid": {"kind": "rigid"},
+    "rigid, components": {"kind": "rigid", "components": ["ux", "uz"]},
+    "rigid, other axes": {"kind": "rigid", "axes": AXES},
+    "body": {"fx": 0.0, "fy": 0.0, "fz": 0.0},
+}
+
+
+def column(finite=False, **keys):
+    """The solution of a column on its foot whose lid is a coupling, or without a `kind` a rigid body."""
+    material = Material(young=1000.0, poisson=0.3, law="saint_venant_kirchhoff" if finite else "elastic")
+    lid = (Coupling if "kind" in keys else Rigid)(group="top", **keys)
+    records = material, fix("bottom", "xyz"), lid
+    return ls.solve(case_of(box(2, (1, 2, 3)), *records, model="3d", kinematics="finite" if finite else "small"))
+
+
+def moved(solution):
+    """Rotation of the lid, and the moment on its nodes."""
+    point = solution.figures.couplings.get("top")
+    if point is not None:
+        return point.rotation, point.moment
+    problem, state, _ = solution._solved
+    reaction = problem.constraints.rigid_reactions(state.reaction, state.rigid)["top"]
+    return state.rigid["top"][3:], reaction[3:]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_rotation_that_a_moment_would_give(kind):
+    """Prescribed about y as a moment has turned it, free about x and z: the same answer, with that moment about y."""
+    keys = KINDS[kind]
+    free = column(**keys, moment=(MX, MY, 0.0))
+    theta, moment = moved(free)
+    if "axes" not in keys:
+        np.testing.assert_allclose(moment, (MX, MY, 0.0), atol=1e-8)
+    R = np.eye(3)
+    if "axes" in keys:
+        x, y = np.array(AXES["x"]), np.array(AXES["xy"])
+        R = np.stack([x, y, np.cross(x, y)])
+    hinged = column(**keys, rotation=("free", (R @ theta)[1], "free"), moment=(MX, 0.0, 0.0))
+    np.testing.assert_allclose(hinged.u, free.u, atol=1e-9 * np.abs(free.u).max())
+    np.testing.assert_allclose(moved(hinged)[0], theta, atol=1e-9 * np.abs(theta).max())
+    np.testing.assert_allclose(moved(hinged)[1], moment, atol=1e-8)
+
+
+@pytest.mark.parametrize("keys", [KINDS["rigid"], KINDS["body"]])
+def test_large_rotations_about_one_axis(keys):
+    """Rotations with 0.3 about y: the one that is found has the least energy, whose derivatives by the others are 0."""
+    hinged = column(True, **keys, rotation=("free", 0.3, "free"))
+    theta = moved(hinged)[0]
+    assert theta[1] == pytest.approx(0.3, rel=1e-12)
+
+    def energy(x, z):
+        return column(True, **keys, rotation=(theta[0] + x, 0.3, theta[2] + z)).figures.energy
+
+    least, h = hinged.figures.energy, 1e-3
+    for way in ((h, 0.0), (0.0, h)):
+        more, less = energy(*way), energy(-way[0], -way[1])
+        assert more > least < less
+        assert abs(more - less) < 2e-3 * (more + less - 2 * least)
+
+
+def test_large_rotations_under_a_moment_about_a_free_axis():
+    """About x alone the body turns as if it were free about all axes, by symmetry."""
+    free = column(True, kind="rigid", moment=(60.0, 0.0, 0.0))
+    hinged = column(True, kind="rigid", rotation=("free", 0.0, 0.0), moment=(60.0, 0.0, 0.0))
+    assert moved(free)[0][0] > 0.1
+    np.testing.assert_allclose(hinged.u, free.u, atol=1e-7)
+
+
+def test_components_that_follow_large_rotations():
+    """Along its axes all components follow: the equations are those of a rigid body."""
+    turned = {"rotation": (0.0, 0.4, 0.1), "fx": 1.0, "at": (0.3, 1.0, 3.2), "kind": "rigid"}
+    body = column(True, **turned)
+    along_axes = column(True, axes={"x": [1.0, 0.0, 0.0], "xy": [0.0, 1.0, 0.0]}, **turned)
+    np.testing.assert_allclose(along_axes.u, body.u, atol=1e-9)
+    for one, other in zip(along_axes.figures.couplings["top"], body.figures.couplings["top"], strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-6)
+    partly = column(True, components=["ux", "uz"], **turned)
+    lid = body.mesh.nodes_on(body.mesh.cells_of("top"))
+    one, other = (solution.u[lid] - solution.u[lid[0]] for solution in (partly, body))
+    np.testing.assert_allclose(one[:, [0, 2]], other[:, [0, 2]], atol=1e-9)
+    assert abs(partly.u[lid] - body.u[lid])[:, 1].max() > 1e-3
+
+
+# ---- nodes that several records prescribe
+
+PLANES = fix("bottom", "z"), fix("left", "x"), fix("front", "y")
+COLUMN = {
+    "small": Material(young=1000.0, poisson=0.0),
+    "finite": Material(young=1000.0, poisson=0.0, law="saint_venant_kirchhoff"),
+}
+STILL = {"ux": 0.0, "uy": 0.0, "uz": 0.01, "rotation": (0, 0, 0)}
+
+
+def lidded(*records, kinematics="small", mesh=None):
+    """The solution of a cube with planes of symmetry x = 0, y = 0, z = 0, unless records say so, and a lid."""
+    given = records if any(isinstance(record, Displacement) for record in records[1:]) else (*PLANES, *records)
+    case = case_of(box(2) if mesh is None else mesh, COLUMN[kinematics], *given, model="3d", kinematics=kinematics)
+    return ls.solve(case)
+
+
+@pytest.mark.parametrize(
+    ("lid", "kinematics"),
+    [
+        (Coupling(group="top", kind="rigid", **STILL), "small"),
+        (Coupling(group="top", kind="rigid", **STILL), "finite"),
+        (Rigid(group="top", uz=0.01), "small"),
+        (Coupling(group="top", kind="rigid", ux=0.0, uz=0.01), "small"),
+        (Coupling(group="top", kind="rigid", fz=10.0), "small"),
+    ],
+)
+def test_a_lid_on_planes_of_symmetry(lid, kinematics):
+    """A column of nu = 0 under a rigid lid, whose nodes on the planes have a component twice: u = F / E."""
+    solution = lidded(lid, kinematics=kinematics)
+    np.testing.assert_allclose(solution.u, 0.01 * solution.mesh.points * [0, 0, 1], atol=1e-12)
+    force = 10.0 if kinematics == "small" else 1000.0 * (1.01**2 - 1) / 2 * 1.01
+    reactions = solution.figures.reactions
+    assert reactions["top"][2] == pytest.approx(force, rel=1e-9)
+    assert reactions["bottom"][2] == pytest.approx(-force, rel=1e-9)
+
+
+def test_reactions_of_a_plane_on_a_rigid_lid():
+    """The lid is pushed along x: the plane and the lid's own nodes on it take all of it, and so reactions add up."""
+    solution = lidded(Coupling(group="top", kind="rigid", at=(0.5, 0.5, 1.5), fx=7.0, fz=10.0))
+    reactions, lid = solution.figures.reactions, solution.figures.couplings["top"]
+    np.testing.assert_allclose(lid.force, [7, 0, 10], atol=1e-9)
+    np.testing.assert_allclose(lid.moment, 0, atol=1e-9)
+    total = sum(reactions[name] for name in ("bottom", "left", "front"))
+    np.testing.assert_allclose(total, [-7, 0, -10], atol=1e-9)
+    on_plane = solution.mesh.nodes_on(solution.mesh.cells_of("left"))
+    np.testing.assert_allclose(solution.u[on_plane, 0], 0.0, atol=1e-12)
+
+
+def test_a_lid_on_a_plane_of_symmetry_that_tilts():
+    """It turns freely about x by finite rotations: nodes on the plane x = 0 hold it along x, as its own ux = 0 does."""
+    mesh = box(2).with_groups("nodes", below=lambda x: (x[0] < 1e-9) & (x[2] < 1 - 1e-9))
+    lid = Coupling(group="top", kind="rigid", ux=0.0, rotation=("free", 0, 0), moment=(25.0, 0, 0))
+    one, other = (
+        lidded(lid, fix("bottom", "xyz"), fix(plane, "x"), Steps(count=2), kinematics="finite", mesh=mesh)
+        for plane in ("left", "below")
+    )
+    assert one.figures.couplings["top"].rotation[0] > 0.2
+    np.testing.assert_allclose(one.u, other.u, atol=1e-9)
+
+
+HEAD = 'mesh = "cube.msh"\nmodel = "3d"\n[[material]]\nyoung = 1.0\npoisson = 0.0\n'
+
+
+def test_a_component_that_two_records_prescribe_alike():
+    """Equal values are taken, in other axes too; another value is a mistake, and the message has both lines."""
+    turned = {"x": [0.0, 1.0, 0.0], "xy": [-1.0, 0.0, 0.0]}
+    again = fix("left", "x"), Displacement(group="left", uy=0.0, axes=turned), Displacement(group="top", uz=0.01)
+    assert lidded(*PLANES, *again).figures.reactions["top"][2] == pytest.approx(10.0, rel=1e-9)
+    twice = HEAD + '[[displacement]]\ngroup = "g"\nux = 0.1\n[[displacement]]\ngroup = "g"\nux = {}\n'
+    assert len(parse_case(twice.format("0.1")).displacement) == 2
+    with pytest.raises(CaseError, match=r"line 11: .* line 6"):
+        parse_case(twice.format("0.2"))
+
+
+# ---- what is refused
+
+LID = {"group": "z1", "kind": "rigid"}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ([Coupling(group="z1", at=[0, 0, 2], fx=1.0, weights="x > 0.999 and y > 0.999")], "take no moment"),
+        ([Coupling(group="z1", fx=1.0, weights=[[999, 1.0]])], "node 999"),
+        ([Coupling(group="z1", fx=1.0, weights="-1")], "nodes add up to"),
+        ([Coupling(**LID, components=["ux"], fy=1.0)], "follows its fy"),
+        ([Coupling(**LID, components=["ux"], rotation=[1, 0, 0])], "follows its rotation"),
+        ([Coupling(group="z0", ux=0.1)], "acts on is prescribed"),
+        # a motion that both hold has no force of its own in either, whether they agree or not
+        ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.1, name="again")], "follows from coupling 'z1'"),
+        ([Coupling(group="z1", ux=0.1), Coupling(group="z1", ux=0.2, name="again")], "follows from coupling 'z1'"),
+        ([Coupling(**LID, rotation=("free", 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "rotation is prescribed"),
+        ([Coupling(**LID, rotation=(0.0, 0.1, 0.0), moment=(0.0, 1.0, 0.0))], "stands beside rotation"),
+    ],
+)
+def test_couplings_that_are_refused(given, words):
+    with pytest.raises(LacmeshError, match=words):
+        solved(made("HEXA8", "small", *given))
+
+
+@pytest.mark.parametrize(
+    ("cell", "given", "words"),
+    [
+        ("HEXA8", [Coupling(group="z1", rotation=("free", 0.1, 0.0))], "about none"),
+        ("HEXA8", [Coupling(**LID, components=["uz"], rotation=("free", 0.1, 0.0))], "as they are prescribed"),
+        ("HEXA8", [Coupling(**LID, components=["uz"], fz=1.0)], "as they are prescribed"),
+        ("HEXA8", [fix("x0", "x"), Coupling(**LID, uz=0.01)], "freely by finite rotations"),
+        ("QUAD4", [Coupling(group="y1", rotation=3.0, ux=0, uy=0), Steps(max_halvings=0)], "a quarter of a turn"),
+    ],
+)
+def test_finite_rotations_that_are_refused(cell, given, words):
+    with pytest.raises(LacmeshError, match=words):
+        solved(made(cell, "finite", *given, free=cell == "QUAD4"))

@@ -1,4 +1,4 @@
-"""Bodies held by contact alone: messages and warnings about them."""
+"""Warnings of a run: bodies that contact alone holds, and cells that fold between their integration points."""
 
 from __future__ import annotations
 
@@ -10,60 +10,31 @@ import numpy as np
 import pytest
 
 import lacsolver as ls
-from lacmesh import Mesh
+from lacmesh import Mesh, join
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning
-from lacsolver.case import Case, Contact, Displacement, Force, Material, Solver, Steps, parse_case
-from lacsolver.equilibrium.stepping import NotConvergedError
+from lacmesh.generate import box, rectangle, ring
+from lacsolver.case import BodyForce, Contact, Coupling, Displacement, Force, Material, Solver, Steps, Traction
+from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.output import create_output
+from lacsolver.problem.problem import Problem
+from lacsolver.results.folding import _FACTORS, folded, folds
 from lacsolver.running import run
-from verification.meshes.blocks import bent, joined
-from verification.meshes.half_spaces import piece
+from lacsolver.space.space import Space
+from tests.problems import case_of, contact, fix, move
 
-#: a bar of rough faces between two jaws, the lower one fixed, the upper one pressed down; contact alone holds the bar
-CASE = """
-mesh = "nowhere.msh"
-model = "plane_strain"
-kinematics = "{kinematics}"
-[[material]]
-law = "{law}"
-young = 2000.0
-poisson = 0.3
-[[contact]]
-name = "below"
-slave = "bar_below"
-master = "jaw_below"
-search_distance = 1.0
-surface = "faces"
-[[contact]]
-name = "above"
-slave = "bar_above"
-master = "jaw_above"
-search_distance = 1.0
-surface = "faces"
-[[displacement]]
-group = "floor"
-ux = 0.0
-uy = 0.0
-[[displacement]]
-group = "roof"
-ux = 0.0
-uy = -0.05
-{more}
-"""
-PUSHED = """
-[[traction]]
-group = "end"
-tx = {force}
-"""
+LAWS = {"small": "elastic", "finite": "saint_venant_kirchhoff"}
 
 
-def rows(n, x, low, high):
-    """(points, quads, lower edges, upper edges) of a row of n squares between two lines y = low(x) and y = high(x)."""
-    points = np.concatenate([np.stack([x, f + 0 * x], axis=1) for f in (low, high)])
-    a = np.arange(n)
-    below, above = np.stack([a + 1, a], axis=1), np.stack([n + 1 + a, n + 2 + a], axis=1)
-    return points, np.column_stack([a, a + 1, n + 2 + a, n + 1 + a]), below, above
+def warned(case, folder):
+    """The results of a run, and what it warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        results = run(case, create_output(folder / "out"))
+    return results, [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
+
+
+# ---- a bar of rough faces between two jaws
 
 
 def clamped(slope):
@@ -71,150 +42,85 @@ def clamped(slope):
 
     An end of the jaws, beside the bar, is worn: of plane masters the normals would be the direction of contact.
     """
-    n = 8
-    x = np.linspace(0.0, 4.0, n + 1)
-    tooth = slope * (x[1] - x[0]) * (np.arange(n + 1) % 2)
-    saw = np.where(np.arange(n + 1) % 4 == 2, 0.0, tooth)
-    jaw = np.linspace(-1.0, 5.0, n + 1)
-    worn = 0.05 * (jaw < -0.9)
-    parts = [rows(n, jaw, 0.0, 1.0 - worn), rows(n, x, 1.0 + saw, 2.0 - saw), rows(n, jaw, 2.0 + worn, 3.0)]
-    start = 2 * (n + 1) * np.arange(3)
-    quads = np.concatenate([q + s for (_, q, _, _), s in zip(parts, start, strict=True)])
-    (floor, jaw_below), (bar_below, bar_above), (jaw_above, roof) = (
-        (b + s, a + s) for (_, _, b, a), s in zip(parts, start, strict=True)
+
+    def worn(x, at):
+        return 0.05 * (x[0] < -0.9) * (x[1] == at)
+
+    low, high = (rectangle((8, 1), (6, 1), corner=(-1, y)) for y in (0, 2))
+    bar = rectangle((8, 1), (4, 1), corner=(0, 1))
+    saw = 0.5 * slope * (np.round(2 * bar.points[:, 0]) % 2)
+    return join(
+        low.moved(lambda x: [x[0], x[1] - worn(x, 1)]).renamed(body="", bottom="floor", top="jaw_below", left=""),
+        bar.moved(lambda x: [x[0], x[1] + saw * (3 - 2 * x[1])]).renamed(
+            body="bar", bottom="bar_below", top="bar_above", left="end"
+        ),
+        high.moved(lambda x: [x[0], x[1] + worn(x, 2)]).renamed(body="", bottom="jaw_above", top="roof", left=""),
     )
-    end = np.array([[start[1], start[1] + n + 1]])
-    named = {"floor": floor, "jaw_below": jaw_below, "bar_below": bar_below, "bar_above": bar_above}
-    named |= {"jaw_above": jaw_above, "roof": roof, "end": end[:, ::-1]}
-    first = len(quads) + np.cumsum([0, *(len(lines) for lines in named.values())])
-    groups = {name: f + np.arange(len(lines)) for (name, lines), f in zip(named.items(), first, strict=False)}
-    groups["bar"] = n + np.arange(n)
-    points = np.concatenate([p for p, *_ in parts])
-    return Mesh.create(points, [("QUAD4", quads), ("SEG2", np.concatenate(list(named.values())))], cell_groups=groups)
 
 
-def solved(folder, slope, more="", kinematics="small"):
-    """The results of a run, and what it warned of."""
-    law = "elastic" if kinematics == "small" else "saint_venant_kirchhoff"
-    case = parse_case(CASE.format(kinematics=kinematics, law=law, more=more))
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        results = run(case, create_output(folder / "out"), mesh=clamped(slope))
-    return results, [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
+def held(folder, slope, force=None):
+    """The lower jaw is fixed, the upper one pressed down; contact alone holds the bar, which a force pushes along."""
+    pairs = [
+        Contact(name=name, slave=f"bar_{name}", master=f"jaw_{name}", search_distance=1.0, surface="faces")
+        for name in ("below", "above")
+    ]
+    push = [] if force is None else [Traction(group="end", tx=force)]
+    records = *pairs, fix("floor", "xy"), move("roof", ux=0.0, uy=-0.05), *push
+    return warned(case_of(clamped(slope), Material(young=2000.0, poisson=0.3), *records, model="plane_strain"), folder)
 
 
 def test_a_body_that_contact_holds_well_is_told_of_and_no_more(tmp_path):
     """Teeth that rise by a hundredth hold it: motions are named, and nothing is warned of."""
-    results, warned = solved(tmp_path, 1e-2, PUSHED.format(force=1e-3))
+    results, said = held(tmp_path, 1e-2, 1e-3)
     assert results.held == ("'bar' moves along x", "'bar' moves along y", "'bar' turns about the point (2, 1.549)")
-    assert warned == [] and results.message == ""
+    assert said == [] and results.message == ""
     assert results.steps[-1].displacement == pytest.approx(0.05, rel=1e-2)
 
 
 @pytest.mark.parametrize("slope", [1e-4, 1e-5])
 def test_roughness_that_holds_a_body_is_warned_of(tmp_path, slope):
     """The resistance goes as the square of the slope; a small load moves the bar far, and the run warns of it."""
-    results, warned = solved(tmp_path, slope, PUSHED.format(force=100 * slope))
-    hardly, small = warned
-    part = re.fullmatch(
-        r"'bar' moves along x by [\d.e+]+, farther than it is long \(4\): contact alone resists that, with "
-        r"(\d\.\de-\d\d) of its stiffness, as little as the roughness of a mesh gives; hold it by a displacement or "
-        r"a spring, or look where its load takes it",
-        hardly,
-    )
+    results, said = held(tmp_path, slope, 100 * slope)
+    hardly, small = said
+    part = re.match(r"'bar' moves along x by .*, farther than .* with (\d\.\de-\d\d) of its stiffness", hardly)
     assert part is not None and 0.5 < float(part[1]) / slope**2 < 2
-    assert re.match(r"node \d+ \(.*\) moves by .* and its cells are 1 long: small kinematics takes displace", small)
-    assert results.status == "done" and results.message == "\n".join(warned)
+    assert "small kinematics" in small
+    assert results.status == "done" and results.message == "\n".join(said)
     told = json.loads((tmp_path / "out" / "results.json").read_text())
     assert (told["status"], told["message"]) == ("done", results.message)
 
 
-def test_roughness_is_warned_of_without_any_load_along_it(tmp_path):
-    (warned,) = solved(tmp_path, 1e-4)[1]
-    assert warned.startswith("'bar' moves along x by ") and "of its stiffness" in warned and "farther" not in warned
-
-
-def test_a_body_that_goes_farther_than_it_is_long_is_warned_of(tmp_path):
-    """Teeth that hold it a little, and a load that is too large for them."""
-    far, small = solved(tmp_path, 2e-3, PUSHED.format(force=1.0))[1]
-    assert re.match(r"'bar' moves along x by .*, farther than it is long \(4\): contact alone resists that; hold", far)
-    assert "small kinematics" in small
-
-
-def test_a_body_that_nothing_touches_is_warned_of(tmp_path):
-    """In the end the jaws are open."""
-    warned = [line for line in solved(tmp_path, 0.3)[1] if "curvature" not in line]  # of teeth that are this high
-    assert [line.split(":")[0] for line in warned] == [
-        "'bar' moves along x by 0",
-        "'bar' moves along y by 0",
-        "'bar' turns about the point (2, 1.541) by 0",
-    ]
-    assert all("contact alone could stop that, and no closed macro-element does; hold it" in line for line in warned)
+@pytest.mark.parametrize(
+    ("slope", "force", "there", "absent"),
+    [
+        (1e-4, None, ["of its stiffness"], "farther"),  # without any load along it
+        (2e-3, 1.0, ["farther than it is long", "small kinematics"], "of its stiffness"),  # too large for its teeth
+        (0.3, None, ["along x by 0: contact alone could", "along y by 0:", "turns about"], "stiffness"),  # jaws open
+    ],
+)
+def test_how_little_contact_holds_a_body(tmp_path, slope, force, there, absent):
+    said = [line for line in held(tmp_path, slope, force)[1] if "curvature" not in line]  # of teeth that are this high
+    assert len(said) == len(there)
+    for line, words in zip(said, there, strict=True):
+        assert words in line and absent not in line
 
 
 # ---- a pin in a bore
 
 
-def ring(n, r, rough):
-    """A ring of n wedges between two radii, three layers high: points, HEXA8, the cells' inner and outer faces."""
-    angle = 2 * np.pi * np.arange(n) / n
-    k, j, i = np.meshgrid(np.arange(4), np.arange(n), [0, 1], indexing="ij")
-    radius = np.asarray(r)[i] + rough * np.random.default_rng(0).normal(size=i.shape)
-    points = np.stack([radius * np.cos(angle[j]), radius * np.sin(angle[j]), 0.5 * k], axis=-1).reshape(-1, 3)
-
-    def at(layer, wedge, side):
-        return (layer * n + wedge % n) * 2 + side
-
-    lay, wedge = (v.ravel() for v in np.meshgrid(np.arange(3), np.arange(n), indexing="ij"))
-    corners = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (0, 1, 0), (1, 0, 0), (1, 0, 1), (1, 1, 1), (1, 1, 0)]
-    cells = np.stack([at(lay + a, wedge + b, side) for a, b, side in corners], axis=1)
-    inner, outer = (cells[:, list(CELLS["HEXA8"].facets[f].nodes)] for f in (4, 2))
-    return points, cells, inner, outer
-
-
-BORE = """
-mesh = "nowhere.msh"
-model = "3d"
-kinematics = "{kinematics}"
-[[material]]
-law = "{law}"
-young = 2000.0
-poisson = 0.3
-[[contact]]
-slave = "pin_skin"
-master = "bore"
-search_distance = 0.5
-surface = "faces"
-[[displacement]]
-group = "lug_skin"
-ux = 0.0
-uy = 0.0
-uz = 0.0
-[[body_force]]
-groups = ["pin"]
-fz = {force}
-"""
-
-
-def pin_in_bore(rough):
-    """A pin that is a little thicker than its bore, of facets that lie on the bore's; its skin is `rough`."""
-    (x, pin, _, pin_skin), (y, lug, bore, lug_skin) = ring(12, (0.5, 1.002), rough), ring(12, (1.0, 1.5), 0.0)
-    quads = {"pin_skin": pin_skin, "bore": bore + len(x), "lug_skin": lug_skin + len(x)}
-    groups = {"pin": np.arange(36)} | {name: 72 + 36 * k + np.arange(36) for k, name in enumerate(quads)}
-    cells = [("HEXA8", np.concatenate([pin, lug + len(x)])), ("QUAD4", np.concatenate(list(quads.values())))]
-    return Mesh.create(np.concatenate([x, y]), cells, cell_groups=groups)
-
-
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("kinematics", LAWS)
 def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
     """Its facets are rough by 1e-5 and it is pushed along: it may go, and turn in the bore, and nothing else."""
-    law = "elastic" if kinematics == "small" else "saint_venant_kirchhoff"
-    case = parse_case(BORE.format(kinematics=kinematics, law=law, force=1e-11))
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        results = run(case, create_output(tmp_path / "out"), mesh=pin_in_bore(1e-5))
+    rough = 1e-5 * np.random.default_rng(0).normal(size=96)
+    pin = ring((1, 12, 3), (0.5, 1.002), "HEXA8", height=1.5)
+    pin = pin.moved(lambda x: [*(x[:2] * (1 + rough[: x.shape[1]] / np.hypot(*x[:2]))), x[2]])
+    lug = ring((1, 12, 3), (1.0, 1.5), "HEXA8", height=1.5).renamed(inner="bore", outer="lug_skin")
+    mesh = join(pin.renamed(body="pin", outer="pin_skin"), lug.renamed(body=""))
+    touching = Contact(slave="pin_skin", master="bore", search_distance=0.5, surface="faces")
+    material = Material(young=2000.0, poisson=0.3, law=LAWS[kinematics])
+    records = material, touching, fix("lug_skin", "xyz"), BodyForce(groups=["pin"], fz=1e-11)
+    results, said = warned(case_of(mesh, *records, model="3d", kinematics=kinematics), tmp_path)
     assert len(results.held) == 6
-    said = [str(w.message) for w in caught if isinstance(w.message, LacmeshWarning)]
     axial, turning = said[:2]
     assert axial.startswith("'pin' moves along z by ") and "of its stiffness" in axial
     assert turning.startswith("'pin' turns about an axis along z through ") and "of its stiffness" in turning
@@ -225,22 +131,94 @@ def test_a_pin_that_its_bore_hardly_holds_along_the_axis(tmp_path, kinematics):
 @pytest.mark.filterwarnings("ignore:.*its curvature changes within few faces")
 def test_a_pin_that_nothing_holds_along_its_smooth_bore_is_named():
     """An oval bore of coarse faces is smooth but for its roughness, which stops no pin: no step is small enough."""
-    lines = (np.array([0.3, 1.0]), np.linspace(0, np.pi / 2, 7), np.linspace(0, 2, 5))
-    hub = (np.array([1.0, 1.8]), np.linspace(0, np.pi / 2, 6), np.linspace(-1, 3, 5))
 
     def oval(x):
-        angle = x[:, 1] + 0.12 * np.sin(2 * x[:, 1]) * np.sin(1.7 * x[:, 2] + x[:, 1])
-        return np.stack([1.25 * x[:, 0] * np.cos(angle), x[:, 0] * np.sin(angle), x[:, 2]], axis=1)
+        angle = x[1] + 0.12 * np.sin(2 * x[1]) * np.sin(1.7 * x[2] + x[1])
+        return [1.25 * x[0] * np.cos(angle), x[0] * np.sin(angle), x[2]]
 
-    names = {"x1": "pin", "y0": "y", "y1": "x", "z0": "end", "": "body"}, {"x0": "bore", "x1": "out"}
-    mesh = bent(joined([(piece("HEXA8", own), n) for own, n in zip((lines, hub), names, strict=True)]), oval)
-    case = Case(
-        model="3d", kinematics="finite", material=[Material(law="neo_hookean", young=1000.0, poisson=0.3)],
-        contact=[Contact(slave="pin", master="bore", clearance=-0.02)],
-        displacement=[Displacement(group="out", ux=0, uy=0, uz=0), Displacement(group="y", uy=0),
-                      Displacement(group="x", ux=0)],
-        force=[Force(group="end", fz=1.0, total=True)],
-        steps=Steps(count=1, max_halvings=0), solver=Solver(max_iterations=3),
-    )  # fmt: skip
-    with pytest.raises(NotConvergedError, match="'body' moves along z along its load, and contact resists that with"):
-        ls.solve(case, mesh)
+    pin, hub = (
+        box((radii, np.linspace(0, np.pi / 2, n), np.linspace(*ends, 5))).moved(oval)
+        for radii, n, ends in (([0.3, 1.0], 7, (0, 2)), ([1.0, 1.8], 6, (-1, 3)))
+    )
+    pin = pin.renamed(right="pin", front="y", back="x", bottom="end").only("body", "pin", "y", "x", "end")
+    mesh = join(pin, hub.renamed(body="hub", left="bore", right="out").only("hub", "bore", "out"))
+    records = (
+        Material(law="neo_hookean", young=1000.0, poisson=0.3),
+        contact(slave="pin", master="bore", clearance=-0.02),
+        *(fix("out", "xyz"), fix("y", "y"), fix("x", "x")),
+        *(Force(group="end", fz=1.0, total=True), Steps(count=1, max_halvings=0), Solver(max_iterations=3)),
+    )
+    with pytest.raises(NotConvergedError, match="'body' moves along z"):
+        ls.solve(case_of(mesh, *records, model="3d", kinematics="finite"))
+
+
+# ---- cells that fold
+
+QUADRATIC = [name for name, cell in CELLS.items() if cell.order == 2 and cell.family in _FACTORS]
+SOFT = Material(young=1.0, poisson=0.3, law="neo_hookean")
+PLANE = {"model": "plane_strain", "kinematics": "finite"}
+
+
+def folded_cells(name, u, x=None):
+    """Rows of the folds of a cell of a type, its reference element or with its nodes at x, under displacements."""
+    reference = np.array(CELLS[name].reference) if x is None else np.array(x, float)
+    mesh = Mesh.create(reference, [(name, [[*range(len(reference))]])])
+    return folds(Space.of(mesh, "3d" if CELLS[name].dim == 3 else "plane_strain"), np.asarray(u).ravel())
+
+
+@pytest.mark.parametrize("name", QUADRATIC)
+def test_a_mid_side_node_may_be_at_a_quarter_of_its_edge_and_not_farther(name):
+    """Along the edge dx/ds is 4 place - 1 at one end and 3 - 4 place at the other."""
+    cell = CELLS[name]
+    start, end = np.array(cell.reference)[list(cell.edges[0][:2])]
+    u = np.zeros((cell.n_nodes, cell.dim))
+    for place, folds_there in ((0.26, False), (0.24, True), (0.74, False), (0.76, True)):
+        u[cell.n_corners] = (place - 0.5) * (end - start)
+        assert len(folded_cells(name, u)) == folds_there
+    turn, x = np.array([[0.0, -1.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array(cell.reference)
+    assert not len(folded_cells(name, x @ turn[: cell.dim, : cell.dim].T - x))  # turned and squeezed
+
+
+def test_corners_of_quadrangles():
+    """One may go to the middle; in a mesh two may be at one place, as around the tip of a crack."""
+    for to, folds_there in ((0.51, False), (0.49, True)):
+        u = np.zeros((4, 2))
+        u[2] = to - 1
+        assert len(folded_cells("QUAD4", u, [[0, 0], [1, 0], [1, 1], [0, 1]])) == folds_there
+    x = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [0.5, 0], [1, 0.5], [0.5, 0.5], [0, 0]])
+    assert not len(folded_cells("QUAD8", 0.1 * x**2, x))
+
+
+def test_a_cell_may_not_be_wound_around_a_point():
+    """By x + i y -> its square, in which J is 4 (x^2 + y^2): not negative anywhere, and 1 at the mid-side nodes."""
+    corners = np.exp(2j * np.pi * np.arange(3) / 3)
+    z = np.concatenate([corners, (corners + np.roll(corners, -1)) / 2])
+    x, u = (np.stack([v.real, v.imag], axis=1) for v in (z, z**2 - z))
+    (row,) = folded_cells("TRIA6", u, x)
+    assert row[0] == 1
+
+
+@pytest.mark.parametrize("theta", (2.5, 3.1))
+def test_a_body_that_is_turned_at_once_is_not_folded(theta):
+    """By 2.5 in two steps a corner changed places with its mid-side node, by 3.1 a cell was wound around a point."""
+    point = Coupling(group="top", at=[0.8, 1.9], rotation=theta, ux=0.5, uy=0.5)
+    problem = Problem.of(case_of(rectangle(2, kind="TRIA6"), SOFT, point, **PLANE))
+    *_, last = march(problem)
+    arm = problem.space.mesh.points[:, :2] - (0.8, 1.9)
+    c, s = np.cos(theta), np.sin(theta)
+    np.testing.assert_allclose(last.u.reshape(-1, 2), arm @ np.array([[c, s], [-s, c]]) - arm + 0.5, atol=1e-11)
+    assert not last.folded
+
+
+def test_a_cell_that_must_fold_is_warned_of(tmp_path):
+    """A mid-side node is taken along its edge by 0.3, and is at a quarter of it at t = 0.83. Steps become an eighth."""
+    corners = [Displacement(at=[x, y], ux=0.0, uy=0.0) for x in (0, 1) for y in (0, 1)]
+    records = SOFT, *corners, Displacement(at=[0.5, 0], ux=-0.3, uy=0.0)
+    done, (said,) = warned(case_of(rectangle(1, kind="QUAD8"), *records, **PLANE), tmp_path)
+    assert [step.time for step in done.steps] == [0.5, 0.75, 0.875, 1.0]
+    assert said == done.message and said.startswith("cell 1 near (0.5, 0.5) folded at time 0.875: ")
+
+
+def test_small_kinematics_do_not_fold():
+    problem = Problem.of(case_of(rectangle(1, kind="QUAD8"), Material(young=1.0, poisson=0.3), model="plane_strain"))
+    assert folded(problem, np.full(problem.space.n_dof, 9.0), 1.0) == ""

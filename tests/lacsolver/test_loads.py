@@ -1,25 +1,40 @@
-"""Loads: their work against exact integrals, their resultants against volumes and areas, and what is refused."""
+"""Loads and springs: their work against exact integrals, their derivatives against differences, and what is refused."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from lacmesh import Mesh
+from lacmesh import Mesh, join
 from lacmesh.cells import CELLS
-from lacmesh.errors import DataError
+from lacmesh.errors import DataError, RequestError
+from lacmesh.generate import box, rectangle
 from lacmesh.reference.quadrature import measure
 from lacsolver.bodies import small as assemble
+from lacsolver.bodies.errors import InadmissibleError
+from lacsolver.bodies.line_springs import LineSprings
 from lacsolver.bodies.material import Elastic, Materials, Orthotropic
-from lacsolver.bodies.small import assemble_stiffness
+from lacsolver.case import CaseError, Dynamics, Initial, Material, Rigid, Spring, Steps
+from lacsolver.distributed.share import Share
+from lacsolver.equilibrium.stepping import march
 from lacsolver.problem import loads
-from lacsolver.space.space import Space
+from lacsolver.problem.problem import Problem, _check_shared
+from lacsolver.problem.rigid_modes import describe, free_motions
+from lacsolver.space.space import MODELS, Space
 from lacsolver.space.values import evaluate, evaluate_vector
-from tests.lacsolver.bodies import PAIRS, PLANE_MODELS, mixture, one_cell, plane_mixture, with_skin
-from tests.lacsolver.test_assemble import mixed, solved
+from tests.lacsolver.bodies import PAIRS, mixture, one_cell, plane_mixture, with_skin
+from tests.lacsolver.moving import unbalanced
+from tests.lacsolver.test_assemble import mixed
+from tests.lacsolver.test_finite import by_differences
+from tests.problems import case_of
 from tests.quality_cells import rotation
+from tests.samples import each_option
 
 LAW = Elastic(young=200.0, poisson=0.3, density=7.0, expansion=2e-3, reference_temperature=20.0)
+EVERY = pytest.mark.parametrize(("name", "model"), PAIRS)
+EACH_MODEL = pytest.mark.parametrize("model", MODELS)
 
 
 def curved(name, model, distortion=0.1):
@@ -33,29 +48,32 @@ def square_with_skin(**rest):
     return with_skin(Mesh.create([[1, 0], [2, 0], [2, 1], [1, 1]], [("QUAD4", [[0, 1, 2, 3]])], **rest))
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_the_work_of_a_pressure_is_the_change_of_volume(name, model):
-    """int p n.v dS = p int div v dV for any v, exactly, on curved faces too."""
+def deformed(space, u):
+    x = space.mesh.points.copy()
+    x[:, : space.dim] += u.reshape(-1, space.dim)
+    return x
+
+
+def varying(x, t):
+    """A pressure by place and time."""
+    return t + x[:, 0] * x[:, 1]
+
+
+# ---- loads on skins
+
+
+@EVERY
+def test_the_work_of_a_pressure_is_that_of_the_change_of_volume(name, model):
+    """int p n.v dS = int p div v + grad p . v dV for any v, exactly, on curved faces too; p = 3 + c y."""
     space, skin = curved(name, model)
     v = np.random.default_rng(0).normal(size=space.n_dof)
     degree = 24 if CELLS[name].dim == 2 else 16
     zz = (2,) if model == "axisymmetric" or space.dim == 3 else ()
-    (w,), (e,) = assemble.weights(space, degree), assemble.strain(space, v, degree)
-    exact = (w * e[..., [0, 1, *zz]].sum(axis=-1)).sum()
-    assert loads.pressure(space, skin, 3.0) @ v == pytest.approx(-3 * exact, rel=1e-12)
-
-
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_a_pressure_that_rises_with_depth_lifts_the_displaced_weight(name, model):
-    """Archimedes: p = c y on a closed surface has the resultant -c V along y."""
-    space, skin = curved(name, model)
-    (w,) = assemble.weights(space, 16)
-    f = loads.pressure(space, skin, lambda x, t: t * x[:, 1], t=2.0).reshape(-1, space.dim).sum(axis=0)
-    expected = np.zeros(space.dim)
-    expected[1] = -2 * w.sum()
-    if model != "axisymmetric":
-        np.testing.assert_allclose(f, expected, atol=1e-12 * w.sum())
-    assert f[1] == pytest.approx(expected[1], rel=1e-12)
+    parts = assemble.weights(space, degree), assemble.points(space, degree)
+    (w,), (x,), (e,), (u,) = (*parts, *(of(space, v, degree) for of in (assemble.strain, assemble.displacement)))
+    exact = (w * ((3 + 4 * x[..., 1]) * e[..., [0, 1, *zz]].sum(axis=-1) + 4 * u[..., 1])).sum()
+    got = loads.pressure(space, skin, lambda x, t: 3 + t * x[:, 1], t=4.0)
+    assert got @ v == pytest.approx(-exact, rel=1e-12)
 
 
 def test_a_pressure_on_one_side_pushes_into_the_body_however_the_side_is_listed():
@@ -66,13 +84,7 @@ def test_a_pressure_on_one_side_pushes_into_the_body_however_the_side_is_listed(
         np.testing.assert_allclose(loads.pressure(space, np.array([1]), 3.0), [0, 0, 0, 0, 0, -1.5, 0, -1.5])
 
 
-def test_a_pressure_on_a_circle_in_axisymmetry():
-    space = Space.of(square_with_skin(), "axisymmetric")
-    f = loads.pressure(space, np.array([2]), 5.0).reshape(-1, 2)  # the side x = 2
-    np.testing.assert_allclose(f.sum(axis=0), [-5 * 2 * np.pi * 2, 0], atol=1e-12)
-
-
-@pytest.mark.parametrize(("name", "model"), PAIRS)
+@EVERY
 def test_a_follower_is_the_pressure_on_the_deformed_mesh(name, model):
     space, skin = curved(name, model)
     move = np.random.default_rng(2).uniform(-0.05, 0.05, space.mesh.points.shape) * [1, 1, space.dim == 3]
@@ -83,73 +95,84 @@ def test_a_follower_is_the_pressure_on_the_deformed_mesh(name, model):
     np.testing.assert_allclose(loads.pressure(space, skin, 2.0, x=there), expected, atol=1e-14)
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
+def faces_of(row):
+    """The kinds of faces that are pressed, each in its model, and the pressure."""
+    name, model, value = row
+    return [*((facet.type, model) for facet in CELLS[name].facets), value]
+
+
+@pytest.mark.parametrize(
+    ("name", "model", "value"),
+    each_option(((*pair, value) for pair in PAIRS for value in (varying, 3.0)), of=faces_of),
+)
+def test_the_load_stiffness_is_the_derivative_of_the_load(name, model, value):
+    space, skin = curved(name, model)
+    skin = skin[: len(skin) // 2]
+    u = np.random.default_rng(0).uniform(-0.1, 0.1, space.n_dof)
+    K = loads.pressure_tangent(space, skin, value, 0.7, x=deformed(space, u)).toarray()
+
+    def load(v):
+        return loads.pressure(space, skin, value, 0.7, x=deformed(space, v))
+
+    expected = by_differences(load, u, 1e-3)  # the load is a cubic of u at most: exact but for rounding
+    np.testing.assert_allclose(K, expected, rtol=0, atol=1e-11 * np.abs(K).max())
+    assert np.abs(K - K.T).max() > 1e-2 * np.abs(K).max()
+
+
+@EVERY
+def test_a_uniform_pressure_on_a_closed_skin_has_a_potential(name, model):
+    """It is -p V, so that the load stiffness is symmetric; without places it is that of the mesh."""
+    space, skin = curved(name, model)
+    u = np.random.default_rng(0).uniform(-0.1, 0.1, space.n_dof)
+    K = loads.pressure_tangent(space, skin, 3.0, x=deformed(space, u)).toarray()
+    np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-13 * np.abs(K).max())
+    here = loads.pressure_tangent(space, skin, 2.0)
+    there = loads.pressure_tangent(space, skin, 2.0, x=space.mesh.points)
+    assert abs(here - there).max() <= 1e-14 * abs(here).max()
+    assert np.abs(here @ np.tile(np.eye(space.dim)[1], space.mesh.n_nodes)).max() < 1e-13 * abs(here).max()
+
+
+@EVERY
 def test_a_traction_along_the_normal_is_a_pressure(name, model):
+    """Components are numbers and functions, of which each acts along its axis."""
     space, skin = curved(name, model)
     got = loads.traction(space, skin, lambda x, n, t: -3 * t * n[:, : space.dim], t=0.5)
     np.testing.assert_allclose(got, loads.pressure(space, skin, 1.5), atol=1e-13)
+    parts = [lambda x, t: 2 * x[:, 1], 1.5, lambda x, t: t * x[:, 0]][: space.dim]
+    whole = loads.traction(
+        space,
+        skin,
+        lambda x, n, t: np.stack([2 * x[:, 1], 1.5 + 0 * t * x[:, 0], t * x[:, 0]], 1)[:, : space.dim],
+        t=3.0,
+    )
+    np.testing.assert_allclose(loads.traction(space, skin, parts, t=3.0), whole, atol=1e-13 * np.abs(whole).max())
 
 
-@pytest.mark.parametrize("model", ["3d", *PLANE_MODELS])
-def test_the_work_of_a_linear_traction_on_flat_faces(model):
-    """v quadratic, traction linear, so that the work on straight quadratic sides is exact."""
-    mesh = one_cell("HEXA20" if model == "3d" else "QUAD8")
-    space = Space.of(with_skin(mesh), model)
-    x = space.mesh.points
-    v = np.stack([x[:, 0] ** 2, x[:, 0] * x[:, 1], x[:, 2] ** 2][: space.dim], axis=1).ravel()
-    force = [lambda x, t: 2 * x[:, 1], 1.5, lambda x, t: t * x[:, 0]][: space.dim]
-    got = loads.traction(space, space.mesh.cell_groups["skin"], force, t=3.0) @ v
-    u, w = np.polynomial.legendre.leggauss(6)
-    total = 0.0
-    for axis in range(space.dim):
-        for side in (-1.0, 1.0):
-            grids = [[side] if s == axis else u for s in range(space.dim)]
-            weights = [[1.0] if s == axis else w for s in range(space.dim)]
-            p = np.stack([g.ravel() for g in np.meshgrid(*grids)], axis=1)
-            q = np.prod([g.ravel() for g in np.meshgrid(*weights)], axis=0)
-            X, y, z = p[:, 0] + 3, p[:, 1], p[:, 2] if space.dim == 3 else 0 * p[:, 0]
-            work = 2 * y * X**2 + 1.5 * X * y + (3 * X * z**2 if space.dim == 3 else 0)
-            total += (q * work * (2 * np.pi * X if model == "axisymmetric" else 1)).sum()
-    assert got == pytest.approx(total, rel=1e-13)
-
-
-def test_a_traction_on_a_parabola_converges_to_its_length(monkeypatch):
+def test_a_traction_on_a_parabola_has_its_length():
     points = np.array([[1, 0], [2, 0], [1, 1], [1.5, 0], [1.6, 0.7], [1, 0.5]])
     mesh = Mesh.create(points, [("TRIA6", [np.arange(6)]), ("SEG3", [[1, 2, 4]])])
-    space = Space.of(mesh, "plane_strain")
     exact = measure("SEG3", mesh.points[[[1, 2, 4]]], degree=60)[0]
-
-    def error():
-        return abs(loads.traction(space, np.array([1]), (1.0, 0.0)).sum() - exact)
-
-    default, errors = error(), []
-    for degree in (2, 10, 40):
-        monkeypatch.setitem(loads._FACE_DEGREE, 2, degree)
-        errors.append(error())
-    assert errors[0] > 10 * errors[1] > 100 * errors[2]
-    assert errors[2] < 1e-13
-    assert default == errors[1] < 1e-5
+    found = loads.traction(Space.of(mesh, "plane_strain"), np.array([1]), (1.0, 0.0)).sum()
+    assert found == pytest.approx(exact, abs=1e-5)
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_gravity_weighs_the_body(name, model):
+# ---- loads in bodies and at nodes
+
+
+@EVERY
+def test_the_work_of_a_body_force_of_which_weight_is_one(name, model):
     space, _ = curved(name, model)
-    nodes = space.blocks[0].nodes
-    f = loads.gravity(space, Materials.of(space, LAW), (0.0, -9.81, 0.0)[: space.dim]).reshape(-1, space.dim)
-    if model == "axisymmetric":
-        (w,) = assemble.weights(space, 24)
-        volume = w.sum()
-    else:
-        volume = abs(_volume(name, space.mesh.points[nodes])[0]) * space.thickness
-    np.testing.assert_allclose(f[:, 1].sum(), -9.81 * 7 * volume, rtol=1e-13)
-    assert not f[:, 0].any()
+    v = np.random.default_rng(0).normal(size=space.n_dof)
+    (w,), (u,) = assemble.weights(space, 20), assemble.displacement(space, v, 20)
+    f = loads.body_force(space, [lambda x, t: np.exp(t) + 0 * x[:, 0], 2.0, -1.0][: space.dim], t=1.0)
+    exact = (w * (u @ np.array([np.e, 2.0, -1.0])[: space.dim])).sum()
+    # r N det J of TRIA7 has degree 10 with the bubble in all three; the rule of plane quadratic cells has it
+    assert f @ v == pytest.approx(exact, rel=1e-12)
+    weight = loads.gravity(space, Materials.of(space, LAW), (np.e / 7, 2 / 7, -1 / 7)[: space.dim])
+    np.testing.assert_allclose(weight, f, rtol=0, atol=1e-13 * np.abs(f).max())
 
 
-def _volume(name, x):
-    return measure(name, x, degree=16)
-
-
-@pytest.mark.parametrize("model", ["3d", *PLANE_MODELS])
+@EACH_MODEL
 def test_gravity_of_two_densities_and_its_moment(model):
     mesh = mixture("2") if model == "3d" else plane_mixture("2")
     groups = {"a": np.arange(0, mesh.n_cells, 2), "b": np.arange(1, mesh.n_cells, 2)}
@@ -163,57 +186,34 @@ def test_gravity_of_two_densities_and_its_moment(model):
     fy = f.reshape(-1, space.dim)[:, 1]
     assert fy.sum() == pytest.approx(14 * weight, rel=1e-12)
     assert fy @ space.mesh.points[:, 0] == pytest.approx(14 * moment, rel=1e-12)
-    with pytest.raises(DataError, match="gravity needs a density"):
+    with pytest.raises(DataError, match="needs a density"):
         loads.gravity(space, Materials.of(space, Elastic(1.0, 0.0)), (0.0,) * space.dim)
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_the_work_of_a_body_force(name, model):
-    space, _ = curved(name, model)
-    v = np.random.default_rng(0).normal(size=space.n_dof)
-    (w,), (u,) = assemble.weights(space, 20), assemble.displacement(space, v, 20)
-    got = loads.body_force(space, [lambda x, t: np.exp(t) + 0 * x[:, 0], 2.0, -1.0][: space.dim], t=1.0) @ v
-    exact = (w * (u @ np.array([np.e, 2.0, -1.0])[: space.dim])).sum()
-    # r N det J of TRIA7 has degree 10 with the bubble in all three; the rule of plane quadratic cells has it
-    assert got == pytest.approx(exact, rel=1e-12)
+@EVERY
+def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
+    space, skin = curved(name, model)
+    mesh = Mesh.create(space.mesh.points * [1, -1, 1], space.mesh.blocks, space_dim=space.mesh.space_dim)
+    mirror = Space.of(mesh, model, thickness=space.thickness if model == "plane_stress" else None)
+    flip = np.tile([1.0, -1.0, 1.0][: space.dim], mesh.n_nodes)
+    for load in (
+        lambda s: loads.pressure(s, skin, 3.0),
+        lambda s: loads.gravity(s, Materials.of(s, LAW), (2.0,) + (0.0,) * (s.dim - 1)),
+        lambda s: loads.thermal_force(s, Materials.of(s, LAW), 50.0),
+    ):
+        f = load(space)
+        np.testing.assert_allclose(load(mirror), flip * f, rtol=0, atol=1e-13 * np.abs(f).max())
 
 
-def test_a_body_force_on_some_cells():
-    mesh = mixture()
-    space = Space.of(mesh, "3d")
-    some = space.cells()[::3]
-    f = loads.body_force(space, (1.0, 0.0, 0.0), cells=some).reshape(-1, 3)
-    volume = sum(w[np.isin(b.cell, some)].sum() for b, w in zip(space.blocks, assemble.weights(space), strict=True))
-    assert f[:, 0].sum() == pytest.approx(volume, rel=1e-13)
-    assert 0 < volume < 11
-
-
-def test_nodal_forces_stand_at_their_nodes():
+def test_nodal_forces_and_springs_stand_at_their_nodes():
     space = Space.of(square_with_skin(), "plane_strain")
     f = loads.nodal_force(space, np.array([2, 0, 2]), (lambda x, t: t * x[:, 0], 5.0), t=2.0)
     assert f.tolist() == [2, 5, 0, 0, 4, 5, 0, 0]
+    S = loads.springs(space, np.array([1, 3]), (4.0, lambda x, t: t * x[:, 0]), t=3.0)
+    np.testing.assert_array_equal(S.toarray(), np.diag([0, 0, 4, 6, 0, 0, 4, 3]))
 
 
-def supported(space):
-    """Unknowns that are free when the body is held against rigid motion and nothing else, at x = 0 ideally."""
-    x = space.mesh.points[space.attached]
-    nodes = np.flatnonzero(space.attached)
-    free = np.ones(space.n_dof, bool)
-    first = nodes[0]
-    far = nodes[np.argmax(np.abs(x[:, 0] - x[0, 0]))]
-    if space.model.axisymmetric:
-        free[space.dofs([first])[0, 1]] = False
-    elif space.dim == 2:
-        free[space.dofs([first])[0]] = False
-        free[space.dofs([far])[0, 1]] = False
-    else:
-        free[space.dofs([first])[0]] = False
-        free[space.dofs([far])[0, 1:]] = False
-        other = nodes[np.argmax(np.linalg.norm(np.cross(x - x[0], space.mesh.points[far] - x[0]), axis=1))]
-        across = np.cross(space.mesh.points[far] - x[0], space.mesh.points[other] - x[0])
-        free[space.dofs([other])[0, np.abs(across).argmax()]] = False
-    return free
-
+# ---- warmth
 
 WOOD = Orthotropic(
     (11.0, 0.9, 0.5), (0.4, 0.35, 0.3), (0.8, 0.7, 0.06), axes=((2.0, 1.0), (0.0, 1.0)), expansion=(1e-3, 4e-3, 2e-3)
@@ -222,47 +222,42 @@ Q = rotation(np.random.default_rng(1))
 TURNED = Orthotropic(*(WOOD.young, WOOD.poisson, WOOD.shear), axes=(tuple(Q[0]), tuple(Q[1])), expansion=WOOD.expansion)
 
 
+def check_warm(space, law, temperature, u, stress=0.0, t=0.0):
+    """Assert that a displacement (n, dim) balances the warmth, and leaves this stress."""
+    materials, u = Materials.of(space, law), u[:, : space.dim].ravel()
+    f = loads.thermal_force(space, materials, temperature, t)
+    np.testing.assert_allclose(assemble.assemble_stiffness(space, materials) @ u, f, atol=1e-11 * np.abs(f).max())
+    at = temperature if t == 0 else lambda x, _: temperature(x, t)
+    for s in assemble.stress(space, materials, u, temperature=at):
+        np.testing.assert_allclose(s, np.broadcast_to(stress, s.shape), atol=1e-10)
+
+
 @pytest.mark.parametrize("order", ["1", "2", "2-full"])
 @pytest.mark.parametrize(("model", "law"), [("3d", LAW), ("plane_stress", LAW), ("axisymmetric", LAW), ("3d", TURNED),
                                             ("plane_stress", WOOD)])  # fmt: skip
 def test_a_free_body_expands_without_stress(order, model, law):
     space = Space.of(mixed(order, model), model)
-    materials = Materials.of(space, law)
-    warmer = 50.0
-    temperature = law.reference_temperature + warmer
-    f = loads.thermal_force(space, materials, temperature)
-    free = supported(space)
-    u = solved(assemble_stiffness(space, materials).tocsc(), np.zeros(space.n_dof), free, f)
-    alpha = warmer * materials.tables[1][0]
-    scale = np.abs(materials.tables[0][0] @ alpha).max()
-    for s in assemble.stress(space, materials, u, temperature=temperature):
-        assert np.abs(s).max() < 1e-10 * scale
-    for e in assemble.strain(space, u):
-        known = [k for k in range(e.shape[-1]) if not (model == "plane_stress" and k == 2)]
-        np.testing.assert_allclose(e[..., known], np.broadcast_to(alpha[known], e[..., known].shape), atol=1e-13)
+    strain = np.zeros(6)
+    alpha = 50.0 * Materials.of(space, law).tables[1][0]
+    strain[: len(alpha)] = alpha
+    xx, yy, zz, xy, yz, xz = strain * [1, 1, 1, 0.5, 0.5, 0.5]
+    u = space.mesh.points @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    check_warm(space, law, law.reference_temperature + 50.0, u)
 
 
 def test_plane_strain_keeps_the_stress_across_it():
     space = Space.of(mixed("1", "plane_strain"), "plane_strain")
-    materials = Materials.of(space, LAW)
-    f = loads.thermal_force(space, materials, lambda x, t: 20 + 50 * t + 0 * x[:, 0], t=2.0)
-    u = solved(assemble_stiffness(space, materials).tocsc(), np.zeros(space.n_dof), supported(space), f)
-    for s in assemble.stress(space, materials, u, temperature=120.0):
-        expected = [0, 0, -LAW.young * LAW.expansion * 100, 0]
-        np.testing.assert_allclose(s, np.broadcast_to(expected, s.shape), atol=1e-10)
+    u = (1 + LAW.poisson) * LAW.expansion * 100 * space.mesh.points
+    across = [0, 0, -LAW.young * LAW.expansion * 100, 0]
+    check_warm(space, LAW, lambda x, t: 20 + 50 * t + 0 * x[:, 0], u, across, t=2.0)
 
 
 def test_a_linear_temperature_leaves_quadratic_cells_without_stress():
-    space = Space.of(mixture("2"), "3d")
-    materials = Materials.of(space, LAW)
-
-    def temperature(x, t):
-        return 20 + 3 * x[:, 0] - 2 * x[:, 2]
-
-    f = loads.thermal_force(space, materials, temperature)
-    u = solved(assemble_stiffness(space, materials).tocsc(), np.zeros(space.n_dof), supported(space), f)
-    for s in assemble.stress(space, materials, u, temperature=temperature):
-        assert np.abs(s).max() < 1e-11 * LAW.young
+    """u_i = alpha (a.x x_i - a_i x.x / 2) where the temperature rises by a.x."""
+    space, a = Space.of(mixture("2"), "3d"), np.array([3.0, 0.0, -2.0])
+    x = space.mesh.points
+    u = LAW.expansion * ((x @ a)[:, None] * x - a * (x * x).sum(axis=1)[:, None] / 2)
+    check_warm(space, LAW, lambda x, t: 20 + x @ a, u)
 
 
 def test_a_temperature_of_some_cells_the_later_over_the_earlier():
@@ -281,51 +276,44 @@ def test_a_temperature_of_some_cells_the_later_over_the_earlier():
         np.testing.assert_array_equal(s[..., 0] != 0, np.isin(block.cell, [1, 5])[:, None] & (s[..., 3] == 0))
 
 
-def test_springs_are_diagonal_and_at_their_nodes():
-    space = Space.of(square_with_skin(), "plane_strain")
-    S = loads.springs(space, np.array([1, 3]), (4.0, lambda x, t: t * x[:, 0]), t=3.0)
-    np.testing.assert_array_equal(S.toarray(), np.diag([0, 0, 4, 6, 0, 0, 4, 3]))
-    with pytest.raises(DataError, match="stiffness is 0 or more, and is -1"):
-        loads.springs(space, np.array([0]), (-1.0, 0.0))
+# ---- what is refused
+
+
+def two_triangles():
+    """A square of two triangles, with a skin between them."""
+    cells = [("TRIA3", [[0, 1, 2], [0, 2, 3]]), ("SEG2", [[0, 2]])]
+    return Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], cells, cell_number=[4, 5, 6])
+
+
+def bare():
+    """A triangle, and a skin without a body."""
+    points = [[0, 0], [1, 0], [0, 1], [5, 0], [6, 0]]
+    return Mesh.create(points, [("TRIA3", [[0, 1, 2]]), ("SEG2", [[3, 4]])], node_number=[1, 2, 3, 40, 50])
 
 
 @pytest.mark.parametrize(
-    ("load", "error", "says"),
+    ("mesh", "load", "error", "words"),
     [
-        (lambda s: loads.pressure(s, np.array([0]), 1.0), DataError, "cells of dimension 1, and cells 1 are none"),
-        (lambda s: loads.pressure(s, np.array([], int), 1.0), DataError, "the group is empty"),
-        (lambda s: loads.pressure(s, np.array([1]), np.nan), DataError, "pressure is nan at"),
-        (lambda s: loads.pressure(s, np.array([1]), lambda x, t: x), DataError, r"return \(3,\)"),
-        (lambda s: loads.pressure(s, np.array([1]), lambda x, t: np.log(x[:, 0] - 1.55)), DataError, "pressure is nan"),
-        (lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "traction has 1 components; the model has 2"),
-        (lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"finite numbers \(3, 2\)"),
-        (lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "0 or more, and is -2"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([0]), 1.0), DataError, "cells 1 are none"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([], int), 1.0), DataError, "group is empty"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), np.nan), DataError, "pressure is nan"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), lambda x, t: x), DataError, r"return \(3,\)"),
+        (square_with_skin, lambda s: loads.pressure(s, np.array([1]), lambda x, t: np.log(x[:, 0] - 1.55)), DataError,
+         "pressure is nan"),
+        (square_with_skin, lambda s: loads.traction(s, np.array([1]), (1.0,)), ValueError, "has 1 components"),
+        (square_with_skin, lambda s: loads.traction(s, np.array([1]), lambda x, n, t: n), DataError, r"\(3, 2\)"),
+        (square_with_skin, lambda s: loads.springs(s, np.array([1]), (1.0, -2.0)), DataError, "and is -2"),
+        (two_triangles, lambda s: loads.pressure(s, np.array([2]), 1.0), DataError, "just one cell"),
+        (bare, lambda s: loads.traction(s, np.array([1]), (1.0, 0.0)), DataError, "cells 2 have"),
+        (bare, lambda s: loads.nodal_force(s, np.array([0, 3]), (1.0, 0.0)), DataError, "at nodes 40"),
+        (bare, lambda s: evaluate_vector((1.0, np.inf), s.mesh.points[None], 0.0, 2, "it"), DataError,
+         "component 1 is inf"),
     ],
-)
+)  # fmt: skip
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
-def test_a_wrong_load_says_so(load, error, says):
-    with pytest.raises(error, match=says):
-        load(Space.of(square_with_skin(), "plane_strain"))
-
-
-def test_a_pressure_between_two_cells_has_no_side():
-    mesh = Mesh.create(
-        [[0, 0], [1, 0], [1, 1], [0, 1]], [("TRIA3", [[0, 1, 2], [0, 2, 3]]), ("SEG2", [[0, 2]])], cell_number=[4, 5, 6]
-    )
-    space = Space.of(mesh, "plane_strain")
-    with pytest.raises(DataError, match="cells 6 do not have just one cell of the body behind them"):
-        loads.pressure(space, np.array([2]), 1.0)
-    np.testing.assert_allclose(loads.traction(space, np.array([2]), (1.0, 0.0)).sum(), np.sqrt(2))
-
-
-def test_a_load_on_a_bare_skin_is_refused():
-    points = [[0, 0], [1, 0], [0, 1], [5, 0], [6, 0]]
-    mesh = Mesh.create(points, [("TRIA3", [[0, 1, 2]]), ("SEG2", [[3, 4]])], node_number=[1, 2, 3, 40, 50])
-    space = Space.of(mesh, "plane_strain")
-    with pytest.raises(DataError, match="cells 2 have nodes that no cell of the body holds"):
-        loads.traction(space, np.array([1]), (1.0, 0.0))
-    with pytest.raises(DataError, match="force at nodes 40, which no cell of the body holds"):
-        loads.nodal_force(space, np.array([0, 3]), (1.0, 0.0))
+def test_a_wrong_load_is_refused(mesh, load, error, words):
+    with pytest.raises(error, match=words):
+        load(Space.of(mesh(), "plane_strain"))
 
 
 def test_a_value_is_a_number_or_a_function():
@@ -334,20 +322,165 @@ def test_a_value_is_a_number_or_a_function():
     assert evaluate(lambda p, t: p[:, 1] + t, x, 1.0, "it").tolist() == [[2, 5], [8, 11]]
     assert evaluate(lambda p, t: 3.0, x, 1.0, "it").tolist() == [[3, 3], [3, 3]]
     assert evaluate_vector((1.0, lambda p, t: p[:, 0]), x, 0.0, 2, "it")[..., 1].tolist() == [[0, 3], [6, 9]]
-    with pytest.raises(DataError, match=r"it, component 1 is inf at \(0, 1, 2\), t = 0"):
-        evaluate_vector((1.0, np.inf), x, 0.0, 2, "it")
 
 
-@pytest.mark.parametrize(("name", "model"), PAIRS)
-def test_a_cell_numbered_inside_out_has_the_loads_of_its_mirror(name, model):
-    space, skin = curved(name, model)
-    mesh = Mesh.create(space.mesh.points * [1, -1, 1], space.mesh.blocks, space_dim=space.mesh.space_dim)
-    mirror = Space.of(mesh, model, thickness=space.thickness if model == "plane_stress" else None)
-    flip = np.tile([1.0, -1.0, 1.0][: space.dim], mesh.n_nodes)
-    for load in (
-        lambda s: loads.pressure(s, skin, 3.0),
-        lambda s: loads.gravity(s, Materials.of(s, LAW), (2.0,) + (0.0,) * (s.dim - 1)),
-        lambda s: loads.thermal_force(s, Materials.of(s, LAW), 50.0),
-    ):
-        f = load(space)
-        np.testing.assert_allclose(load(mirror), flip * f, rtol=0, atol=1e-13 * np.abs(f).max())
+# ---- springs between two nodes
+
+#: places of the nodes between which springs are, of a body each
+APART = {"a": np.array([0, 0, 0.0]), "b": np.array([2.0, 0.5, 1.0]), "c": np.array([3.5, -1.0, 2.5])}
+
+
+def blocks(dim=3, **places):
+    """Bodies a, b, c apart; the node `eye_a` is the first one of a, at its place, and so on."""
+    one, axes = (box(1), [1, 1, 1]) if dim == 3 else (rectangle(1), [1, 1, 0])
+    one = one.only("body")
+    mesh = join(*(one.renamed(body=k).moved(np.array(x) * axes + [5, 0, 0]) for k, x in (APART | places).items()))
+    n = one.n_nodes
+    nodes = {f"eye_{name}": [k * n] for k, name in enumerate("abc")} | {"two": [0, 1]}
+    return replace(mesh, node_groups={name: np.array(own) for name, own in nodes.items()})
+
+
+def problem_of(*records, model="3d", kinematics="small", mesh=None, **keys):
+    law = "elastic" if kinematics == "small" else "neo_hookean"
+    material = Material(law=law, young=1000.0, poisson=0.3, density=2.0)
+    mesh = blocks(3 if model == "3d" else 2) if mesh is None else mesh
+    return Problem.of(case_of(mesh, material, *records, model=model, kinematics=kinematics, **keys))
+
+
+def spring(one, other=None, **values):
+    return Spring(group=f"eye_{one}", to=None if other is None else f"eye_{other}", **values)
+
+
+def moved(problem):
+    """(the last state, the displacement (n, dim), the energy)."""
+    state = list(march(problem))[-1]
+    return state, state.u.reshape(-1, problem.space.dim), problem.kinematics.energy(state.u, 1.0)
+
+
+FIXED = Rigid(group="a"), Rigid(group="c")
+
+
+def test_two_springs_in_series():
+    """A body on a spring to the ground, and another one on a spring to it: each spring has the force behind it."""
+    records = Rigid(group="a", fx=0.1, fy=-0.2), Rigid(group="b", fx=0.4, fy=0.3), Rigid(group="c")
+    records += spring("a", kx=2.0, ky=3.0), spring("b", "a", kx=5.0, ky=7.0)
+    _, u, energy = moved(problem_of(*records, model="plane_stress", kinematics="finite", thickness=0.3))
+    one = np.array([0.5 / 2.0, 0.1 / 3.0])
+    two = np.add(one, [0.4 / 5.0, 0.3 / 7.0])
+    np.testing.assert_allclose(u[[0, 4]], [one, two], rtol=1e-9)
+    assert energy == pytest.approx(0.5 * ([0.1, -0.2] @ one + [0.4, 0.3] @ two), rel=1e-9)
+
+
+def test_full_circle_of_a_ring():
+    """In axisymmetry a stiffness is that of the full circle, as a force is."""
+    problem = problem_of(*FIXED, Rigid(group="b", fy=6.0), spring("a", "b", ky=3.0), model="axisymmetric")
+    np.testing.assert_allclose(moved(problem)[1][4], [0.0, 2.0], atol=1e-12)
+
+
+def test_nodes_at_one_place_by_components():
+    """Two bodies that share no node, whose corners are at one place: a spring of all components joins them."""
+    mesh, records = blocks(b=APART["a"]), (*FIXED, Rigid(group="b", fx=1.0, fy=1.0, fz=1.0))
+    problem = problem_of(*records, spring("b", "a", kx=1.0, ky=2.0, kz=4.0), mesh=mesh)
+    np.testing.assert_allclose(moved(problem)[1][8], [1.0, 0.5, 0.25], rtol=1e-9)
+    with pytest.raises(CaseError, match="nodes 9 and 1"):
+        _ = problem_of(*records, spring("b", "a", k=1.0), mesh=mesh).springs
+
+
+def test_finite_kinematics_turn_the_line():
+    """The force on a body that is moved far is k (l - L) along the line where it then is; so is the energy."""
+    away, d = np.array([0.5, 3.0, -2.0]), APART["b"] - APART["a"]
+    records = *FIXED, Rigid(group="b", ux=0.5, uy=3.0, uz=-2.0), spring("a", "b", k=7.0), Steps(count=2)
+    state, _, energy = moved(problem_of(*records, kinematics="finite"))
+    longer = np.linalg.norm(d + away) - np.linalg.norm(d)
+    force = 7.0 * longer * (d + away) / np.linalg.norm(d + away)
+    np.testing.assert_allclose(state.reaction.reshape(-1, 3)[8:16].sum(axis=0), force, rtol=1e-9)
+    assert energy == pytest.approx(3.5 * longer**2, rel=1e-9)
+
+
+def test_two_bars_under_a_force_across_them():
+    """Two springs between walls, pulled far aside at their middle: 2 k (l - L) h / l = f, which K alone cannot give."""
+    mesh = blocks(2, a=[-2.0, 0.0, 0.0], b=[0.0, 0.25, 0.0], c=[2.0, 0.0, 0.0])
+    records = *FIXED, Rigid(group="b", fx=0.0, fy=9.0), spring("b", "a", k=7.0), spring("c", "b", k=7.0)
+    state, u, _ = moved(problem_of(*records, model="plane_strain", kinematics="finite", mesh=mesh))
+    x, y = u[4]
+    h, L = 0.25 + y, np.hypot(2, 0.25)
+    assert abs(x) < 1e-9 and y > 0.8
+    assert 2 * 7.0 * (np.hypot(2, h) - L) * h / np.hypot(2, h) == pytest.approx(9.0, rel=1e-8)
+    assert state.iterations < 12
+
+
+def lines(model):
+    space = Space.of(mixture("1") if model == "3d" else plane_mixture("1"), model, 0.4 if "stress" in model else None)
+    return space, LineSprings(space, np.array([[0, 5], [3, 9], [5, 7]]), np.array([3.0, 20.0, 7.0]))
+
+
+@EACH_MODEL
+def test_force_energy_and_tangent_of_lines(model):
+    space, line_springs = lines(model)
+    rng = np.random.default_rng(3)
+    u, v = 0.5 * rng.normal(size=space.n_dof), rng.normal(size=space.n_dof)
+
+    def along(of):
+        return by_differences(lambda s: np.atleast_1d(of(u + s[0] * v)), np.zeros(1), 1e-4)[:, 0]
+
+    K, slope = line_springs.tangent(u), along(line_springs.internal_force)
+    np.testing.assert_allclose(K @ v, slope, rtol=0, atol=1e-9 * np.abs(slope).max())
+    assert abs(K - K.T).max() < 1e-14 * abs(K).max()
+    assert line_springs.internal_force(u) @ v == pytest.approx(along(line_springs.energy)[0], rel=1e-9)
+    assert np.abs(line_springs.internal_force(u).reshape(-1, space.dim).sum(axis=0)).max() < 1e-12
+
+
+def test_a_rigid_rotation_leaves_no_force_and_ends_that_meet_are_refused():
+    space, line_springs = lines("3d")
+    x = space.mesh.points
+    assert np.abs(line_springs.internal_force((x @ Q.T - x).ravel())).max() < 1e-13
+    meet = np.zeros_like(x)
+    meet[5] = x[0] - x[5]
+    for of in (line_springs.internal_force, line_springs.tangent, line_springs.energy):
+        with pytest.raises(InadmissibleError, match="nodes 1, 6, meet"):
+            of(meet.ravel())
+
+
+def test_a_spring_on_a_line_leaves_all_free_but_the_distance():
+    """The bodies b and c on one spring between them, along x but for round-off."""
+    aside = APART["b"] + [3.0, 0.0, 0.0]
+    mesh = blocks(c=[aside[0], np.nextafter(aside[1], 1), aside[2]])
+    problem = problem_of(Rigid(group="a"), Rigid(group="b"), spring("b", "c", k=2.0), mesh=mesh)
+    K = problem.springs
+    free = free_motions(problem.space, problem.constraints, K)
+    assert len(free) == 5, [describe(motion) for motion in free]
+    for motion in free:
+        np.testing.assert_allclose(K @ motion.field, 0, atol=1e-12)
+
+
+def test_bodies_that_a_spring_joins_keep_their_momentum_and_energy():
+    """Two bodies that fly and turn about one another on a spring: what it stores is in the account of energy."""
+    thrown = Initial(groups=["b"], vx=0.4, vy=-0.3), Initial(groups=["c"], vy=0.5, vz=0.2)
+    records = Rigid(group="a"), spring("b", "c", k=30.0), Dynamics(alpha=0.0), *thrown, Steps(end=0.4, count=8)
+    problem = problem_of(*records, kinematics="finite")
+    states = [state for state in march(problem) if state.step.motion is not None]
+    motions = [state.step.motion for state in states]
+    assert unbalanced(motions) < 1e-9
+    stored = np.array([LineSprings(problem.space, np.array([[8, 16]]), np.array([30.0])).energy(s.u) for s in states])
+    assert stored.max() > 1e-2
+    np.testing.assert_allclose(motions[-1].linear, motions[0].linear, atol=1e-9)
+
+
+def test_several_processes_refuse_springs_between_nodes():
+    case = problem_of(*(Rigid(group=name) for name in "abc"), spring("a", "b", k=1.0)).case
+    with pytest.raises(RequestError, match="one process only"):
+        _check_shared(case, Share())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (Spring(group="two", to="eye_b", kx=1.0), "'two' has 2 nodes"),
+        (Spring(group="eye_b", to="two", k=1.0), "'two' has 2 nodes"),
+        (Spring(at=[5, 0, 0], to="eye_a", kx=1.0), "ends are node 1"),
+        (Spring(group="eye_a", to="eye_q", kx=1.0), "group named 'eye_q'"),
+    ],
+)
+def test_springs_that_are_refused(given, words):
+    with pytest.raises(CaseError, match=words):
+        _ = problem_of(*(Rigid(group=name) for name in "abc"), given).springs

@@ -1,56 +1,34 @@
-"""Rigid bodies, prescribed and loaded, and the reactions of all that holds a body."""
+"""Rigid bodies, prescribed and loaded, by small and finite rotations, and the reactions of all that holds a body."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.sparse.linalg import spsolve
+from scipy.linalg import expm
 
 from lacmesh import Mesh
 from lacmesh.errors import RequestError
-from lacsolver.bodies.material import Elastic, Materials
-from lacsolver.bodies.small import assemble_stiffness
-from lacsolver.case import CaseError, Displacement, Rigid
-from lacsolver.constraints import Constraints, constraints_of
-from lacsolver.space.space import Space
-from tests.lacsolver.bodies import PLANE_MODELS, cube, square
-from tests.lacsolver.held import (
-    box,
-    case,
-    check_map,
-    held,
-    moved,
-    nodes_in,
-    with_sides,
-)
+from lacsolver.bodies.finite import InadmissibleError
+from lacsolver.case import CaseError, Displacement, Material, Rigid
+from lacsolver.constraints import Constraints, constraints_of, rotation
+from lacsolver.space.space import MODELS, Space
+from tests.lacsolver.bodies import cube, square
+from tests.lacsolver.held import box, case, check_map, held, moved, nodes_in, with_sides
+from tests.lacsolver.test_finite import by_differences
+from tests.problems import case_of
 
-POISSON = 0.3
-BOXES = [("HEXA8", "3d"), ("TETRA10", "3d"), ("HEXA27", "3d"), ("PENTA15", "3d"), ("PYRAM5", "3d")]
-BOXES += [(name, model) for name in ("TRIA3", "QUAD8") for model in PLANE_MODELS]
+CENTRE = (0.3, -0.2, 0.7)
+EACH_MODEL = pytest.mark.parametrize("model", MODELS)
+TURNING = pytest.mark.parametrize("model", [model for model in MODELS if model != "axisymmetric"])
 
 
-# rigid bodies
-
-
-def rigid_box(model):
-    """A distorted box, its side y1 rigid."""
-    mesh = with_sides(cube("HEXA8", 2) if model == "3d" else square("QUAD4", 2))
+def rigid_box(model, plane="QUAD4"):
+    """A box, and the nodes of its side y1, which is rigid."""
+    mesh = with_sides(cube("HEXA8", 2) if model == "3d" else square(plane, 2))
     return mesh, nodes_in(mesh, "y1")
 
 
-def test_a_prescribed_rigid_motion_in_space():
-    mesh, nodes = rigid_box("3d")
-    centre = (0.3, -0.2, 0.7)
-    rigid = Rigid(group="y1", centre=centre, ux=0.1, uz="t", rotation=(0.2, "0.1 * t", 0.0))
-    space, constraints = held(mesh, rigid=[rigid])
-    U, theta = np.array([0.05, 0, 0.5]), np.array([0.1, 0.05, 0])
-    u = constraints.u0(0.5).reshape(-1, 3)
-    np.testing.assert_allclose(u[nodes], U + np.cross(theta, mesh.points[nodes] - centre), atol=1e-15)
-    assert constraints.is_selection
-    assert constraints.n_q == 81 - 27
-    np.testing.assert_allclose(constraints.rigid_motion(np.zeros(54), 0.5)["y1"], [*U, *theta], atol=1e-15)
-    assert not constraints.force(1.0).any()
-    check_map(space, constraints)
+# ---- small kinematics
 
 
 @pytest.mark.parametrize("model", ["plane_strain", "plane_stress"])
@@ -72,58 +50,9 @@ def test_a_rigid_motion_in_a_plane_about_the_mean_of_the_nodes(model):
     check_map(space, constraints)
 
 
-def test_an_axisymmetric_rigid_body_moves_along_the_axis():
-    mesh, nodes = rigid_box("axisymmetric")
-    space, constraints = held(mesh, "axisymmetric", rigid=[Rigid(group="y1", fy=2.0)])
-    assert constraints.n_q == space.n_dof - 6 + 1
-    q = np.zeros(constraints.n_q)
-    q[-1] = 0.5
-    u = constraints.displacement(q, 1.0).reshape(-1, 2)
-    assert u[nodes].tolist() == [[0, 0.5]] * 3
-    assert constraints.rigid_motion(q, 1.0)["y1"].tolist() == [0, 0.5]
-    assert constraints.force(1.0)[-1] == 2.0
-    _, pushed = held(mesh, "axisymmetric", rigid=[Rigid(group="y1", uy=0.25)])
-    assert pushed.u0(1.0).reshape(-1, 2)[nodes].tolist() == [[0, 0.25]] * 3
-
-
-def test_what_is_neither_prescribed_nor_loaded_is_held():
-    mesh, nodes = rigid_box("3d")
-    _, constraints = held(mesh, rigid=[Rigid(group="y1", fy=1.0)])
-    q = np.zeros(constraints.n_q)
-    q[-1] = 1.0
-    u = constraints.displacement(q, 1.0).reshape(-1, 3)
-    assert (u[nodes] == [0, 1, 0]).all()
-
-
-@pytest.mark.parametrize("model", ["3d", *PLANE_MODELS])
-def test_a_loaded_rigid_side_in_equilibrium(model):
-    """T^T r is the load on the free motions; the held side's reactions balance it, with its moment."""
-    mesh, _ = rigid_box(model)
-    plane = model != "axisymmetric"
-    motion = {"3d": {"fx": 1.0, "fy": -2.0, "uz": 0.01, "moment": (0.3, 0.2, 0.1)}, "axisymmetric": {"fy": -2.0}}
-    rigid = Rigid(group="y1", **motion.get(model, {"fx": 1.0, "fy": -2.0, "moment": 0.3}))
-    bottom = Displacement(group="y0", **({"ux": 0} if plane else {}), uy=0, **({"uz": 0} if model == "3d" else {}))
-    space, constraints = held(mesh, model, displacement=[bottom], rigid=[rigid])
-    K = assemble_stiffness(space, Materials.of(space, Elastic(young=7.0, poisson=POISSON)))
-    T, u0 = constraints.T, constraints.u0(1.0)
-    q = spsolve((T.T @ K @ T).tocsc(), constraints.force(1.0) - T.T @ (K @ u0))
-    r = K @ constraints.displacement(q, 1.0)
-    np.testing.assert_allclose(T.T @ r, constraints.force(1.0), atol=1e-12)
-    top, bottom = constraints.rigid_reactions(r)["y1"], constraints.reaction("y0", r)
-    np.testing.assert_allclose(top[0 if plane else 1 : 2], [1.0, -2.0][0 if plane else 1 :], atol=1e-12)
-    if plane:
-        np.testing.assert_allclose(top[: space.dim], -bottom, atol=1e-12)
-        np.testing.assert_allclose(top[space.dim :], {"3d": [0.3, 0.2, 0.1]}.get(model, [0.3]), atol=1e-12)
-    assert bottom[1] == pytest.approx(2.0, abs=1e-12)
-    assert constraints.reaction("y1", r).tolist() == top[: space.dim].tolist()
-
-
 def test_a_bare_skin_is_rigid():
-    mesh = Mesh.create(
-        [[0, 0], [1, 0], [0, 1], [2, 0], [2, 1], [2, 0.5]],
-        [("TRIA3", [[0, 1, 2]]), ("SEG3", [[3, 4, 5]])],
-        cell_groups={"die": [1]},
-    )
+    points = [[0, 0], [1, 0], [0, 1], [2, 0], [2, 1], [2, 0.5]]
+    mesh = Mesh.create(points, [("TRIA3", [[0, 1, 2]]), ("SEG3", [[3, 4, 5]])], cell_groups={"die": [1]})
     space, constraints = held(mesh, "plane_strain", rigid=[Rigid(group="die", ux=-0.5, fy=1.0)])
     assert constraints.n_q == 7
     assert constraints.u0(1.0).reshape(-1, 2)[3:].tolist() == [[-0.5, 0]] * 3
@@ -131,45 +60,27 @@ def test_a_bare_skin_is_rigid():
     check_map(space, constraints)
 
 
-def test_two_rigid_bodies_number_their_motions_one_after_the_other():
-    mesh = box("QUAD4", "plane_strain")
-    rigid = [Rigid(group="x0", fx=1.0, moment=2.0), Rigid(group="x1", fy=3.0)]
-    _, constraints = held(mesh, "plane_strain", rigid=rigid)
-    assert constraints.n_q == 2 * 3 + 3
-    turn = constraints.rigid[0].unit[-1]
-    assert constraints.force(1.0)[-3:].tolist() == [1, 2 * turn, 3]
-    q = np.arange(9.0)
-    motions = constraints.rigid_motion(q, 1.0)
-    assert {name: m.tolist() for name, m in motions.items()} == {"x0": [6, 0, 7 * turn], "x1": [0, 8, 0]}
+# ---- what is refused
+
+SPLIT = '[[rigid]]\ngroup = "x0"\n[[rigid]]\ngroup = "y0"\n'
+BESIDE = '[[displacement]]\ngroup = "y0"\nuy = [[0, 1]]\n[[rigid]]\ngroup = "x0"\n'
 
 
-def test_a_node_in_two_rigid_bodies():
-    sections = '[[rigid]]\ngroup = "x0"\n[[rigid]]\ngroup = "y0"\n'
-    with pytest.raises(CaseError) as caught:
-        Constraints.of(Space.of(box("QUAD4", "plane_strain"), "plane_strain"), case(sections, "plane_strain"))
-    assert str(caught.value) == (
-        "nodes 1 are in rigid 'x0' (press.toml, line 6) and in rigid 'y0' (press.toml, line 8); a node moves with one "
-        "rigid body, so join the groups or take them apart"
-    )
-
-
-def test_a_displacement_on_a_node_of_a_rigid_body():
-    """A displacement that agrees with the motion of the body is taken (test_shared_supports.py), no other."""
-    sections = '[[displacement]]\ngroup = "y0"\nuy = {}\n[[rigid]]\ngroup = "x0"\n'
+@pytest.mark.parametrize(("sections", "lines"), [(SPLIT, (6, 8)), (BESIDE, (6, 9))])
+def test_a_node_that_two_records_move_is_refused_with_both_lines(sections, lines):
+    """Node 1 is in both; a displacement that agrees with the motion of the body is taken."""
     space = Space.of(box("QUAD4", "plane_strain"), "plane_strain")
-    constraints_of(space, case(sections.format(0), "plane_strain"))
     with pytest.raises(CaseError) as caught:
-        constraints_of(space, case(sections.format("[[0, 1]]"), "plane_strain"))
-    assert str(caught.value) == (
-        "displacement 'y0' (press.toml, line 6) at node 1 of rigid 'x0' (press.toml, line 9) contradicts what its "
-        "terms are prescribed to: it is off by 1 at t = 0.618; leave one out, or make them agree"
-    )
+        constraints_of(space, case(sections, "plane_strain"))
+    first, second = (f"(press.toml, line {line})" for line in lines)
+    assert first in str(caught.value) and second in str(caught.value)
+    constraints_of(space, case(BESIDE.replace("[[0, 1]]", "0"), "plane_strain"))
 
 
 def test_a_rotation_that_moves_no_node():
     mesh = with_sides(cube("HEXA8", 2), node_groups={"line": [0, 1, 2], "dot": [0], "three": [0, 1, 5]})
-    for group, message in (("line", "'line' are on one line"), ("dot", "'dot' are one point")):
-        with pytest.raises(CaseError, match=f"rigid: the nodes of {message}.*leave moment out"):
+    for group, words in (("line", "on one line"), ("dot", "one point")):
+        with pytest.raises(CaseError, match=words):
             held(mesh, rigid=[Rigid(group=group, fx=1.0, fy=1.0, fz=1.0, moment=(0, 0, 0))])
         held(mesh, rigid=[Rigid(group=group, fx=1.0, fy=1.0, fz=1.0)])
     held(mesh, rigid=[Rigid(group="three", fx=1.0, moment=(0, 0, 0))])
@@ -180,10 +91,9 @@ def test_every_group_that_is_missing_is_told_at_once():
     with pytest.raises(CaseError) as caught:
         held(box("HEXA8", "3d"), rigid=[Rigid(group="die", ux=0.0), Rigid(group="x9", uy=0.0)])
     assert len(caught.value.problems) == 2
-    assert "no group named 'x9'; there are: body, x0" in str(caught.value)
 
 
-# reactions
+# ---- reactions
 
 
 def test_reactions_are_shared_out_without_loss():
@@ -215,13 +125,146 @@ def test_the_earlier_of_two_equal_conditions_carries_the_force():
         r = np.zeros(18)
         r[0] = 1.0  # the node that both have
         got = constraints.reactions(r)
-        assert got[order[0]].tolist() == [1, 0]
-        assert got[order[1]].tolist() == [0, 0]
+        assert got[order[0]].tolist() == [1, 0] and got[order[1]].tolist() == [0, 0]
+    with pytest.raises(RequestError, match="named 'x9'"):
+        constraints.reaction("x9", r)
 
 
-def test_a_reaction_of_an_unknown_name():
-    space, constraints = held(
-        box("QUAD4", "plane_strain"), "plane_strain", displacement=[Displacement(group="x0", ux=0)]
-    )
-    with pytest.raises(RequestError, match="no displacement or rigid body named 'x9'; there are: x0"):
-        constraints.reaction("x9", np.zeros(space.n_dof))
+# ---- finite rotations
+
+#: rotation vectors near and far from 0, where series and closed forms take turns
+VECTORS = [
+    (0, 0, 0),
+    (1e-9, 0, 0),
+    (0.1, -0.2, 0.05),
+    (0.5, 0.5, 0.7),
+    (0.6, -0.5, 0.63),
+    (2.0, 1.0, -1.5),
+    (0, 5.5, 0),
+]
+LOADED = {
+    "3d": {"fx": 1.0, "uy": "0.1 * t", "fz": 2.0, "moment": [0.3, -1.0, 2.0], "centre": CENTRE},
+    "plane_strain": {"fx": 1.0, "fy": -2.0, "moment": 0.3, "centre": CENTRE[:2]},
+    "plane_stress": {"fx": 1.0, "uy": 0.2, "moment": 0.3},
+    "axisymmetric": {"fy": 3.0},
+}
+
+
+def cross(v):
+    return np.cross(v, np.eye(3)).T
+
+
+def turning(model, *more, kinematics="finite", **keys):
+    """The space of a box whose side y1 is rigid, its constraints, and the nodes of the side."""
+    law = "neo_hookean" if kinematics == "finite" else "elastic"
+    mesh, nodes = rigid_box(model, "QUAD8")
+    material = Material(young=1.0, poisson=0.3, law=law)
+    space = Space.of(mesh, model)
+    record = case_of("a.msh", material, Rigid(group="y1", **keys), *more, model=model, kinematics=kinematics)
+    return space, Constraints.of(space, record), nodes
+
+
+@pytest.mark.parametrize("theta", VECTORS)
+def test_a_turn_is_the_exponential_of_its_cross_matrix_and_its_derivatives_are_differences(theta):
+    theta = np.array(theta, float)
+    np.testing.assert_allclose(rotation.turn(theta), expm(cross(theta)) - np.eye(3), atol=1e-14)
+    R = np.eye(3) + rotation.turn(theta)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
+    M, m = np.random.default_rng(0).normal(size=(3, 3)), np.array([0.3, -1.0, 2.0])
+    dR = rotation.turn_derivative(theta)
+    pairs = [
+        (dR.reshape(3, 9).T, lambda a: rotation.turn(a).ravel()),
+        (rotation.turn_curvature(theta, M), lambda a: np.einsum("jsi,si->j", rotation.turn_derivative(a), M)),
+        (rotation.conjugate_derivative(theta, m), lambda a: rotation.conjugate(a, m)),
+    ]
+    for found, of in pairs:
+        np.testing.assert_allclose(found, by_differences(of, theta, 1e-3), atol=1e-11)
+    spin = [(D @ R.T)[[2, 0, 1], [1, 2, 0]] for D in dR]  # dR R^T is the cross matrix of the spin
+    np.testing.assert_allclose(rotation.conjugate(theta, m), np.array(spin) @ m, atol=1e-14)
+
+
+def test_a_half_turn_prescribed_in_space_keeps_the_body_as_it_is():
+    motion = {"ux": 0.1, "uz": "t", "rotation": [0, "2 * pi * t", 0]}
+    space, constraints, nodes = turning("3d", centre=CENTRE, **motion)
+    x = space.mesh.points[nodes] - CENTRE
+    for t, Q in ((0.5, np.diag([-1.0, 1, -1])), (0.25, np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])), (3, np.eye(3))):
+        u = constraints.u0(t).reshape(-1, 3)[nodes]
+        np.testing.assert_allclose(u, x @ Q.T - x + [0.1 * min(t, 1), 0, t], atol=1e-14)
+    assert constraints.is_selection
+    q = np.zeros(constraints.n_q)
+    assert constraints.tangent(q, 0.5) is constraints.T
+    assert constraints.turning(q, 0.5, np.ones(space.n_dof)) is None
+
+
+@EACH_MODEL
+@pytest.mark.parametrize("size", [0.0, 0.1, 1.0])
+def test_the_map_of_a_loaded_body_and_its_derivatives(model, size):
+    space, constraints, nodes = turning(model, Displacement(group="y0", uy="0.2 * t"), **LOADED[model])
+    rng = np.random.default_rng(1)
+    q = 0.1 * rng.normal(size=constraints.n_q)
+    (body,) = constraints.rigid
+    turns = body.columns[space.dim :]
+    q[turns] = size * np.array([1.5, -2.0, 1.1])[: len(turns)]
+    u = constraints.displacement(q, 1.0)
+    m = constraints.rigid_motion(q, 1.0)["y1"]
+    theta = {"3d": m[3:], "axisymmetric": np.zeros(3)}.get(model, np.array([0, 0, *m[2:]]))
+    x = space.mesh.points[nodes] - body.centre
+    expected = np.pad(m[: space.dim], (0, 3 - space.dim)) + x @ expm(cross(theta)).T - x
+    np.testing.assert_allclose(u.reshape(-1, space.dim)[nodes], expected[:, : space.dim], atol=1e-14)
+    T = constraints.tangent(q, 1.0).toarray()
+    np.testing.assert_allclose(T, by_differences(lambda a: constraints.displacement(a, 1.0), q, 1e-3), atol=1e-10)
+    forces = rng.normal(size=space.n_dof)
+    bent = constraints.turning(q, 1.0, forces)
+    expected = by_differences(lambda a: constraints.tangent(a, 1.0).T @ forces - constraints.force(1.0, a), q, 1e-3)
+    np.testing.assert_allclose(0 if bent is None else bent.toarray(), expected, atol=1e-10)
+    assert (bent is None) == (model == "axisymmetric")
+    assert bent is None or np.abs(expected).max() > 0.1
+
+
+@TURNING
+def test_at_rest_the_map_is_that_of_small_kinematics_which_is_linear(model):
+    _, small, _ = turning(model, kinematics="small", **LOADED[model])
+    _, finite, _ = turning(model, **LOADED[model])
+    q = np.zeros(small.n_q)
+    assert abs(finite.T - small.T).max() < 1e-15
+    assert abs(finite.tangent(q, 0.0) - small.T).max() < 1e-15
+    np.testing.assert_allclose(finite.force(1.0, q), small.force(1.0), rtol=1e-14)
+    q = np.random.default_rng(0).normal(size=small.n_q)
+    assert small.tangent(q, 1.0) is small.T
+    assert small.turning(q, 1.0, np.ones(small.T.shape[0])) is None
+    np.testing.assert_allclose(small.displacement(q, 1.0), small.T @ q + small.u0(1.0), atol=1e-14)
+    np.testing.assert_array_equal(small.force(1.0, q), small.force(1.0))
+
+
+@TURNING
+def test_work_of_the_resultant_is_work_of_the_forces(model):
+    """Forces that are moments' reactions: T^T r = force(q) exactly when their moment is the load."""
+    space, constraints, nodes = turning(model, **LOADED[model])
+    (body,) = constraints.rigid
+    q = np.zeros(constraints.n_q)
+    q[body.columns[body.free]] = [0.3, 0.2, 1.0, -0.7, 0.8][: body.free.sum()]
+    motions = constraints.rigid_motion(q, 1.0)
+    u = constraints.displacement(q, 1.0).reshape(-1, space.dim)[nodes]
+    r = np.random.default_rng(0).normal(size=(len(nodes), space.dim))
+    forces = np.zeros((space.mesh.n_nodes, space.dim))
+    forces[nodes] = r
+    where = space.mesh.points[nodes, : space.dim] + u - body.centre[: space.dim] - motions["y1"][: space.dim]
+    moment = np.cross(where, r) if space.dim == 3 else where[:, 0] * r[:, 1] - where[:, 1] * r[:, 0]
+    got = constraints.rigid_reactions(forces.ravel(), motions)["y1"]
+    np.testing.assert_allclose(got[: space.dim], r.sum(axis=0), atol=1e-13)
+    np.testing.assert_allclose(got[space.dim :], np.atleast_1d(moment.sum(axis=0)), atol=1e-13)
+    work = constraints.tangent(q, 1.0).T @ forces.ravel()
+    expected = rotation.conjugate(motions["y1"][3:], got[3:]) if space.dim == 3 else got[2:]
+    np.testing.assert_allclose(work[body.columns[space.dim :]], expected * body.unit[space.dim :], atol=1e-12)
+
+
+def test_a_free_rotation_in_space_stops_short_of_a_full_turn():
+    _, constraints, _ = turning("3d", moment=[1.0, 0, 0])
+    q = np.zeros(constraints.n_q)
+    q[-3:] = [0, 6.1, 0]
+    with pytest.raises(InadmissibleError, match="nearly a full turn"):
+        constraints.displacement(q, 1.0)
+    _, plane, _ = turning("plane_strain", moment=1.0)
+    q = np.zeros(plane.n_q)
+    q[-1] = 2 * np.pi
+    np.testing.assert_allclose(plane.displacement(q, 1.0), 0, atol=1e-14)
