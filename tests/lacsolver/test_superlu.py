@@ -17,12 +17,12 @@ from tests.lacsolver import (
     test_contact,
     test_contact_finite,
     test_contact_ties,
+    test_friction,
     test_modes,
     test_motion,
     test_plastic,
     test_pretension,
 )
-from tests.lacsolver.friction import test_messages
 from tests.lacsolver.stiffnesses import free, held
 from tests.lacsolver.systems import factorise
 
@@ -37,7 +37,7 @@ CHECKS = (
     test_contact_finite.test_a_plate_in_space_that_is_loaded_finds_its_place,
     test_contact_finite.test_a_block_settles_in_a_groove,
     test_contact_ties.test_a_tie_beside_a_contact,
-    test_messages.test_a_pad_sticks_below_the_bound,
+    test_friction.test_a_pad_sticks_below_the_bound,
     test_modes.test_frequencies_of_a_free_bar,
     test_motion.test_a_preload_stays_at_rest,
     test_plastic.test_newtons_method_is_quadratic_at_the_end,
