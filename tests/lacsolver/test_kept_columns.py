@@ -15,15 +15,16 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.results import Restart
 from lacsolver.results.state import CONTACT
 from lacsolver.saddle.stiffness import Stiffness
-from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, held, pressed
+from tests.lacsolver.contact_cases import HEAD, JOINT, MATERIAL, at, held, pressed
 from tests.lacsolver.moving import PLANE, SMALL, SPACE, SPEED, WALL, moved, steps, thrown
 from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.test_contact_held import FIXED, UPRIGHT
 from verification.meshes.bars import bar_on_wall
 from verification.meshes.thrown import disc, on_wall
 
 #: two blocks whose contact spreads from the middle while the upper one is pressed down, and shrinks again
 ROUND = JOINT + 'clearance = "0.02 * ((x - 0.5)**2 + (y - 0.5)**2)"\n'
+FIXED = held("bottom", ux=0.0, uy=0.0, uz=0.0)
+UPRIGHT = at([0.0, 0.0, 2.0], ux=0.0, uy=0.0) + at([1.0, 0.0, 2.0], uy=0.0)
 PRESSED = ROUND + FIXED + held("top", ux=0.0, uy=0.0, uz="-0.02 * sin(3 * t)")
 
 
