@@ -269,6 +269,7 @@ PROBLEMS = {
         Probe(at=[1.0, 0.5, 0.5], name="middle"),
         Probe(at=[0.0, 0.0, 1.0], name="a"),
         Probe(at=[0.0, 0.5, 1.0], name="b"),
+        Steps(count=2),
     ),
     "axes": problem(
         cube, "3d",

@@ -1,0 +1,472 @@
+"""The cases of data/ and their pages: meshes made again, what bodies do in them; and patches of another solver's suite.
+
+Facts of the suite's rows, with their origin (code_aster's validation suite), are in `SUITE`; the meshes are read from
+the shared folder where it is there.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import lacmesh
+import lacsolver as ls
+from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.reference.quadrature import measure
+from lacsolver.case import Displacement, Dynamics, Material, Pressure, Rigid, Solver, Steps
+from lacsolver.cli import main
+from lacsolver.constraints.cyclic import with_sectors
+from lacsolver.pictures.frames import read_frames
+from lacsolver.pictures.history import chosen
+from lacsolver.results.motion import ENERGIES
+from lacsolver.space.space import COMPONENTS
+from lacsolver.validation import validate
+from tests import REPOSITORY
+from tests.lacsolver.moving import SPEED
+from tests.lacsolver.patch_meshes import stack
+from tests.lacsolver.tables import table
+from tests.problems import case_of, contact, fix
+from tests.test_tutorials import TUTORIALS, pictures_of, shows_what_the_page_shows, size_of, tutorials
+from verification.meshes.bars import bar_on_wall
+
+__all__ = ["tutorials"]
+DATA = REPOSITORY / "data"
+SLIDING, IMPACT, FRICTION, FLANGE = (DATA / name for name in ("sliding", "impact", "friction", "flange"))
+#: script -> the meshes that it makes
+SCRIPTS = {
+    "sliding/make_ring": ["ring"],
+    "sliding/make_ironing": ["ironing_2d", "ironing_3d"],
+    "sliding/make_ball": ["ball"],
+    "sliding/make_snap_fit": ["snap_fit"],
+    "impact/make_bar": ["bar_on_wall"],
+    "impact/make_dropping_ball": ["dropping_ball"],
+    "friction/make_clamp": ["clamp"],
+    "friction/make_cylinders": ["cylinders"],
+}
+
+
+def make(script, *arguments):
+    command = [sys.executable, str(DATA / f"{script}.py"), *map(str, arguments)]
+    subprocess.run(command, check=True, cwd=REPOSITORY, capture_output=True)
+
+
+@pytest.mark.parametrize("script", SCRIPTS)
+def test_the_scripts_make_the_meshes_again(script, tmp_path):
+    names, folder = SCRIPTS[script], (DATA / script).parent
+    make(script, tmp_path if len(names) > 1 else tmp_path / f"{names[0]}.msh")
+    for name in names:
+        made, there = lacmesh.read(tmp_path / f"{name}.msh"), lacmesh.read(folder / f"{name}.msh")
+        np.testing.assert_allclose(made.points, there.points, rtol=0, atol=1e-9)
+        for one, other in zip(made.blocks, there.blocks, strict=True):
+            assert one.type == other.type and (one.nodes == other.nodes).all()
+        for groups in ("cell_groups", "node_groups"):
+            one, other = getattr(made, groups), getattr(there, groups)
+            assert list(one) == list(other) and all((one[key] == other[key]).all() for key in one)
+
+
+@pytest.mark.parametrize("case", sorted(SLIDING.glob("*.toml")), ids=lambda path: path.stem)
+def test_cases_are_valid(case, capsys):
+    assert case.with_suffix(".msh").is_file()
+    assert main(["validate", str(case)]) == 0
+    assert not capsys.readouterr().err
+
+
+def copied(folder, path, *changes):
+    """A case beside its mesh in a folder, with changes (old text, new); a mesh that is there stays."""
+    text = path.read_text(encoding="utf-8")
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    mesh = folder / path.with_suffix(".msh").name
+    if not mesh.exists():
+        shutil.copy(path.with_suffix(".msh"), mesh)
+    (folder / path.name).write_text(text, encoding="utf-8")
+    return folder / path.name
+
+
+def ran(folder, path, *changes):
+    """history.csv by column, and results.json, of a case with changes."""
+    case = copied(folder, path, *changes)
+    assert main(["run", str(case), "-q"]) == 0
+    out = case.with_suffix("")
+    return table(out / "history.csv"), json.loads((out / "results.json").read_text())
+
+
+# ---- sliding
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """A script of data/sliding, as a module."""
+    monkeypatch.syspath_prepend(SLIDING)
+    return importlib.import_module
+
+
+def test_the_ring_lies_down_on_the_block(tmp_path):
+    """The first twelve steps: one contact, alike on both sides, in balance."""
+    shorter = ("uy = -90.0", 'uy = "-90 * t"'), ("count = 20", "end = 0.6\ncount = 12")
+    columns, told = ran(tmp_path, SLIDING / "ring.toml", *shorter)
+    assert max(told["balance"].values()) <= 1e-12
+    down, foot = columns["reaction.ends.y"], columns["reaction.bottom.y"]
+    assert np.allclose(down, -foot, rtol=0, atol=1e-7 * np.abs(down).max())
+    assert np.abs(columns["reaction.ends.x"]).max() < 1e-7 * np.abs(down).max()
+    touched = columns["time"] > 20 / 90
+    assert np.abs(down[~touched]).max() < 1e-9 * np.abs(down).max() and (np.diff(-down[touched]) > 0).all()
+    # the block is pressed down in its middle first, later more where one of the two contacts will be
+    middle, side = ([np.interp(t, columns["time"], columns[f"probe.{p}.uy"]) for t in (0.4, 0.6)] for p in ("PA", "PB"))
+    assert middle[0] < -4 < side[0] < 0 and side[1] < middle[1] - 1
+
+
+@pytest.mark.slow
+def test_the_ball_keeps_its_volume(tmp_path, script):
+    script("make_ball").main(tmp_path / "ball.msh", 5, 3)
+    columns, told = ran(tmp_path, SLIDING / "ball.toml", ("count = 20", "count = 8"))
+    top, bottom = columns["reaction.top_plate.y"], columns["reaction.bottom_plate.y"]
+    assert np.allclose(top, -bottom, rtol=1e-9) and top[-1] < 3 * np.interp(0.5, columns["time"], top) < -75
+    assert np.abs(columns["reaction.at [0, 0].y"]).max() < 1e-9 * np.abs(top).max()
+    assert told["balance"]["force"] <= 1e-12 and columns["probe.top_plate.uy"][-1] == -4.0
+    frames = read_frames(tmp_path / "ball", "stress")
+    x = frames.frames[-1].x
+    own = np.isfinite(frames.frames[-1].value)  # the plates have no stress
+    # gaps vanish in the mean of a macro-element: corners of this coarse skin stand 0.05 beyond the plates
+    assert np.ptp(x[own, 1]) == pytest.approx(12.0, abs=0.12)
+    start = lacmesh.read(min((tmp_path / "ball" / "fields").glob("solid_*.vtu"))).points
+    before = volume(frames.surface, frames.surface.points(start))
+    assert volume(frames.surface, x) == pytest.approx(before, rel=0.01)
+    area = columns["contact.top.area"]
+    assert (np.diff(area) > -1e-6 * area[:-1]).all() and area[-1] > 150
+    assert columns["probe.equator.ux"][-1] > 1.0
+
+
+def volume(surface, x):
+    """Volume of the full revolution, by Pappus for each triangle."""
+    a, b, c = np.moveaxis(x[surface.triangles][..., :2], 1, 0)
+    area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
+    return 2 * np.pi * (area * (a + b + c)[:, 0] / 3).sum()
+
+
+@pytest.mark.slow
+def test_ironing_costs_no_force_in_the_mean(tmp_path, script):
+    """Without friction: the drag is odd about the middle of the block, its ripple little beside the push."""
+    script("make_ironing").make_plane(tmp_path / "ironing_2d.msh", 24)
+    columns, told = ran(tmp_path, SLIDING / "ironing_2d.toml", ("count = 48", "count = 24"))
+    assert max(told["balance"].values()) <= 1e-12
+    on = columns["time"] > 1 + 1e-9
+    way, drag, push = (columns[name][on] for name in ("probe.top.ux", "reaction.top.x", "reaction.top.y"))
+
+    def ripple(force):
+        """Largest distance of a force from the smooth curve fitted to it, a polynomial of degree 5."""
+        return np.abs(force - np.polyval(np.polyfit(way, force, 5), way)).max()
+
+    assert way[-1] == 4.5 and (push < 0).all()
+    assert abs(drag.mean()) < -2e-3 * push.mean()
+    assert ripple(drag) < -2e-3 * push.mean() and ripple(push) < -2e-2 * push.mean()
+
+
+@pytest.mark.slow
+def test_the_hook_snaps_in(tmp_path):
+    """Pushed on until it is behind the ledge: up the slope, along the top, pulled on by itself, free again."""
+    shorter = ("end = 1.25\ncount = 50", "end = 1.0\ncount = 10")
+    columns, told = ran(tmp_path, SLIDING / "snap_fit.toml", shorter)
+    force, lift = columns["reaction.base.x"], columns["probe.tip.uy"]
+    peak = int(force.argmax())
+    assert force[peak] > 0.1 and lift[peak] > 1.5
+    # on top the ledge carries a cantilever, 32.3 long up to the crest, bent by 2.5: 3 E I / L^3 of a plate
+    on_top = np.interp(0.6, columns["time"], columns["reaction.ledge.y"])
+    assert on_top == pytest.approx(3 * 2000 / (1 - 0.35**2) * 2.0**3 / 12 * 2.5 / 32.3**3, rel=0.1)
+    assert force[peak:].min() < -0.05
+    assert abs(force[-1]) < 1e-9 * force[peak] and abs(lift[-1]) < 1e-9 and told["energy"] < 1e-12
+    assert told["contact"]["slave"]["active"] == 0 and columns["probe.tip.ux"][-1] == pytest.approx(14.5)
+
+
+# ---- impact
+
+
+def account(columns, at=slice(None)):
+    """Error of the account of energies, and the largest of them."""
+    table = np.array([(-1 if name == "external" else 1) * columns[f"energy.{name}"][at] for name in ENERGIES])
+    return np.abs(table.sum(axis=0)).max(), np.abs(table).max()
+
+
+def run_of_bar(folder, *changes):
+    """The folder of a run of the bar, and its history; the case stands beside it."""
+    case = copied(folder, IMPACT / "bar_on_wall.toml", *changes)
+    with pytest.warns(LacmeshWarning, match="massless nodes change the inertia of .* by -1.57%"):
+        ls.run(case, out := case.with_suffix(""))
+    return out, table(out / "history.csv")
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory):
+    """The bar in a quarter of its steps."""
+    return run_of_bar(tmp_path_factory.mktemp("bar"), ("count = 128", "count = 32"))
+
+
+@pytest.mark.slow
+def test_the_bar_does_what_its_page_says(tmp_path):
+    _, columns = run_of_bar(tmp_path)
+    t, p = columns["time"], columns["contact.impact.pressure_max"]
+    assert not p[t < 0.95].any() and not p[t > 3.2].any()
+    assert p[(t > 1.5) & (t < 2.8)].mean() == pytest.approx(0.01, rel=0.01)
+    assert columns["contact.impact.impulse.y"][-1] == pytest.approx(2 * 0.01 * 0.25, rel=5e-3)
+    assert columns["momentum.y"][-1] == pytest.approx(-0.0025 + columns["contact.impact.impulse.y"][-1], rel=1e-9)
+    off, largest = account(columns)
+    assert off < 1e-10 * largest and columns["probe.top.vy"][0] == pytest.approx(-0.01)
+
+
+def test_results_and_fields_have_the_motion(bar):
+    folder, columns = bar
+    step = json.loads((folder / "results.json").read_text())["steps"][-1]
+    assert list(step["energies"]) == list(ENERGIES)
+    for name, value in (
+        ("energy.kinetic", step["energies"]["kinetic"]),
+        ("momentum.y", step["momentum"]["linear"][1]),
+        ("momentum.angular", step["momentum"]["angular"]),
+        ("contact.impact.impulse.y", step["impulse"]["impact"][1]),
+        ("probe.top.vy", step["velocities"]["top"][1]),
+        ("probe.top.ay", step["accelerations"]["top"][1]),
+    ):
+        assert value == columns[name][-1], name
+    fields = sorted((folder / "fields").glob("solid_*.vtu"))
+    assert len(fields) == 32 and {"velocity", "acceleration"} <= set(lacmesh.read(fields[-1]).node_data)
+
+
+def test_a_run_goes_on_from_its_folder(bar, tmp_path):
+    folder, columns = bar
+    command = ["run", str(folder.with_suffix(".toml")), "-o", str(tmp_path / "more"), "-q", "--restart", str(folder)]
+    assert main([*command, "--from", "3.5"]) == 0
+    for name, values in table(tmp_path / "more" / "history.csv").items():
+        assert np.isnan(values[-1]) or values[-1] == columns[name][-1], name
+
+
+def test_a_plot_of_the_history(bar, tmp_path, capsys):
+    folder, columns = bar
+    target = tmp_path / "plot.png"
+    command = ["plot", str(folder), "-o", str(target)]
+    assert main([*command, "--history", "energy.*", "contact.impact.fy", "probe.top.vy"]) == 0
+    assert target.read_bytes().startswith(b"\x89PNG")
+    assert main(command) == 2 and "exists" in capsys.readouterr().err
+    assert main([*command, "--force", "--history", "energy.kinetics"]) == 2
+    assert "did you mean energy.kinetic" in capsys.readouterr().err
+    assert main(["plot", str(folder), "-o", str(tmp_path / "plot.pdf")]) == 2
+    with pytest.raises(RequestError, match="no energies"):
+        chosen({"time": columns["time"]}, [])
+
+
+def test_validate_tells_of_the_motion(capsys):
+    found = validate(ls.read_case(IMPACT / "bar_on_wall.toml"))
+    motion = found.motion
+    assert not found.problems and motion.speeds == pytest.approx((1.0, 1.0)) and motion.cell == pytest.approx(1 / 16)
+    assert motion.crossed == pytest.approx(0.5) and motion.suggested == pytest.approx(1 / 16)
+    assert motion.mass == pytest.approx(0.25) and motion.momentum == pytest.approx((0.0, -0.0025))
+    records = Material(young=1.0, poisson=0.3, density=1.0), contact(master="wall"), Rigid(group="wall"), Dynamics()
+    case = case_of(bar_on_wall("QUAD8", 4), *records, Steps(count=4), model="plane_strain")
+    quadratic = validate(case).motion
+    assert quadratic.cell == pytest.approx(1 / 4)  # a wave goes from node to node, of which there are twice as many
+    assert quadratic.suggested == pytest.approx(1 / 8 / SPEED)
+    assert main(["validate", str(IMPACT / "bar_on_wall.toml")]) == 0
+    assert "wave speeds" in (said := capsys.readouterr().out) and "momentum at the start" in said
+
+
+def test_the_ball_comes_back(tmp_path):
+    """A few steps of the ball: it touches, and the account of energy closes."""
+    shorter = ("end = 0.012\ncount = 60", "end = 0.002\ncount = 10")
+    columns, _ = ran(tmp_path, IMPACT / "dropping_ball.toml", shorter)
+    assert columns["contact.impact.fy"][-1] > 50
+    assert account(columns, [-1])[0] < 1e-10 * columns["energy.external"][-1]
+
+
+# ---- friction
+
+
+def test_the_clamp_holds_until_friction_carries_no_more():
+    zones = [state.contact["joint"] for state in ls.march(FRICTION / "clamp.toml")]
+    sliding = [int((zone.status == 2).sum()) for zone in zones]
+    closed = [int((zone.pressure > 0).sum()) for zone in zones]
+    assert 0 < sliding[1] < closed[1] and sliding[-1] == closed[-1]
+    carried = [float(zone.shear_vector[:, 0] @ zone.area) for zone in zones]
+    bound = [0.2 * float(zone.pressure @ zone.area) for zone in zones]
+    assert carried[-1] == pytest.approx(bound[-1], rel=1e-10)
+    assert all(now < most * (1 + 1e-12) for now, most in zip(carried, bound, strict=True))
+    dissipation = [float(zone.dissipation @ zone.area) for zone in zones]
+    assert (np.diff(dissipation) >= 0).all() and dissipation[-1] > 0
+
+
+@pytest.mark.parametrize(("force", "holds"), [(300.0, True), (330.0, False)])
+def test_the_clamp_slips_away_under_a_force_that_friction_does_not_carry(tmp_path, force, holds):
+    """Up to 314 N/mm on the 5 mm of the end it holds."""
+    case = copied(tmp_path, FRICTION / "clamp.toml", ("ux = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.06]]\n", ""))
+    pull = f"[[traction]]\ngroup = 'pulled'\ntx = [[0.0, 0.0], [1.0, 0.0], [2.0, {force / 5}]]\n"
+    case.write_text(f"{case.read_text(encoding='utf-8')}max_halvings = 0\n\n{pull}", encoding="utf-8")
+    if holds:
+        zone = ls.solve(case).contact["joint"]
+        assert float(zone.shear_vector[:, 0] @ zone.area) == pytest.approx(force, rel=1e-8)
+    else:
+        with pytest.raises(ls.NotConvergedError, match=r"slides along x: friction of .joint. carries 0.200"):
+            ls.solve(case)
+
+
+def test_cylinders_stick_where_cattaneo_and_mindlin_say():
+    zone = ls.solve(FRICTION / "cylinders.toml").contact["line"]
+    assert zone.pressure.max() == pytest.approx(9.351, rel=0.01)
+    stick = float(zone.area[zone.status == 1].sum()) / 2
+    assert stick == pytest.approx(0.7293 * 0.6808, abs=0.04)  # of the half width; one macro-element
+    assert zone.shear_vector[:, 0] @ zone.area == pytest.approx(0.93616, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_the_page_of_friction_is_what_its_commands_do(tutorials, tmp_path):
+    assert shows_what_the_page_shows(list(tutorials.run_page(TUTORIALS / "friction.md", tmp_path)))
+    for name in pictures_of(TUTORIALS / "friction.md"):
+        assert size_of(tmp_path / name) == size_of(TUTORIALS / name)
+
+
+# ---- the flange joint
+
+GROUPS = {
+    *("upper", "lower", "bolt", "face_upper", "face_lower", "top", "bottom", "head", "nut", "end", "foot"),
+    *("side_a", "side_b", "shank"),
+}
+
+
+def bolt_of(mesh):
+    """The volume of the bolt of a sector."""
+    return sum(float(measure(kind, mesh.points[nodes]).sum()) for kind, _, nodes in mesh.select(mesh.cells_of("bolt")))
+
+
+def test_the_flange_is_valid_and_has_its_bolt_and_its_sides():
+    case, mesh = ls.read_case(FLANGE / "flange.toml"), lacmesh.read(FLANGE / "flange.msh")
+    assert validate(case).problems == []
+    assert set(mesh.cell_groups) == GROUPS and mesh.cells_by_type["TETRA10"] == 2242
+    assert with_sectors(case, mesh).cyclic[0].matching
+    parts = lacmesh.split(mesh, "shank")
+    assert all(len(parts.cell_groups[f"shank_{end}"]) == len(mesh.cell_groups["shank"]) for end in "ab")
+
+
+@pytest.mark.gmsh
+def test_the_script_makes_the_flange(tmp_path):
+    """Another version of gmsh may give other tetrahedra: the groups, and the volumes of the bodies."""
+    make("flange/make_flange", tmp_path / "made.msh", 24)
+    made = lacmesh.read(tmp_path / "made.msh")
+    assert set(made.cell_groups) == GROUPS
+    sizes = [bolt_of(mesh) for mesh in (made, lacmesh.read(FLANGE / "flange.msh"))]
+    np.testing.assert_allclose(sizes, 2 * np.pi * (6**2 * 16 + 11**2 * 8), rtol=0.03)
+    assert with_sectors(ls.read_case(FLANGE / "flange.toml"), made).cyclic[0].matching
+
+
+@pytest.mark.slow
+def test_the_page_of_the_flange_tells_what_comes(tutorials, tmp_path):
+    """Forces in the table of the page are those of the run."""
+    page = TUTORIALS / "flange.md"
+    printed = "".join(text for _, text in tutorials.run_page(page, tmp_path))
+    assert (tmp_path / "flange.png").is_file() and (tmp_path / "flange_bolts.png").is_file()
+    words = r"t = ([\d.]+): pull ([\d.]+) kN, torque ([\d.]+) N m, bolt ([\d.]+) kN, gasket ([\d.]+)"
+    rows = re.findall(r"^\|" + 5 * r" ([\d.]+) \|", page.read_text(encoding="utf-8"), re.MULTILINE)
+    of_run = {float(t): tuple(map(float, values)) for t, *values in re.findall(words, printed)}
+    assert len(rows) == 3
+    for t, *values in rows:
+        np.testing.assert_allclose(of_run[float(t)], tuple(map(float, values)), atol=0.06)
+
+
+# ---- rows of code_aster's suite, and twins of its patches
+
+PLANE, SOLID = {"Sym": "x", "Group_3": "y"}, {"Symx": "x", "Symy": "y", "Group_3": "z"}
+#: id -> mesh, model, slave, master, hexa, what is held
+SUITE = {
+    "ssnp170a": ("ssnp170a", "plane_strain", "Group_1", "Group_2", "pyramid", PLANE),
+    "ssnp170e-1": ("ssnp170e", "plane_strain", "Group_1", "Group_2", "pyramid", PLANE),
+    "ssnp170e-2": ("ssnp170e", "plane_strain", "Group_2", "Group_1", "pyramid", PLANE),
+    "ssnp170k": ("ssnp170k", "3d", "Group_1", "Group_2", "pyramid", SOLID),
+    "ssnp170m": ("ssnp170m", "3d", "Group_1", "Group_2", "hexa", SOLID),
+}
+STEEL = Material(young=2000.0, poisson=0.3)
+#: thick sphere of Lame: pressure 25 at r = 20, nothing at r = 40, at r = 30
+LAME = 25 * 20**3 / (40**3 - 20**3) * (40**3 / 30**3 - 1)
+#: p0 of code_aster's quadratic meshes of these bodies (the half-space has 2798.3), and its Newton iterations
+HERTZ, NEWTON = 2910.0, {"ssnv104k": 77, "ssnv104l": 69}
+
+
+def solved(folder, mesh, *records, **keys):
+    """Run a case as a user would, of a file: what results.json has of its contact, and of the steps."""
+    case_of(mesh, *records, **keys).write(folder / "case.toml")
+    assert main(["run", str(folder / "case.toml"), "--quiet"]) == 0
+    results = json.loads((folder / "case" / "results.json").read_text())
+    assert max(results["balance"].values()) <= 1e-12
+    (zone,) = results["contact"].values()
+    return zone, results
+
+
+def check_patch(folder, mesh, model, slave, master, hexa, fixed, top, size):
+    """Stress, pressure, gap against the mesh size and coverage, all within 1e-10."""
+    held = (fix(group, axis) for group, axis in fixed.items())
+    joint = contact(slave=slave, master=master, hexa=hexa)
+    zone, results = solved(folder, mesh, STEEL, joint, *held, Pressure(group=top, value=25.0), model=model)
+    assert zone["pressure_min"] / 25 == pytest.approx(1, abs=1e-10)
+    assert zone["pressure_max"] / 25 == pytest.approx(1, abs=1e-10)
+    assert max(abs(zone["gap_min"]), abs(zone["gap_max"])) < 1e-10 * size
+    assert zone["coverage_min"] == pytest.approx(1, abs=1e-10) and zone["coverage_max"] <= 1
+    (contact_table,) = (folder / "case").glob("contact_*.csv")
+    assert set(table(contact_table)["status"]) == {1}
+    normal, free = ("zz", "zz") if model == "3d" else ("yy", "zz")
+    for ranges in results["stress"].values():
+        assert np.abs(np.array(ranges[normal]) / 25 + 1).max() < 1e-10
+        across = [c for c in COMPONENTS if c in ranges and c not in (normal, free)]
+        assert max(np.abs(ranges[c]).max() for c in across) < 1e-10 * 25
+    assert results["steps"][-1]["iterations"] <= 2  # code_aster's
+
+
+def test_every_patch_of_the_suite_is_there(shared):
+    listed = json.loads((shared / "reference" / "cases.json").read_text())["cases"]
+    assert {row["id"] for row in listed if row["kind"] == "patch"} == set(SUITE)
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize("row", SUITE)
+def test_patch_of_the_suite(shared, tmp_path, row):
+    name, model, slave, *rest = SUITE[row]
+    mesh = shared / "reference" / "meshes" / f"{name}.med"
+    faces = len(lacmesh.read(mesh).cells_of(slave))
+    check_patch(tmp_path, mesh, model, slave, *rest, "Group_4", 50 / faces ** (1 if model != "3d" else 0.5))
+
+
+@pytest.mark.parametrize(
+    "kinds, dim",
+    [(("TRIA3", "QUAD4"), 2), (("QUAD8", "TRIA6"), 2), (("TETRA4", "HEXA8"), 3), (("HEXA20", "TETRA10"), 3)],
+)
+def test_patch_twin(tmp_path, kinds, dim):
+    lacmesh.write(tmp_path / "blocks.med", stack(*kinds, dim))
+    fixed = {"x0": "x", "y0": "y", "bottom": "z"} if dim == 3 else {"x0": "x", "bottom": "y"}
+    model = "3d" if dim == 3 else "plane_strain"
+    check_patch(tmp_path, tmp_path / "blocks.med", model, "slave", "master", "pyramid", fixed, "top", 0.25)
+
+
+@pytest.mark.shared
+def test_press_fit_of_the_suite(shared, tmp_path):
+    mesh = shared / "reference" / "meshes" / "ssnp173a.med"
+    records = contact(slave="Group_2", master="Group_1", normals="smoothed"), fix("Symx", "x"), fix("Symy", "y")
+    load = Pressure(group="Group_3", value=25.0)
+    zone, _ = solved(tmp_path, mesh, STEEL, *records, load, model="axisymmetric")
+    assert zone["pressure_min"] / LAME == pytest.approx(1, abs=4e-4)
+    assert zone["pressure_max"] / LAME == pytest.approx(1, abs=4e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.shared
+@pytest.mark.parametrize("row", NEWTON)
+def test_hertz_of_the_suite(shared, tmp_path, row):
+    """In code_aster's ten steps; its tolerance, of residuals alone, is 1e-6."""
+    spheres = contact(slave="CON2", master="CON1", normals="smoothed", geometry="current")
+    moved = (Displacement(group=f"SPH{end}", kind="node", uy=uy) for end, uy in (("SUP", -2.0), ("INF", 2.0)))
+    law, how = Material(young=20000.0, poisson=0.3), (Steps(count=10), Solver(tolerance=1e-8))
+    mesh = shared / "reference" / "meshes" / f"{row}.med"
+    zone, results = solved(tmp_path, mesh, law, spheres, *moved, *how, model="axisymmetric")
+    assert zone["pressure_max"] / HERTZ == pytest.approx(1, abs=0.03)
+    assert sum(step["iterations"] for step in results["steps"]) <= 0.6 * NEWTON[row]
+    assert not any(step["halvings"] for step in results["steps"])
