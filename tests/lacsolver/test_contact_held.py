@@ -28,7 +28,7 @@ from lacsolver.equilibrium.stepping import NotConvergedError, march
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.rigid_modes import describe, free_motions, still_free
 from lacsolver.results.state import CONTACT, OPEN
-from lacsolver.saddle.coarse_start import _CoarseLevel, _joined, coarse_start
+from lacsolver.saddle.coarse_start import coarse_start
 from lacsolver.saddle.tolerances import ConvergenceTolerance
 from lacsolver.space.space import Space
 from tests import REPOSITORY
@@ -118,17 +118,6 @@ def test_a_body_that_would_tip_over_is_said_to(initial):
 def test_a_body_that_contact_cannot_hold_is_said_to(records, error, words):
     with pytest.raises(error, match=words):
         only(stack("HEXA8", "TETRA4", 3), contact(), GROUND, *records, Steps(max_halvings=1))
-
-
-@INITIAL
-def test_a_body_on_a_plane_with_its_load_off_the_middle(initial):
-    """Free to tilt: the resultant of the pressures stands under the load, and the far edge has little of it."""
-    mesh = stack("HEXA8", "HEXA20", 3, counts=(4, 3))
-    _, state = only(mesh, contact(initial=initial), GROUND, *UPRIGHT, load("top", "1 + 2 * x"))
-    (zone,) = state.zones
-    assert total(zone) == pytest.approx(2.0, rel=1e-10) and (zone.status == CONTACT).all()
-    middle = (zone.pressure * zone.area) @ zone.centre[:, :2] / 2.0
-    np.testing.assert_allclose(middle, [(1 / 2 + 2 / 3) / 2, 0.5], rtol=1e-9)
 
 
 @INITIAL
@@ -418,25 +407,6 @@ def hertz():
     """A block with a clearance of r^2 / 2R over another one, before its step: the problem, and the step."""
     problem = pressed_blocks(blocks(14, 11, 7), "multigrid")
     return problem, LoadStep(ReducedProblem(problem), 1.0)
-
-
-def test_the_coarse_level_is_that_of_the_prolongation(hertz):
-    """P^T, P, P^T K P and B P belong together, to single precision; joined rows are sums of the rows of one pair."""
-    _, step = hertz
-    K, coarse = step.reference, _CoarseLevel.of(step.reference)
-    rng, contact = np.random.default_rng(0), step.contact(np.zeros(len(K.R)))
-    v, f = rng.normal(size=len(coarse.K.R)), rng.normal(size=len(K.R))
-    q, B = coarse.prolonged(v), contact.rows.B
-    assert len(v) < len(q) / 4
-    assert coarse.restricted(f) @ v == pytest.approx(f @ q, rel=1e-4)
-    assert v @ coarse.K.apply(v) == pytest.approx(q @ K.apply(q), rel=1e-5)
-    np.testing.assert_allclose(coarse.rows(B) @ v, B @ q, atol=1e-5 * np.abs(B @ q).max())
-    joint, group = _joined(contact, coarse)
-    assert len(group) == len(contact.G) and len(joint.G) < len(contact.G) / 2
-    np.testing.assert_allclose(np.bincount(group, contact.G), joint.G, rtol=1e-12)
-    assert joint.rows.w.sum() == pytest.approx(contact.rows.w.sum(), rel=1e-12)
-    sums = np.bincount(group, coarse.rows(B) @ v)
-    np.testing.assert_allclose(joint.rows.B @ v, sums, atol=1e-12 * np.abs(sums).max())
 
 
 def test_the_first_set_is_near_the_last_and_the_state_is_the_same(hertz, monkeypatch):

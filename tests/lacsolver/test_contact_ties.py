@@ -21,10 +21,10 @@ from lacsolver.running import run
 from lacsolver.saddle.contact_system import contact_system
 from lacsolver.validation import validate
 from tests.checks.blocks import SOLIDS, block, join, skin
-from tests.lacsolver.contact_cases import SIDES, YOUNG, by_node, load, nodes_of, only, stresses
-from tests.lacsolver.patch_meshes import stack, three_blocks, ways
+from tests.lacsolver.contact_cases import YOUNG, by_node, load, only, stresses
+from tests.lacsolver.patch_meshes import stack, ways
 from tests.meshes import facets_of
-from tests.problems import ELASTIC, case_of, contact, fix, move
+from tests.problems import ELASTIC, case_of, fix, move
 from tests.samples import samples
 from verification.measures.balance import unbalanced
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS
@@ -87,22 +87,6 @@ def test_a_body_that_only_a_tie_holds_turns_with_the_other(slave, master, dim, g
     assert np.abs(state.zones[0].traction).max() <= 1e-11 * YOUNG * np.abs(A).max()
 
 
-@GAPS
-@pytest.mark.parametrize(
-    "slave, master", [("HEXA8", "TETRA10"), ("TETRA4", "HEXA20"), ("PENTA15 quadrangle", "mixed 1")]
-)
-def test_the_foot_bears_all_that_a_tie_hands_on(slave, master, gap):
-    """Loaded askew on the side; across a gap, too."""
-    askew = Traction(group="x1", tx="1 + y", ty=0.5, tz="z - x"), load("top", "x")
-    problem, state = only(stack(slave, master, 3, gap=gap), TIE, GROUND, *askew)
-    given, reaction = problem.load(1.0).reshape(-1, 3), state.reaction.reshape(-1, 3)
-    x, bottom = problem.space.mesh.points, nodes_of(problem, "bottom")
-    np.testing.assert_allclose(reaction[bottom].sum(axis=0), -given.sum(axis=0), atol=1e-11)
-    moment = np.cross(x[bottom], reaction[bottom]).sum(axis=0)
-    np.testing.assert_allclose(moment, -np.cross(x, given).sum(axis=0), atol=1e-11)
-    assert np.abs(state.zones[0].force).max() > 1e-3
-
-
 def test_what_a_tie_says_of_a_bent_joint_is_what_the_slave_gives():
     """Sum of traction x area on the slave, without a gap, against the load on the upper block."""
     _, state = only(stack("HEXA8", "HEXA20", 3, slave_below=False), TIE, GROUND, load("top", "1 + x"))
@@ -122,22 +106,6 @@ def test_the_gap_that_a_tie_bridges_is_named(gap, warns, tmp_path):
         results = run(case, create_output(tmp_path / "out"))
     assert any("across a gap of up to" in str(one.message) for one in told) == warns
     assert results.bridged == ({} if not gap else {"slave": pytest.approx(gap)})
-
-
-def test_a_tie_beside_a_contact():
-    """Three blocks: the lower two are glued, the third lies on them and is lifted off."""
-    joints = contact(slave="slave2", master="master2"), Tie(name="glue", slave="slave1", master="master1")
-    records = *joints, *SIDES, fix("bottom", "z")
-    problem, state = only(three_blocks(), *records, load("top", 2.0))
-    joint, glue = state.zones
-    assert [joint.name, glue.name] == ["slave2", "glue"]
-    np.testing.assert_allclose(joint.pressure, 2.0, rtol=1e-10)
-    np.testing.assert_allclose(glue.pressure, 2.0, rtol=1e-10)
-    np.testing.assert_allclose(stresses(problem, state)[:, 2], -2.0, rtol=1e-10)
-    _, state = only(three_blocks(), *records, move("top", uz=0.1))
-    joint, glue = state.zones
-    np.testing.assert_allclose(joint.gap, 0.1, rtol=1e-11)
-    assert np.abs(glue.traction).max() <= 1e-12 * YOUNG
 
 
 # ---- finite kinematics

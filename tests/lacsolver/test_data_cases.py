@@ -6,7 +6,6 @@ the shared folder where it is there.
 
 from __future__ import annotations
 
-import importlib
 import json
 import re
 import shutil
@@ -20,17 +19,15 @@ import lacmesh
 import lacsolver as ls
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.reference.quadrature import measure
-from lacsolver.case import Displacement, Dynamics, Material, Pressure, Rigid, Solver, Steps
+from lacsolver.case import Dynamics, Material, Pressure, Rigid, Steps
 from lacsolver.cli import main
 from lacsolver.constraints.cyclic import with_sectors
-from lacsolver.pictures.frames import read_frames
 from lacsolver.pictures.history import chosen
 from lacsolver.results.motion import ENERGIES
 from lacsolver.space.space import COMPONENTS
 from lacsolver.validation import validate
 from tests import REPOSITORY
 from tests.lacsolver.moving import SPEED
-from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.tables import table
 from tests.problems import case_of, contact, fix
 from tests.test_tutorials import TUTORIALS, pictures_of, shows_what_the_page_shows, size_of, tutorials
@@ -102,13 +99,6 @@ def ran(folder, path, *changes):
 # ---- sliding
 
 
-@pytest.fixture
-def script(monkeypatch):
-    """A script of data/sliding, as a module."""
-    monkeypatch.syspath_prepend(SLIDING)
-    return importlib.import_module
-
-
 def test_the_ring_lies_down_on_the_block(tmp_path):
     """The first twelve steps: one contact, alike on both sides, in balance."""
     shorter = ("uy = -90.0", 'uy = "-90 * t"'), ("count = 20", "end = 0.6\ncount = 12")
@@ -122,52 +112,6 @@ def test_the_ring_lies_down_on_the_block(tmp_path):
     # the block is pressed down in its middle first, later more where one of the two contacts will be
     middle, side = ([np.interp(t, columns["time"], columns[f"probe.{p}.uy"]) for t in (0.4, 0.6)] for p in ("PA", "PB"))
     assert middle[0] < -4 < side[0] < 0 and side[1] < middle[1] - 1
-
-
-@pytest.mark.slow
-def test_the_ball_keeps_its_volume(tmp_path, script):
-    script("make_ball").main(tmp_path / "ball.msh", 5, 3)
-    columns, told = ran(tmp_path, SLIDING / "ball.toml", ("count = 20", "count = 8"))
-    top, bottom = columns["reaction.top_plate.y"], columns["reaction.bottom_plate.y"]
-    assert np.allclose(top, -bottom, rtol=1e-9) and top[-1] < 3 * np.interp(0.5, columns["time"], top) < -75
-    assert np.abs(columns["reaction.at [0, 0].y"]).max() < 1e-9 * np.abs(top).max()
-    assert told["balance"]["force"] <= 1e-12 and columns["probe.top_plate.uy"][-1] == -4.0
-    frames = read_frames(tmp_path / "ball", "stress")
-    x = frames.frames[-1].x
-    own = np.isfinite(frames.frames[-1].value)  # the plates have no stress
-    # gaps vanish in the mean of a macro-element: corners of this coarse skin stand 0.05 beyond the plates
-    assert np.ptp(x[own, 1]) == pytest.approx(12.0, abs=0.12)
-    start = lacmesh.read(min((tmp_path / "ball" / "fields").glob("solid_*.vtu"))).points
-    before = volume(frames.surface, frames.surface.points(start))
-    assert volume(frames.surface, x) == pytest.approx(before, rel=0.01)
-    area = columns["contact.top.area"]
-    assert (np.diff(area) > -1e-6 * area[:-1]).all() and area[-1] > 150
-    assert columns["probe.equator.ux"][-1] > 1.0
-
-
-def volume(surface, x):
-    """Volume of the full revolution, by Pappus for each triangle."""
-    a, b, c = np.moveaxis(x[surface.triangles][..., :2], 1, 0)
-    area = ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]) / 2
-    return 2 * np.pi * (area * (a + b + c)[:, 0] / 3).sum()
-
-
-@pytest.mark.slow
-def test_ironing_costs_no_force_in_the_mean(tmp_path, script):
-    """Without friction: the drag is odd about the middle of the block, its ripple little beside the push."""
-    script("make_ironing").make_plane(tmp_path / "ironing_2d.msh", 24)
-    columns, told = ran(tmp_path, SLIDING / "ironing_2d.toml", ("count = 48", "count = 24"))
-    assert max(told["balance"].values()) <= 1e-12
-    on = columns["time"] > 1 + 1e-9
-    way, drag, push = (columns[name][on] for name in ("probe.top.ux", "reaction.top.x", "reaction.top.y"))
-
-    def ripple(force):
-        """Largest distance of a force from the smooth curve fitted to it, a polynomial of degree 5."""
-        return np.abs(force - np.polyval(np.polyfit(way, force, 5), way)).max()
-
-    assert way[-1] == 4.5 and (push < 0).all()
-    assert abs(drag.mean()) < -2e-3 * push.mean()
-    assert ripple(drag) < -2e-3 * push.mean() and ripple(push) < -2e-2 * push.mean()
 
 
 @pytest.mark.slow
@@ -238,14 +182,6 @@ def test_results_and_fields_have_the_motion(bar):
     assert len(fields) == 32 and {"velocity", "acceleration"} <= set(lacmesh.read(fields[-1]).node_data)
 
 
-def test_a_run_goes_on_from_its_folder(bar, tmp_path):
-    folder, columns = bar
-    command = ["run", str(folder.with_suffix(".toml")), "-o", str(tmp_path / "more"), "-q", "--restart", str(folder)]
-    assert main([*command, "--from", "3.5"]) == 0
-    for name, values in table(tmp_path / "more" / "history.csv").items():
-        assert np.isnan(values[-1]) or values[-1] == columns[name][-1], name
-
-
 def test_a_plot_of_the_history(bar, tmp_path, capsys):
     folder, columns = bar
     target = tmp_path / "plot.png"
@@ -297,20 +233,6 @@ def test_the_clamp_holds_until_friction_carries_no_more():
     assert all(now < most * (1 + 1e-12) for now, most in zip(carried, bound, strict=True))
     dissipation = [float(zone.dissipation @ zone.area) for zone in zones]
     assert (np.diff(dissipation) >= 0).all() and dissipation[-1] > 0
-
-
-@pytest.mark.parametrize(("force", "holds"), [(300.0, True), (330.0, False)])
-def test_the_clamp_slips_away_under_a_force_that_friction_does_not_carry(tmp_path, force, holds):
-    """Up to 314 N/mm on the 5 mm of the end it holds."""
-    case = copied(tmp_path, FRICTION / "clamp.toml", ("ux = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.06]]\n", ""))
-    pull = f"[[traction]]\ngroup = 'pulled'\ntx = [[0.0, 0.0], [1.0, 0.0], [2.0, {force / 5}]]\n"
-    case.write_text(f"{case.read_text(encoding='utf-8')}max_halvings = 0\n\n{pull}", encoding="utf-8")
-    if holds:
-        zone = ls.solve(case).contact["joint"]
-        assert float(zone.shear_vector[:, 0] @ zone.area) == pytest.approx(force, rel=1e-8)
-    else:
-        with pytest.raises(ls.NotConvergedError, match=r"slides along x: friction of .joint. carries 0.200"):
-            ls.solve(case)
 
 
 def test_cylinders_stick_where_cattaneo_and_mindlin_say():
@@ -387,10 +309,6 @@ SUITE = {
     "ssnp170m": ("ssnp170m", "3d", "Group_1", "Group_2", "hexa", SOLID),
 }
 STEEL = Material(young=2000.0, poisson=0.3)
-#: thick sphere of Lame: pressure 25 at r = 20, nothing at r = 40, at r = 30
-LAME = 25 * 20**3 / (40**3 - 20**3) * (40**3 / 30**3 - 1)
-#: p0 of code_aster's quadratic meshes of these bodies (the half-space has 2798.3), and its Newton iterations
-HERTZ, NEWTON = 2910.0, {"ssnv104k": 77, "ssnv104l": 69}
 
 
 def solved(folder, mesh, *records, **keys):
@@ -434,39 +352,3 @@ def test_patch_of_the_suite(shared, tmp_path, row):
     mesh = shared / "reference" / "meshes" / f"{name}.med"
     faces = len(lacmesh.read(mesh).cells_of(slave))
     check_patch(tmp_path, mesh, model, slave, *rest, "Group_4", 50 / faces ** (1 if model != "3d" else 0.5))
-
-
-@pytest.mark.parametrize(
-    "kinds, dim",
-    [(("TRIA3", "QUAD4"), 2), (("QUAD8", "TRIA6"), 2), (("TETRA4", "HEXA8"), 3), (("HEXA20", "TETRA10"), 3)],
-)
-def test_patch_twin(tmp_path, kinds, dim):
-    lacmesh.write(tmp_path / "blocks.med", stack(*kinds, dim))
-    fixed = {"x0": "x", "y0": "y", "bottom": "z"} if dim == 3 else {"x0": "x", "bottom": "y"}
-    model = "3d" if dim == 3 else "plane_strain"
-    check_patch(tmp_path, tmp_path / "blocks.med", model, "slave", "master", "pyramid", fixed, "top", 0.25)
-
-
-@pytest.mark.shared
-def test_press_fit_of_the_suite(shared, tmp_path):
-    mesh = shared / "reference" / "meshes" / "ssnp173a.med"
-    records = contact(slave="Group_2", master="Group_1", normals="smoothed"), fix("Symx", "x"), fix("Symy", "y")
-    load = Pressure(group="Group_3", value=25.0)
-    zone, _ = solved(tmp_path, mesh, STEEL, *records, load, model="axisymmetric")
-    assert zone["pressure_min"] / LAME == pytest.approx(1, abs=4e-4)
-    assert zone["pressure_max"] / LAME == pytest.approx(1, abs=4e-4)
-
-
-@pytest.mark.slow
-@pytest.mark.shared
-@pytest.mark.parametrize("row", NEWTON)
-def test_hertz_of_the_suite(shared, tmp_path, row):
-    """In code_aster's ten steps; its tolerance, of residuals alone, is 1e-6."""
-    spheres = contact(slave="CON2", master="CON1", normals="smoothed", geometry="current")
-    moved = (Displacement(group=f"SPH{end}", kind="node", uy=uy) for end, uy in (("SUP", -2.0), ("INF", 2.0)))
-    law, how = Material(young=20000.0, poisson=0.3), (Steps(count=10), Solver(tolerance=1e-8))
-    mesh = shared / "reference" / "meshes" / f"{row}.med"
-    zone, results = solved(tmp_path, mesh, law, spheres, *moved, *how, model="axisymmetric")
-    assert zone["pressure_max"] / HERTZ == pytest.approx(1, abs=0.03)
-    assert sum(step["iterations"] for step in results["steps"]) <= 0.6 * NEWTON[row]
-    assert not any(step["halvings"] for step in results["steps"])

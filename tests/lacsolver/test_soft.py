@@ -18,6 +18,7 @@ from lacsolver.contact.laws import Bilateral, RowState
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import CONTACT, ENERGIES, STORED, doubtful_energy
+from tests.lacsolver.contact_cases import checked
 from tests.lacsolver.moving import unbalanced
 from tests.lacsolver.patch_meshes import stack
 from tests.problems import ELASTIC, case_of, contact, fix, move
@@ -213,18 +214,6 @@ def test_a_load_near_nothing_finds_the_beginning_of_an_exponential(load):
     assert state.iterations <= 16
 
 
-def test_friction_goes_with_a_table():
-    """A block on a gasket is pushed aside: friction carries mu times the pressure of the table, and no more."""
-    held = fix("bottom", "xyz"), move("top", ux=[[0, 0], [1, 0.05]], uy=0.0, uz=[[0, 0], [1, -0.01]])
-    blocks, joint = stack("HEXA8", "HEXA8", 3, counts=(2, 2)), contact(**CURVES["soft"], friction=0.3)
-    *_, state = solve(blocks, COLUMN, joint, *held, Steps(count=3))
-    (zone,) = state.zones
-    assert zone.pressure.min() > 0
-    np.testing.assert_allclose(zone.pressure, law_of(CURVES["soft"]).pressure(zone.gap), rtol=1e-7)
-    assert (np.linalg.norm(zone.friction.shear, axis=1) <= 0.3 * zone.pressure * (1 + 1e-8)).all()
-    assert (zone.status == 2).any()
-
-
 def under_load(stiffness, kinematics="small", kind="unilateral"):
     """Two blocks under a constant pressure of 0.5."""
     load = Traction(group="top", ty=[[0.0, -0.5], [9.0, -0.5]])
@@ -352,26 +341,6 @@ def test_the_damped_oscillator(dynamics):
     assert errors[1] < 0.006 and errors[1] < errors[0] / 3.3
 
 
-def test_the_energy_that_is_taken():
-    """`damped` is the work of the damper, and what is left of kinetic and stored energy falls."""
-    t, overlap, energies = swung(6.0 * np.arange(1, 161) / 160, scheme="newmark")
-    fine = np.linspace(0, t[-1], 20001)
-    taken, damped = WIDTH * C * np.trapezoid(oscillator(fine)[1] ** 2, fine), energies[:, DAMPED]
-    np.testing.assert_allclose(damped[-1], taken, rtol=6e-3)
-    stored = energies[:, 0] + energies[:, 1] + 0.5 * WIDTH * K * overlap**2
-    work = np.cumsum(np.diff(overlap) * (0.3 + 0.1 * np.cos(3 * (t[1:] + t[:-1]) / 2)))
-    given = WIDTH * np.append(0.0, work)
-    np.testing.assert_allclose(stored - stored[0] - given + damped - damped[0], 0.0, atol=2e-3 * taken)
-    assert (np.diff(damped) >= -1e-4 * taken).all()
-
-
-def test_finite_kinematics_swing_alike():
-    """Steps are halved there, as the foundation stores energy: both are near the exact oscillation."""
-    for kinematics in ("small", "finite"):
-        t, overlap, _ = swung([0.02], kinematics)
-        np.testing.assert_allclose(overlap - 0.1, oscillator(t)[0] - 0.1, atol=2e-6)
-
-
 def test_steps_of_unlike_sizes_keep_the_order():
     """Every third step is shorter: the rate of the overlap knows the steps' sizes."""
     t, overlap, _ = swung(np.cumsum([0.08 if k % 3 else 0.03 for k in range(60)]), scheme="newmark")
@@ -403,7 +372,7 @@ def test_bodies_on_a_gasket_in_space():
     gasket = contact(**table((0.0, 0.0), (0.1, 0.02), (1.0, 0.05)), friction=0.2, damping=0.3)
     records = Material(young=1.0, poisson=0.3, density=1.0), gasket, fix("bottom", "xyz"), Dynamics()
     thrown = Initial(groups=["upper"], vz=-0.1, vx=0.02), Steps(end=1.0, count=20)
-    states = solve(bars(("HEXA8", "TETRA4"), (3, 2), (2, 1), 0.01), *records, *thrown)
+    _, states = checked(problem_of(bars(("HEXA8", "TETRA4"), (3, 2), (2, 1), 0.01), *records, *thrown))
     motions = [state.step.motion for state in states if state.step.motion is not None]
     assert motions[-1].energies[DAMPED] > 1e-6 and unbalanced(motions) < 1e-8
     assert max(s.zones[0].pressure.max() for s in states) > 0.01

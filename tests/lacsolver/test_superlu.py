@@ -16,7 +16,6 @@ from lacsolver.linear.direct.reserve import warn_once
 from tests.lacsolver import (
     test_contact,
     test_contact_finite,
-    test_contact_ties,
     test_friction,
     test_modes,
     test_motion,
@@ -31,12 +30,9 @@ SMALL = csr_array(np.diag([2.0, 3.0, 4.0]) + np.diag([-1.0, -1.0], 1) + np.diag(
 INDEFINITE = csr_array(np.array([[0.5, 2.0, 0.0], [2.0, 0.5, 1.0], [0.0, 1.0, -3.0]]))
 #: tests with exact solutions, of every way in which the solver uses a factor
 CHECKS = (
-    test_contact.test_orthotropic_blocks,
-    test_contact.test_a_body_on_springs_is_pressed_against_another,
     test_contact.test_unloading_goes_back_the_way_it_came,
     test_contact_finite.test_a_plate_in_space_that_is_loaded_finds_its_place,
     test_contact_finite.test_a_block_settles_in_a_groove,
-    test_contact_ties.test_a_tie_beside_a_contact,
     test_friction.test_a_pad_sticks_below_the_bound,
     test_modes.test_frequencies_of_a_free_bar,
     test_motion.test_a_preload_stays_at_rest,

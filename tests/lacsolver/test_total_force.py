@@ -1,38 +1,34 @@
 """A force in total: its resultant is what is given, spread as a uniform traction, with every cut, model and group."""
 
+from __future__ import annotations
+
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import lacmesh
 from lacmesh import Mesh
+from lacmesh.generate import box, rectangle
 from lacsolver import CaseError
-from lacsolver.case import Force, parse_case
+from lacsolver.case import BodyForce, Force, Gravity, Material, Pressure, Traction
 from lacsolver.cli import main
 from lacsolver.problem import loads
 from lacsolver.problem.problem import Problem
 from lacsolver.problem.resultants import resultants
-from tests.lacsolver.test_loads_and_cut import blocks
-from verification.meshes.blocks import block, joined
+from tests.lacsolver.patch_meshes import stack
+from tests.problems import case_of, contact, fix
 
-HEAD = """
-mesh = "blocks.msh"
-model = "{model}"
-{more}
-[[material]]
-young = 1.0
-poisson = 0.0
-"""
-CONTACT = '[[contact]]\nslave = "slave"\nmaster = "master"\n'
+SOFT = Material(young=1.0, poisson=0.0)
 
 
-def total(group, more=""):
-    return f'[[force]]\ngroup = "{group}"\nfx = 3.0\nfy = "-5*t"\ntotal = true\n{more}'
+def total(group, **more):
+    return Force(**{"group": group, "fx": 3.0, "fy": "-5*t", "total": True} | more)
 
 
-def problem(mesh, text, model="3d", more=""):
-    return Problem.of(parse_case(HEAD.format(model=model, more=more) + text), mesh)
+def problem(mesh, *records, model="3d", **keys):
+    return Problem.of(case_of(mesh, SOFT, *records, model=model, **keys))
 
 
 def resultant(made):
@@ -41,104 +37,88 @@ def resultant(made):
 
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 @pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
-@pytest.mark.parametrize("kind", ["HEXA8", "HEXA20", "TETRA10", "PENTA6"])
+@pytest.mark.parametrize("kind", ["HEXA8", "HEXA20", "TETRA10", "PENTA6 quadrangle"])
 def test_a_force_on_faces_is_a_uniform_traction_before_and_after_a_cut(kind, hexa):
-    mesh, count = blocks(kind)
-    cut = lacmesh.cut_skin(mesh, "slave", hexa=hexa).mesh
-    for given, contact in ((mesh, ""), (cut, "")):
-        made = problem(given, total("slave") + contact)
-        area = 1.0
-        as_traction = loads.traction(made.space, given.cells_of("slave"), (3 / area, -5 / area, 0.0))
+    mesh = stack(kind, kind, 3, counts=(2, 2), even=True)
+    for given in (mesh, lacmesh.cut_skin(mesh, "slave", hexa=hexa).mesh):
+        made = problem(given, total("slave"))
+        as_traction = loads.traction(made.space, given.cells_of("slave"), (3, -5, 0.0))  # on an area of 1
         np.testing.assert_allclose(made.load(1.0), as_traction, atol=1e-13)
         assert resultant(made) == pytest.approx([3, -5, 0], abs=1e-13)
-    assert resultant(problem(mesh, total("slave") + CONTACT + f'hexa = "{hexa}"\n')) == pytest.approx(
-        [3, -5, 0], abs=1e-13
-    )
-    assert resultant(problem(mesh, total("slave").replace("total = true", ""))) == pytest.approx(
-        [3 * count, -5 * count, 0]
-    )
+    assert resultant(problem(mesh, total("slave"), contact(hexa=hexa))) == pytest.approx([3, -5, 0], abs=1e-13)
+    count = len(mesh.nodes_on(mesh.cells_of("slave")))
+    assert resultant(problem(mesh, total("slave", total=False))) == pytest.approx([3 * count, -5 * count, 0])
 
 
 @pytest.mark.parametrize(
-    ("model", "more"), [("plane_strain", ""), ("plane_stress", "thickness = 0.25"), ("axisymmetric", "")]
+    ("model", "keys", "area"),
+    [("plane_strain", {}, 1.0), ("plane_stress", {"thickness": 0.25}, 0.25), ("axisymmetric", {}, np.pi)],
 )
 @pytest.mark.parametrize("kind", ["QUAD4", "TRIA6"])
-def test_in_a_plane_it_is_that_of_the_whole_thickness_or_circle(kind, model, more):
+def test_in_a_plane_it_is_that_of_the_whole_thickness_or_circle(kind, model, keys, area):
     """On the disc y = 0, 0 < r < 1: the traction along y is F / A."""
-    low = joined([(block(kind, 3, [0.0, 0.0], [1.0, 1.0]), {"y0": "disc"})])
-    made = problem(low, total("disc"), model, more)
+    mesh = rectangle(3, kind=kind)
+    made = problem(mesh, total("bottom"), model=model, **keys)
     assert resultant(made) == pytest.approx([3, -5], rel=1e-12)
-    area = {"plane_strain": 1.0, "plane_stress": 0.25, "axisymmetric": np.pi}[model]
-    expected = loads.traction(made.space, low.cells_of("disc"), (3 / area, -5 / area))
+    expected = loads.traction(made.space, mesh.cells_of("bottom"), (3 / area, -5 / area))
     np.testing.assert_allclose(made.load(1.0), expected, atol=1e-13)
 
 
-def test_edges_points_nodes_and_cells():
+@pytest.mark.parametrize(
+    ("group", "parts"),
+    [
+        ("edges", [1 / 3, 1 / 2, 1 / 6, 0, 0, 0, 0, 0]),
+        ("points", [0, 0, 0, 0, 1 / 2, 1 / 2, 0, 0]),
+        ("nodes", [1 / 3, 0, 0, 1 / 3, 0, 0, 1 / 3, 0]),
+        ("body", [1 / 8] * 8),
+        ("some", [1 / 8] * 8),
+    ],
+)
+def test_edges_points_nodes_and_cells(group, parts):
     """Edges in space by length, cells by volume, nodes and points in equal parts."""
     corners = [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [0, 0, 1], [2, 0, 1], [2, 1, 1], [0, 1, 1]]
     blocks = [("HEXA8", [[0, 1, 2, 3, 4, 5, 6, 7]]), ("SEG2", [[0, 1], [1, 2]]), ("POI1", [[4], [5]])]
     groups = {"edges": [1, 2], "points": [3, 4], "body": [0], "some": [0, 1]}
     mesh = Mesh.create(corners, blocks, cell_groups=groups, node_groups={"nodes": [0, 3, 6]})
-    parts = {
-        "edges": [1 / 3, 1 / 2, 1 / 6, 0, 0, 0, 0, 0],
-        "points": [0, 0, 0, 0, 1 / 2, 1 / 2, 0, 0],
-        "nodes": [1 / 3, 0, 0, 1 / 3, 0, 0, 1 / 3, 0],
-        "body": [1 / 8] * 8,
-        "some": [1 / 8] * 8,
-    }
-    for group, part in parts.items():
-        f = problem(mesh, total(group)).load(1.0).reshape(-1, 3)
-        np.testing.assert_allclose(f, np.outer(part, [3, -5, 0]), atol=1e-14)
+    f = problem(mesh, total(group)).load(1.0).reshape(-1, 3)
+    np.testing.assert_allclose(f, np.outer(parts, [3, -5, 0]), atol=1e-14)
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        (total("slave", 'fz = "x"\n'), r"force: total = true takes one force for the whole group"),
-        (total("axis"), r"a total force is spread by area, and the group has none"),
-    ],
+    ("force", "says"),
+    [(total("bottom", fx="x"), "takes one force for the whole group"), (total("left"), "the group has none")],
 )
-def test_what_has_no_total_is_refused(text, says):
-    mesh = joined([(block("QUAD4", 2, [0.0, 0.0], [1.0, 1.0]), {"x0": "axis", "y0": "slave"})])
+def test_what_has_no_total_is_refused(force, says):
     with pytest.raises(CaseError, match=says):
-        problem(mesh, text.replace("fz", "fx").replace("fx = 3.0\n", "", 1), "axisymmetric").load(1.0)
+        problem(rectangle(2), force, model="axisymmetric").load(1.0)
 
 
 def test_resultants_are_printed_and_written(tmp_path, capsys, monkeypatch):
     """Both commands print those of forces of each node and in total, of pressures, tractions, body forces, gravity."""
     monkeypatch.chdir(tmp_path)
-    cube = block("HEXA8", 2, [0.0, 0.0, 0.0], [1.0, 1.0, 1.0])
-    lacmesh.write("blocks.msh", joined([(cube, {"z0": "foot", "z1": "lid", "x1": "side"})]))
-    text = HEAD.format(model="3d", more="").replace("poisson = 0.0", "poisson = 0.0\ndensity = 2.0")
-    text += '[[displacement]]\ngroup = "foot"\nux = 0.0\nuy = 0.0\nuz = 0.0\n'
-    text += '[[force]]\ngroup = "lid"\nfz = -1.0\n[[force]]\ngroup = "lid"\nfz = -7.0\ntotal = true\n'
-    text += '[[pressure]]\ngroup = "side"\nvalue = 4.0\n[[traction]]\ngroup = "side"\nty = 3.0\n'
-    text += "[[body_force]]\nfx = 0.5\n[gravity]\ngz = -10.0\n"
-    (tmp_path / "case.toml").write_text(text)
+    lacmesh.write("blocks.msh", box(2))
+    loads = Force(group="top", fz=-1.0), Force(group="top", fz=-7.0, total=True), Pressure(group="right", value=4.0)
+    more = Traction(group="right", ty=3.0), BodyForce(fx=0.5), Gravity(gz=-10.0), fix("bottom", "xyz")
+    case_of("blocks.msh", replace(SOFT, density=2.0), *loads, *more, model="3d").write("case.toml")
     told = [
-        "pressure side: -4, 0, 0", "traction side: 0, 3, 0", "force lid: 0, 0, -9", "force lid: 0, 0, -7",
+        "pressure right: -4, 0, 0", "traction right: 0, 3, 0", "force top: 0, 0, -9", "force top: 0, 0, -7",
         "body_force everywhere: 0.5, 0, 0", "gravity everywhere: 0, 0, -20",
     ]  # fmt: skip
     for command in (["validate", "case.toml"], ["run", "case.toml"]):
         assert main(command) == 0
         out = capsys.readouterr().out
-        assert all("resultant, t = 1" in out and line in out for line in told), out
+        assert "resultant, t = 1" in out and all(line in out for line in told), out
     written = json.loads((tmp_path / "case" / "results.json").read_text())
     assert [one["force"][2] for one in written["loads"] if one["section"] == "force"] == pytest.approx([-9, -7])
-    support = written["steps"][-1]["reactions"]["foot"]
+    support = written["steps"][-1]["reactions"]["bottom"]
     np.testing.assert_allclose(np.sum([one["force"] for one in written["loads"]], axis=0), -np.array(support))
 
 
 def test_a_follower_pressure_has_its_resultant_on_the_deformed_face():
-    mesh = joined([(block("QUAD4", 2, [0.0, 0.0], [1.0, 1.0]), {"y1": "top", "y0": "foot"})])
-    text = '[[pressure]]\ngroup = "top"\nvalue = 1.0\nfollower = true\n'
-    text = HEAD.format(model="plane_strain", more='kinematics = "finite"') + 'law = "neo_hookean"\n' + text
-    made = Problem.of(parse_case(text), mesh)
+    records = Material(young=1.0, poisson=0.0, law="neo_hookean"), Pressure(group="top", value=1.0, follower=True)
+    mesh = rectangle(2)
+    made = Problem.of(case_of(mesh, *records, model="plane_strain", kinematics="finite"))
     u = np.zeros((mesh.n_nodes, 2))
     u[:, 0] = mesh.points[:, 0]  # twice as wide
     (found,) = resultants(made.space, made.materials, made.case, 1.0, u=u.ravel())
     assert found.force == pytest.approx((0, -2))
-
-
-def test_the_record_from_python():
-    assert Force(group="lid", fz=-1000.0, total=True).total and not Force(group="lid", fz=1.0).total
