@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+import lacsolver as ls
 from lacmesh.errors import LacmeshError
-from lacsolver.case import (
-    CaseError,
-    Dynamics,
-    Force,
-    Gravity,
-    Initial,
-    Material,
-    Output,
-    Pressure,
-    Rigid,
-    Solver,
-    Steps,
-    Temperature,
-    read_case,
-)
 from lacsolver.cli.summary import print_summary
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
 from lacsolver.results.motion import MotionState, doubtful_energy
 from lacsolver.results.results import Restart
 from lacsolver.running import run
-from lacsolver.saddle.stiffness import FactorCache
 from lacsolver.validation import validate
 from tests import REPOSITORY
 from tests.lacsolver.moving import DENSITY, SPEED, unbalanced
@@ -46,16 +30,16 @@ import impact as benchmark
 #: largest error of the account of energy that is allowed, relative to the largest energy
 CLOSED = 1e-10
 V = 0.01
-SMALL = Material(young=1.0, poisson=0.3, density=DENSITY)
+SMALL = ls.Material(young=1.0, poisson=0.3, density=DENSITY)
 LARGE = replace(SMALL, law="neo_hookean")
 SIDEWAYS = fix("x0", "x"), fix("x1", "x")
-WALL = contact(master="wall"), Rigid(group="wall")
+WALL = contact(master="wall"), ls.Rigid(group="wall")
 
 
 def case_on_wall(mesh, *records, law=SMALL, **keys):
     """A case of bodies that hit a wall: with `WALL` unless there is another contact."""
     joint = () if any(type(one) is type(WALL[0]) for one in records) else WALL[:1]
-    wall = () if any(isinstance(one, Rigid) and one.group == "wall" for one in records) else WALL[1:]
+    wall = () if any(isinstance(one, ls.Rigid) and one.group == "wall" for one in records) else WALL[1:]
     if "wall" not in mesh.cell_groups:
         wall = ()
     kinematics = "finite" if law.law == "neo_hookean" else "small"
@@ -71,7 +55,7 @@ def moved(*given, start=None, **keys):
 
 
 def thrown(group, **motion):
-    return Initial(groups=[group], **motion)
+    return ls.Initial(groups=[group], **motion)
 
 
 BAR, HITS = bar_on_wall("QUAD4", 4, 0.05), thrown("bar", vy=-0.5)
@@ -84,7 +68,7 @@ def impact(kind, n, cfl=0.5, **dynamics):
     count = int(np.ceil((wait + 1.3 * last) / dt))
     mesh = bar_on_wall(kind, n, wait * V)
     up, sides = ("y", SIDEWAYS) if mesh.space_dim == 2 else ("z", (*SIDEWAYS, fix("y0", "y"), fix("y1", "y")))
-    motion = thrown("bar", **{f"v{up}": -V}), Dynamics(**dynamics), Steps(end=count * dt, count=count)
+    motion = thrown("bar", **{f"v{up}": -V}), ls.Dynamics(**dynamics), ls.Steps(end=count * dt, count=count)
     _, states, motions = moved(mesh, *sides, *motion)
     assert unbalanced(motions) < CLOSED
     inside = [s for s in states if 0.1 < (s.time - wait) / last < 0.9]
@@ -115,7 +99,7 @@ def test_the_energy_that_opening_makes_is_bounded():
         bound, dt, made = cfl**2 / n / 4, cfl / n / SPEED, []
         for phase in phases:
             count = round(2.4 * n / cfl)
-            motion = Dynamics(), thrown("bar", vy=-V), Steps(end=count * dt, count=count)
+            motion = ls.Dynamics(), thrown("bar", vy=-V), ls.Steps(end=count * dt, count=count)
             _, states, motions = moved(bar_on_wall("QUAD4", n, phase * dt * V), *SIDEWAYS, *motion)
             table = np.array([m.energies for m in motions])
             made.append(-np.diff(table[:, 4]).min() / table[0, 2])
@@ -124,17 +108,9 @@ def test_the_energy_that_opening_makes_is_bounded():
         assert bound / 2 < max(made) < bound
 
 
-@pytest.mark.slow
-def test_with_a_plain_mass_the_same_impact_fails():
-    """Mutation: with mass on the skins pressures alternate, and Newmark's method creates energy."""
-    motions, off, _ = impact("QUAD4", 16, 0.25, scheme="newmark", massless="none")
-    assert np.sqrt((off**2).mean()) > 0.5
-    assert max(m.energies[:2].sum() for m in motions) > 1.02 * motions[0].energies[:2].sum()
-
-
 def test_a_falling_body_has_no_stress():
     """Exact: y = -g t^2 / 2, momentum -m g t; gravity acts on the mass that has moved from the skins."""
-    fall = Dynamics(), Gravity(gy=-0.1), Steps(end=0.5, count=10)
+    fall = ls.Dynamics(), ls.Gravity(gy=-0.1), ls.Steps(end=0.5, count=10)
     problem, states, motions = moved(bar_on_wall("QUAD8", 4, 0.1), *fall)
     y = states[-1].u.reshape(-1, 2)[problem.space.attached]
     np.testing.assert_allclose(y, np.tile([0, -0.1 * 0.5**2 / 2], (len(y), 1)), atol=1e-8)
@@ -143,34 +119,26 @@ def test_a_falling_body_has_no_stress():
     assert unbalanced(motions) < CLOSED
 
 
-def preloaded(end, count, start):
-    """All states of a bar that two forces of 0.01 press on its wall, by static steps until `start`."""
-    records = *SIDEWAYS, Force(group="top", fy=-0.01), Dynamics(start=start), Steps(end=end, count=count)
-    return list(march(Problem.of(case_on_wall(bar_on_wall("QUAD4", 4), *records))))
+@pytest.mark.parametrize(("end", "count", "start"), [(2.0, 10, 1.0), (1.0, 4, 0.33)])
+def test_a_preload_stays_at_rest(end, count, start):
+    """Static steps until `start`, one of which ends there, with contact closed; the first accelerations fit it.
 
-
-def test_a_preload_stays_at_rest():
-    """Static steps until `start`, with contact closed; then the first accelerations and pressures are consistent."""
-    states = [state for state in preloaded(2.0, 10, 1.0) if state.step.motion is not None]
-    held = [state.zones[0].pressure for state in states]
-    assert (held[0] > 0).all()
-    np.testing.assert_allclose(held[-1], held[0], rtol=1e-10)
-    assert max(np.abs(state.step.motion.velocity).max() for state in states) < 1e-12
-
-
-def test_a_step_ends_at_the_start_of_motion():
-    """A preload that the planned steps would miss: all of it acts at `start`, and the motion is at rest then."""
-    states = preloaded(1.0, 4, 0.33)
-    assert [state.time for state in states] == pytest.approx([0.25, 0.33, 0.5, 0.75, 1.0])
+    A preload that the planned steps would miss acts whole at `start`.
+    """
+    records = *SIDEWAYS, ls.Force(group="top", fy=-0.01), ls.Dynamics(start=start), ls.Steps(end=end, count=count)
+    states = list(march(Problem.of(case_on_wall(bar_on_wall("QUAD4", 4), *records))))
+    times = sorted({*np.linspace(0, end, count + 1)[1:], start})
+    assert [state.time for state in states] == pytest.approx(times)
     held = [state.zones[0].pressure.mean() * WIDTH for state in states]
-    assert held == pytest.approx([0.02 * 0.25 / 0.33, *[0.02] * 4], rel=1e-9)
+    assert held == pytest.approx([0.02 * min(t / start, 1) for t in times], rel=1e-10)  # on each of two nodes
     moving = [state.step.motion for state in states if state.step.motion is not None]
-    assert len(moving) == 3 and max(np.abs(m.velocity).max() for m in moving) < 1e-12
+    assert len(moving) == sum(t > start for t in times)
+    assert max(np.abs(motion.velocity).max() for motion in moving) < 1e-12
 
 
 def test_the_first_accelerations_fit_contact_that_is_closed():
     """A load that acts at once on a bar that stands on a wall: the wall's pressure at the start is that of no load."""
-    falls = *SIDEWAYS, Gravity(gy=-0.1), Dynamics(), Steps(end=0.1, count=4)
+    falls = *SIDEWAYS, ls.Gravity(gy=-0.1), ls.Dynamics(), ls.Steps(end=0.1, count=4)
     _, _, motions = moved(bar_on_wall("QUAD4", 8), *falls)
     assert unbalanced(motions) < CLOSED
     assert -0.1 * WIDTH < motions[0].linear[1] / 0.025 < 0  # falls, but for its lowest part
@@ -184,23 +152,23 @@ def soft(**keys):
 
 STIFFENS = [[0, 5], [0.4, 50]]
 TURNS = {"fx": 0.0, "fy": 0.0, "moment": 0.0, "mass": 0.5, "inertia": 0.01}
-HOT = Temperature(value="20 * t"), fix("top", "xy"), Dynamics()
-PUSHED = Pressure(group="top", value=0.1, follower=True)
+HOT = ls.Temperature(value="20 * t"), fix("top", "xy"), ls.Dynamics()
+PUSHED = ls.Pressure(group="top", value=0.1, follower=True)
 #: name -> law, records, and whether the bar's momentum is what contact gives (True), that of both bodies stays (None)
 ACCOUNTS = {
-    "damped": (SMALL, (Dynamics(rayleigh=[0.1, 0.05]), HITS), False),
-    "lumped": (SMALL, (Dynamics(mass="lumped", scheme="newmark"), HITS), True),
-    "soft": (SMALL, (soft(stiffness=5.0), Dynamics(), HITS), True),
-    "soft, then stiff": (SMALL, (soft(stiffness=STIFFENS), Dynamics(), HITS), True),
-    "damped contact, soft, then stiff": (SMALL, (soft(stiffness=STIFFENS, damping=1.0), Dynamics(), HITS), True),
-    "wall that moves": (SMALL, (Rigid(group="wall", uy="0.3 * sin(3 * t)"), Dynamics()), False),
-    "free wall": (SMALL, (Rigid(group="wall", fx=0.0, fy=0.0, mass=0.5), Dynamics(), HITS), None),
+    "damped": (SMALL, (ls.Dynamics(rayleigh=[0.1, 0.05]), HITS), False),
+    "lumped": (SMALL, (ls.Dynamics(mass="lumped", scheme="newmark"), HITS), True),
+    "soft": (SMALL, (soft(stiffness=5.0), ls.Dynamics(), HITS), True),
+    "soft, then stiff": (SMALL, (soft(stiffness=STIFFENS), ls.Dynamics(), HITS), True),
+    "damped contact, soft, then stiff": (SMALL, (soft(stiffness=STIFFENS, damping=1.0), ls.Dynamics(), HITS), True),
+    "wall that moves": (SMALL, (ls.Rigid(group="wall", uy="0.3 * sin(3 * t)"), ls.Dynamics()), False),
+    "free wall": (SMALL, (ls.Rigid(group="wall", fx=0.0, fy=0.0, mass=0.5), ls.Dynamics(), HITS), None),
     "heated": (replace(SMALL, expansion=0.01), HOT, False),
-    "finite": (LARGE, (Dynamics(), thrown("bar", vx=0.1, vy=-0.5, rotation=0.5)), True),
-    "follower": (LARGE, (PUSHED, Dynamics(), HITS), False),
+    "finite": (LARGE, (ls.Dynamics(), thrown("bar", vx=0.1, vy=-0.5, rotation=0.5)), True),
+    "follower": (LARGE, (PUSHED, ls.Dynamics(), HITS), False),
     "wall that turns": (
         LARGE,
-        (Rigid(group="wall", **TURNS), Gravity(gx=0.1), Dynamics(), thrown("wall", rotation=2.0), HITS),
+        (ls.Rigid(group="wall", **TURNS), ls.Gravity(gx=0.1), ls.Dynamics(), thrown("wall", rotation=2.0), HITS),
         False,
     ),
 }
@@ -210,7 +178,7 @@ ACCOUNTS = {
 def test_the_account_of_energy_closes(name):
     """Kinetic + strain - external + damped + contact + numerical is 0 in every step, the impact among them."""
     law, records, pushed = ACCOUNTS[name]
-    _, states, motions = moved(BAR, *records, Steps(end=0.2, count=8), law=law)
+    _, states, motions = moved(BAR, *records, ls.Steps(end=0.2, count=8), law=law)
     assert unbalanced(motions) < CLOSED
     assert any(s.zones[0].pressure.any() for s in states) or name == "heated"
     if pushed is not False:
@@ -219,24 +187,9 @@ def test_the_account_of_energy_closes(name):
         np.testing.assert_allclose(change, given, atol=1e-9 * np.abs(motions[0].linear).max())
 
 
-def test_two_bars_exchange_their_velocities():
-    """Bars that do not match: the upper one stays at rest after the impact, the lower one flies on."""
-    n = 16
-    dt = 0.5 / n / SPEED
-    count = int(np.ceil((2.5 * dt + 2.6 / SPEED) / dt))
-    mesh = bars(("QUAD4", "TRIA6"), (n, n - 2), (4, 3), 2.5 * dt * V)
-    flight = thrown("upper", vy=-V), Dynamics(), Steps(end=count * dt, count=count)
-    problem, states, motions = moved(mesh, contact(), *SIDEWAYS, *flight)
-    assert unbalanced(motions) < CLOSED and not states[-1].zones[0].pressure.any()
-    along = (problem.inertia.M @ motions[-1].velocity).reshape(-1, 2)[:, 1] / (DENSITY * WIDTH)
-    upper = problem.space.mesh.nodes_on(problem.space.mesh.cells_of("upper"))
-    assert along[upper].sum() == pytest.approx(0.0, abs=0.02 * V)
-    assert along.sum() == pytest.approx(-V, rel=1e-10)
-
-
 @pytest.mark.parametrize("law", [SMALL, LARGE], ids=["small", "finite"])
 def test_a_run_goes_on_to_the_last_bit(law):
-    given = BAR, Dynamics(rayleigh=[0.1, 0.0]), HITS, Steps(end=0.24, count=12)
+    given = BAR, ls.Dynamics(rayleigh=[0.1, 0.0]), HITS, ls.Steps(end=0.24, count=12)
     _, states, motions = moved(*given, law=law)
     _, again, more = moved(*given, law=law, start=Restart.of(states[6], states[6].step.step_size, 7))
     assert [s.time for s in again] == [s.time for s in states[7:]]
@@ -249,18 +202,21 @@ def test_a_run_goes_on_to_the_last_bit(law):
 # ---- mistakes, and what is said
 
 MISTAKES = [
-    (lambda: [Dynamics(alpha=0.5)], "dynamics.alpha is 0.5"),
-    (lambda: [Dynamics(scheme="newmark", alpha=0.1)], "dynamics.alpha means something only"),
-    (lambda: [Dynamics(scheme="newmark", gamma=0.4)], "dynamics.beta and gamma"),
-    (lambda: [Dynamics(start=1.0)], "dynamics.start is 1"),
-    (lambda: [Dynamics(rayleigh=[1.0])], "dynamics.rayleigh"),
-    (lambda: [Initial(vx=1.0)], r"only with \[dynamics\]"),
-    (lambda: [Dynamics(start=0.5), Initial(ux=1.0)], "initial.ux means something only"),
-    (lambda: [Dynamics(), Initial(vx=1.0, centre=[0.0, 0.0])], "initial.centre means something only"),
-    (lambda: [Dynamics(), Initial()], "needs at least one of"),
-    (lambda: [Rigid(group="wall", fy=1.0), Dynamics()], "'wall' .* has no mass"),
-    (lambda: [Rigid(group="wall", moment=1.0, mass=1.0), Dynamics()], "'wall' .* has no inertia"),
-    (lambda: [fix("top", "y"), Dynamics(), thrown("bar", vy=-1.0)], "velocity that prescribed displacements exclude"),
+    (lambda: [ls.Dynamics(alpha=0.5)], "dynamics.alpha is 0.5"),
+    (lambda: [ls.Dynamics(scheme="newmark", alpha=0.1)], "dynamics.alpha means something only"),
+    (lambda: [ls.Dynamics(scheme="newmark", gamma=0.4)], "dynamics.beta and gamma"),
+    (lambda: [ls.Dynamics(start=1.0)], "dynamics.start is 1"),
+    (lambda: [ls.Dynamics(rayleigh=[1.0])], "dynamics.rayleigh"),
+    (lambda: [ls.Initial(vx=1.0)], r"only with \[dynamics\]"),
+    (lambda: [ls.Dynamics(start=0.5), ls.Initial(ux=1.0)], "initial.ux means something only"),
+    (lambda: [ls.Dynamics(), ls.Initial(vx=1.0, centre=[0.0, 0.0])], "initial.centre means something only"),
+    (lambda: [ls.Dynamics(), ls.Initial()], "needs at least one of"),
+    (lambda: [ls.Rigid(group="wall", fy=1.0), ls.Dynamics()], "'wall' .* has no mass"),
+    (lambda: [ls.Rigid(group="wall", moment=1.0, mass=1.0), ls.Dynamics()], "'wall' .* has no inertia"),
+    (
+        lambda: [fix("top", "y"), ls.Dynamics(), thrown("bar", vy=-1.0)],
+        "prescribed displacements exclude",
+    ),
 ]
 
 
@@ -271,13 +227,13 @@ def test_mistakes_are_told(records, words):
 
 
 def test_a_density_is_needed_and_without_motion_there_is_no_inertia():
-    with pytest.raises(CaseError, match="needs a density"):
-        case_on_wall(BAR, Dynamics(), law=Material(young=1.0, poisson=0.3, groups=["bar"]))
-    assert Problem.of(read_case("data/two_blocks.toml")).inertia is None
+    with pytest.raises(ls.CaseError, match="needs a density"):
+        case_on_wall(BAR, ls.Dynamics(), law=ls.Material(young=1.0, poisson=0.3, groups=["bar"]))
+    assert Problem.of(ls.read_case("data/two_blocks.toml")).inertia is None
 
 
 def test_a_preload_without_support_is_told_before_the_run():
-    found = validate(case_on_wall(bar_on_wall("QUAD4", 4), Dynamics(start=0.5), Steps(end=1.0, count=4)))
+    found = validate(case_on_wall(bar_on_wall("QUAD4", 4), ls.Dynamics(start=0.5), ls.Steps(end=1.0, count=4)))
     (problem,) = found.problems
     assert "'bar' moves along x, turns about the point (0.125, 0.375)" in problem.message
     assert found.motion is not None
@@ -285,16 +241,12 @@ def test_a_preload_without_support_is_told_before_the_run():
 
 @pytest.mark.parametrize(
     ("massless", "count", "said"),
-    [
-        ("none", 50, 'take massless = "skins", or smaller steps'),
-        ("skins", 1, "take smaller steps"),
-        ("skins", 50, ""),
-    ],
+    [("none", 50, 'take massless = "skins", or smaller steps'), ("skins", 1, "take smaller steps"), ("skins", 50, "")],
 )
 @pytest.mark.filterwarnings("ignore::lacmesh.LacmeshWarning")
 def test_energy_that_is_made_is_warned_of(tmp_path, capsys, massless, count, said):
     """A plain mass makes energy at the impact, a long step loses it in contact; with massless skins nothing is told."""
-    how = Dynamics(scheme="newmark", massless=massless), Steps(end=2.5, count=count), Output(every=100)
+    how = ls.Dynamics(scheme="newmark", massless=massless), ls.Steps(end=2.5, count=count), ls.Output(every=100)
     case = case_on_wall(bar_on_wall("QUAD4", 8, 0.01), *SIDEWAYS, thrown("bar", vy=-0.1), *how)
     done = run(case, tmp_path / "out")
     assert said in done.message and ("energy" in done.message) == bool(said), done.message
@@ -305,23 +257,23 @@ def test_energy_that_is_made_is_warned_of(tmp_path, capsys, massless, count, sai
 @pytest.mark.parametrize(
     ("value", "more", "told"),
     [
-        (-0.1, [Dynamics()], True),
-        ("-0.1 * t", [Dynamics()], False),
-        (-0.1, [Dynamics(), Initial(uy="-0.1 * y")], False),
-        (-0.1, [Dynamics(start=0.5)], False),
+        (-0.1, [ls.Dynamics()], True),
+        ("-0.1 * t", [ls.Dynamics()], False),
+        (-0.1, [ls.Dynamics(), ls.Initial(uy="-0.1 * y")], False),
+        (-0.1, [ls.Dynamics(start=0.5)], False),
     ],
 )
 def test_a_displacement_that_jumps_at_the_start_is_told(value, more, told):
     """A plain number is a jump; not so a formula that begins at 0, an initial displacement that fits, or a preload."""
-    mesh, end = bar_on_wall("QUAD4", 4), Steps(end=1.0, count=4)
+    mesh, end = bar_on_wall("QUAD4", 4), ls.Steps(end=1.0, count=4)
     motion = validate(case_on_wall(mesh, *SIDEWAYS, move("top", uy=value), *more, end)).motion
     assert any("by up to 0.1 at once" in said for said in motion.told) == told
 
 
 def test_contact_between_rigid_bodies_needs_a_stiffness():
     """A bar that is rigid hits a rigid wall: its energy is kept by a stiffness; without one it is warned of."""
-    free = Rigid(group="bar", fx=0.0, fy=0.0, moment=0.0), Dynamics(), thrown("bar", vy=-0.1)
-    given = BAR, *free, Steps(end=1.5, count=60)
+    free = ls.Rigid(group="bar", fx=0.0, fy=0.0, moment=0.0), ls.Dynamics(), thrown("bar", vy=-0.1)
+    given = BAR, *free, ls.Steps(end=1.5, count=60)
     springs = *given, soft(stiffness=20.0)
     for records, warned in ((given, True), (springs, False)):
         told = validate(case_on_wall(*records)).motion.told
@@ -332,21 +284,15 @@ def test_contact_between_rigid_bodies_needs_a_stiffness():
     assert motions[-1].linear[1] == pytest.approx(0.1 * WIDTH, rel=2e-3)
 
 
-@pytest.mark.parametrize("allowed", [0.01, pytest.param(np.inf, marks=pytest.mark.slow)])
-def test_a_step_of_large_contact_work_is_refined(allowed):
+def test_a_step_of_large_contact_work_is_refined():
     """A ring that is thrown in large steps: without smaller ones where it hits, energy is created."""
-    flight = Dynamics(scheme="newmark"), thrown("body", vy=-1.0), Steps(end=0.4, count=8)
-    with patch("lacsolver.equilibrium.newmark._COARSE", allowed):
-        mesh = on_wall(ring(24, 2, (0.0, 1.05), "slave"))
-        _, states, motions = moved(mesh, *flight, law=replace(LARGE, young=100.0))
+    flight = ls.Dynamics(scheme="newmark"), thrown("body", vy=-1.0), ls.Steps(end=0.4, count=8)
+    mesh = on_wall(ring(24, 2, (0.0, 1.05), "slave"))
+    _, states, motions = moved(mesh, *flight, law=replace(LARGE, young=100.0))
     table = np.array([m.energies for m in motions])
     whole, work = table[:, :2].sum(axis=1) / table[0, 2], np.abs(np.diff(table[:, 4])) / table[0, 2]
-    assert unbalanced(motions) < CLOSED
-    assert any(s.halvings for s in states) == np.isfinite(allowed)
-    if np.isfinite(allowed):
-        assert work.max() < 0.01 and whole.min() > 0.97 and whole.max() < 1.001
-    else:
-        assert work.max() > 0.1 and whole.max() > 1.05
+    assert unbalanced(motions) < CLOSED and any(s.halvings for s in states)
+    assert work.max() < 0.01 and whole.min() > 0.97 and whole.max() < 1.001
 
 
 # ---- multigrid
@@ -354,10 +300,10 @@ def test_a_step_of_large_contact_work_is_refined(allowed):
 
 def test_multigrid_takes_a_hierarchy_of_its_own_for_each_size_of_steps():
     """The tiny step of the start has a matrix many times as large as that of the steps, and of the preload."""
-    held = fix("bottom", "xyz"), move("top", ux=0.0, uy=0.0, uz="-0.02 * t"), Dynamics(start=0.5), Steps(count=2)
+    held = fix("bottom", "xyz"), move("top", ux=0.0, uy=0.0, uz="-0.02 * t"), ls.Dynamics(start=0.5), ls.Steps(count=2)
     given = bars(("HEXA8", "HEXA8"), (4, 3), (3, 3)), contact(), *held
     names, law = ("multigrid", "superlu"), replace(SMALL, young=1000.0)
-    u, right = (moved(*given, Solver(backend=name), law=law)[1][-1].u for name in names)
+    u, right = (moved(*given, ls.Solver(backend=name), law=law)[1][-1].u for name in names)
     assert np.abs(u - right).max() < 1e-9 * np.abs(right).max()
 
 
@@ -368,11 +314,3 @@ def test_a_step_in_contact_takes_at_most_one_and_a_half_elastic_solves():
     assert found["alone"] < 30 and found["cycles"] <= 1.5 * found["alone"]
     assert found["account"] < 1e-10 and 0.95 < found["energy"] < 1.001
     assert benchmark.line(found).count("|") == 9
-
-
-@pytest.mark.slow
-def test_the_hierarchy_of_the_first_tiny_step_would_take_many_times_more(monkeypatch):
-    """Mutation: the start of a motion takes a step of dt / 1000, whose matrix is all mass."""
-    monkeypatch.setattr(benchmark, "elastic", lambda step, tolerance: 20)
-    with patch.object(FactorCache, "forget", lambda self: None):
-        assert benchmark.measured(6, 6)["cycles"] > 60
