@@ -271,6 +271,15 @@ def check_rubbed(ran):
     assert abs(history["contact.joint.friction.x"][1]) == pytest.approx(4.8, rel=1e-9)
 
 
+def check_dragged(ran):
+    """All slides: friction is its coefficient times the pressure."""
+    (zone,) = ran.results["contact"].values()
+    assert zone["sliding"] > 0 and zone["sticking"] == 0 and zone["slip_max"] > 0.05
+    table = ran.table("slave")
+    shear = np.linalg.norm([table[name] for name in ("shear_1", "shear_2") if name in table], axis=0)
+    np.testing.assert_allclose(shear, 0.2 * table["pressure"], rtol=1e-8)
+
+
 def check_sunk(ran):
     """Bodies that lie deep in one another are parted, where the master stands over the slave."""
     table = ran.table("slave")
@@ -553,6 +562,7 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     "rigid": check_rigid,
     "searched": check_searched,
     "rubbed": check_rubbed,
+    **dict.fromkeys(("dragged", "dragged, smooth", "dragged in space"), check_dragged),
     "sunk": check_sunk,
     "chosen": check_chosen,
     "tied chosen": check_chosen,

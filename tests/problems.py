@@ -167,6 +167,15 @@ def pressed(*records: Any) -> Problem:
     return problem(punch, "plane_strain", ELASTIC, contact(geometry="current"), *held, *records)
 
 
+def dragged(mesh: Callable[[], Mesh], model: str, **keys: Any) -> Problem:
+    """A block of rubber that is pressed on another one and pulled over it, until all of it slides."""
+    axes = "xyz" if model == "3d" else "xy"
+    down = {f"u{axes[-1]}": [[0, 0], [1, -0.04]]} | ({"uy": 0.0} if model == "3d" else {})
+    rubber = Material(law="neo_hookean", young=1000.0, poisson=0.3)
+    held = fix("bottom", axes), move("top", ux=[[0, 0], [1, 0], [2, 0.1]], **down), Steps(end=2.0, count=2)
+    return problem(mesh, model, rubber, contact(friction=0.2, **keys), *held, kinematics="finite")
+
+
 def stacked(height: float, hexa: str, *records: Any) -> Problem:
     """Three blocks of hexahedra on one another, in contact and tied."""
     joints = Contact(slave="slave1", master="master1", hexa=hexa), Tie(slave="slave2", master="master2", hexa=hexa)
@@ -287,6 +296,7 @@ PROBLEMS = {
         Probe(at=[1.0, 0.5, 0.5], name="middle"),
         Probe(at=[0.0, 0.0, 1.0], name="a"),
         Probe(at=[0.0, 0.5, 1.0], name="b"),
+        Steps(count=2),
     ),
     "axes": problem(
         cube, "3d",
@@ -364,6 +374,9 @@ PROBLEMS = {
         move("top", ux=0.1, uy=-0.04),
         Steps(count=2),
     ),
+    "dragged": dragged(plane, "plane_strain"),
+    "dragged, smooth": dragged(plane, "plane_strain", normals="smoothed", measure="current"),
+    "dragged in space": dragged(apart, "3d", normals="master", clearance=-0.1),
     "sunk": problem(
         lambda: overhang(-0.8), "plane_stress",
         Material(young=1000.0, poisson=0.0),

@@ -27,6 +27,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.results.state import StepState
 from lacsolver.running import run
 from tests.answers import ANSWERS, Ran
+from tests.lacsolver.contact_cases import checked
 from tests.problems import PROBLEMS, case_of
 from tests.worlds import CannotTurnError, World, assert_same, case_in, permuted, turned_world
 
@@ -109,6 +110,12 @@ def test_a_run_that_goes_on_is_one_that_did_not_stop(name, tmp_path):
     for again, state in zip(march(Problem.of(case, case.mesh), start=start), states[first:], strict=True):
         np.testing.assert_array_equal(again.u, state.u)
         np.testing.assert_array_equal(again.step.iterate.p, state.step.iterate.p)
+
+
+@SOLVED
+def test_equilibrium_and_the_conditions_of_contact(name):
+    """What is free is in balance, and so are contact's forces and moments; p >= 0, G >= 0, p G = 0; energies close."""
+    checked(Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh()), states_of(name))
 
 
 # ---- derivatives

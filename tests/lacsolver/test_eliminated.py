@@ -8,69 +8,45 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array, csr_array, diags_array
 
-from lacmesh import Mesh
+from lacmesh import Mesh, join
 from lacmesh.errors import DataError, LacmeshWarning
-from lacsolver.case import (
-    Case,
-    CaseError,
-    Displacement,
-    Dynamics,
-    Equation,
-    Material,
-    Pressure,
-    Rigid,
-    Solver,
-    Steps,
-    Traction,
-)
+from lacmesh.generate import rectangle
+from lacsolver.case import CaseError, Dynamics, Equation, Material, Rigid, Solver, Steps, Traction
 from lacsolver.constraints import of_case
 from lacsolver.constraints.equality_rows import EqualityAt
 from lacsolver.constraints.equations import Equations, EquationSystem
 from lacsolver.contact.laws import Bilateral
 from lacsolver.equilibrium.stepping import march
-from lacsolver.output import create_output, read_state
 from lacsolver.problem.problem import Problem
-from lacsolver.running import run
+from tests.lacsolver.contact_cases import load
+from tests.problems import case_of, fix, move
 
-LAWS = {"small": "elastic", "finite": "neo_hookean"}
-FIXED = Displacement(group="left", ux=0, uy=0)
-
-
-def halves(m=5):
-    """Two unit squares beside each other, not connected; the nodes of both at x = 1; and the same as one body."""
-    x, y = np.meshgrid(np.linspace(0, 1, m + 1), np.linspace(0, 1, m + 1), indexing="ij")
-    square = np.stack([x.ravel(), y.ravel()], axis=1)
-    quads = np.array([[i * (m + 1) + j + k for k in (0, m + 1, m + 2, 1)] for i in range(m) for j in range(m)])
-    n, edge = len(square), np.arange(m + 1)
-    points, cells = np.vstack([square, square + np.array([1, 0])]), np.vstack([quads, quads + n])
-    sides = np.vstack([np.stack([at[:-1], at[1:]], axis=1) for at in (edge, n + m * (m + 1) + edge)])
-    groups = {"left": len(cells) + np.arange(m), "right": len(cells) + m + np.arange(m)}
-    a, b = m * (m + 1) + edge, n + edge
-    apart = Mesh.create(points, [("QUAD4", cells), ("SEG2", sides)], cell_groups=groups)
-    of = np.arange(2 * n)
-    of[b] = a
-    used = np.unique(of)
-    new = np.searchsorted(used, of)
-    whole = Mesh.create(points[used], [("QUAD4", new[cells]), ("SEG2", new[sides])], cell_groups=groups)
-    return apart, whole, a, b, new
+#: two unit squares beside each other, not connected, the nodes of both at x = 1; and the same as one body
+APART = join(rectangle(5).only("body", "left"), rectangle(5, corner=(1, 0)).only("body", "right"))
+WHOLE = rectangle((10, 5), (2, 1))
+A, B = np.flatnonzero(APART.points[:, 0] == 1).reshape(2, -1)
+#: of each node of the two, that of the one body
+NEW = ((APART.points[:, None] - WHOLE.points[None]) ** 2).sum(axis=2).argmin(axis=1)
+FIXED = fix("left", "xy")
+PULL = Traction(group="right", tx=1.0, ty=3.0)
+KINEMATICS = pytest.mark.parametrize("kinematics", ["small", "finite"])
 
 
-APART, WHOLE, A, B, NEW = halves()
+def made(*records, mesh=WHOLE, kinematics="small", held=(FIXED,)):
+    """A case in plane strain, in two steps unless there are others."""
+    law = {"small": "elastic", "finite": "neo_hookean"}[kinematics]
+    steps = () if any(isinstance(one, Steps) for one in records) else (Steps(count=2),)
+    material = Material(young=100.0, poisson=0.3, density=1.0, law=law)
+    return case_of(mesh, material, *held, *records, *steps, model="plane_strain", kinematics=kinematics)
 
 
-def made(kinematics="small", mesh=WHOLE, **keys):
-    material = Material(young=100.0, poisson=0.3, density=1.0, law=LAWS[kinematics])
-    keys = {"displacement": FIXED, "steps": Steps(count=2)} | keys
-    return Case(mesh=mesh, model="plane_strain", kinematics=kinematics, material=material, **keys)
-
-
-def solved(case):
-    problem = Problem.of(case)
+def solved(*records, **options):
+    problem = Problem.of(made(*records, **options))
     *_, state = march(problem)
     return problem, state
 
 
-def joined(shortening=None, more=()):
+def joint(shortening=None, more=()):
     """Equations u_b - u_a + s n = 0 at the nodes of both halves, s under a load; `more`: ((rows, factors), value)."""
 
     def equations(space, case):
@@ -96,67 +72,90 @@ def equations(monkeypatch):
     return lambda one: monkeypatch.setattr(of_case, "EQUATIONS", [one])
 
 
-@pytest.mark.parametrize("kinematics", LAWS)
+def by_node(state):
+    return state.u.reshape(-1, 2)
+
+
+@KINEMATICS
 def test_halves_joined_by_equations_are_the_whole(kinematics, equations):
-    load = Traction(group="right", tx=1.0, ty=3.0)
-    _, whole = solved(made(kinematics, traction=load))
-    equations(joined())
-    problem, state = solved(made(kinematics, APART, traction=load))
-    np.testing.assert_allclose(state.u.reshape(-1, 2), whole.u.reshape(-1, 2)[NEW], rtol=0, atol=1e-13)
+    _, whole = solved(PULL, kinematics=kinematics)
+    equations(joint())
+    problem, state = solved(PULL, mesh=APART, kinematics=kinematics)
+    np.testing.assert_allclose(by_node(state), by_node(whole)[NEW], rtol=0, atol=1e-13)
     np.testing.assert_allclose(state.equations["joint"].reshape(-1, 2).sum(axis=0), [-1, -3], atol=1e-11)
     reactions = problem.constraints.reactions(state.reaction, state.equations)
     np.testing.assert_allclose(reactions["left"], [-1, -3], atol=1e-11)
 
 
-@pytest.mark.parametrize("kinematics", LAWS)
+@KINEMATICS
 def test_a_further_unknown_carries_its_load(kinematics, equations):
-    equations(joined(2.5))
-    held = [FIXED, Displacement(group="right", ux=0, uy=0)]
-    problem, state = solved(made(kinematics, APART, displacement=held))
-    (s,) = state.further["joint"]
-    jump = (state.u.reshape(-1, 2)[B] - state.u.reshape(-1, 2)[A]) @ [1, 0]
-    assert s > 0 and np.allclose(jump, -s, rtol=0, atol=1e-14)
+    equations(joint(2.5))
+    problem, state = solved(mesh=APART, kinematics=kinematics, held=(FIXED, fix("right", "xy")))
+    (s,), u = state.further["joint"], by_node(state)
+    assert s > 0 and np.allclose((u[B] - u[A]) @ [1, 0], -s, rtol=0, atol=1e-14)
     np.testing.assert_allclose(state.equations["joint"].reshape(-1, 2).sum(axis=0), [-2.5, 0], atol=1e-11)
     np.testing.assert_allclose(problem.constraints.reactions(state.reaction, state.equations)["left"][0], -2.5)
 
 
 def test_motion_with_equations_is_that_of_the_whole(equations):
-    load, moving = Traction(group="right", ty="3"), Dynamics()
-    steps = Steps(end=0.2, count=8)
-    _, whole = solved(made(traction=load, dynamics=moving, steps=steps))
-    equations(joined())
-    _, state = solved(made("small", APART, traction=load, dynamics=moving, steps=steps))
-    np.testing.assert_allclose(state.u.reshape(-1, 2), whole.u.reshape(-1, 2)[NEW], rtol=0, atol=1e-12)
+    records = Traction(group="right", ty="3"), Dynamics(), Steps(end=0.2, count=8)
+    _, whole = solved(*records)
+    equations(joint())
+    _, state = solved(*records, mesh=APART)
+    np.testing.assert_allclose(by_node(state), by_node(whole)[NEW], rtol=0, atol=1e-12)
 
 
-def test_a_half_that_its_shortening_leaves_free_is_named(equations):
-    equations(joined(2.5))
-    with pytest.raises(DataError, match="the body with 'right' moves along x"):
-        solved(made("small", APART))
+# ---- mistakes
+
+
+def one_term(space, case):
+    C = coo_array(([1.0], ([0], [0])), shape=(1, space.n_dof)).tocsr()
+    yield Equations("one", C, lambda t: np.array([0.2 * t]), lambda i: "equation 'one'")
+
+
+FOLLOWS = [0, 3], [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "error", "words"),
+    [
+        (joint(2.5), {"mesh": APART}, DataError, "with 'right' moves along x"),
+        (joint(more=[(FOLLOWS, 1.0)]), {"mesh": APART}, CaseError,
+         r"the sum contradicts equation 0 and equation 3: it is off by 0\.5 at"),
+        (one_term, {"held": (move("left", ux=0.1, uy=0),)}, CaseError,
+         "equation 'one' contradicts what its terms are prescribed to"),
+    ],
+)  # fmt: skip
+def test_equations_that_cannot_be_are_named(equations, given, options, error, words):
+    equations(given)
+    with pytest.raises(error, match=words):
+        solved(**options)
 
 
 def test_an_equation_that_follows_from_others_is_named(equations):
-    equations(joined(more=[(([0, 3], [1.0, 2.0]), 0.0)]))
-    with pytest.warns(LacmeshWarning, match="the sum follows from equation 0 and equation 3: such equations carry"):
-        Problem.of(made("small", APART))
+    equations(joint(more=[(FOLLOWS, 0.0)]))
+    with pytest.warns(LacmeshWarning, match="the sum follows from equation 0 and equation 3"):
+        Problem.of(made(mesh=APART))
 
 
-def test_an_equation_that_contradicts_others_is_named(equations):
-    equations(joined(more=[(([0, 3], [1.0, 2.0]), 1.0)]))
-    with pytest.raises(CaseError, match=r"the sum contradicts equation 0 and equation 3: it is off by 0\.5 at"):
-        Problem.of(made("small", APART))
+@pytest.mark.parametrize(
+    ("term", "words"),
+    [
+        ({"node": 10_000}, "term at node 10000, which the mesh does not have"),
+        ({"group": "left"}, "group 'left', which has 6 nodes"),
+        ({"at": [3, 0]}, r"no node at \[3, 0\]"),
+        ({"at": [5, 5]}, "belong to no cell of a body"),
+    ],
+)
+def test_terms_that_are_not_there_are_named(term, words):
+    points = np.vstack([WHOLE.points, [[5, 5, 0]]])
+    mesh = Mesh.create(points, WHOLE.blocks, cell_groups=WHOLE.cell_groups, space_dim=2)
+    equation = Equation(name="e", terms=[{"factor": 1.0, "component": "ux", **term}])
+    with pytest.raises(CaseError, match=words):
+        Problem.of(made(equation, mesh=mesh))
 
 
-def test_an_equation_of_prescribed_terms_is_named(equations):
-    held = Displacement(group="left", ux=0.1, uy=0)
-
-    def hold(space, case):
-        C = coo_array(([1.0], ([0], [0])), shape=(1, space.n_dof)).tocsr()
-        yield Equations("one", C, lambda t: np.array([0.2 * t]), lambda i: "equation 'one'")
-
-    equations(hold)
-    with pytest.raises(CaseError, match="equation 'one' contradicts what its terms are prescribed to"):
-        Problem.of(made(displacement=held))
+# ---- systems of equations
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -184,6 +183,34 @@ def test_chains_and_stars_of_equations_are_eliminated():
     assert system.Z.shape == (n + 1, 1) and abs(system.Z.toarray() - 1).max() < 1e-12
 
 
+def on_the_side(space, case):
+    """Equations uy = 0 at the nodes at x = 2."""
+    node = np.flatnonzero(np.isclose(space.mesh.points[:, 0], 2.0))
+    rows = np.arange(len(node))
+    C = coo_array((np.ones(len(node)), (rows, 2 * node + 1)), shape=(len(node), space.n_dof)).tocsr()
+    yield Equations("side", C, lambda t: np.zeros(len(node)), lambda i: f"equation {i}", may_follow=True)
+
+
+@pytest.mark.parametrize("tilt, moves", [(6e-17, True), (4e-8, True), (1e-6, False), (0.1, False)])
+def test_round_off_of_an_axis_is_no_equation(tilt, moves, equations):
+    """The side may move along an axis alone, which is x but for round-off of double or of single precision, or not."""
+    equations(on_the_side)
+    _, state = solved(load("right", -1.0), held=(FIXED, move("right", ux=0.0, axes={"x": [-tilt, 1.0]})))
+    assert (np.abs(state.u).max() > 5e-3) == moves
+
+
+def test_round_off_of_a_moment_arm_is_no_equation(equations):
+    """A rigid side turns about its middle by the moment: equations uy = 0 at its nodes ask nothing of it."""
+    equations(on_the_side)
+    for x in (2.0, np.nextafter(2.0, 3.0)):
+        problem, state = solved(Rigid(group="right", ux=0.0, uy=0.0, moment=1.0, centre=[x, 0.5]))
+        assert problem.constraints.n_q == problem.constraints.plain.n_q
+        assert state.rigid["right"][2] > 0.01
+
+
+# ---- rows of equality
+
+
 class Mean:
     """The mean of ux over the right end is 0.1 t."""
 
@@ -205,83 +232,29 @@ class Mean:
         return Bilateral()
 
 
-@pytest.mark.parametrize("backend", ["auto", "multigrid"])
-@pytest.mark.parametrize("kinematics", LAWS)
-def test_rows_of_equality_hold_a_mean(kinematics, backend, monkeypatch):
+@pytest.fixture
+def mean(monkeypatch):
+    """A row of equality is part of every case."""
     monkeypatch.setattr(of_case, "EQUALITIES", [lambda space, case: [Mean(space, case)]])
-    problem, state = solved(made(kinematics, solver=Solver(backend=backend)))
-    (mean,) = problem.equalities
-    assert abs(mean.C @ state.u - 0.1).max() < 1e-12
+
+
+@pytest.mark.parametrize("backend", ["auto", "multigrid"])
+@KINEMATICS
+def test_rows_of_equality_hold_a_mean(kinematics, backend, mean):
+    problem, state = solved(Solver(backend=backend), kinematics=kinematics)
+    (row,) = problem.equalities
+    assert abs(row.C @ state.u - 0.1).max() < 1e-12
     reaction = problem.constraints.reactions(state.reaction)["left"]
     np.testing.assert_allclose(reaction, [-state.equations["mean"][0], 0], atol=1e-9)
 
 
-def test_a_body_may_hang_on_rows_of_equality_alone(monkeypatch):
-    monkeypatch.setattr(of_case, "EQUALITIES", [lambda space, case: [Mean(space, case)]])
-    held = [Displacement(group="left", uy=0), Displacement(group="right", uy=0)]
-    _, state = solved(made(displacement=held, pressure=Pressure(group="left", value=1.0)))
+def test_a_body_may_hang_on_rows_of_equality_alone(mean):
+    _, state = solved(load("left", 1.0), held=(fix("left", "y"), fix("right", "y")))
     np.testing.assert_allclose(state.equations["mean"], [-1.0], atol=1e-12)
-    with pytest.raises(DataError, match=r"nothing holds a part of the model: the body turns about the point"):
-        solved(made(displacement=held[0], pressure=Pressure(group="left", value=1.0)))
+    with pytest.raises(DataError, match="turns about the point"):
+        solved(load("left", 1.0), held=(fix("left", "y"),))
 
 
-def test_rows_of_equality_that_nothing_moves_are_named(monkeypatch):
-    monkeypatch.setattr(of_case, "EQUALITIES", [lambda space, case: [Mean(space, case)]])
-    with pytest.raises(CaseError, match=r"it is off by .* and all that it acts on is prescribed"):
-        solved(made(displacement=[FIXED, Displacement(group="right", ux=0)]))
-
-
-def test_terms_that_are_not_there_are_named():
-    def said(**term):
-        case = made(equation=Equation(name="e", terms=[{"factor": 1.0, "component": "ux", **term}]))
-        with pytest.raises(CaseError) as error:
-            Problem.of(case)
-        return str(error.value)
-
-    assert "no node" not in said(node=10_000) and "term at node 10000, which the mesh does not have" in said(
-        node=10_000
-    )
-    assert "group 'left', which has 6 nodes; name a group of one node" in said(group="left")
-    assert "no node at [3, 0]" in said(at=[3, 0])
-    points = np.vstack([WHOLE.points, [[5, 5, 0]]])
-    loose = Mesh.create(points, [(b.type, b.nodes) for b in WHOLE.blocks], cell_groups=WHOLE.cell_groups)
-    with pytest.raises(CaseError, match="belong to no cell of a body and to no rigid body"):
-        Problem.of(made(mesh=loose, equation=Equation(terms=[{"factor": 1, "component": "ux", "at": [5, 5]}])))
-
-
-def test_a_restart_goes_on_with_equations(tmp_path):
-    lid = Equation(group="right", same=["ux", "uy"])
-    case = made(traction=Traction(group="right", tx=0.1, ty=0.2), equation=lid, steps=Steps(count=4))
-    folder = create_output(tmp_path / "out")
-    whole = run(case, folder)
-    start = read_state(tmp_path / "out", case, 0.5)
-    again = run(case, create_output(tmp_path / "again"), start=start)
-    assert again.steps[-1].equations == pytest.approx(whole.steps[-1].equations, rel=1e-9)
-    assert list(whole.steps[-1].equations) == ["right"] and whole.steps[-1].equations["right"] > 0
-
-
-def on_the_side(space, case):
-    """Equations uy = 0 at the nodes at x = 2."""
-    node = np.flatnonzero(np.isclose(space.mesh.points[:, 0], 2.0))
-    rows = np.arange(len(node))
-    C = coo_array((np.ones(len(node)), (rows, 2 * node + 1)), shape=(len(node), space.n_dof)).tocsr()
-    yield Equations("side", C, lambda t: np.zeros(len(node)), lambda i: f"equation {i}", may_follow=True)
-
-
-@pytest.mark.parametrize("tilt, moves", [(6e-17, True), (4e-8, True), (1e-6, False), (0.1, False)])
-def test_round_off_of_an_axis_is_no_equation(tilt, moves, equations):
-    """The side may move along an axis alone, which is x but for round-off of double or of single precision, or not."""
-    equations(on_the_side)
-    axis = Displacement(group="right", ux=0.0, axes={"x": [-tilt, 1.0]})
-    _, state = solved(made(displacement=[FIXED, axis], pressure=Pressure(group="right", value=-1.0)))
-    assert (np.abs(state.u).max() > 5e-3) == moves
-
-
-def test_round_off_of_a_moment_arm_is_no_equation(equations):
-    """A rigid side turns about its middle by the moment: equations uy = 0 at its nodes ask nothing of it."""
-    equations(on_the_side)
-    for x in (2.0, np.nextafter(2.0, 3.0)):
-        side = Rigid(group="right", ux=0.0, uy=0.0, moment=1.0, centre=[x, 0.5])
-        problem, state = solved(made(rigid=side))
-        assert problem.constraints.n_q == problem.constraints.plain.n_q
-        assert state.rigid["right"][2] > 0.01
+def test_rows_of_equality_that_nothing_moves_are_named(mean):
+    with pytest.raises(CaseError, match="all that it acts on is prescribed"):
+        solved(held=(FIXED, fix("right", "x")))
