@@ -1,15 +1,12 @@
-"""Errors in msh, .mail and .inp files as such: in their sections, counts and numbers."""
+"""Errors in msh, .mail, .inp, VTU and XDMF files as such: in their sections, counts and numbers."""
 
 from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-from tests.bad_input.case import INFO, Case
+from tests.bad_input.case import CONVERT, INFO, Case
 from tests.bad_input.mesh_cases import WRITERS
 from tests.bad_input.raw import two_hexahedra
 
@@ -20,8 +17,11 @@ MARKS = [
     ("the mark of the other byte order", b"8\n\1\0\0\0", b"8\n\0\0\0\1"),
     ("said to be ASCII and is not", " 1 8\n", " 0 8\n"),
 ]
+_ENTITIES = '<?xml version="1.0"?>\n<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
+INCLUDE = '<xi:include xmlns:xi="http://www.w3.org/2001/XInclude" xpointer="xpointer(/Xdmf/{})"/>'
+SIX = '"6" NumberType="Int" Precision="8" Format="XML">\n'
 #: format -> kind -> what is wrong, what is replaced, by what, and where the command says that it is, if by a line
-EDITS: dict[str, dict[str, list[Any]]] = {
+EDITS = {
     "msh 4.1 ASCII": {
         "version": [
             ("version 4.0", "4.1 0 8", "4 0 8"),
@@ -155,21 +155,94 @@ EDITS: dict[str, dict[str, list[Any]]] = {
             ("type -5", HEADER, struct.pack("<3i", -5, 1, 2)),
         ],
     },
+    "vtu": {
+        "sections": [
+            ("there is no grid", "UnstructuredGrid>", "Grid>"),
+            ("a tag is not closed", "</Points>", ""),
+            ("XML entities", '<?xml version="1.0"?>', _ENTITIES),
+        ],
+        "content": [("another of VTK's grids", "UnstructuredGrid", "PolyData")],
+        "version": [("a byte order that nobody knows", "LittleEndian", "MiddleEndian")],
+        "counts": [
+            ("a coordinate is missing", "0.0 0.0 0.0 1.0", "0.0 0.0 0.0"),
+            ("a node too few", "\n0 1 4 3 6", "\n0 1 4 3"),
+            ("offsets that go back", "\n8 16 20", "\n16 8 20"),
+            ("an offset of 10^12", "\n8 16 20", "\n8 1000000000000 20"),
+            (
+                "3 components in place of 1",
+                'cell_number" NumberOfComponents="1"',
+                'cell_number" NumberOfComponents="3"',
+            ),
+            (
+                "10^12 components",
+                'cell_number" NumberOfComponents="1"',
+                'cell_number" NumberOfComponents="1000000000000"',
+            ),
+        ],
+        "numbers": [
+            ("letters where a coordinate should be", "0.0 0.0 0.0 1.0", "0.0 l.0 0.0 1.0"),
+            ("nodes of cells are reals", 'type="Int64" Name="connectivity"', 'type="Float64" Name="connectivity"'),
+        ],
+        "types": [
+            ("a type of number that nobody knows", 'type="Float64" Name="Points"', 'type="Float16" Name="Points"'),
+            ("an encoding that nobody knows", 'format="ascii">\n0.0', 'format="morse">\n0.0'),
+            ("polyhedra", "\n12 12 9", "\n42 12 9"),
+            ("a hexahedron of 4 nodes", "\n12 12 9", "\n12 9 12"),
+        ],
+        "links": [
+            ("arrays in a block that is not there", 'format="ascii">\n0.0', 'format="appended" offset="0">\n0.0'),
+        ],
+    },
+    "xdmf": {
+        "sections": [
+            ("there is no domain", "Domain>", "Main>"),
+            ("there is no grid", "Grid", "Gird"),
+            ("there is no topology", "Topology", "Topologie"),
+            ("there is no geometry", "Geometry", "Geometrie"),
+            ("a tag is not closed", "</Grid>", ""),
+            ("XML entities", '<?xml version="1.0"?>', _ENTITIES),
+        ],
+        "content": [
+            ("a structured grid", 'GridType="Uniform"', 'GridType="Subset"'),
+            ("points in polar coordinates", 'GeometryType="XYZ"', 'GeometryType="VXVYVZ"'),
+        ],
+        "types": [
+            ("cells of one type that nobody knows", 'TopologyType="Mixed"', 'TopologyType="Hexagon"'),
+            ("numbers that nobody knows", 'NumberType="Float"', 'NumberType="Complex"'),
+            ("a format that nobody knows", 'Precision="8" Format="XML"', 'Precision="8" Format="TEXT"'),
+            ("an attribute on edges", 'Center="Cell"', 'Center="Edge"'),
+        ],
+        "counts": [
+            ("a number too few among the cells", "\n9 0 1", "\n9 0"),
+            ("a coordinate is missing", "1.0 0.0 0.0\n", "1.0 0.0\n"),
+            ("numbers for 5 of 6 cells", SIX + "101", SIX.replace("6", "5")),
+        ],
+        "numbers": [("letters where a coordinate should be", "1.0 0.0 0.0\n", "1.0 l.0 0.0\n")],
+        "links": [
+            ("an HDF5 file that is not there", 'Format="XML">\n0.0', 'Format="HDF">\nno.h5:/x\n0.0'),
+            ("it includes what is not there", "<Geometry ", INCLUDE.format("Else") + "<Geometry "),
+            (
+                "a collection of grids includes itself",
+                '<Grid Name="mesh" GridType="Uniform">',
+                '<Grid Name="mesh" GridType="Collection">' + INCLUDE.format("Domain/Grid"),
+            ),
+        ],
+    },
 }  # fmt: skip
 
 
-def good(name: str) -> bytes:
+def good(name):
     return WRITERS[name](two_hexahedra())
 
 
-def edited(content: bytes, old: str | bytes, new: str | bytes) -> bytes:
-    """The content with one thing replaced."""
+def edited(content, old, new, count=1):
+    """The content with one thing replaced; `count`: so many times, or everywhere with -1."""
     before, after = (text.encode() if isinstance(text, str) else text for text in (old, new))
     assert before in content, old
-    return content.replace(before, after, 1)
+    return content.replace(before, after, count)
 
 
-def _field(time: object = 0.0, n: int = 3, width: int = 1, rows: int = 1, value: object = 5.0) -> str:
+def _field(time=0.0, n=3, width=1, rows=1, value=5.0):
     return f'$NodeData\n1\n"T"\n1\n{time}\n{n}\n0\n{width}\n{rows}\n11 {value}\n$EndNodeData\n'
 
 
@@ -185,7 +258,7 @@ FIELDS = {
 _HEAD = {"version": 1, "nodes": 12, "cells": 6}
 _FIELD = {"on": "node", "field": "T", "step": 0, "key": "T", "name": "T", "number": 0, "order": -1}
 #: what is wrong in our own section -> its text, or what it says as JSON
-NOTES: dict[str, object] = {
+NOTES = {
     "no JSON": "{",
     "a list": [1],
     "no version": {"nodes": 1},
@@ -194,7 +267,7 @@ NOTES: dict[str, object] = {
     "nested 100000 deep": "[" * 100_000,
 }
 #: and what is left out with a warning
-LEFT_OUT: dict[str, object] = {
+LEFT_OUT = {
     "for another number of nodes": {**_HEAD, "nodes": 5, "node_groups": [{"name": "g", "nodes": [11]}]},
     "members that are not there": {**_HEAD, "node_groups": [{"name": "g", "nodes": [999]}]},
     "of a newer lacmesh": {"version": 2},
@@ -207,24 +280,26 @@ DECKS = {
     "a load on no element": "*DLOAD\n999, P1, 1.\n",
     "a load on no surface": "*DSLOAD\nnothing, P, 1.\n",
     "a contact pair without its interaction": "*CONTACT PAIR, INTERACTION=I\nSLAVE, SLAVE\n",
+    "a contact pair without its surfaces": "*CONTACT PAIR, INTERACTION=I\nX, Y\n*SURFACE INTERACTION, NAME=I\n",
+    "a section of no material": "*SOLID SECTION, ELSET=BODY, MATERIAL=M\n",
     "a load with no amplitude": "*CLOAD, AMPLITUDE=A\n1, 3, 1.\n",
     "a step inside a step": "*STEP\n*STEP\n*END STEP\n",
     "the end of no step": "*END STEP\n",
     "a step without its end": "*STEP\n*STATIC\n",
     "a parameter with two values": "*BOUNDARY, OP=NEW, OP=MOD\n",
 }
-#: A deck is judged where it is written.
-CONVERT = ("convert", "{in}", "{out}", "--force")
 _MORE = ("*NODE\n", "*INCLUDE, INPUT=more.inp\n*NODE\n")
-_WARNED: tuple[dict[str, Any], ...] = {}, {"status": 0, "command": INFO}
+_WARNED = {}, {"status": 0, "command": INFO}
 
 
-def cases() -> Iterator[Case]:
+def cases():
     """Edits of every format; then sections, fields and notes of msh; decks and files of several parts."""
     for name, kinds in EDITS.items():
         for kind, edits in kinds.items():
             for what, old, new, *says in edits:
-                yield Case(kind, name, what, edited(good(name), old, new), says="".join(says))
+                every = name in ("vtu", "xdmf") and what.startswith(("there is no", "another of"))
+                content = edited(good(name), old, new, -1 if every else 1)
+                yield Case(kind, name, what, content, says="".join(says))
     for name in (name for name in WRITERS if name.startswith("msh")):
         for what, content in _sections(good(name)):
             left_out = what in ("$Elements is missing", "a section that nobody knows")
@@ -239,13 +314,13 @@ def cases() -> Iterator[Case]:
     yield from _of_inp()
 
 
-def _parted(content: bytes, section: bytes) -> tuple[bytes, bytes, bytes]:
+def _parted(content, section):
     """What is before a section, the section, what is after it."""
     begin, end = content.index(b"$" + section), content.index(b"$End" + section) + len(section) + 5
     return content[:begin], content[begin:end], content[end:]
 
 
-def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
+def _sections(content):
     """Sections of a msh file that are missing, repeated, or in a wrong order."""
     for title in (b"Nodes", b"Elements"):
         before, section, after = _parted(content, title)
@@ -258,12 +333,12 @@ def _sections(content: bytes) -> Iterator[tuple[str, bytes]]:
     yield "a section that nobody knows", content + b"$Strange\n1 2 3\n$EndStrange\n"
 
 
-def _with_more(content: bytes, more: bytes, folder: Path) -> None:
+def _with_more(content, more, folder):
     (folder / "bad.inp").write_bytes(content)
     (folder / "more.inp").write_bytes(more)
 
 
-def _of_inp() -> Iterator[Case]:
+def _of_inp():
     """Files in files, cards that are no mesh, and decks that contradict themselves, to be written as decks."""
     inp = good("inp")
     for what, more in (

@@ -1,76 +1,22 @@
-"""Small files as text: ones that use much of the grammar of .inp, .mail and msh, and damaged ones with what is said."""
+"""Small files as text: those in `files`, which use much of the grammar, decks in pieces, and files that are wrong."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+
+def _file(name):
+    return (Path(__file__).parent / "files" / name).read_text()
+
+
+#: two cubes, one on the other, whose file includes "more.inp", `MORE`; two instances of a part
+INP, MORE, PARTS = map(_file, ("cubes.inp", "cubes_more.inp", "parts.inp"))
+#: a deck with every card that is rewritten where elements are cut; it includes "more.inp", `INCLUDED`
+DECK, INCLUDED = map(_file, ("deck.inp", "deck_more.inp"))
+MAIL, ASCII4 = map(_file, ("plate.mail", "square.msh"))
+
 # ---- .inp
 
-#: Two cubes, one on the other; the file "more.inp" is `MORE`.
-INP = """\
-** made by hand
-*Heading
-two cubes
-*NODE, NSET=Nall
-1, 0., 0., 0.
-2, 1.D0, 0., 0.
- 3 , 1.e0, 1
-** in between
-4,, 1., 0.
-*include, input=more.inp
-11, 0., 0., 1.
-*ELEMENT, TYPE=C3D8R, ELSET=Low
-100, 1, 2, 3, 4, 5, 6,
-7, 8
-*ELEMENT,
- ELSET=High, TYPE = c3d8i
-200, 5, 6, 7, 8, 9, 10, 21, 22
-*element, type=s4, elset=Plate
-7, 1, 4, 3, 2
-*ELSET, ELSET=Both
-Early, 100
-*ELSET, ELSET=Early
-HIGH
-*NSET, NSET=Odd, GENERATE
-1, 9, 2
-20, 22
-*NSET, NSET=Odd
-2
-*NSET, NSET=OfHigh, ELSET=High
-*NSET, NSET="With Blank"
-odd, 22
-*SURFACE, NAME=Joint
-Low, S2
-High, S1
-*SURFACE, NAME=Side, TYPE=ELEMENT
-100, S3
-200, S3
-*SURFACE, NAME=Under
-Low, S1
-*SURFACE, NAME=Skin
-Both,
-*SURFACE, NAME=Points, TYPE=NODE
-1
-Odd
-*MATERIAL, NAME=Steel
-*ELASTIC
-210000., 0.3
-*STEP
-*STATIC
-*NODE PRINT, NSET=Nall
-U
-*END STEP
-*Elastic
-"""
-MORE = """\
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-*NODE
-9, 0, 0, 2
-10, 1, 0, 2
-21, 1, 1, 2
-22, 0, 1, 2
-"""
 
 #: the nodes of a brick
 _BRICK = """\
@@ -84,37 +30,6 @@ _BRICK = """\
 8, 0., 1., 1.
 """
 
-PARTS = f"""\
-*Part, name=Brick
-*Node
-{_BRICK}*Element, type=C3D8
-1, 1, 2, 3, 4, 5, 6, 7, 8
-*Elset, elset=Body
-1
-*Surface, type=ELEMENT, name=Top
-Body, S2
-*End Part
-*Assembly, name=A
-*Instance, name=Lower, part=Brick
-*End Instance
-*Instance, name=Upper, part=Brick
-0., 0., 1.
-0., 0., 0., 0., 0., 1., 90.
-*End Instance
-*Node
-1, 5., 5., 5.
-*Nset, nset=Ref
-1
-*Nset, nset=Feet, instance=Lower
-1, 2
-*Nset, nset=Mixed
-Lower.3, Upper.3
-*Elset, elset=All
-Lower.Body, Upper.Body
-*Surface, name=Lid
-Upper.Body, S2
-*End Assembly
-"""
 
 _FOUR = "*NODE\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n"
 _TETRA = _FOUR + "*ELEMENT, TYPE=C3D4\n5, 1, 2, 3, 4\n"
@@ -170,123 +85,9 @@ MODEL = """\
  whatever it says; 1, 2
 """
 STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
-#: A deck with every card that is rewritten where elements are cut.
-DECK = (
-    MESH.replace("*NSET, NSET=Bottom", "*INCLUDE, INPUT=more.inp\n*NSET, NSET=Bottom")
-    + MODEL
-    + """\
-*SURFACE INTERACTION, NAME=I
-*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=HARD
-*CONTACT PAIR, INTERACTION=I
-slave, side
-*EQUATION
-2
-Bottom, 1, 1., 7, 1, -1.
-*INITIAL CONDITIONS, TYPE=TEMPERATURE
-Bottom, 20.
-5, 1.
-6, 2.
-7, 3.
-8, 4.
-*INITIAL CONDITIONS, TYPE=STRESS
-2, 1, 1., 2., 3., 4., 5., 6.
-*AMPLITUDE, NAME=A
-0., 0., 1., 1.
-"""
-    + STEP.format(
-        cards="""\
-*BOUNDARY, AMPLITUDE=A
-Bottom, 1, 3
-5, 1, 2, .5
-6, 1, 2, 1.
-7, 1, 2
-8, 1, 2, 1.d0
-*CLOAD
-Top, 3, -1.
-*DLOAD
-1, P2, 3.
-Eall, P3, 4.
-Second, GRAV, 9.81, 0., 0., -1.
-1, BX, 1.
-*FILM
-1, F6, 20., 1.
-*MODEL CHANGE, TYPE=ELEMENT, REMOVE
-1, Second
-*TEMPERATURE
-Top, 5.
-"""
-    )
-)
-#: The file "more.inp" of `DECK`.
-INCLUDED = """\
-*NODE
-11, 2., 0., 0.
-12, 2., 1., 0.
-13, 2., 0., 1.
-14, 2., 1., 1.
-*ELEMENT, TYPE=C3D8, ELSET=Second
-2, 2, 11, 12, 3, 6, 13, 14, 7
-*ELEMENT, TYPE=B31, ELSET=Beam
-41, 1, 4, 3
-*ELEMENT, TYPE=S4, ELSET=Shell
-30, 5, 6, 7, 8
-*ELEMENT, TYPE=MASS, ELSET=point
-31, 3
-*NSET, NSET=Free, UNSORTED
-1, 2
-*SURFACE, NAME=shells
-Shell, SPOS
-"""
 
 # ---- .mail
 
-#: One that uses the grammar.
-MAIL = """\
-% made by hand
- TITRE
- a plate of two squares
- FINSF
-%
-COOR_2D   NOM=INDEFINI NBOBJ=7   % six of them matter
-  N1\t0. 0.D+0
-  N2  1.0D0, 0
-  N3  .2E1
-      0.
-  N4  0. 1.d0   % a comment
-  N5  1. 1
-  N6  20.E-1 1.
-  N77 3.5 -1.5
-FINSF
-
-QUAD4
-M1 N1 N2
-   N5 N4
-M12 N2 N3 N6 N5
-FINSF
-SEG2  NBLIGE= 2 NBLIGT=1
-  this line belongs to the header
-M3 N1 N2
-FINSF
-QUAD4 % more of them
-M4 N4 N5 N2 N1
-FINSF
-GROUP_MA NOM= BAS NBOBJ=1
-M3
-FINSF
-GROUP_MA NOM=INDEFINI NBOBJ=4 NBLIGE=3
-         AUTEUR=SOMEONE
-%FORMAT=(1*NOM)
-TOUT M1 M12
-M4 M3
-FINSF
-GROUP_NO NOM=COIN
-N77 N1
-FINSF
-GROUP_NO NOM=RIEN
-FINSF
-FIN
-whatever follows FIN does not matter
-"""
 
 _CORNERS = "COOR_3D\nN1 0. 0. 0.\nN2 1. 0. 0.\nN3 0. 1. 0.\nN4 0. 0. 1.\nFINSF\n"
 
@@ -323,36 +124,6 @@ $Elements
 $EndElements
 """
 
-ASCII4 = """$MeshFormat
-4.1 0 8
-$EndMeshFormat
-$PhysicalNames
-1
-2 5 "five"
-$EndPhysicalNames
-$Entities
-0 0 1 0
-1 0 0 0 1 1 0 1 5 0
-$EndEntities
-$Nodes
-1 4 1 4
-2 1 0 4
-1
-2
-3
-4
-0 0 0
-1 0 0
-1 1 0
-0 1 0
-$EndNodes
-$Elements
-1 2 1 2
-2 1 2 2
-1 1 2 3
-2 1 3 4
-$EndElements
-"""
 
 #: what stands in ASCII4, what is put there, and the error that this gives; many more are in `tests/bad_input`
 WRONG_MSH = [

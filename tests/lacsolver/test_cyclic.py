@@ -25,7 +25,6 @@ from lacsolver.case import (
     Pressure,
     Solver,
     Steps,
-    parse_case,
 )
 from lacsolver.equilibrium.stepping import march
 from lacsolver.linear.multigrid.factor import MultigridFactor
@@ -33,7 +32,7 @@ from lacsolver.output import create_output
 from lacsolver.output.ring import described, fields_of_ring, sector_of
 from lacsolver.problem.problem import Problem
 from lacsolver.running import run
-from tests.lacsolver.distributed.joined_cases import CASES
+from tests.lacsolver.distributed.cases import JOINED
 from tests.lacsolver.patch_meshes import placed
 from tests.lacsolver.sectors import ring, sector
 from tests.samples import each_option
@@ -229,9 +228,7 @@ def test_contact_that_touches_the_sides_is_that_of_the_ring(cell, hexa):
 
 
 def test_the_zones_of_a_whole_ring_are_those_of_the_sector_turned():
-    text, made = CASES["a sector with friction"]
-    mesh = made()
-    solution = ls.solve(parse_case(text), mesh)
+    solution = ls.solve(JOINED["a sector with friction"].case())
     record = sector_of(json.loads(json.dumps({"cyclic": described(solution._solved[0].case)})))
     whole, fields = fields_of_ring(solution.mesh, solution.fields, record)
     (name,) = fields.zones
