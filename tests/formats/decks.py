@@ -21,42 +21,9 @@ from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
-#: Cards behind the mesh; {free} are the degrees of freedom across the pressure, {load} what presses.
-CARDS = """\
-** materials come first
-*Material, NAME=Steel
-*Elastic
- {E}, 0.
-** a comment between the cards
-*SOLID SECTION, ELSET=lower, MATERIAL=steel
-{thickness}
-*SOLID SECTION, ELSET=UPPER, MATERIAL=STEEL
-{thickness}
-*SURFACE INTERACTION, NAME=touch
-*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
-{K}
-*CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE
-slave, master
-*AMPLITUDE, NAME=ramp
-0., 0., 1., 1.
-*BOUNDARY
-base, 1, {up}, 0.
-all, {across}, 0.
-*STEP
-*STATIC
-1., 1.
-*DLOAD, AMPLITUDE=ramp
-{load}
-*NODE PRINT, NSET=base, TOTALS=ONLY
-RF
-*NODE PRINT, NSET=top
-U
-*EL PRINT, ELSET=upper
-S
-*NODE FILE
-U
-*END STEP
-"""
+FILES = Path(__file__).parent / "files"
+#: Cards behind the mesh; {across} are the degrees of freedom across the pressure, {load} what presses.
+CARDS = (FILES / "pressed_cards.inp").read_text()
 
 
 def pressed(name):
@@ -179,7 +146,7 @@ def two_blocks(kind):
 LOWER = Block(cells=(2, 2, 1))
 UPPER = Block("C", (0, 0, 1), (1, 1, 2), (3, 3, 1))
 #: two parts with numbers of their own, and names that a part and the assembly share, as Abaqus/CAE writes them
-TWO = (Path(__file__).parent / "files" / "press.inp").read_text()
+TWO = (FILES / "press.inp").read_text()
 NODE = int(UPPER.at(2, 2)[0])
 
 
