@@ -13,22 +13,11 @@ def _file(name):
 INP, MORE, PARTS = map(_file, ("cubes.inp", "cubes_more.inp", "parts.inp"))
 #: a deck with every card that is rewritten where elements are cut; it includes "more.inp", `INCLUDED`
 DECK, INCLUDED = map(_file, ("deck.inp", "deck_more.inp"))
-MAIL, ASCII4 = map(_file, ("plate.mail", "square.msh"))
+MAIL, ASCII4, OLD = map(_file, ("plate.mail", "square.msh", "old.msh"))
+#: A deck of a brick: its mesh, cards before the steps, and a step.
+MESH, MODEL = map(_file, ("brick.inp", "brick_cards.inp"))
 
 # ---- .inp
-
-
-#: the nodes of a brick
-_BRICK = """\
-1, 0., 0., 0.
-2, 1., 0., 0.
-3, 1., 1., 0.
-4, 0., 1., 0.
-5, 0., 0., 1.
-6, 1., 0., 1.
-7, 1., 1., 1.
-8, 0., 1., 1.
-"""
 
 
 _FOUR = "*NODE\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n4, 0., 0., 1.\n"
@@ -52,38 +41,6 @@ WRONG_INP = {
     "an endless keyword": ("*NODE" + ", A" * 3000 + "\n1, 0.\n", 1, "more than 4096 characters"),
 }
 
-#: A deck of a brick: its mesh, cards before the steps, and a step.
-MESH = f"""\
-** made by hand
-*NODE, NSET=Nall
-{_BRICK}** the brick
-*ELEMENT, TYPE=C3D8R, ELSET=Eall
-1, 1, 2, 3, 4, 5, 6, 7, 8
-*NSET, NSET=Bottom
-1, 2, 3, 4
-*NSET, NSET=Top, GENERATE
-5, 8
-*ELSET, ELSET=Few
-1
-*SURFACE, NAME=slave
-Few, S2
-*SURFACE, NAME=side, TYPE=ELEMENT
-1, S3
-*SURFACE, NAME=Nodes, TYPE=NODE
-5
-6
-7
-8
-"""
-MODEL = """\
-*Material, Name = "Steel of  1990"
-*ELASTIC
- 2.1e5 , .3
-*SOLID SECTION, ELSET=EALL,
- MATERIAL="Steel of  1990"
-*CARD OF NO PROGRAM, ELSET=nothing
- whatever it says; 1, 2
-"""
 STEP = "*STEP\n*STATIC\n1., 1.\n{cards}*NODE PRINT, NSET=Nall\nU\n*END STEP\n"
 
 # ---- .mail
@@ -103,26 +60,6 @@ WRONG_MAIL = {
 }
 
 # ---- msh
-
-OLD = """$MeshFormat
-{version} 0 8
-$EndMeshFormat
-$PhysicalNames
-2
-{names}
-$EndPhysicalNames
-$Nodes
-4
-1 0 0 0
-2 1 0 0
-3 1 1 0
-4 0 1 0
-$EndNodes
-$Elements
-{n}
-{elements}
-$EndElements
-"""
 
 
 #: what stands in ASCII4, what is put there, and the error that this gives; many more are in `tests/bad_input`
