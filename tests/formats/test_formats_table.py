@@ -238,10 +238,10 @@ def test_a_file_that_is_not_there_is_an_error_of_ours(form, tmp_path):
 
 def damaged_texts():
     """(suffix, what is wrong, text, what is said, where) of small files that are damaged in one place."""
-    for suffix, table in (("inp", texts.WRONG_INP), ("mail", texts.WRONG_MAIL)):
-        for what, (text, line, words) in table.items():
+    for suffix in ("inp", "mail"):
+        for what, (text, line, words) in texts.WRONG[suffix].items():
             yield suffix, what, text, re.escape(words), f"line {line}$"
-    for old, new, words in texts.WRONG_MSH:
+    for old, new, words in texts.WRONG["msh"]["changes"]:
         assert texts.ASCII4.count(old) == 1
         yield "msh", f"{old!r} -> {new!r}", texts.ASCII4.replace(old, new), re.escape(words), "line |byte "
     for what, (text, words) in test_xml.WRONG_VTU.items():
