@@ -19,7 +19,7 @@ import pytest
 from lacmesh import read
 from lacmesh.errors import LacmeshWarning, ReadError
 from tests import REPOSITORY
-from tests.bad_input import case, command_cases, mesh_cases, text_cases, xml_med_cases
+from tests.bad_input import case, command_cases, format_cases, mesh_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD
 from tests.samples import each_option
@@ -48,7 +48,7 @@ def title_of(kind):
 @cache
 def all_cases():
     """Every case but those that are stopped."""
-    return tuple(one for some in (mesh_cases, text_cases, xml_med_cases, command_cases) for one in some.cases())
+    return tuple(one for some in (mesh_cases, format_cases, command_cases) for one in some.cases())
 
 
 class Row(NamedTuple):
