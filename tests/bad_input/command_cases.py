@@ -7,13 +7,14 @@ import signal
 import subprocess
 import sys
 import tempfile
+import tomllib
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from tests.bad_input import raw
 from tests.bad_input.case import CONVERT, CUT, PRECIOUS, Case, Outcome, listing
-from tests.bad_input.mesh_cases import DEFECTS, WRITERS, _cut, png
+from tests.bad_input.mesh_cases import DEFECTS, WRITERS, png
 from tests.bad_input.raw import Cell, two_hexahedra
 
 GOOD = WRITERS["msh 4.1 binary"](two_hexahedra())
@@ -56,76 +57,15 @@ def _lines(mesh):
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
 
 
-GROUPS = [
-    ("a tag that no group has", GOOD, _cut("77"), 2),
-    ("a dimension and tag that no group has", GOOD, _cut("1:2"), 2),
-    ("an entity that is not there", GOOD, _cut("entity:2:99"), 2),
-    ("an entity without a tag", GOOD, _cut("entity:2"), 2),
-    ("an entity named by letters", GOOD, _cut("entity:two:x"), 2),
-    ("an empty name", GOOD, _cut(""), 2),
-    ("a name in another case", GOOD, _cut("slave"), 2),
-    ("the same group twice", GOOD, (*CUT, "--slave", "SLAVE"), 2),
-    ("a second group that is not there", GOOD, (*CUT, "--slave", "MASTR"), 2),
-    ("a mesh of lines only", _edited(_lines), CUT, 1),
-    ("--mesh for a msh file", GOOD, (*CUT, "--mesh", "mesh"), 2),
-]
-#: what is wrong, content, command: `lacmesh check` and the limits of `lacmesh cut` say no
-VERDICTS = [
-    ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE")),
-    ("check: a slave group of volumes", GOOD, (*CHECK, "BODY")),
-    ("check: a cell is inverted", _edited(_inside_out), (*CHECK, "SLAVE")),
-    ("check: slave and master are one", GOOD, (*CHECK, "SLAVE", "--master", "SLAVE")),
-    ("check: a mesh of lines only", _edited(_lines), (*CHECK, "SLAVE")),
-    ("cut: cells would be worse than --min-quality", GOOD, (*CUT, "--min-quality", "2")),
-    ("cut: a cell is inverted, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0")),
-    ("cut: the check against the master finds an error", GOOD, (*CUT, "--master", "SLAVE")),
-    ("cut: CalculiX has no pyramids", GOOD, (*CUT, "--for", "calculix")),
-    ("orient: a group of volumes", GOOD, (*ORIENT, "BODY")),
-    ("split: a group of volumes", GOOD, (*SPLIT, "BODY")),
-    ("split: faces on the surface", GOOD, (*SPLIT, "SLAVE")),
-    ("split: a face of no cell", _edited(_without_parent), (*SPLIT, "SLAVE")),
-]
-REQUESTS = [
-    ("no slave group", GOOD, ("cut", "{in}", "-o", "{out}")),
-    ("an option that nobody knows", GOOD, (*CUT, "--quickly")),
-    ("a variant that nobody knows", GOOD, (*CUT, "--hexa", "tetra")),
-    ("an order that nobody knows", GOOD, ("convert", "{in}", "{out}", "--order", "7")),
-    ("a command that nobody knows", GOOD, ("chop", "{in}")),
-    ("the output exists", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}")),
-    ("the output is the input", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{in}")),
-    ("check: no slave group", GOOD, ("check", "{in}")),
-    (
-        "check: several slaves with several masters",
-        GOOD,
-        (*CHECK, "SLAVE", "--slave", "BODY", "--master", "MASTER", "--master", "x"),
-    ),
-    ("check: a pair with a master that is not there", GOOD, ("check", "{in}", "--pair", "SLAVE:x")),
-    ("check: a slave that is not there", GOOD, (*CHECK, "SLVE")),
-    ("check: a master that is not there", GOOD, (*CHECK, "SLAVE", "--master", "x")),
-    ("check: held nodes that are not there", GOOD, (*CHECK, "SLAVE", "--dirichlet", "MASTR")),
-    ("check: axisymmetric, and in space", GOOD, (*CHECK, "SLAVE", "--master", "MASTER", "--axisymmetric")),
-    ("quality: a group that is not there", GOOD, (*QUALITY, "--group", "BODI")),
-    ("quality: a measure that nobody knows", GOOD, (*QUALITY, "--measures", "beauty")),
-    ("quality: a plot that is no picture", GOOD, (*QUALITY, "--plot", "q.txt")),
-    ("quality: nothing to plot", _edited(_lines), (*QUALITY, "--plot", "q.png")),
-    ("orient: no group", GOOD, ("orient", "{in}", "-o", "{out}")),
-    ("orient: a group that is not there", GOOD, (*ORIENT, "SLAV")),
-    ("split: no group", GOOD, ("split", "{in}", "-o", "{out}")),
-    ("split: a group that is not there", GOOD, (*SPLIT, "SLAV")),
-    ("view: neither a picture nor a page", GOOD, (*VIEW, "v.jpg")),
-    ("view: a slave that is not there", GOOD, (*VIEW, "v.html", "--slave", "SLAV")),
-    ("view: a direction of no length", GOOD, (*VIEW, "v.png", "--camera", "0", "0", "0")),
-    ("view: a size that is none", GOOD, (*VIEW, "v.png", "--size", "big")),
-    ("view: a size of 10^6", GOOD, (*VIEW, "v.png", "--size", "1000000x9")),
-    ("view: a measure that nobody knows", GOOD, (*VIEW, "v.html", "--quality", "beauty")),
-    ("view: a mesh of nothing", _edited(lambda m: m.cells.clear()), (*VIEW, "v.html")),
-    ("cut: --min-quality is NaN", GOOD, (*CUT, "--min-quality", "nan")),
-    ("cut: --min-quality in letters", GOOD, (*CUT, "--min-quality", "high")),
-    ("cut: a program that nobody knows", GOOD, (*CUT, "--for", "ansys")),
-    ("cut: a report that is none", GOOD, (*CUT, "--report", "r.pdf")),
-    ("cut: the report is the mesh", GOOD, (*CUT, "--report", "{out}")),
-    ("cut: the master is not there", GOOD, (*CUT, "--master", "MASTR")),
-]
+#: the meshes of commands.toml, whose rows are what is wrong, the mesh, the command, its status
+MESHES = {
+    "good": GOOD,
+    "lines": _edited(_lines),
+    "without a parent": _edited(_without_parent),
+    "inside out": _edited(_inside_out),
+    "nothing": _edited(lambda mesh: mesh.cells.clear()),
+}
+COMMANDS = tomllib.loads((Path(__file__).parent / "commands.toml").read_text(encoding="utf-8"))
 #: command, its other output
 OTHERS = {
     "cut --report": ((*CUT, "--report", "r.html"), "r.html"),
@@ -214,31 +154,14 @@ FILES = [
     ("geo", "a surface of which a side is missing", _SQUARE.replace(b"{1, 2, 3, 4}", b"{1, 2, 3}"), 1, "closed loop"),
     ("geo", "a size of nothing", _SQUARE.replace(b"lc = 0.5", b"lc = 1/0"), 3, "Division by zero"),
 ]
-#: what is wrong, options
-WISHES = [
-    ("a surface that is not there", ("--group", "x=99")),
-    ("a volume that is not there", ("--group", "x=3:99")),
-    ("a box in which nothing lies", ("--group", "x=box:8,8,8,9,9,9")),
-    ("a box with its corners exchanged", ("--group", "x=box:1,0,0,0,1,1")),
-    ("a group without a tag", ("--group", "x")),
-    ("a size without a slave", ("--slave-size", "1")),
-    ("a slave that is not there", ("--slave", "tops", "--slave-size", "1")),
-    ("a size of -1", ("--size", "-1")),
-    ("a size that is NaN", ("--size", "nan")),
-    ("a size in letters", ("--size", "small")),
-    ("an order that gmsh has and we have not", ("--order", "3")),
-    ("a list and a mesh", ("--list",)),
-]
 
 
 def cases():
     """Groups, requests, verdicts, places, permissions, a full disk, geometries."""
-    for what, make, command, status in GROUPS:
-        yield Case("groups", "any", what, make, status, command)
-    for what, content, command in REQUESTS:
-        yield Case("request", "any", what, content, 2, command)
-    for what, content, command in VERDICTS:
-        yield Case("verdicts", "any", what, content, 1, command)
+    for kind in ("groups", "request", "verdicts"):
+        for what, mesh, (first, *rest), status in COMMANDS[kind]:
+            command = (*(CUT if first == "CUT" else (first,)), *rest)
+            yield Case(kind, "any", what, MESHES[mesh], status, command)
     for what, make, out, status in PLACES:
         yield Case("output", "any", what, make, status, out=out)
     yield Case("permission", "any", "the folder of the output takes no files", _closed, nobody=True)
@@ -272,7 +195,7 @@ def _geometry():
     for name, what, content, status, says in FILES:
         yield Case("geometry", name, what, content, status, MESH, says, needs="gmsh")
     yield Case("geometry", "STEP", "no shape in it, listed", _STEP, 3, LIST, needs="gmsh")
-    for what, options in WISHES:
+    for what, options in COMMANDS["wishes"]:
         yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), needs="gmsh")
     yield Case("geometry", "any", "a mesh", b"$MeshFormat\n", 2, MESH)
     yield Case("geometry", "any", "no CAD file has the suffix", png(), 2, MESH, file="bad.png")
