@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+import signal
+import subprocess
+import sys
+import tempfile
+import tomllib
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 from tests.bad_input import raw
-from tests.bad_input.case import CUT, PRECIOUS, Case
-from tests.bad_input.mesh_cases import DEFECTS, WRITERS, Defect, _cut, png
-from tests.bad_input.raw import Cell, Raw, two_hexahedra
+from tests.bad_input.case import CONVERT, CUT, PRECIOUS, Case, Outcome, listing
+from tests.bad_input.mesh_cases import DEFECTS, WRITERS, png
+from tests.bad_input.raw import Cell, two_hexahedra
 
 GOOD = WRITERS["msh 4.1 binary"](two_hexahedra())
 #: Suffix and options -> how the output is called in the page.
@@ -30,102 +35,39 @@ QUALITY = ("quality", "{in}")
 VIEW = ("view", "{in}", "-o")
 ORIENT = ("orient", "{in}", "-o", "{out}", "--force", "--group")
 SPLIT = ("split", "{in}", "-o", "{out}", "--force", "--faces")
-CONVERT = ("convert", "{in}", "{out}", "--force")
 
 
-def _without_parent(mesh: Raw) -> None:
+def _without_parent(mesh):
     mesh.cells.append(Cell(107, "QUAD4", [11, 13, 21, 17], "SLAVE"))
 
 
-def _inside_out(mesh: Raw) -> None:
+def _inside_out(mesh):
     nodes = mesh.cells[0].nodes
     nodes[:] = nodes[4:] + nodes[:4]
 
 
-def _edited(*edits: Callable[[Raw], object]) -> bytes:
+def _edited(*edits):
     mesh = two_hexahedra()
     for edit in edits:
         edit(mesh)
     return raw.msh41(mesh)
 
 
-def _lines(mesh: Raw) -> None:
+def _lines(mesh):
     mesh.cells = [Cell(101, "SEG2", [11, 12], "SLAVE")]
 
 
-Make = bytes | Callable[[Path], object]
-GROUPS: list[tuple[str, Make, tuple[str, ...], int]] = [
-    ("a tag that no group has", GOOD, _cut("77"), 2),
-    ("a dimension and tag that no group has", GOOD, _cut("1:2"), 2),
-    ("an entity that is not there", GOOD, _cut("entity:2:99"), 2),
-    ("an entity without a tag", GOOD, _cut("entity:2"), 2),
-    ("an entity named by letters", GOOD, _cut("entity:two:x"), 2),
-    ("an empty name", GOOD, _cut(""), 2),
-    ("a name in another case", GOOD, _cut("slave"), 2),
-    ("the same group twice", GOOD, (*CUT, "--slave", "SLAVE"), 2),
-    ("a second group that is not there", GOOD, (*CUT, "--slave", "MASTR"), 2),
-    ("a mesh of lines only", _edited(_lines), CUT, 1),
-    ("--mesh for a msh file", GOOD, (*CUT, "--mesh", "mesh"), 2),
-]
-#: what is wrong, content, command: `lacmesh check` and the limits of `lacmesh cut` say no
-VERDICTS: list[tuple[str, bytes, tuple[str, ...]]] = [
-    ("check: a slave face is no facet of a cell", _edited(_without_parent), (*CHECK, "SLAVE")),
-    ("check: a slave group of volumes", GOOD, (*CHECK, "BODY")),
-    ("check: a cell is inverted", _edited(_inside_out), (*CHECK, "SLAVE")),
-    ("check: slave and master are one", GOOD, (*CHECK, "SLAVE", "--master", "SLAVE")),
-    ("check: a mesh of lines only", _edited(_lines), (*CHECK, "SLAVE")),
-    ("cut: cells would be worse than --min-quality", GOOD, (*CUT, "--min-quality", "2")),
-    ("cut: a cell is inverted, and --min-quality", _edited(_inside_out), (*CUT, "--min-quality", "0")),
-    ("cut: the check against the master finds an error", GOOD, (*CUT, "--master", "SLAVE")),
-    ("cut: CalculiX has no pyramids", GOOD, (*CUT, "--for", "calculix")),
-    ("orient: a group of volumes", GOOD, (*ORIENT, "BODY")),
-    ("split: a group of volumes", GOOD, (*SPLIT, "BODY")),
-    ("split: faces on the surface", GOOD, (*SPLIT, "SLAVE")),
-    ("split: a face of no cell", _edited(_without_parent), (*SPLIT, "SLAVE")),
-]
-REQUESTS: list[tuple[str, bytes, tuple[str, ...]]] = [
-    ("no slave group", GOOD, ("cut", "{in}", "-o", "{out}")),
-    ("an option that nobody knows", GOOD, (*CUT, "--quickly")),
-    ("a variant that nobody knows", GOOD, (*CUT, "--hexa", "tetra")),
-    ("an order that nobody knows", GOOD, ("convert", "{in}", "{out}", "--order", "7")),
-    ("a command that nobody knows", GOOD, ("chop", "{in}")),
-    ("the output exists", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}")),
-    ("the output is the input", GOOD, ("cut", "{in}", "--slave", "SLAVE", "-o", "{in}")),
-    ("check: no slave group", GOOD, ("check", "{in}")),
-    (
-        "check: several slaves with several masters",
-        GOOD,
-        (*CHECK, "SLAVE", "--slave", "BODY", "--master", "MASTER", "--master", "x"),
-    ),
-    ("check: a pair with a master that is not there", GOOD, ("check", "{in}", "--pair", "SLAVE:x")),
-    ("check: a slave that is not there", GOOD, (*CHECK, "SLVE")),
-    ("check: a master that is not there", GOOD, (*CHECK, "SLAVE", "--master", "x")),
-    ("check: held nodes that are not there", GOOD, (*CHECK, "SLAVE", "--dirichlet", "MASTR")),
-    ("check: axisymmetric, and in space", GOOD, (*CHECK, "SLAVE", "--master", "MASTER", "--axisymmetric")),
-    ("quality: a group that is not there", GOOD, (*QUALITY, "--group", "BODI")),
-    ("quality: a measure that nobody knows", GOOD, (*QUALITY, "--measures", "beauty")),
-    ("quality: a plot that is no picture", GOOD, (*QUALITY, "--plot", "q.txt")),
-    ("quality: nothing to plot", _edited(_lines), (*QUALITY, "--plot", "q.png")),
-    ("orient: no group", GOOD, ("orient", "{in}", "-o", "{out}")),
-    ("orient: a group that is not there", GOOD, (*ORIENT, "SLAV")),
-    ("split: no group", GOOD, ("split", "{in}", "-o", "{out}")),
-    ("split: a group that is not there", GOOD, (*SPLIT, "SLAV")),
-    ("view: neither a picture nor a page", GOOD, (*VIEW, "v.jpg")),
-    ("view: a slave that is not there", GOOD, (*VIEW, "v.html", "--slave", "SLAV")),
-    ("view: a direction of no length", GOOD, (*VIEW, "v.png", "--camera", "0", "0", "0")),
-    ("view: a size that is none", GOOD, (*VIEW, "v.png", "--size", "big")),
-    ("view: a size of 10^6", GOOD, (*VIEW, "v.png", "--size", "1000000x9")),
-    ("view: a measure that nobody knows", GOOD, (*VIEW, "v.html", "--quality", "beauty")),
-    ("view: a mesh of nothing", _edited(lambda m: m.cells.clear()), (*VIEW, "v.html")),
-    ("cut: --min-quality is NaN", GOOD, (*CUT, "--min-quality", "nan")),
-    ("cut: --min-quality in letters", GOOD, (*CUT, "--min-quality", "high")),
-    ("cut: a program that nobody knows", GOOD, (*CUT, "--for", "ansys")),
-    ("cut: a report that is none", GOOD, (*CUT, "--report", "r.pdf")),
-    ("cut: the report is the mesh", GOOD, (*CUT, "--report", "{out}")),
-    ("cut: the master is not there", GOOD, (*CUT, "--master", "MASTR")),
-]
+#: the meshes of commands.toml, whose rows are what is wrong, the mesh, the command, its status
+MESHES = {
+    "good": GOOD,
+    "lines": _edited(_lines),
+    "without a parent": _edited(_without_parent),
+    "inside out": _edited(_inside_out),
+    "nothing": _edited(lambda mesh: mesh.cells.clear()),
+}
+COMMANDS = tomllib.loads((Path(__file__).parent / "commands.toml").read_text(encoding="utf-8"))
 #: command, its other output
-OTHERS: dict[str, tuple[tuple[str, ...], str]] = {
+OTHERS = {
     "cut --report": ((*CUT, "--report", "r.html"), "r.html"),
     "cut --report (Markdown)": ((*CUT, "--report", "r.md"), "r.md"),
     "cut --report (JSON)": ((*CUT, "--report", "r.json"), "r.json"),
@@ -134,7 +76,7 @@ OTHERS: dict[str, tuple[tuple[str, ...], str]] = {
 }
 
 
-def _put(folder: Path, **things: bytes | Callable[[Path], object]) -> None:
+def _put(folder, **things):
     """Put the good mesh into a folder, and other things: files, or what makes a folder, a pipe or a link."""
     (folder / "bad.msh").write_bytes(GOOD)
     for name, thing in things.items():
@@ -142,17 +84,17 @@ def _put(folder: Path, **things: bytes | Callable[[Path], object]) -> None:
         path.write_bytes(thing) if isinstance(thing, bytes) else thing(path)
 
 
-def _closed(folder: Path) -> None:
+def _closed(folder):
     """A folder in which nobody may write; where we own it, `nobody` does not."""
     _put(folder, out_msh=PRECIOUS)
     folder.chmod(0o555)
 
 
-def _replaced(folder: Path) -> None:
+def _replaced(folder):
     assert (folder / "out.msh").read_bytes() != PRECIOUS
 
 
-PLACES: list[tuple[str, Make, str, int]] = [
+PLACES = [
     ("no format has the suffix", GOOD, "out.xyz", 2),
     ("there is no suffix", GOOD, "out", 2),
     ("the suffix is nearly one", GOOD, "out.mssh", 2),
@@ -184,14 +126,14 @@ _STEP += b"FILE_SCHEMA(('AUTOMOTIVE_DESIGN'));\nENDSEC;\nDATA;\nENDSEC;\nEND-ISO
 _TRIANGLE = "facet normal 0 0 1\nouter loop\nvertex {0}\nvertex {1}\nvertex {2}\nendloop\nendfacet\n"
 
 
-def _stl(*triangles: tuple[str, str, str]) -> bytes:
+def _stl(*triangles):
     return ("solid a\n" + "".join(_TRIANGLE.format(*t) for t in triangles) + "endsolid a\n").encode()
 
 
 MESH = ("mesh", "{in}", "-o", "{out}", "--force")
 LIST = ("mesh", "{in}", "--list")
 #: format, what is wrong, content, status, words of gmsh that the page leaves out
-FILES: list[tuple[str, str, bytes, int, str]] = [
+FILES = [
     ("STEP", "empty", b"", 3, ""),
     ("STEP", "text", b"Dear all,\n", 3, ""),
     ("STEP", "a picture (PNG)", png(), 3, ""),
@@ -212,31 +154,14 @@ FILES: list[tuple[str, str, bytes, int, str]] = [
     ("geo", "a surface of which a side is missing", _SQUARE.replace(b"{1, 2, 3, 4}", b"{1, 2, 3}"), 1, "closed loop"),
     ("geo", "a size of nothing", _SQUARE.replace(b"lc = 0.5", b"lc = 1/0"), 3, "Division by zero"),
 ]
-#: what is wrong, options
-WISHES: list[tuple[str, tuple[str, ...]]] = [
-    ("a surface that is not there", ("--group", "x=99")),
-    ("a volume that is not there", ("--group", "x=3:99")),
-    ("a box in which nothing lies", ("--group", "x=box:8,8,8,9,9,9")),
-    ("a box with its corners exchanged", ("--group", "x=box:1,0,0,0,1,1")),
-    ("a group without a tag", ("--group", "x")),
-    ("a size without a slave", ("--slave-size", "1")),
-    ("a slave that is not there", ("--slave", "tops", "--slave-size", "1")),
-    ("a size of -1", ("--size", "-1")),
-    ("a size that is NaN", ("--size", "nan")),
-    ("a size in letters", ("--size", "small")),
-    ("an order that gmsh has and we have not", ("--order", "3")),
-    ("a list and a mesh", ("--list",)),
-]
 
 
-def cases() -> Iterator[Case]:
+def cases():
     """Groups, requests, verdicts, places, permissions, a full disk, geometries."""
-    for what, make, command, status in GROUPS:
-        yield Case("groups", "any", what, make, status, command)
-    for what, content, command in REQUESTS:
-        yield Case("request", "any", what, content, 2, command)
-    for what, content, command in VERDICTS:
-        yield Case("verdicts", "any", what, content, 1, command)
+    for kind in ("groups", "request", "verdicts"):
+        for what, mesh, (first, *rest), status in COMMANDS[kind]:
+            command = (*(CUT if first == "CUT" else (first,)), *rest)
+            yield Case(kind, "any", what, MESHES[mesh], status, command)
     for what, make, out, status in PLACES:
         yield Case("output", "any", what, make, status, out=out)
     yield Case("permission", "any", "the folder of the output takes no files", _closed, nobody=True)
@@ -250,7 +175,7 @@ def cases() -> Iterator[Case]:
     yield from _geometry()
 
 
-def _other_outputs() -> Iterator[Case]:
+def _other_outputs():
     for what, (command, name) in OTHERS.items():
         force = () if "--force" in command else ("--force",)
         elsewhere = tuple(word.replace(name, f"no/{name}") for word in command)
@@ -266,11 +191,11 @@ def _other_outputs() -> Iterator[Case]:
         yield Case("full disk", "any", f"no room for {what}", there, 3, (*command, *force), file_size=1000)
 
 
-def _geometry() -> Iterator[Case]:
+def _geometry():
     for name, what, content, status, says in FILES:
         yield Case("geometry", name, what, content, status, MESH, says, needs="gmsh")
     yield Case("geometry", "STEP", "no shape in it, listed", _STEP, 3, LIST, needs="gmsh")
-    for what, options in WISHES:
+    for what, options in COMMANDS["wishes"]:
         yield Case("geometry", "geo", what, BOX, 2, (*MESH, *options), needs="gmsh")
     yield Case("geometry", "any", "a mesh", b"$MeshFormat\n", 2, MESH)
     yield Case("geometry", "any", "no CAD file has the suffix", png(), 2, MESH, file="bad.png")
@@ -279,7 +204,7 @@ def _geometry() -> Iterator[Case]:
 
 
 #: Commands that are run on every mesh that is wrong and can be read.
-EVERY: dict[str, tuple[str, ...]] = {
+EVERY = {
     "check": (*CHECK, "SLAVE", "--master", "MASTER", "--dirichlet", "MASTER", "--json"),
     "check, for people": (*CHECK, "SLAVE"),
     "quality": (*QUALITY, "--measures", "all", "--json"),
@@ -297,7 +222,146 @@ EVERY: dict[str, tuple[str, ...]] = {
 }
 
 
-def readable() -> list[tuple[str, Defect]]:
+def readable():
     """Formats, and defects that are no error of the file in them."""
     names = ("msh 4.1 ASCII", "MED 4.1")
     return [(name, defect) for defect in DEFECTS for name in names if defect.status_in(name) not in (None, 3)]
+
+
+# ---- a command that is stopped by SIGINT or SIGTERM, wherever it is; each in a process of its own
+
+#: What is run instead of `lacmesh`; {} makes the command wait at its stage.
+_RUN = """
+import sys, time
+sys.argv = ["lacmesh", *sys.argv[1:]]
+def wait(seconds=120):
+    print("now", flush=True)
+    for _ in range(100 * seconds):  # in short steps: a signal that comes just before one is seen after it
+        time.sleep(0.01)
+{}
+from lacmesh.__main__ import main
+sys.exit(main())
+"""
+#: waits while the command itself is imported
+_LOADING = """
+class Slow:
+    def find_spec(self, name, *rest):
+        if name == "lacmesh.cli.options": wait()
+sys.meta_path.insert(0, Slow())"""
+#: waits where a function is called
+_CALL = """
+import {module} as at
+real = at.{name}
+def slow(*given, **more):
+    if {when}:
+        {first}
+        wait({lasts})
+    return real(*given, **more)
+at.{name} = slow"""
+
+
+class Stage(NamedTuple):
+    """Stage at which a command is stopped: `at` runs the code `first`, waits for `lasts` seconds, and goes on.
+
+    A stage that lasts one second is not stopped in the middle. `written`: the output exists afterwards. `when`: a
+    condition on the calls of `at`; the others do not wait. Without `at` it is while the command is loaded.
+    """
+
+    what: str
+    at: str
+    command: tuple[str, ...]
+    first: str = "pass"
+    lasts: float = 120
+    written: bool = False
+    when: str = "True"
+
+    def code(self):
+        """Python code that makes the command wait."""
+        module, _, name = self.at.rpartition(".")
+        return _CALL.format(module=module, name=name, **self._asdict()) if self.at else _LOADING
+
+    @property
+    def output(self):
+        """Name of the output file; "" for a command without one."""
+        return self.command[self.command.index("-o") + 1] if "-o" in self.command else ""
+
+
+_HALF = "given[0].write_bytes(b'half of it')"
+_STOPPED = ("cut", "in.msh", "--slave", "SLAVE", "--force", "-o")
+_MSH, _MED, _XDMF = ((*_STOPPED, f"out{suffix}") for suffix in (".msh", ".med", ".xdmf"))
+_SKIN = ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh")
+STAGES = (
+    Stage("while Python loads the command", "", _MSH),
+    Stage("while the file is read", "lacmesh.formats.msh.read", _MSH),
+    Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin", _MSH),
+    Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, _HALF),
+    Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", _MED, lasts=1),
+    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, _HALF),
+    Stage("before the new file takes its place", "lacmesh.formats.output._finish", _MSH),
+    Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,
+          "str(given[1]).endswith('.xdmf')"),
+    Stage("while a report is written", "lacmesh.report.writing.report_bytes", (*_MSH, "--report", "r.html")),
+    Stage("when the new file is there", "lacmesh.cli.cut._print_summary", _MSH, written=True),
+    Stage("while a mesh is checked", "lacmesh.checks.check", ("check", "in.msh", "--slave", "SLAVE")),
+    Stage("while a plot is drawn", "lacmesh.report.plot_quality", ("quality", "in.msh", "--plot", "q.png", "--force")),
+    Stage("while a page is made", "lacmesh.view.page", ("view", "in.msh", "--force", "-o", "out.html")),
+    Stage("while a skin is turned", "lacmesh.topology.orientation.analyse_orientation", _SKIN),
+)  # fmt: skip
+
+
+class Stop(NamedTuple):
+    """A signal at a stage, told as a case is."""
+
+    stage: Stage
+    number: signal.Signals
+    kind: str = "stopped"
+    format: str = "any"
+
+    @property
+    def what(self):
+        return f"{self.number.name} {self.stage.what}"
+
+    @property
+    def key(self):
+        return f"stopped: {self.what}"
+
+    @property
+    def status(self):
+        """Exit status that a shell reports for a process ended by the signal."""
+        return 128 + self.number
+
+    @property
+    def says(self):
+        word = "interrupted" if self.number == signal.SIGINT else "terminated"
+        return f"{word}; " + (f"{self.stage.output} was written" if self.stage.written else "nothing was written")
+
+
+def run_stopped(stop, folder):
+    """Start the command, send the signal where it waits, and see that the folder is as it was."""
+    stage = stop.stage
+    (folder / "in.msh").write_bytes(GOOD)
+    for name in {stage.output, "r.html", "q.png"} - {""}:
+        (folder / name).write_bytes(PRECIOUS)
+    before = listing(folder)
+    args = [sys.executable, "-c", _RUN.format(stage.code()), *stage.command]
+    with tempfile.TemporaryDirectory() as other:
+        given = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": folder}
+        with subprocess.Popen(args, env=dict(os.environ, TMPDIR=other), **given) as child:
+            if child.stdout.readline() != "now\n":
+                raise AssertionError(child.communicate())
+            child.send_signal(stop.number)
+            _, said = child.communicate(timeout=100)
+        assert not listing(Path(other)), "the command left temporary files"
+    after = listing(folder)
+    if stage.written:
+        assert after[stage.output] != PRECIOUS and not any(name.startswith(".") for name in after)
+        assert (folder / stage.output).with_suffix(".h5").exists() == stage.output.endswith(".xdmf")
+    else:
+        assert after == before
+    return Outcome(child.returncode, said.splitlines())
+
+
+def stops():
+    """Both signals at every stage; before the command is loaded SIGTERM is left to the system."""
+    numbers = signal.SIGINT, signal.SIGTERM
+    return [Stop(stage, number) for stage in STAGES for number in numbers if stage.at or number == signal.SIGINT]

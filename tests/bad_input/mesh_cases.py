@@ -5,11 +5,10 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from io import BytesIO
 from math import inf, nan
-from pathlib import Path
 from typing import NamedTuple
 
 import h5py
@@ -19,7 +18,7 @@ from tests.bad_input import raw
 from tests.bad_input.case import CUT, INFO, Case
 from tests.bad_input.raw import Cell, Raw, two_hexahedra
 
-WRITERS: dict[str, Callable[[Raw], bytes]] = {
+WRITERS = {
     "msh 2.2 ASCII": raw.msh22,
     "msh 2.2 binary": partial(raw.msh22, binary=True),
     "msh 4.1 ASCII": raw.msh41,
@@ -36,17 +35,17 @@ WRITERS: dict[str, Callable[[Raw], bytes]] = {
 # ---- files
 
 
-def png() -> bytes:
+def png():
     """A picture of one white pixel."""
 
-    def chunk(kind: bytes, data: bytes) -> bytes:
+    def chunk(kind, data):
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     head = struct.pack(">2I5B", 1, 1, 8, 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(b"\0\xff")) + chunk(b"IEND", b"")
 
 
-def other_hdf5() -> bytes:
+def other_hdf5():
     """HDF5 that has nothing to do with MED."""
     image = BytesIO()
     with h5py.File(image, "w") as file:
@@ -54,13 +53,13 @@ def other_hdf5() -> bytes:
     return image.getvalue()
 
 
-def _secret(folder: Path) -> None:
+def _secret(folder):
     (folder / "bad.msh").write_bytes(WRITERS["msh 4.1 ASCII"](two_hexahedra()))
     (folder / "bad.msh").chmod(0)
 
 
 TEXT = b"Dear all,\nthe mesh is in the annex.\n"
-NOT_A_MESH: list[tuple[str, bytes | Callable[[Path], object]]] = [
+NOT_A_MESH = [
     ("a picture (PNG)", png()),
     ("text", TEXT),
     ("a page (HTML)", b"<!DOCTYPE html>\n<html><body>404 not found</body></html>\n"),
@@ -85,7 +84,7 @@ PARTS = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98)
 _IN_TWO = {("inp", part): 2 for part in (0.1, 0.25, 0.5, 0.75)} | {("inp", 0.9): 0}
 
 
-def _files() -> Iterator[Case]:
+def _files():
     """Files that are no meshes, then files that are cut short or begin otherwise, for each format."""
     for what, make in NOT_A_MESH:
         yield Case("not a mesh", "any", what, make)
@@ -120,15 +119,15 @@ class Defect(NamedTuple):
     command: tuple[str, ...] = CUT
     lines: dict[str, str] = {}
 
-    def status_in(self, name: str) -> int | None:
+    def status_in(self, name):
         """Exit status for a file of a format; None where the format cannot have the defect."""
         return self.status if isinstance(self.status, int) else self.status.get(name.split()[0])
 
 
-def _set(attribute: str, at: int, value: object) -> Callable[[Raw], None]:
+def _set(attribute, at, value):
     """Put a value in place of a node's number ("node_number"), of a coordinate ("points": y)."""
 
-    def edit(mesh: Raw) -> None:
+    def edit(mesh):
         if attribute == "points":
             mesh.points[at][1] = value
         else:
@@ -137,53 +136,53 @@ def _set(attribute: str, at: int, value: object) -> Callable[[Raw], None]:
     return edit
 
 
-def _number(at: int, number: int) -> Callable[[Raw], None]:
+def _number(at, number):
     return lambda mesh: setattr(mesh.cells[at], "number", number)
 
 
-def _node(at: int, place: int, node: int | None = None) -> Callable[[Raw], None]:
+def _node(at, place, node=None):
     """Replace a node in a cell; None: by the previous node, which is then repeated."""
 
-    def edit(mesh: Raw) -> None:
+    def edit(mesh):
         nodes = mesh.cells[at].nodes
         nodes[place] = nodes[place - 1] if node is None else node
 
     return edit
 
 
-def _count(**counts: int) -> Callable[[Raw], None]:
+def _count(**counts):
     return lambda mesh: mesh.count.update(counts)
 
 
-def _more(*nodes: int) -> Callable[[Raw], None]:
+def _more(*nodes):
     return lambda mesh: mesh.cells.append(Cell(107, "QUAD4", list(nodes), "SLAVE"))
 
 
-def _only(*types: str) -> Callable[[Raw], None]:
+def _only(*types):
     return lambda mesh: setattr(mesh, "cells", [cell for cell in mesh.cells if cell.type in types])
 
 
-def _cut(group: str) -> tuple[str, ...]:
+def _cut(group):
     return (*CUT[:3], group, *CUT[4:])
 
 
-def _both(*edits: Callable[[Raw], object]) -> Callable[[Raw], None]:
-    def edit(mesh: Raw) -> None:
+def _both(*edits: Callable[[Raw], object]):
+    def edit(mesh):
         for one in edits:
             one(mesh)
 
     return edit
 
 
-def _all_points(mesh: Raw) -> None:
+def _all_points(mesh):
     mesh.points = [[0.5, 0.5, 0.5] for _ in mesh.points]
 
 
-def _nothing(mesh: Raw) -> None:
+def _nothing(mesh):
     mesh.points, mesh.node_number, mesh.cells = [], [], []
 
 
-def _type(at: int, kind: object) -> Callable[[Raw], None]:
+def _type(at, kind):
     return lambda mesh: setattr(mesh.cells[at], "type", kind)
 
 
@@ -237,7 +236,7 @@ DEFECTS = [
 ]  # fmt: skip
 
 
-def cases() -> Iterator[Case]:
+def cases():
     """Files, then every defect in every format that can have it."""
     yield from _files()
     for defect in DEFECTS:
@@ -249,21 +248,21 @@ def cases() -> Iterator[Case]:
     yield from _latin()
 
 
-def spoilt(name: str, defect: Defect, _: Path | None = None) -> bytes:
+def spoilt(name, defect: Defect, _=None):
     """The content of a file with a defect."""
     mesh = two_hexahedra()
     defect.edit(mesh)
     return WRITERS[name](mesh)
 
 
-def _latin() -> Iterator[Case]:
+def _latin():
     """A group's name that is not UTF-8 is taken for Latin-1."""
     for name in (n for n in WRITERS if n not in ("vtu", "xdmf")):
         mesh = two_hexahedra()
         for cell in mesh.cells:
             cell.group = "Körper" if cell.group == "SLAVE" else cell.group
 
-        def then(folder: Path) -> None:
+        def then(folder):
             assert lacmesh.read(folder / "out.msh").zones == ("Körper",)
 
         yield Case("names", name, "a group's name is in Latin-1", WRITERS[name](mesh), 0, _cut("Körper"), then=then)

@@ -44,18 +44,18 @@ class Raw:
     cells: list[Cell]
     count: dict[str, int] = field(default_factory=dict)
 
-    def runs(self) -> list[list[Cell]]:
+    def runs(self):
         """Cells of one type and group, in order of appearance."""
-        found: dict[tuple[Any, str], list[Cell]] = {}
+        found = {}
         for cell in self.cells:
             found.setdefault((cell.type, cell.group), []).append(cell)
         return list(found.values())
 
-    def groups(self) -> list[str]:
+    def groups(self):
         return list(dict.fromkeys(c.group for c in self.cells))
 
 
-def two_hexahedra() -> Raw:
+def two_hexahedra():
     """The mesh without a fault."""
     points = [[float(x), float(y), float(z)] for z in (0, 1) for y in (0, 1) for x in (0, 1, 2)]
     at = lambda x, y, z: 11 + x + 3 * y + 6 * z  # noqa: E731
@@ -72,96 +72,93 @@ def two_hexahedra() -> Raw:
 # ---- msh
 
 
-def _tag(raw: Raw, group: str) -> int:
+def _tag(raw, group):
     return raw.groups().index(group) + 1
 
 
-def _names(raw: Raw) -> bytes:
+def _names(raw):
     lines = [f'{_DIM.get(run[0].type, 3)} {_tag(raw, run[0].group)} "{run[0].group}"' for run in raw.runs()]
     return "\n".join(["$PhysicalNames", str(len(lines)), *lines, "$EndPhysicalNames", ""]).encode("latin-1")
 
 
-def msh22(raw: Raw, binary: bool = False) -> bytes:
+def _begun(raw, version, binary):
+    head = f"$MeshFormat\n{version} {int(binary)} 8\n".encode() + (b"\1\0\0\0\n" if binary else b"")
+    return [head, b"$EndMeshFormat\n", _names(raw)]
+
+
+def msh22(raw, binary=False):
     """msh 2.2."""
-    out = [f"$MeshFormat\n2.2 {int(binary)} 8\n".encode(), b"\1\0\0\0\n" if binary else b"", b"$EndMeshFormat\n"]
-    out += [_names(raw), f"$Nodes\n{raw.count.get('nodes', len(raw.points))}\n".encode()]
+    end = b"\n" if binary else b""
+    out = [*_begun(raw, "2.2", binary), f"$Nodes\n{raw.count.get('nodes', len(raw.points))}\n".encode()]
     for number, xyz in zip(raw.node_number, raw.points, strict=True):
         out.append(struct.pack("<i3d", number, *xyz) if binary else _line(number, *xyz))
-    out += [b"\n" if binary else b"", b"$EndNodes\n"]
-    out.append(f"$Elements\n{raw.count.get('cells', len(raw.cells))}\n".encode())
+    out.append(end + f"$EndNodes\n$Elements\n{raw.count.get('cells', len(raw.cells))}\n".encode())
     for cell in raw.cells:
         tag, kind = _tag(raw, cell.group), _MSH.get(cell.type, cell.type)
         row = [cell.number, tag, tag, *cell.nodes]
         out.append(struct.pack(f"<{3 + len(row)}i", kind, 1, 2, *row) if binary else _line(row[0], kind, 2, *row[1:]))
-    return b"".join([*out, b"\n" if binary else b"", b"$EndElements\n"])
+    return b"".join([*out, end, b"$EndElements\n"])
 
 
-def msh41(raw: Raw, binary: bool = False) -> bytes:
+def msh41(raw, binary=False):
     """msh 4.1."""
-    out = [f"$MeshFormat\n4.1 {int(binary)} 8\n".encode(), b"\1\0\0\0\n" if binary else b"", b"$EndMeshFormat\n"]
-    out.append(_names(raw))
+    out = _begun(raw, "4.1", binary)
 
-    def numbers(layout: str, *values: Any) -> None:
+    def numbers(layout, *values):
         out.append(struct.pack("<" + layout, *values) if binary else _line(*values))
 
-    def section(name: str) -> None:
-        if binary and name.startswith("$End"):
-            out.append(b"\n")
-        out.append(name.encode() + b"\n")
+    def section(end, begin=""):
+        out.append((b"\n" if binary and end else b"") + "".join(f"${one}\n" for one in (end, begin) if one).encode())
 
     runs = raw.runs()
-    section("$Entities")
+    section("", "Entities")
     dims = [_DIM.get(run[0].type, 3) for run in runs]
     numbers("4q", *(dims.count(d) for d in range(4)))
-    for dim, run in sorted(zip(dims, runs, strict=True), key=lambda pair: pair[0]):
+    for _, run in sorted(zip(dims, runs, strict=True), key=lambda pair: pair[0]):
         tag = _tag(raw, run[0].group)
         numbers("i6dqiq", tag, *[0.0] * 3, 2.0, 1.0, 1.0, 1, tag, 0)
-        assert dim > 0
-    section("$EndEntities")
-    section("$Nodes")
-    n = raw.count.get("nodes", len(raw.points))
+    section("EndEntities", "Nodes")
     numbers("4q", 1, len(raw.points), 1, 99)
-    numbers("3iq", 3, 1, 0, n)
+    numbers("3iq", 3, 1, 0, raw.count.get("nodes", len(raw.points)))
     for number in raw.node_number:
         numbers("q", number)
     for xyz in raw.points:
         numbers("3d", *xyz)
-    section("$EndNodes")
-    section("$Elements")
+    section("EndNodes", "Elements")
     numbers("4q", len(runs), len(raw.cells), 1, 999)
     for k, (dim, run) in enumerate(zip(dims, runs, strict=True)):
         n = raw.count.get("cells", len(run)) if k == 0 else len(run)
         numbers("3iq", dim, _tag(raw, run[0].group), _MSH.get(run[0].type, run[0].type), n)
         for cell in run:
             numbers(f"{1 + len(cell.nodes)}q", cell.number, *cell.nodes)
-    section("$EndElements")
+    section("EndElements")
     return b"".join(out)
 
 
-def _line(*values: Any) -> bytes:
+def _line(*values):
     return (" ".join(repr(v) for v in values) + "\n").encode()
 
 
 # ---- MED
 
 
-def med(raw: Raw, version: tuple[int, int, int] = (4, 1, 0), name: str = "mesh") -> bytes:
+def med(raw, version=(4, 1, 0)):
     """MED of a version, in its layout: before 3.0 the mesh holds what later stands in its step."""
-    image = BytesIO()
+    image, old = BytesIO(), version < (3, 0)
     with h5py.File(image, "w", libver=("earliest", "v110")) as file:
-        _put_med(file, raw, version, name)
+        _made(file, "INFOS_GENERALES", **dict(zip(("MAJ", "MIN", "REL"), version, strict=True)))
+        home = _made(file, "ENS_MAA/mesh", DIM=3, ESP=3, REP=0, TYP=0)
+        _put_cells(home if old else _made(home, f"{-1:020d}{-1:020d}", NDT=-1, NOR=-1, PDT=0.0), raw)
+        families = _made(home, "FAS") if old else _made(file, "FAS/mesh")
+        _made(families, "FAMILLE_ZERO", NUM=0)
+        for group in raw.groups():
+            names = _made(_made(families, f"ELEME/FAM_{_tag(raw, group)}", NUM=-_tag(raw, group)), "GRO", NBR=1)
+            names["NOM"] = np.frombuffer(group.encode("latin-1").ljust(80, b"\0"), np.int8).reshape(1, 80)
     return image.getvalue()
 
 
-def _put_med(file: h5py.File, raw: Raw, version: tuple[int, int, int], name: str) -> None:
-    infos = file.create_group("INFOS_GENERALES")
-    infos.attrs.update({k: np.int32(v) for k, v in zip(("MAJ", "MIN", "REL"), version, strict=True)})
-    home = file.create_group(f"ENS_MAA/{name}")
-    home.attrs.update({k: np.int32(v) for k, v in {"DIM": 3, "ESP": 3, "REP": 0, "TYP": 0}.items()})
-    step = home
-    if version >= (3, 0):
-        step = home.create_group(f"{-1:020d}{-1:020d}")
-        step.attrs.update({"NDT": np.int32(-1), "NOR": np.int32(-1), "PDT": 0.0})
+def _put_cells(step, raw):
+    """Nodes and cells in their group."""
     n, index = len(raw.points), {number: k + 1 for number, k in _places(raw).items()}
     nodes = step.create_group("NOE")
     _array(nodes, "COO", np.array(raw.points).T.ravel(), raw.count.get("nodes", n))
@@ -174,19 +171,9 @@ def _put_med(file: h5py.File, raw: Raw, version: tuple[int, int, int], name: str
         _array(part, "NOD", rows[:, list(places)].T.ravel(), raw.count.get("cells", len(cells)))
         _array(part, "NUM", np.array([c.number for c in cells]), len(cells))
         _array(part, "FAM", np.array([-_tag(raw, c.group) for c in cells]), len(cells))
-    families = (home if version < (3, 0) else file.create_group("FAS")).create_group(
-        "FAS" if version < (3, 0) else name
-    )
-    families.create_group("FAMILLE_ZERO").attrs["NUM"] = np.int32(0)
-    for group in raw.groups():
-        family = families.create_group(f"ELEME/FAM_{_tag(raw, group)}")
-        family.attrs["NUM"] = np.int32(-_tag(raw, group))
-        names = family.create_group("GRO")
-        names.attrs["NBR"] = np.int32(1)
-        names["NOM"] = np.frombuffer(group.encode("latin-1").ljust(80, b"\0"), np.int8).reshape(1, 80)
 
 
-def _array(parent: h5py.Group, name: str, values: Any, count: int) -> None:
+def _array(parent, name, values, count):
     if name != "COO":
         values = values.astype("i8" if np.abs(values).max(initial=0) >= 2**31 else "i4")
     parent.create_dataset(name, data=values).attrs["NBR"] = np.int64(count) if abs(count) >= 2**31 else np.int32(count)
@@ -195,7 +182,7 @@ def _array(parent: h5py.Group, name: str, values: Any, count: int) -> None:
 # ---- mail, inp
 
 
-def mail(raw: Raw) -> bytes:
+def mail(raw):
     """code_aster's own text."""
     lines = ["TITRE", "two hexahedra", "FINSF", "COOR_3D"]
     lines += [f"N{number} {' '.join(map(repr, xyz))}" for number, xyz in zip(raw.node_number, raw.points, strict=True)]
@@ -209,7 +196,7 @@ def mail(raw: Raw) -> bytes:
     return "\n".join([*lines, "FIN", ""]).encode("latin-1")
 
 
-def inp(raw: Raw) -> bytes:
+def inp(raw):
     """Abaqus and CalculiX: volumes and skin as elements, groups as sets."""
     lines = ["*HEADING", "two hexahedra", "*NODE"]
     lines += [f"{number}, {', '.join(map(repr, xyz))}" for number, xyz in zip(raw.node_number, raw.points, strict=True)]
@@ -222,24 +209,24 @@ def inp(raw: Raw) -> bytes:
 # ---- vtu, xdmf
 
 
-def _places(raw: Raw) -> dict[int, int]:
+def _places(raw):
     """Number -> place from 0: cells name nodes as they were before anybody changed numbers."""
     return {**{number: k for k, number in enumerate(raw.node_number)}, **{11 + k: k for k in range(12)}}
 
 
-def _indices(raw: Raw) -> list[list[int]]:
+def _indices(raw):
     """Node indices from 0; a number that no node has gives an index past the end."""
     index = _places(raw)
     return [[index.get(n, n) for n in c.nodes] for c in raw.cells]
 
 
-def vtu(raw: Raw) -> bytes:
+def vtu(raw):
     """VTK's XML, ASCII; numbers and groups as arrays."""
     rows = _indices(raw)
     ends = np.cumsum([len(r) for r in rows]).tolist()
     n, m = raw.count.get("nodes", len(raw.points)), raw.count.get("cells", len(raw.cells))
 
-    def array(kind: str, name: str, values: Any, width: int = 1) -> str:
+    def array(kind, name, values, width=1):
         flat = " ".join(map(str, np.ravel(values).tolist()))
         head = f'<DataArray type="{kind}" Name="{name}" NumberOfComponents="{width}" format="ascii">'
         return f"{head}\n{flat}\n</DataArray>\n"
@@ -261,7 +248,7 @@ def vtu(raw: Raw) -> bytes:
     return text.encode("latin-1")
 
 
-def xdmf(raw: Raw) -> bytes:
+def xdmf(raw):
     """XDMF 3 with its numbers in the XML."""
     rows = _indices(raw)
     flat = [i for c, r in zip(raw.cells, rows, strict=True) for i in (_XDMF.get(c.type, c.type), *r)]
@@ -282,7 +269,7 @@ def xdmf(raw: Raw) -> bytes:
     return text.encode("latin-1")
 
 
-def _attribute(on: str, name: str, values: list[int]) -> str:
+def _attribute(on, name, values):
     item = f'<DataItem Dimensions="{len(values)}" NumberType="Int" Precision="8" Format="XML">'
     head = f'<Attribute Name="{name}" AttributeType="Scalar" Center="{on}">'
     return f"{head}\n{item}\n{' '.join(map(str, values))}\n</DataItem>\n</Attribute>\n"

@@ -21,42 +21,9 @@ from verification.meshes.blocks import block, joined, rows_of
 
 #: Young's modulus, pressure, stiffness of the contact (pressure over overclosure).
 E, P, K = 1000.0, 2.0, 1e5
-#: Cards behind the mesh; {free} are the degrees of freedom across the pressure, {load} what presses.
-CARDS = """\
-** materials come first
-*Material, NAME=Steel
-*Elastic
- {E}, 0.
-** a comment between the cards
-*SOLID SECTION, ELSET=lower, MATERIAL=steel
-{thickness}
-*SOLID SECTION, ELSET=UPPER, MATERIAL=STEEL
-{thickness}
-*SURFACE INTERACTION, NAME=touch
-*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR
-{K}
-*CONTACT PAIR, INTERACTION=touch, TYPE=SURFACE TO SURFACE
-slave, master
-*AMPLITUDE, NAME=ramp
-0., 0., 1., 1.
-*BOUNDARY
-base, 1, {up}, 0.
-all, {across}, 0.
-*STEP
-*STATIC
-1., 1.
-*DLOAD, AMPLITUDE=ramp
-{load}
-*NODE PRINT, NSET=base, TOTALS=ONLY
-RF
-*NODE PRINT, NSET=top
-U
-*EL PRINT, ELSET=upper
-S
-*NODE FILE
-U
-*END STEP
-"""
+FILES = Path(__file__).parent / "files"
+#: Cards behind the mesh; {across} are the degrees of freedom across the pressure, {load} what presses.
+CARDS = (FILES / "pressed_cards.inp").read_text()
 
 
 def pressed(name):
@@ -179,65 +146,7 @@ def two_blocks(kind):
 LOWER = Block(cells=(2, 2, 1))
 UPPER = Block("C", (0, 0, 1), (1, 1, 2), (3, 3, 1))
 #: two parts with numbers of their own, and names that a part and the assembly share, as Abaqus/CAE writes them
-TWO = """\
-*Heading
-a press
-*Part, name=Lower
-{lower}*Nset, nset=Set-1
-1
-*Orientation, name=Ori
-1., 0., 0., 0., 1., 0.
-*Solid Section, elset=B, material=Steel, orientation=Ori
-,
-*End Part
-*Part, name=Upper
-{upper}*Solid Section, elset=C, material=Steel
-,
-*End Part
-** the assembly
-*Assembly, name=Assembly
-*Instance, name=Lower-1, part=Lower
-*End Instance
-*Instance, name=Upper-1, part=Upper
-0., 0., {gap}
-*End Instance
-*Elset, elset=_Press, internal, instance=Upper-1
- C_EZ1
-*Surface, type=ELEMENT, name=Press
-_Press, S2
-*Surface, type=ELEMENT, name=Upper
-Upper-1.C_EZ0, S1
-*Surface, type=ELEMENT, name=Lower
-Lower-1.B_EZ1, S2
-*Nset, nset=Set-1, instance=Lower-1
-B_Z0
-*End Assembly
-** the material
-*Material, name=Steel
-*Elastic
-1000., 0.
-*Surface Interaction, name=Touch
-*Surface Behavior, pressure-overclosure=LINEAR
-1e5
-*Contact Pair, interaction=Touch, type=SURFACE TO SURFACE
-Upper, Lower
-*Boundary
-Set-1, 1, 3
-Upper-1.C_X0, 1
- Upper-1.{node}, 2
-*Step, name=Press, nlgeom=NO
-*Static
-1., 1., 1e-05, 1.
-*Dsload
-Press, P, 20.
-*Cload
-Upper-1.{node}, 1, 0.5
-*Node print, nset=Set-1, totals=only
-RF
-*Node print, nset=Upper-1.C_Z1
-U
-*End Step
-"""
+TWO = (FILES / "press.inp").read_text()
 NODE = int(UPPER.at(2, 2)[0])
 
 

@@ -92,18 +92,14 @@ def same_cells(before, after, to):
     return before.n_cells == after.n_cells and bool((to.cell >= 0).all())
 
 
-def cell_groups(before, after, to):
-    return same_groups(before.cell_groups, after.cell_groups, to.cell)
-
-
-def node_groups(before, after, to):
-    return same_groups(before.node_groups, after.node_groups, to.node)
+def groups_on(on):
+    name = f"{on}_groups"
+    return lambda before, after, to: same_groups(getattr(before, name), getattr(after, name), getattr(to, on))
 
 
 def data(before, after, to):
-    return same_data(before.cell_data, after.cell_data, to.cell) and same_data(
-        before.node_data, after.node_data, to.node
-    )
+    pairs = (before.cell_data, after.cell_data, to.cell), (before.node_data, after.node_data, to.node)
+    return all(same_data(*pair) for pair in pairs)
 
 
 def integers(before, after, to):
@@ -133,14 +129,6 @@ def with_entities(one):
     mesh = one()
     dim = mesh.dim
     return but(mesh, cell_data={"entity": np.array([[dim, 7], [dim, 7], [dim, 3], [dim, 3]], np.int32)})
-
-
-def cut_mesh():
-    return cut_skin(bare_with_slave(), "slave").mesh
-
-
-def bare_with_slave():
-    return solid(cell_groups={"slave": [4, 5]})
 
 
 def two_zones():
@@ -194,10 +182,8 @@ def order(mesh):
 
 
 def number(on):
-    def same(before, after, to):
-        return np.array_equal(getattr(before, f"{on}_number"), getattr(after, f"{on}_number")[getattr(to, on)])
-
-    return same
+    name = f"{on}_number"
+    return lambda before, after, to: np.array_equal(getattr(before, name), getattr(after, name)[getattr(to, on)])
 
 
 LONG = "a name of 60 characters that goes on and on, as some like it"
@@ -207,16 +193,20 @@ BESIDE_A_CUT = ("group", "cell_number", "order", "loose_skin", "digits")
 
 #: every column of the table, by its key
 FEATURES = {
-    "group": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), cell_groups, "group"),
-    "overlap": Feature(lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}), cell_groups, "group"),
-    "lower": Feature(lambda one: solid(cell_groups={"slave": [4, 5], "rest": [6]}), cell_groups, "group"),
-    "dims": Feature(lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}), cell_groups, "group|all"),
-    "empty": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), cell_groups, "none|group"),
+    "group": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3]}), groups_on("cell"), "group"),
+    "overlap": Feature(
+        lambda one: one(cell_groups={"a": [0, 1, 2], "b": [1, 2, 3], "c": [2]}), groups_on("cell"), "group"
+    ),
+    "lower": Feature(lambda one: solid(cell_groups={"slave": [4, 5], "rest": [6]}), groups_on("cell"), "group"),
+    "dims": Feature(lambda one: solid(cell_groups={"all": [0, 1, 2, 3, 4, 5, 6]}), groups_on("cell"), "group|all"),
+    "empty": Feature(lambda one: one(cell_groups={"all": [0, 1, 2, 3], "none": []}), groups_on("cell"), "none|group"),
     "loose": Feature(lambda one: one(cell_groups={"a": [0]}), same_cells, "cells", also=("group", "node_number")),
     "loose_skin": Feature(lambda one: solid(), same_cells, "cells", also=("cell_number",)),
-    "nodes": Feature(lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), node_groups, "node"),
-    "names": Feature(lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}), cell_groups, "nam|Körper"),
-    "long": Feature(lambda one: one(cell_groups={LONG: [0, 1]}), cell_groups, "nam|characters"),
+    "nodes": Feature(lambda one: one(node_groups={"corner": [0, 2], "all": range(7)}), groups_on("node"), "node"),
+    "names": Feature(
+        lambda one: one(cell_groups={"Körper links": [0, 1], "été": [2]}), groups_on("cell"), "nam|Körper"
+    ),
+    "long": Feature(lambda one: one(cell_groups={LONG: [0, 1]}), groups_on("cell"), "nam|characters"),
     "orphan": Feature(
         lambda one: Mesh.create([*one().points, (3, 3, 3), (4, 3, 3)], one().blocks),
         lambda b, a, to: b.n_nodes == a.n_nodes and (to.node >= 0).all(),
@@ -254,7 +244,12 @@ FEATURES = {
         steps,
         "heat|field|data|step",
     ),
-    "cut": Feature(lambda one: cut_mesh(), records, "lac_|field|data", also=BESIDE_A_CUT),
+    "cut": Feature(
+        lambda one: cut_skin(solid(cell_groups={"slave": [4, 5]}), "slave").mesh,
+        records,
+        "lac_|field|data",
+        also=BESIDE_A_CUT,
+    ),
     "zones": Feature(lambda one: two_zones(), lambda b, a, to: b.zones == a.zones, "zone", also=BESIDE_A_CUT),
     "plane": Feature(lambda one: plane(2), lambda b, a, to: a.space_dim == 2, "dimension"),
     "flat": Feature(lambda one: plane(3), lambda b, a, to: a.space_dim == 3, "dimension"),

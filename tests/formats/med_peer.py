@@ -1,6 +1,6 @@
-"""medcoupling, asked in a process of its own (it can abort): `python med_peer.py COMMAND FILE ...`.
+"""medcoupling, asked in a process of its own (it can abort): `python med_peer.py say FILE ...`.
 
-`say` prints what medcoupling finds in MED files, as JSON; `make` and `raised` let medcoupling write files.
+It prints what it finds in MED files, as JSON.
 """
 
 from __future__ import annotations
@@ -82,100 +82,5 @@ def _fields(mc, fields, names):
     return said
 
 
-def make(path):
-    """Files PATH.30.med ... PATH.42.med: one mesh with everything, written by medcoupling in each version of MED."""
-    import medcoupling as mc
-
-    points = [[x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))] + [[2, 0, 0], [9, 9, 9]]
-    coords = mc.DataArrayDouble([float(x) for p in points for x in p], len(points), 3)
-    solid, skin = mc.MEDCouplingUMesh("maillage é", 3), mc.MEDCouplingUMesh("maillage é", 2)
-    for part, cells in (
-        (solid, [("TETRA4", [1, 2, 8, 5]), ("HEXA8", [0, 3, 2, 1, 4, 7, 6, 5])]),
-        (skin, [("TRI3", [1, 2, 8]), ("QUAD4", [0, 1, 2, 3])]),
-    ):
-        part.setCoords(coords)
-        part.allocateCells(2)
-        for name, nodes in cells:
-            part.insertNextCell(getattr(mc, f"NORM_{name}"), len(nodes), nodes)
-    mesh = mc.MEDFileUMesh()
-    mesh[0], mesh[-1] = solid, skin
-    mesh.setName("maillage é")
-    for level, groups in ((-1, {"peau à 2": [0], "B": [0, 1]}), (0, {"V": [0]}), (1, {"N": [2, 9]})):
-        arrays = []
-        for name, ids in groups.items():
-            arrays.append(mc.DataArrayInt(ids))
-            arrays[-1].setName(name)
-        mesh.setGroupsAtLevel(level, arrays)
-    for level, numbers in ((1, range(10, 110, 10)), (0, [7, 8]), (-1, [70, 80])):
-        mesh.setRenumFieldArr(level, mc.DataArrayInt(list(numbers)))
-    fields = mc.MEDFileFields()
-    steps = mc.MEDFileFieldMultiTS()
-    for k in (0, 1):
-        steps.pushBackTimeStep(_field(mc, mc.ON_CELLS, "moved", solid, [1.0 + k, 2.0, 3.0, 4.0], 2, (0.5 * k, k, -1)))
-    fields.pushField(steps)
-    fields.pushField(_alone(mc, _field(mc, mc.ON_GAUSS_NE, "elno", solid, [float(k) for k in range(12)], 1)))
-    partial = mc.MEDCouplingFieldDouble(mc.ON_NODES)
-    partial.setName("partial")
-    partial.setArray(mc.DataArrayDouble([1.0, 2.0, 3.0]))
-    partial.setTime(0.0, -1, -1)
-    places = mc.DataArrayInt([1, 4, 9])
-    places.setName("three")
-    one = mc.MEDFileField1TS()
-    one.setFieldProfile(partial, mesh, 1, places)
-    fields.pushField(_alone(mc, one))
-    data, meshes = mc.MEDFileData(), mc.MEDFileMeshes()
-    meshes.pushMesh(mesh)
-    data.setMeshes(meshes)
-    data.setFields(fields)
-    for version in ("30", "33", "40", "41"):
-        getattr(data, f"write{version}")(f"{path}.{version}.med", 2)
-    data.write(f"{path}.42.med", 2)
-    return True
-
-
-def _field(mc, where, name, mesh, values, width, time=(0.0, -1, -1)):
-    field = mc.MEDCouplingFieldDouble(where)
-    field.setName(name)
-    field.setMesh(mesh)
-    field.setArray(mc.DataArrayDouble(values, len(values) // width, width))
-    field.setTime(*time)
-    one = mc.MEDFileField1TS()
-    one.setFieldNoProfileSBT(field)
-    return one
-
-
-def _alone(mc, one):
-    steps = mc.MEDFileFieldMultiTS()
-    steps.pushBackTimeStep(one)
-    return steps
-
-
-def raised(path):
-    """Files of one cell made quadratic by medcoupling: PATH.TYPE.0.med, and with centres PATH.TYPE.1.med."""
-    import medcoupling as mc
-
-    cells = {
-        "TETRA4": [[0, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1]],
-        "PYRA5": [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0], [0.4, 0.3, 1]],
-        "PENTA6": [[0, 0, 0], [0, 1, 0], [1, 0, 0], [0, 0, 1], [0, 1, 1], [1, 0, 1]],
-        "HEXA8": [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1], [1, 0, 1]],
-        "TRI3": [[0, 0, 0], [1, 0, 0], [0, 1, 0]],
-        "QUAD4": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]],
-    }
-    for centres in (0, 1):
-        for name, corners in cells.items():
-            mesh = mc.MEDCouplingUMesh("one", 2 if name in ("TRI3", "QUAD4") else 3)
-            mesh.setCoords(mc.DataArrayDouble([float(x) for p in corners for x in p], len(corners), 3))
-            mesh.allocateCells(1)
-            mesh.insertNextCell(getattr(mc, f"NORM_{name}"), len(corners), list(range(len(corners))))
-            try:
-                mesh.convertLinearCellsToQuadratic(centres)
-            except mc.InterpKernelException:  # it has no such conversion
-                continue
-            mc.WriteUMesh(f"{path}.{name}.{centres}.med", mesh, True)
-    return True
-
-
 if __name__ == "__main__":
-    chosen = {"say": say, "make": make, "raised": raised}[sys.argv[1]]
-    print("\n" + json.dumps({given: chosen(given) for given in sys.argv[2:]}))
+    print("\n" + json.dumps({given: say(given) for given in sys.argv[2:]}))

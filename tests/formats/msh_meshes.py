@@ -13,7 +13,7 @@ from lacmesh.errors import LacmeshWarning
 from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
-NAMES = ["slave", "A", "b c", "Körper", 'say "hi"', "x" * 300, "é" * 90, "$End", "", "tab\there", "2:7", "a'b", " pad "]
+NAMES = ["slave", "A", "b c", "Körper", 'say "hi"', "x" * 300, "é" * 90, "$End", "", "tab\t<&>", "2:7", "a'b", " pad "]
 FIELDS = ["T", "U", "champ é", 'f"q"', "T@0", "entity", "lac_macro", "x" * 200, "x" * 201]
 
 

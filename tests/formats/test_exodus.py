@@ -178,15 +178,6 @@ def test_a_damaged_file_is_an_error_with_its_place(blocks, sides, words, tmp_pat
         lacmesh.read(exodus(tmp_path / "bad.e", POINTS, blocks, sides))
 
 
-@pytest.mark.shared
-def test_side_sets_of_two_blocks(shared):
-    mesh = lacmesh.read(shared / "reference" / "repro" / "reported" / "exodus_sidesets" / "two.e")
-    assert {name: len(cells) for name, cells in mesh.cell_groups.items()} == {
-        "lower": 18, "upper": 8, "master": 9, "slave": 4,
-    }  # fmt: skip
-    assert len(mesh.node_groups["bottom"]) == 16
-
-
 WORDS = "no group has a name in this file: the tags .* are groups, named by their numbers"
 
 
@@ -194,50 +185,6 @@ def tagged(**arrays):
     """Two blocks without groups, and arrays on their cells."""
     mesh = two_blocks("TETRA4")
     return lacmesh.Mesh.create(mesh.points, mesh.blocks, cell_data=arrays), mesh
-
-
-def dolfinx(path, mesh, tags):
-    """Write XDMF as dolfinx does: a grid of the cells, and one for the tags of each dimension on some cells."""
-    h5py = pytest.importorskip("h5py")
-    grids = []
-    with h5py.File(path.with_suffix(".h5"), "w") as file:
-
-        def item(place, values):
-            if place not in file:
-                file[place] = values
-            size = f'Dimensions="{len(values)} {np.size(values) // len(values)}"'
-            return f'<DataItem {size} NumberType="Int" Format="HDF">{path.stem}.h5:/{place}</DataItem>'
-
-        cells = {"mesh": ("TETRA4", slice(None), ()), **tags}
-        for name, (kind, rows, values) in cells.items():
-            shape = {"TETRA4": "Tetrahedron", "TRIA3": "Triangle"}[kind]
-            text = f'<Topology TopologyType="{shape}">{item(f"{name}/nodes", mesh.block(kind)[rows])}</Topology>'
-            text += f'<Geometry GeometryType="XYZ">{item("points", mesh.points)}</Geometry>'
-            if len(values):
-                marks = item(f"{name}/values", np.asarray(values, np.int32))
-                text += f'<Attribute Name="{name}" AttributeType="Scalar" Center="Cell">{marks}</Attribute>'
-            grids.append(f'<Grid Name="{name}" GridType="Uniform">{text}</Grid>')
-    path.write_text(f'<?xml version="1.0"?><Xdmf Version="3.0"><Domain>{"".join(grids)}</Domain></Xdmf>')
-    return path
-
-
-def test_tags_of_dolfinx_are_groups(tmp_path):
-    """Cells tagged 1 and 2, some facets tagged 21 and 22, the others not."""
-    _, mesh = tagged()
-    n = len(mesh.block("TETRA4"))
-    tags = {
-        "cells": ("TETRA4", np.arange(n), np.where(np.arange(n) < n // 2, 1, 2)),
-        "facets": ("TRIA3", np.arange(6), [21, 21, 22, 22, 22, 22]),
-    }
-    with pytest.warns(LacmeshWarning, match=WORDS) as told:
-        read = lacmesh.read(dolfinx(tmp_path / "tagged.xdmf", mesh, tags))
-    assert len(told) == 1 and "'cells' and 'facets'" in str(told[0].message)
-    assert {name: len(cells) for name, cells in read.cell_groups.items()} == {
-        "1": n // 2, "2": n - n // 2, "21": 2, "22": 4,
-    }  # fmt: skip
-    assert read.group_dim("21") == 2 and read.group_dim("2") == 3
-    (_, _, nodes), *_ = read.select(read.cells_of("21"))
-    assert np.array_equal(np.sort(nodes), np.sort(mesh.block("TRIA3")[:2]))
 
 
 @pytest.mark.parametrize("name", ["a.mesh", "a.vtk"])

@@ -1,8 +1,13 @@
-"""The table of formats, cell by cell: what is written is read again, and kept, lost with a word, or refused."""
+"""The table of formats, cell by cell: what is written is read again, and kept, lost with a word, or refused.
+
+Damaged files of every format: an error in one sentence, or a sound mesh. What is wrong in one place of a file is in
+`tests/bad_input`; files that are damaged at random are in `tests/fuzz`.
+"""
 
 from __future__ import annotations
 
 import json
+import random
 import re
 import warnings
 from dataclasses import replace
@@ -12,12 +17,18 @@ import h5py
 import numpy as np
 import pytest
 
+import lacmesh
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
-from lacmesh.formats import SUFFIXES, detect_format, read, write
+from lacmesh.formats import detect_format, read, write
 from lacmesh.formats.mail.types import NODES
 from lacmesh.formats.table import BESIDE, BY_TYPE, FEATURES, FORMATS, KEPT, LOST, OF_NAME, OURS, REFUSED
+from lacmesh.formats.truncation import AT_RISK
+from tests.bad_input.case import SECONDS, alarm
 from tests.formats import feature_cases as cases
+from tests.formats import test_xml, texts
+from tests.formats.feature_cases import OF_MESHIO
+from tests.samples import samples
 
 #: formats of surfaces, whose features are tried on triangles
 SURFACES = ("ply", "stl", "obj", "off")
@@ -158,32 +169,6 @@ def test_every_feature_and_format_is_in_the_table():
     assert len({r.title for r in rows}) == len(rows)
 
 
-def test_a_case_can_fail():
-    """Every case sees a mesh that has lost its feature."""
-    for key, case in cases.FEATURES.items():
-        mesh = case.mesh(cases.bare)
-        spoilt = _without(mesh, key)
-        assert case.kept(mesh, mesh, cases.matched(mesh, mesh)), key
-        assert not case.kept(mesh, spoilt, cases.matched(mesh, spoilt)), key
-
-
-def _without(mesh, key):
-    """A mesh of the same cells and nothing else, and where these are the feature, of others."""
-    points, blocks = mesh.points, [(b.type, b.nodes) for b in mesh.blocks]
-    rest = {"space_dim": mesh.space_dim}
-    if key in ("loose", "loose_skin"):
-        blocks = [(kind, nodes[:1]) for kind, nodes in blocks]
-    if key == "turn":
-        blocks = [(kind, np.roll(nodes, 1, axis=1)) for kind, nodes in blocks]
-    if key == "orphan":
-        points = points[:-1]
-    if key in ("plane", "flat"):
-        rest["space_dim"] = 5 - mesh.space_dim
-    if key == "digits":
-        points = np.nextafter(points, np.inf)
-    return type(mesh).create(points, blocks, **rest)
-
-
 OPTIONS = [
     *[("med", "compress", True), ("med", "plane", "CAX"), ("med", "msh", "banana"), ("med", "msh", "2.2")],
     *[("med", "binary", False), ("med", "binary", True), ("vtk", "msh", "2.2")],
@@ -229,46 +214,18 @@ def test_the_table_has_the_keywords_of_mail_files():
     assert not re.match(OF_NAME["mail"].begins, b"COOR_3DX\n")
 
 
-def test_suffixes_are_those_of_the_table():
-    assert {s for f in FORMATS for s in f.suffixes} == set(SUFFIXES)
-    assert SUFFIXES[".msh"] == "msh" and SUFFIXES[".h5m"] == "h5m"
-
-
-def test_meshio_has_no_other_format():
-    """Every format of meshio is taken, or left out for a stated reason."""
-    pytest.importorskip("meshio")
-    from meshio._helpers import extension_to_filetypes, reader_map
-
-    from lacmesh.formats.by_meshio import NOT_TAKEN
-
-    known = {suffix: name for suffix, names in extension_to_filetypes.items() for name in names}
-    packed = {".post.gz", ".dato.gz"}  # which meshio writes as plain text
-    assert {s: n for s, n in known.items() if n not in NOT_TAKEN and s not in packed} == cases.OF_MESHIO
-    assert set(cases.OF_MESHIO.values()) <= set(reader_map)
-
-
-def written_by(form):
-    return {"mail": "code_aster", "vtu": "VTK", "inp": "CalculiX"}.get(form.name, form.title)
-
-
+@pytest.mark.filterwarnings("ignore::lacmesh.errors.LacmeshWarning")
 @pytest.mark.parametrize("form", [form for form in FORMATS if not form.meshio], ids=lambda form: form.name)
 def test_cells_that_are_refused_are_named_and_nothing_is_left(form, tmp_path):
-    """The program or format that lacks them, how many there are, and what to try."""
-    for cell_type in ALL_CELLS:
-        mesh = cases.one_cell(cell_type)
-        path = tmp_path / f"mesh{form.suffixes[0]}"
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
-            try:
-                write(path, mesh)
-            except WriteError as error:
-                has_none = rf"{written_by(form)} has no (cells of type|element for) {cell_type}"
-                assert re.search(rf"mesh{form.suffixes[0]}: {has_none}(, and)?,? the mesh has 1; \w+", str(error))
-                assert not list(tmp_path.iterdir())
-            else:
-                assert CELLS.get(cell_type) is None or form.fidelity[0].keeps_cells(cell_type) != REFUSED
-                for file in tmp_path.iterdir():
-                    file.unlink()
+    for kind in ALL_CELLS:
+        try:
+            write(tmp_path / f"mesh{form.suffixes[0]}", cases.one_cell(kind))
+        except WriteError as error:
+            assert re.search(rf"{kind}\b.*the mesh has 1; \w+", str(error)) and not list(tmp_path.iterdir())
+        else:
+            assert kind not in CELLS or form.fidelity[0].keeps_cells(kind) != REFUSED
+            for file in tmp_path.iterdir():
+                file.unlink()
 
 
 @pytest.mark.parametrize("form", [form for form in FORMATS if not form.meshio], ids=lambda form: form.name)
@@ -277,3 +234,99 @@ def test_a_file_that_is_not_there_is_an_error_of_ours(form, tmp_path):
         form.read(tmp_path / f"none{form.suffixes[0]}")
     with pytest.raises(WriteError, match="does not exist"):
         write(tmp_path / "nowhere" / f"a{form.suffixes[0]}", cases.bare())
+
+
+def damaged_texts():
+    """(suffix, what is wrong, text, what is said, where) of small files that are damaged in one place."""
+    for suffix in ("inp", "mail"):
+        for what, (text, line, words) in texts.WRONG[suffix].items():
+            yield suffix, what, text, re.escape(words), f"line {line}$"
+    for old, new, words in texts.WRONG["msh"]["changes"]:
+        assert texts.ASCII4.count(old) == 1
+        yield "msh", f"{old!r} -> {new!r}", texts.ASCII4.replace(old, new), re.escape(words), "line |byte "
+    for what, (text, words) in test_xml.WRONG_VTU.items():
+        yield "vtu", what, text, words, ""
+    for what, (body, words) in test_xml.WRONG_XDMF.items():
+        yield "xdmf", what, test_xml.document(body), words, ""
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text", "says", "where"),
+    [pytest.param(suffix, *rest, id=f"{suffix}: {what}") for suffix, what, *rest in damaged_texts()],
+)
+def test_damage_is_one_sentence_with_its_place(suffix, text, says, where, tmp_path):
+    """Small files; many more are in `tests/bad_input`."""
+    path = tmp_path / f"bad.{suffix}"
+    path.write_text(text)
+    with pytest.raises(ReadError, match=says) as caught:
+        lacmesh.read(path)
+    assert re.match(where, caught.value.place or "")
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+HERE = Path(__file__).parent
+POINTS = np.array([[x, y, z] for z in (0.0, 1.0) for y in (0.0, 1.0) for x in (0.0, 1.0)])
+MESHES = {
+    "surface": [("triangle", [[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6]])],
+    "solid": [("tetra", [[0, 1, 3, 5], [0, 3, 2, 6], [0, 5, 3, 6], [4, 6, 5, 0]])],
+    "both": [("hexahedron", [[0, 1, 3, 2, 4, 5, 7, 6]]), ("quad", [[0, 1, 3, 2], [4, 5, 7, 6]])],
+}
+# ---- formats of meshio: refused at once, whatever meshio's reader would do with them
+
+
+@pytest.mark.meshio
+@pytest.mark.parametrize("path", sorted((HERE / "truncated").iterdir()), ids=lambda path: path.name)
+def test_a_truncated_file_is_refused_at_once(path):
+    with alarm(SECONDS), pytest.raises(ReadError, match=rf"{path.name}: "):
+        lacmesh.read(path)
+
+
+def written(folder, suffix, name):
+    """Small files of a format, in text where it has one; what meshio cannot write so is left out."""
+    meshio = pytest.importorskip("meshio")
+    for cells in MESHES.values():
+        for options in ({}, {"binary": False}):
+            path = folder / f"whole{suffix}"
+            try:
+                meshio.write(path, meshio.Mesh(POINTS, cells), file_format=name, **options)
+                yield path.read_bytes(), lacmesh.read(path)
+            except (Exception, SystemExit):
+                continue
+
+
+def same(one, other):
+    cells = zip(one.blocks, other.blocks, strict=False)
+    alike = all(np.array_equal(a.nodes, b.nodes) for a, b in cells)
+    return np.array_equal(one.points, other.points) and one.n_cells == other.n_cells and alike
+
+
+#: beginnings of each file that are tried
+N = samples(30, 300)
+
+
+@pytest.mark.fuzz
+@pytest.mark.meshio
+@pytest.mark.parametrize("suffix", OF_MESHIO)
+@pytest.mark.filterwarnings("ignore")
+def test_no_beginning_of_a_file_is_taken_for_another_mesh(suffix, tmp_path):
+    name, tried = OF_MESHIO[suffix], 0
+    for content, whole in written(tmp_path, suffix, name):
+        for n in random.Random(suffix).sample(range(1, len(content)), min(len(content) - 1, N)):
+            path = tmp_path / f"cut{suffix}"
+            path.write_bytes(content[:n])
+            tried += 1
+            try:
+                with alarm(SECONDS):
+                    found = lacmesh.read(path)
+            except LacmeshError:
+                continue
+            ends = content[:n].endswith(b"\n")
+            assert same(found, whole) or (name in AT_RISK and ends), (n, len(content), content[max(n - 40, 0) : n])
+    assert tried >= N or suffix == ".hmf"
+
+
+@pytest.mark.meshio
+def test_a_whole_last_line_may_be_without_its_end_where_words_end_the_format(tmp_path):
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet"
+    (tmp_path / "a.stl").write_text(f"solid\n{facet}\nendsolid")
+    assert lacmesh.read(tmp_path / "a.stl").n_cells == 1

@@ -1,12 +1,11 @@
-""".inp: what is written is read back, decks by hand are understood, CalculiX runs what we write.
+""".inp and .mail: what is written is read back, files by hand are understood, and what is odd in them is said.
 
-Damaged files are in `test_damaged.py`; what becomes of a deck's other cards is in `test_deck.py`."""
+Damaged files are in `test_formats_table.py`; what becomes of a deck's other cards is in `test_deck.py`."""
 
 from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,15 +15,16 @@ from hypothesis import strategies as st
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, WriteError
-from lacmesh.formats import inp
+from lacmesh.formats import inp, mail
 from lacmesh.formats import text as text_files
-from lacmesh.formats.inp.scope import ElementCard, NodesOf
 from lacmesh.formats.inp.types import element
 from lacmesh.formats.labels import labels
+from lacmesh.formats.mail import names as mail_names
+from lacmesh.formats.mail.types import NODES
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
-from tests.formats.msh_meshes import lenient
-from tests.formats.texts import INP, MORE, PARTS
+from tests.formats.msh_meshes import lenient, meshes
+from tests.formats.texts import INP, MAIL, MORE, PARTS
 from tests.meshes import cell_with_faces, random_mesh
 
 some = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
@@ -166,14 +166,8 @@ def test_grammar(tmp_path):
     assert len(cells["Joint"]) == 1  # one face, named from both sides
     assert sorted(map(len, (cells["Side"], cells["Skin"]))) == [2, 10]
     assert not set(cells["Joint"]) & set(cells["Skin"])
-    odd = [1, 2, 3, 5, 7, 9, 21, 22]
-    nodes = {
-        "Nall": list(range(1, 9)),
-        "Odd": odd,
-        "With Blank": odd,
-        "OfHigh": [5, 6, 7, 8, 9, 10, 21, 22],
-        "Points": odd,
-    }
+    nodes = {name: [1, 2, 3, 5, 7, 9, 21, 22] for name in ("Odd", "With Blank", "Points")}
+    nodes |= {"Nall": list(range(1, 9)), "OfHigh": [5, 6, 7, 8, 9, 10, 21, 22]}
     assert nodes.items() <= numbered(mesh.node_groups, mesh.node_number).items()
 
 
@@ -280,13 +274,10 @@ def one_element(name):
     return nodes(20, cell.dim < 3) + f"*ELEMENT, TYPE={name}\n1, {', '.join(map(str, range(1, cell.n_nodes + 1)))}\n"
 
 
-PLAIN_AS_CELLS = [
-    *["C3D8R", "C3D8I", "C3D20RH", "DC3D4", "S4R", "S8R", "M3D4", "B31", "SPRINGA", "SPRING1"],
-    *["CAX4R", "CPEG4", "CGAX4", "DC2D4"],
-]
+PLAIN_AS_CELLS = "C3D8R C3D8I C3D20RH DC3D4 S4R S8R M3D4 B31 SPRINGA SPRING1 CAX4R CPEG4 CGAX4 DC2D4"
 
 
-@pytest.mark.parametrize("name", PLAIN_AS_CELLS)
+@pytest.mark.parametrize("name", PLAIN_AS_CELLS.split())
 def test_elements_that_become_plain_are_named(tmp_path, name):
     """Whatever the letters of a name mean, a cell does not keep it; a deck does."""
     text = one_element(name)
@@ -377,34 +368,6 @@ def with_edge(**groups):
     return Mesh.create(cube.points, blocks, **groups)
 
 
-def test_what_the_file_loses_is_said_once(tmp_path):
-    groups = {"edge": [2], "none": [], "point": [3]}
-    mesh = with_edge(cell_groups=groups, cell_data={"T": np.zeros(4)}, zones=("z",))
-    with pytest.warns(LacmeshWarning) as said:
-        read = again(tmp_path, mesh)
-    (words,) = (str(w.message) for w in said)
-    for clause in (
-        "cell data T",
-        "zones of the cut .*: z",
-        "sets of nodes: edge, point",
-        "empty groups .*: none",
-        "1 cells of",
-    ):
-        assert re.search(clause, words)
-    assert numbered(read.node_groups, read.node_number) == {"edge": [1, 2], "point": [4]}
-
-
-def test_cells_and_nodes_may_share_a_name(tmp_path):
-    """Surfaces and sets of nodes are named apart, so that a deck's *CONTACT PAIR finds both."""
-    cube = cell_with_faces("HEXA8", facets=[0])
-    same = {"slave": np.unique(cube.blocks[1].nodes)}
-    mesh = replace(cube, cell_groups={"slave": np.array([1])}, node_groups=same)
-    read = again(tmp_path, mesh)
-    assert set(read.cell_groups) == set(read.node_groups) == {"slave"}
-    assert read.node_groups["slave"].tolist() == same["slave"].tolist()
-    assert again(tmp_path, read).node_groups.keys() == {"slave"}
-
-
 @pytest.mark.parametrize("target", ["calculix", "abaqus"])
 def test_nodes_of_cells_are_kept_beside_a_group_of_other_nodes(tmp_path, target):
     nodes = {"edge": [5, 6], "slave": [7], "edge_nodes": [2]}
@@ -419,7 +382,7 @@ def test_nodes_of_cells_are_kept_beside_a_group_of_other_nodes(tmp_path, target)
 
 
 def test_nodes_of_elements_of_every_width(tmp_path):
-    """A set of the nodes of elements; looking for these costs the same for many sets and cards."""
+    """A set of the nodes of elements."""
     text = (
         f"{nodes(9)}*ELEMENT, TYPE=C3D8\n30, 1, 2, 3, 4, 5, 6, 7, 8\n*ELEMENT, TYPE=DCOUP3D\n15, 9\n"
         "*ELEMENT, TYPE=T3D2\n20, 8, 9\n10, 3, 1\n*ELSET, ELSET=E\n20, 10\n*NSET, NSET=N, ELSET=E\n*ELSET, ELSET=F\n"
@@ -428,18 +391,6 @@ def test_nodes_of_elements_of_every_width(tmp_path):
     with pytest.warns(LacmeshWarning, match="1 elements of type DCOUP3D are no cells"):
         mesh = read_text(tmp_path, text)
     assert numbered(mesh.node_groups, mesh.node_number) == {"N": [1, 3, 8, 9], "M": list(range(1, 10))}
-    looked = []
-
-    class Card(ElementCard):
-        def __getattribute__(self, name):
-            if name == "number":
-                looked.append(self)
-            return super().__getattribute__(name)
-
-    cards = [Card(None, element("T3D2"), np.array([k]), np.array([[k, k + 1]])) for k in range(1, 51)]
-    nodes_of = NodesOf(cards)
-    assert [nodes_of(np.array([k])).tolist() for k in range(1, 51)] == [[k, k + 1] for k in range(1, 51)]
-    assert len(looked) <= 100
 
 
 def test_numbers_that_do_not_fit_and_lines(tmp_path):
@@ -486,26 +437,158 @@ def test_a_keyword_line_that_ends_with_a_comma(tmp_path, line, members):
 #: names of elements, by the cells that they are; "" for those that are none
 NAMES = {
     "HEXA8": "C3D8 C3D8R C3D8H C3D8I C3D8RH C3D8T C3D8RT C3D8P C3D8RPHT C3D8E C3D8S DC3D8 COH3D8 SC8R F3D8",
-    "HEXA20": "C3D20R C3D20RH C3D20RHT C3D20P C3D20E C3D20RP AC3D20",
-    "TETRA10": "C3D10M C3D10MH C3D10MHT C3D10HS C3D10I",
-    "PENTA18": "C3D15V",
-    "PENTA15": "C3D15H",
-    "HEXA27": "C3D27RH",
-    "PENTA6": "C3D6T",
-    "PYRAM5": "C3D5H",
-    "QUAD4": "CPS4R CGAX4RHT S4R5 S4RSW SFM3D4R",
-    "TRIA6": "CPE6MH S6 STRI65",
-    "QUAD8": "CPEG8RHT S8R",
-    "QUAD9": "S9R5 M3D9R",
-    "TRIA3": "CAX3 S3 STRI3 R3D3",
-    "SEG3": "T2D3 B32R PIPE32H SAX2",
-    "SEG2": "B31 B31OSH SPRINGA GAPUNI CONN3D2 B21 RAX2",
-    "POI1": "MASS",
+    "HEXA20": "C3D20R C3D20RH C3D20RHT C3D20P C3D20E C3D20RP AC3D20", "HEXA27": "C3D27RH",
+    "TETRA10": "C3D10M C3D10MH C3D10MHT C3D10HS C3D10I", "PENTA18": "C3D15V", "PENTA15": "C3D15H", "PENTA6": "C3D6T",
+    "PYRAM5": "C3D5H", "QUAD4": "CPS4R CGAX4RHT S4R5 S4RSW SFM3D4R", "TRIA6": "CPE6MH S6 STRI65",
+    "QUAD8": "CPEG8RHT S8R", "QUAD9": "S9R5 M3D9R", "TRIA3": "CAX3 S3 STRI3 R3D3",
+    "SEG3": "T2D3 B32R PIPE32H SAX2", "SEG2": "B31 B31OSH SPRINGA GAPUNI CONN3D2 B21 RAX2", "POI1": "MASS",
     "": "C3D9 XYZ D DCOUP3D C3D8XX CPS5 -",
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "kind"), [(name, kind) for kind, names in NAMES.items() for name in names.split()])
 def test_names_of_elements(name, kind):
     found = element(name.strip("-"))
     assert (found.type if found else "") == kind
+
+
+TWO = "COOR_2D\nN1 0. 0.\nN2 1. 0.\nN3 1. 1.\nFINSF\n"
+
+
+def read_mail(folder, text):
+    (folder / "a.mail").write_bytes(text if isinstance(text, bytes) else text.encode())
+    return mail.read(folder / "a.mail")
+
+
+def mail_again(folder, mesh):
+    mail.write(folder / "again.mail", mesh)
+    return mail.read(folder / "again.mail")
+
+
+def in_file_order(mesh):
+    """Cells type by type in the file's order: (type, number, node numbers)."""
+    order = np.arange(mesh.n_cells) if mesh.file_order is None else mesh.file_order
+    cells = [(b.type, mesh.node_number[row].tolist()) for b in mesh.blocks for row in b.nodes]
+    blocks = np.searchsorted(mesh.offsets, order, side="right")
+    return [(cells[c][0], int(mesh.cell_number[c]), cells[c][1]) for c in order[np.argsort(blocks, kind="stable")]]
+
+
+def members_of(mesh):
+    """Groups by the numbers of their nodes and cells."""
+    pairs = (mesh.node_groups, mesh.node_number), (mesh.cell_groups, mesh.cell_number)
+    return [{name: number[ids].tolist() for name, ids in found.items()} for found, number in pairs]
+
+
+def kept(mesh):
+    """Contents of a mesh that a .mail file keeps, by number and with the file's group names."""
+    groups = []
+    for found in members_of(mesh):
+        made = labels(found, "A-Za-z0-9_", 24, ["FIN", "FINSF"])
+        groups.append({made[name]: sorted(numbers) for name, numbers in found.items()})
+    plane = mesh.space_dim == 2 and mesh.dim < 3 and not mesh.points[:, 2].any()
+    points = dict(zip(mesh.node_number.tolist(), map(tuple, mesh.points.tolist()), strict=True))
+    return points, in_file_order(mesh), 2 if plane else 3, groups
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@given(mesh=meshes(kinds=tuple(NODES)))
+def test_mail_round_trip(tmp_path_factory, mesh):
+    folder = tmp_path_factory.mktemp("mail")
+    with lenient():
+        read = mail_again(folder, mesh)
+        if max(mesh.node_number.max(), mesh.cell_number.max(initial=0)) <= 9_999_999:
+            assert (kept(read), read.name) == (kept(mesh), mesh.name)
+        same = mail_again(folder, read)
+        first = (folder / "again.mail").read_bytes()
+        assert kept(same) == kept(read)
+        mail_again(folder, same)
+        assert (folder / "again.mail").read_bytes() == first
+
+
+def test_mail_grammar(tmp_path):
+    mesh = read_mail(tmp_path, MAIL)
+    assert (mesh.name, mesh.space_dim) == ("a plate of two squares", 2)
+    assert mesh.node_number.tolist() == [1, 2, 3, 4, 5, 6, 77]
+    assert mesh.points[:, :2].tolist() == [[0, 0], [1, 0], [2, 0], [0, 1], [1, 1], [2, 1], [3.5, -1.5]]
+    quads = [("QUAD4", 1, [1, 2, 5, 4]), ("QUAD4", 12, [2, 3, 6, 5]), ("QUAD4", 4, [4, 5, 2, 1])]
+    assert in_file_order(mesh) == [*quads, ("SEG2", 3, [1, 2])]
+    assert mesh.cell_number[mesh.file_order].tolist() == [1, 12, 3, 4]
+    assert members_of(mesh) == [{"COIN": [1, 77], "RIEN": []}, {"BAS": [3], "TOUT": [1, 12, 4, 3]}]
+    for old, new in (("\n", "\r\n"), (" ", "\t"), ("whatever", "\0")):
+        assert kept(read_mail(tmp_path, MAIL.replace(old, new))) == kept(mesh)
+    for encoding in ("utf-8", "latin-1"):
+        assert "été" in read_mail(tmp_path, MAIL.replace("BAS", "été").encode(encoding)).cell_groups
+    line = read_mail(tmp_path, "COOR_1D\nN1 0.5\nN2 1.5\nFINSF\nSEG2\nM1 N1 N2\nFINSF\nFIN\n")
+    assert line.points.tolist() == [[0.5, 0, 0], [1.5, 0, 0]]
+
+
+#: a change of a small file, words of the warnings, and its cells all the same
+MAIL_NAMES = {
+    "names without numbers": (
+        TWO.replace("N3", "N-3") + "SEG2\nS1 N1 N2\nFINSF\nPOI1\nP1 N-3\nFINSF\n",
+        ["names of nodes .as N-3", "names of cells .as P1"], [("SEG2", 1, [1, 2]), ("POI1", 2, [3])],
+    ),
+    "prefixes that differ": (
+        TWO.replace("N2", "B2") + "SEG2\nS10 N1 B2\nFINSF\nPOI1\nP11 B2\nFINSF\n",
+        [], [("SEG2", 10, [1, 2]), ("POI1", 11, [2])],
+    ),
+    "leading zeros are other names": (
+        TWO.replace("N3", "N01") + "SEG2\nS1 N1 N01\nFINSF\n", ["names of nodes"], [("SEG2", 1, [1, 3])]
+    ),
+    "what is no mesh": (
+        TWO + "SYS_UNIT\nm kg\nFINSF\nMATERIAU\nsteel\nFINSF\n", ["no part of a mesh: SYS_UNIT, MATERIAU"], []
+    ),
+    "a node twice in a cell": (
+        TWO + "QUAD4\nM1 N1 N2 N3 N3\nFINSF\n", ["a node twice, the first M1"], [("QUAD4", 1, [1, 2, 3, 3])]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", MAIL_NAMES)
+@pytest.mark.filterwarnings("always")
+def test_names_become_numbers_and_what_is_odd_is_said(tmp_path, what, recwarn):
+    text, words, cells = MAIL_NAMES[what]
+    last = text.split()[-2] if cells else "N1"  # a member of both groups
+    mesh = read_mail(tmp_path, f"{text}GROUP_NO NOM=G\n{last if cells else 'N1'}\nFINSF\nFIN\n")
+    assert in_file_order(mesh) == cells
+    assert [mesh.node_number[mesh.node_groups["G"]].tolist()] == [[cells[-1][2][-1]] if cells else [1]]
+    assert len(recwarn) == len(words)
+    assert all(re.search(word, str(one.message)) for word, one in zip(words, recwarn, strict=True))
+
+
+def test_compiled_words_are_the_plain_ones():
+    rng = np.random.default_rng(3)
+    alphabet = [b"N1", b"M22", b"abc_7", b"N0", b"\n", b" ", b"\t", b",", b"\r\n", b"%"[:0], b"N999999999"]
+    for _ in range(300):
+        text = b" ".join(alphabet[k] for k in rng.integers(0, len(alphabet), rng.integers(0, 12))) + b"\n"
+        one, other = mail_names.scanned(text), mail_names.scanned_by_arrays(text)
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+        assert one[2].tolist() == mail_names.words(text).first.tolist()
+    for text in (b"N1 7\n", b"N\n", b"N01\n", b"N1a\n", b"N-1\n", b"abcdefgh1\n", b"N1234567890\n", b"\xe9\n"):
+        assert mail_names.scanned(text) is None
+        assert mail_names.scanned_by_arrays(text) is None
+
+
+def test_lines_numbers_and_names_are_what_code_aster_reads(tmp_path):
+    """80 characters a line; a real number has a point before its exponent; names have 24 letters, digits and _."""
+    values = [1e-5, -1.2345678901234567e-5, 1e22, -1.2345678901234567e-105, 5e-324, 0.1, 123456789.0, -0.0, 1e16]
+    points = np.array([values, values[::-1], values[3:] + values[:3]]).T
+    number = np.arange(9) + 9_999_991
+    names = {
+        "a" * 30: "a" * 24, "a" * 31: "a" * 22 + "_2", "rive gauche": "rive_gauche_2", "rive_gauche": "rive_gauche",
+        "été": "ete", "2nd": "G_2nd", "FIN": "FIN_2", "": "G_",
+    }  # fmt: skip
+    hexa = [("HEXA8", [range(8)])]
+    groups = {name: [0] for name in names}
+    mesh = Mesh.create(points, hexa, node_number=number, node_groups={"a": range(9)}, cell_groups=groups)
+    with pytest.warns(LacmeshWarning, match="'été' is ete"):
+        read = mail_again(tmp_path, mesh)
+    assert list(read.cell_groups) == list(names.values())
+    lines = (tmp_path / "again.mail").read_text().splitlines()
+    assert max(map(len, lines)) <= 80
+    for word in re.findall(r"(?<=\s)-?[0-9][^\s]*", "\n".join(lines)):
+        assert re.fullmatch(r"-?\d+\.\d+(e[+-]\d+)?", word)
+    assert np.array_equal(read.points, points)
+    with pytest.warns(LacmeshWarning, match="above 9999999"):
+        read = mail_again(tmp_path, Mesh.create(points, hexa, node_number=number + 1, cell_number=[5]))
+    assert (read.node_number.tolist(), read.cell_number.tolist()) == ([*range(1, 10)], [5])

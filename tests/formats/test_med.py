@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import warnings
 from dataclasses import replace
@@ -26,7 +25,6 @@ from tests.formats.msh_meshes import plain
 from tests.samples import samples
 
 HERE = Path(__file__).parents[1]
-SHARED = Path(os.environ.get("LACMESH_SHARED", HERE.parents[1] / "shared")) / "reference" / "meshes"
 #: our type -> (MED's name, place in our order of the node MED lists k-th), from ../reference, not from the module
 ORDERS = {
     ours: (key.removeprefix("med:"), places)
@@ -186,13 +184,6 @@ def test_what_msh_knows_goes_through(tmp_path, cube):
     np.testing.assert_array_equal(again.node_data["entity"], np.ones((9, 2)))
 
 
-@pytest.mark.parametrize("content", [b"{", b"[1]", b'{"mesh": "mesh", "model": 3}', b'{"mesh": "mesh", "zones": 1}'])
-def test_damaged_notes_are_left_out(tmp_path, cube, content):
-    path = edited(tmp_path, cube, lambda file, _: put(file, "LACMESH/notes", np.frombuffer(content, np.uint8)))
-    with pytest.warns(LacmeshWarning, match="notes"):
-        assert plain(replace(cube, zones=())) == plain(med.read(path))
-
-
 def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
     rows = [[0, 1, 2], [1, 2, 3], [2, 3, 4], [3, 4, 5], [0, 4, 5]]
     mesh = Mesh.create(
@@ -210,17 +201,16 @@ def test_zones_are_derived_where_our_notes_are_gone(tmp_path):
     assert med.read(path).zones == ("zone", "zone2", "zone3")
 
 
-def test_plane_and_empty_meshes(tmp_path):
+def test_meshes_without_cells_and_dimensions(tmp_path):
     square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
-    for mesh, esp in ((square, 2), (replace(square, space_dim=3), 3)):
-        med.write(tmp_path / "a.med", mesh)
-        with h5py.File(tmp_path / "a.med") as file:
-            assert (file["ENS_MAA/mesh"].attrs["DIM"], file["ENS_MAA/mesh"].attrs["ESP"]) == (2, esp)
-        assert med.read(tmp_path / "a.med").space_dim == esp
-    for points in (np.zeros((0, 3)), np.ones((2, 3))):
-        mesh = Mesh.create(points, [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
+    empty = Mesh.create(np.zeros((0, 3)), [], cell_groups={"a": []}, node_groups={"b": []}, space_dim=3)
+    nodes = replace(empty, points=np.ones((2, 3)), node_number=np.array([1, 2]))
+    for mesh, dims in ((square, (2, 2)), (replace(square, space_dim=3), (2, 3)), (empty, None), (nodes, None)):
         med.write(tmp_path / "a.med", mesh)
         assert plain(mesh) == plain(med.read(tmp_path / "a.med"))
+        with h5py.File(tmp_path / "a.med") as file:
+            about = file["ENS_MAA/mesh"].attrs
+            assert dims is None or (about["DIM"], about["ESP"]) == dims
 
 
 def test_data_that_med_holds_otherwise(tmp_path, cube):
@@ -323,64 +313,6 @@ def test_medcoupling_reads_what_we_write(tmp_path):
     for path, said in ask("say", *meshes).items():
         assert_says(said, meshes[path])
         assert_fields(said["fields"], meshes[path])
-
-
-@pytest.mark.medcoupling
-def test_nodes_of_quadratic_cells_stand_where_medcoupling_puts_them(tmp_path):
-    """A cell that medcoupling made quadratic: each node we read is at the mean of the corners that the table says."""
-    pytest.importorskip("medcoupling")
-    ask("raised", tmp_path / "q")
-    found = set()
-    for path in sorted(tmp_path.glob("q.*.med")):
-        mesh = med.read(path)
-        for block in mesh.blocks:
-            x = mesh.points[block.nodes[0]]
-            means = [x[list(corners)].mean(axis=0) for corners in CELLS[block.type].corners_of_node]
-            np.testing.assert_allclose(x, means, atol=1e-12, err_msg=path.name)
-            found.add(block.type)
-    assert found >= {"TRIA6", "QUAD8", "TETRA10", "PYRAM13", "PENTA15", "HEXA20", "TRIA7", "QUAD9", "HEXA27"}
-
-
-@pytest.mark.shared
-@pytest.mark.medcoupling
-def test_code_asters_meshes_are_what_medcoupling_says(tmp_path):
-    """And they go there and back."""
-    pytest.importorskip("medcoupling")
-    files = sorted(map(str, SHARED.glob("*.med")))
-    if not files:
-        pytest.skip(f"no meshes in {SHARED}")
-    for path, said in ask("say", *files).items():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", LacmeshWarning)
-            mesh = med.read(Path(path))
-        assert said["types"], path
-        assert_says(said, mesh)
-        med.write(tmp_path / "a.med", mesh)
-        assert plain(mesh) == plain(med.read(tmp_path / "a.med"))
-
-
-@pytest.mark.medcoupling
-def test_every_version_that_medcoupling_writes(tmp_path):
-    pytest.importorskip("medcoupling")
-    ask("make", tmp_path / "v")
-    files = sorted(tmp_path.glob("v.*.med"))
-    assert len(files) == 5
-    for path in files:
-        with pytest.warns(LacmeshWarning, match="left out, of elno$"):
-            mesh = med.read(path)
-        assert mesh.cells_by_type == {"TRIA3": 1, "QUAD4": 1, "TETRA4": 1, "HEXA8": 1}
-        assert mesh.steps["moved@1"] == Step("moved", 1, -1, 0.5)
-        cells = {kind: i for kind, i in zip([b.type for b in mesh.blocks], range(4), strict=True)}
-        np.testing.assert_array_equal(mesh.cell_data["moved@1"][[cells["TETRA4"], cells["HEXA8"]]], [[2, 2], [3, 4]])
-        assert np.isnan(mesh.cell_data["moved@0"][[cells["TRIA3"], cells["QUAD4"]]]).all()
-        np.testing.assert_array_equal(mesh.node_data["partial"], [np.nan, 1, np.nan, np.nan, 2, *[np.nan] * 4, 3])
-        assert {name: set(mesh.cell_number[ids]) for name, ids in mesh.cell_groups.items()} == {
-            "peau à 2": {70},
-            "B": {70, 80},
-            "V": {7},
-        }
-        np.testing.assert_array_equal(mesh.node_groups["N"], [2, 9])
-        np.testing.assert_array_equal(mesh.node_number, range(10, 110, 10))
 
 
 def old_mesh(seed, space_dim):

@@ -1,13 +1,12 @@
 """meshio, pyvista and trimesh: formats through meshio, whose faults are said; meshes there and back, and what they see.
 
-What a format of meshio keeps is in `test_formats_table.py`, files that are cut short in `test_damaged.py`."""
+What a format of meshio keeps is in `test_formats_table.py`, as files that are cut short."""
 
 from __future__ import annotations
 
 import re
 import signal
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +18,10 @@ from lacmesh.errors import DataError, GroupNotFoundError, LacmeshWarning, ReadEr
 from lacmesh.exchange.libraries import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import detect_format, read, title_of, write
 from lacmesh.formats.round_trip import misplaced_mid_nodes
-from lacmesh.formats.table import OF_NAME
 from lacmesh.formats.vtu.types import OF_TYPE
 from lacmesh.mesh import Mesh
 from lacmesh.reference.shapes import shape
+from tests.bad_input.case import small_files
 from tests.formats.feature_cases import bare, one_cell, solid
 from tests.formats.msh_meshes import order, plain
 from tests.meshes import random_mesh
@@ -30,67 +29,18 @@ from tests.meshes import random_mesh
 meshio = pytest.importorskip("meshio")
 
 
-@pytest.mark.vtk
-@pytest.mark.parametrize("kind", sorted(OF_NAME["vtk"].fidelity[0].takes))
-def test_vtk_takes_cells_for_what_they_are(kind, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    mesh = one_cell(kind)
-    write(tmp_path / "a.vtk", mesh)
-    grid = pyvista.read(tmp_path / "a.vtk")
-    assert int(grid.celltypes[0]) == OF_TYPE[kind].number
-    assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
-    grid.save(tmp_path / "b.vtk")
-    assert read(tmp_path / "b.vtk").block(kind).tolist() == mesh.block(kind).tolist()
-
-
 @pytest.mark.parametrize("name", ["a.vtk", "a.mesh", "a.off", "a.ply"])
 @pytest.mark.parametrize("size", [0, 20])
 def test_a_full_disk_is_told_as_one_whatever_meshio_warns_of(name, size, tmp_path):
-    resource = pytest.importorskip("resource")
     mesh = Mesh.create([[0, 0], [1, 0], [0, 1], [1, 1]], [("TRIA3", [[0, 1, 2], [1, 3, 2]])])
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
-        with pytest.raises(WriteError, match=r"cannot be written \((File too large|not all of it was taken)"):
+        words = r"cannot be written \((File too large|not all of it was taken)"
+        with small_files(size), pytest.raises(WriteError, match=words):
             write(tmp_path / name, mesh)
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, before)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.vtk
-def test_vtk_finds_every_array_by_its_name(tmp_path):
-    """Groups, numbers, the records of a cut and fields, of all kinds of numbers, as VTK reads them."""
-    pyvista = pytest.importorskip("pyvista")
-    groups = {"slave": [4, 5], "Körper 100%20": [0, 1], 'a "b"\t%': [1, 2], "empty": []}
-    mesh = cut_skin(
-        solid(cell_groups=groups, node_groups={"a corner": [0, 3]}, cell_number=range(101, 108)), "slave"
-    ).mesh
-    n = mesh.n_nodes
-    fields = {
-        dtype: np.arange(n).astype(dtype) for dtype in ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "f4", "f8", "?")
-    }
-    fields |= {
-        "big": np.full(n, 2**64 - 5, np.uint64),
-        "gap": np.full(n, np.nan),
-        "move": np.arange(3.0 * n).reshape(n, 3),
-    }
-    mesh = replace(mesh, node_data={**mesh.node_data, **fields})
-    write(tmp_path / "a.vtk", mesh)
-    grid = pyvista.read(tmp_path / "a.vtk")
-    for found, groups, data, numbers, key in (
-        (grid.cell_data, mesh.cell_groups, mesh.cell_data, mesh.cell_number, "cell_number"),
-        (grid.point_data, mesh.node_groups, mesh.node_data, mesh.node_number, "node_number"),
-    ):
-        marks = {f"group:{g}": np.isin(np.arange(len(numbers)), members) for g, members in groups.items()}
-        wanted = {key: numbers, **marks, **data}
-        assert set(found.keys()) == set(wanted)
-        for name, values in wanted.items():
-            np.testing.assert_array_equal(np.asarray(found[name]), np.asarray(values), err_msg=name)
-    back = read(tmp_path / "a.vtk")
-    assert back.cell_groups.keys() == mesh.cell_groups.keys() and back.node_groups["a corner"].tolist() == [0, 3]
 
 
 _POINTS = "POINTS 8 double\n0 0 0 1 0 0 0 1 0 1 1 0 0 0 1 1 0 1 0 1 1 1 1 1\n"
@@ -147,44 +97,6 @@ def test_a_third_component_is_said(tmp_path):
     with pytest.warns(LacmeshWarning, match=r"'u' have 2 components \(a third, 0, is added\)$"):
         write(tmp_path / "a.vtk", bare(node_data={"u": u}))
     assert read(tmp_path / "a.vtk").node_data["u"].tolist() == np.pad(u, ((0, 0), (0, 1))).tolist()
-
-
-@pytest.mark.vtk
-@pytest.mark.parametrize("suffix", [".e", ".avs"])
-@pytest.mark.parametrize("kind", ["TRIA3", "QUAD4", "TETRA4", "HEXA8", "PENTA6", "PYRAM5"])
-def test_vtk_reads_linear_cells_of_other_formats(kind, suffix, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
-    mesh = one_cell(kind)
-    write(tmp_path / f"a{suffix}", mesh)
-    grid = pyvista.read(tmp_path / f"a{suffix}")
-    grid = grid.combine() if isinstance(grid, pyvista.MultiBlock) else grid
-    np.testing.assert_allclose(grid.points[grid.get_cell(0).point_ids], mesh.points, rtol=1e-6)
-
-
-@pytest.mark.gmsh
-@pytest.mark.parametrize(
-    ("suffix", "kind"),
-    [
-        (s, k)
-        for s in (".mesh", ".obj", ".stl")
-        for k in ("TRIA3", "QUAD4", "TETRA4", "HEXA8")
-        if s == ".mesh" or k == "TRIA3"
-    ],
-)
-def test_gmsh_reads_linear_cells_of_other_formats(suffix, kind, tmp_path):
-    gmsh = pytest.importorskip("gmsh")
-    mesh = one_cell(kind)
-    write(tmp_path / f"a{suffix}", mesh)
-    gmsh.initialize(["-nt", "1", "-v", "0"], readConfigFiles=False)
-    try:
-        gmsh.merge(str(tmp_path / f"a{suffix}"))
-        types, _, nodes = gmsh.model.mesh.getElements()
-        tags, x, _ = gmsh.model.mesh.getNodes()
-    finally:
-        gmsh.finalize()
-    place = {tag: point for tag, point in zip(tags.tolist(), x.reshape(-1, 3), strict=True)}
-    here = types.tolist().index(CELLS[kind].msh)
-    np.testing.assert_allclose([place[n] for n in nodes[here].tolist()], mesh.points, atol=1e-6)
 
 
 def test_cells_that_come_out_otherwise_are_an_error(tmp_path):
@@ -261,15 +173,6 @@ def test_a_cut_goes_through_meshio():
     assert Cut(from_meshio(given)).zones == ("slave",)
     given.info = None
     assert Cut(from_meshio(given)).n_macros == cut.n_macros
-
-
-@pytest.mark.parametrize("version", ["2.2", "4.1"])
-def test_what_meshio_reads_from_gmsh_has_groups(version, tmp_path):
-    mesh = solid(cell_groups={"body": [0, 1, 2, 3], "slave": [4, 5, 6]})
-    write(tmp_path / "a.msh", mesh, msh=version)
-    found = from_meshio(meshio.read(tmp_path / "a.msh"))
-    assert {name: len(cells) for name, cells in found.cell_groups.items()} == {"body": 4, "slave": 3}
-    assert found.cells_by_type == mesh.cells_by_type
 
 
 def test_blocks_that_repeat_a_type_become_one():

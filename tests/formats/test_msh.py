@@ -14,7 +14,6 @@ from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
 from lacmesh.formats.ids import Index
-from lacmesh.formats.msh import reader2 as msh_read2
 from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.formats.msh_meshes import (
@@ -195,37 +194,6 @@ def test_gmsh_sees_fields_and_keeps_our_section(gmsh, tmp_path, version, binary)
         assert plain(saved)["cells"] == plain(mesh)["cells"]
 
 
-@pytest.mark.gmsh
-@kinds
-def test_fields_of_gmsh(gmsh, tmp_path, version, binary):
-    two_boxes(gmsh)
-    number, xyz, _ = gmsh.model.mesh.getNodes()
-    _, (cells,), _ = gmsh.model.mesh.getElements(3, 1)
-    path = str(tmp_path / "fields.msh")
-    save(gmsh, path, version, binary)
-    gmsh.option.setNumber("PostProcessing.SaveMesh", 0)
-    values = {"U": xyz.reshape(-1, 3), "T": np.arange(len(cells))[:, None] * 0.1}
-    for name, on, tags in (("U", "NodeData", number), ("T", "ElementData", cells), ("T4", "ElementNodeData", cells)):
-        view = gmsh.view.add(name)
-        for step in range(2):
-            rows = np.ones((len(tags), 4)) if on == "ElementNodeData" else values[name] + step
-            gmsh.view.addModelData(view, step, "two boxes", on, tags, rows, 0.25 * step)
-        gmsh.view.write(view, path, append=True)
-    with pytest.warns(LacmeshWarning) as warned:
-        mesh = msh.read(tmp_path / "fields.msh")
-    messages = "\n".join(str(one.message) for one in warned)
-    assert "left out: $InterpolationScheme, $ElementNodeData" in messages
-    assert ("no cell is in any of its groups, as gmsh saves msh 2.2" in messages) == (version == "2.2")
-    assert mesh.steps["U@1"] == Step("U", 1, -1, 0.25)
-    atol = 0 if binary else 1e-15  # gmsh writes 16 digits
-    assert np.allclose(mesh.node_data["U@1"], mesh.points + 1, rtol=0, atol=atol)
-    for step in range(2):
-        found = mesh.cell_data[f"T@{step}"]
-        there = ~np.isnan(found)
-        assert there.sum() == len(cells)
-        assert np.allclose(found[there], values["T"].ravel() + step, rtol=0, atol=1e-14)
-
-
 @kinds
 def test_numbers_that_are_not_distinct_are_counted_again(tmp_path, version, binary):
     mesh = Mesh.create(np.eye(3), [("TRIA3", [[0, 1, 2]])], node_number=np.array([4, 4, 0]), node_groups={"g": [1]})
@@ -235,20 +203,12 @@ def test_numbers_that_are_not_distinct_are_counted_again(tmp_path, version, bina
     assert read.node_groups["g"].tolist() == [1]
 
 
-@kinds
-def test_partitions(tmp_path, version, binary):
+def test_partitions_are_tags_of_msh_22(tmp_path):
     partition = np.array([1, -1, 2], np.int32)
     mesh = Mesh.create(np.eye(3), [("SEG2", [[0, 1], [1, 2], [2, 0]])], cell_data={"partition": partition})
-    if version == "4.1":
-        with pytest.warns(LacmeshWarning, match="partitions as element data"):
-            read = again(tmp_path, mesh, version, binary)
-    else:
-        read = again(tmp_path, mesh, version, binary)
-        content = (tmp_path / "again.msh").read_bytes()
-        assert b"ElementData" not in content
-        assert binary or b"\n1 1 4 0 1 1 1 1 2\n2 1 2 0 1 2 3\n3 1 4 0 1 1 2 3 1\n" in content
-    assert read.cell_data["partition"].tolist() == [1, -1, 2]
-    assert read.cell_data["partition"].dtype == np.int32
+    assert again(tmp_path, mesh, "2.2", False).cell_data["partition"].tolist() == [1, -1, 2]
+    content = (tmp_path / "again.msh").read_text()
+    assert "ElementData" not in content and "\n1 1 4 0 1 1 1 1 2\n2 1 2 0 1 2 3\n3 1 4 0 1 1 2 3 1\n" in content
 
 
 @pytest.mark.parametrize("version", ["4.1", "2.2"])
@@ -365,7 +325,7 @@ def groups_of(mesh):
     return {name: mesh.cell_number[cells].tolist() for name, cells in mesh.cell_groups.items()}
 
 
-def test_repeated_elements_are_one_cell(tmp_path, monkeypatch):
+def test_repeated_elements_are_one_cell(tmp_path):
     rows = [
         "9 2 2 6 1 1 2 3",  # three times the same cell: stays as 4, the smallest
         "4 2 2 5 1 1 2 3",
@@ -384,8 +344,6 @@ def test_repeated_elements_are_one_cell(tmp_path, monkeypatch):
     assert groups_of(mesh) == {"five": [4, 5, 2], "six": [4, 6, 8], "2:8": [4]}
     assert mesh.cell_data["entity"].tolist() == [[2, 1], [2, 1], [2, 2], [2, 1], [2, 1], [2, 1]]
     assert np.nan_to_num(mesh.cell_data["T"]).tolist() == [7, 0, 0, 0, 8, 0]  # of the one that 9 repeats
-    monkeypatch.setattr(msh_read2, "_code", lambda columns: np.zeros(len(columns[0]), np.uint64))  # alike by chance
-    assert groups_of(msh.read(old(tmp_path, ["1 2 2 5 1 1 2 3", "2 2 2 6 1 1 2 4"]))) == {"five": [1], "six": [2]}
 
 
 def test_older_versions(tmp_path):
@@ -434,20 +392,8 @@ def test_one_header_for_each_element(tmp_path):
         assert plain(msh.read(path)) == plain(mesh)
 
 
-@kinds
-def test_cells_that_msh_lacks_keep_their_places(tmp_path, version, binary):
-    rng = np.random.default_rng(3)
-    blocks = [("TETRA4", rng.permutation(12).reshape(3, 4)), ("TRIA3", [[0, 1, 2], [3, 4, 5]]), ("TRIA7", [range(7)])]
-    groups = {"body": [0, 1], "both": [2, 4], "last": [5]}
-    mesh = Mesh.create(rng.normal(size=(12, 3)), blocks, cell_groups=groups, file_order=rng.permutation(6))
-    with pytest.warns(LacmeshWarning, match="msh has no TRIA7: 1 cells"):
-        read = again(tmp_path, mesh, version, binary)
-    assert plain(read) == plain(mesh)
-    assert version == "4.1" or order_of(read) == order_of(mesh)
-
-
 def test_what_is_left_out_is_said_once(tmp_path):
-    extra = "".join(f"${n}\nsome 1 2\n$End{n}\n" for n in ("GhostElements", "Parametrizations", "Strange", "Edges"))
+    extra = "".join(f"${n}\nsome 1 2\n$End{n}\n" for n in ("GhostElements", "ElementNodeData", "Strange", "Edges"))
     quiet = "".join(f"${n}\nsome\n$End{n}\n" for n in ("Comments", "LacNodeGroups"))
     text = ASCII4.replace("2 1 0 4\n", "2 1 1 4\n")
     for row in ("0 0 0\n1", "1 0 0\n", "1 1 0\n", "0 1 0\n"):
@@ -458,7 +404,7 @@ def test_what_is_left_out_is_said_once(tmp_path):
     with pytest.warns(LacmeshWarning) as said:
         mesh = msh.read(path)
     left, unknown = (str(w.message) for w in said)
-    assert left.endswith("left out: parametric coordinates of nodes, $GhostElements, $Parametrizations")
+    assert left.endswith("left out: parametric coordinates of nodes, $GhostElements, $ElementNodeData")
     assert unknown.endswith("unknown sections: $Strange, $Edges")
     assert plain(mesh)["points"] == {1: (0, 0, 0), 2: (1, 0, 0), 3: (1, 1, 0), 4: (0, 1, 0)}
 

@@ -17,7 +17,6 @@ from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.cutting.records import CELL_RECORDS, is_cut
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import notes, sidecar
-from lacmesh.formats.journal import Journal
 from lacmesh.formats.med.hdf5 import changing
 from lacmesh.formats.note_types import DAMAGE, from_plain, to_plain
 from lacmesh.formats.notes import ARRAY_NOTES, CUT_NOTES, MSH_NOTES
@@ -342,46 +341,32 @@ def test_skin_on_skin_becomes_one_face_with_the_slaves_record(tmp_path):
 
 #: a note of lacmesh -> JSON data that are none; what comes back is in the tests of each format
 NO_NOTE = {
-    "name": [7, None, ["a"]],
-    "space_dim": [0, 4, 2.0, "2", True],
-    "zones": ["a", [7], {"a": 1}],
+    "name": [7, None, ["a"]], "space_dim": [0, 4, 2.0, "2", True], "zones": ["a", [7], {"a": 1}],
     "group_tags": [{"g": [[2]]}, {"g": [[2, 5, 1]]}, [["g"]], {"g": [[2, 5.0]]}],
     "steps": [{"T@0": ["T", 0, -1]}, {"T@0": ["T", "0", -1, 0.5]}, {"T": 1}],
     "model": [
-        {},
-        {"boundary": [], "periodic": [{}]},
-        {"boundary": [[3]], "periodic": []},
-        {"boundary": 1, "periodic": []},
+        {}, {"boundary": [], "periodic": [{}]}, {"boundary": [[3]], "periodic": []}, {"boundary": 1, "periodic": []},
     ],
-    "names": [{"cell": ["a"]}, {"cell": {"a": 1}}, "a"],
-    "shapes": [{"node": {"s": 3}}, {"node": {"s": [1.5]}}],
-    "own": [[1], "tags"],
-    "groups": [[None], {}],
-    "file_order": [[1.5], [[1]], ["1"], [2**70]],
-}
+    "names": [{"cell": ["a"]}, {"cell": {"a": 1}}, "a"], "shapes": [{"node": {"s": 3}}, {"node": {"s": [1.5]}}],
+    "own": [[1], "tags"], "groups": [[None], {}], "file_order": [[1.5], [[1]], ["1"], [2**70]],
+}  # fmt: skip
 NO_NOTE_OF_MSH = {
-    "nodes": ["12", 1.5, 2**63, None],
-    "cells": [[6]],
+    "nodes": ["12", 1.5, 2**63, None], "cells": [[6]],
     "groups": [{"g": []}, [{"name": "g"}], [{"name": 1, "tags": []}], [7]],
     "node_groups": [[{"name": "g", "nodes": ["4"]}], [{"nodes": [4]}]],
     "cell_groups": [[{"name": "g", "nodes": [1]}], 7],
     "extra_cells": [
-        [{"type": "TRIA7"}],
-        [{"type": "?", "number": [], "nodes": [], "entity": [], "at": []}],
+        [{"type": "TRIA7"}], [{"type": "?", "number": [], "nodes": [], "entity": [], "at": []}],
         [{"type": "TRIA7", "number": [9], "nodes": [1, 2], "entity": [2, 5], "at": [3]}],
     ],
-    "node_entity": [[1, 2], [[1, 2, 3]], "1"],
-    "boundary": [[[3, 1]], [[3, 1, 5]], [3]],
+    "node_entity": [[1, 2], [[1, 2, 3]], "1"], "boundary": [[[3, 1]], [[3, 1, 5]], [3]],
     "fields": [[{"on": "node"}], {"on": "node"}],
-}
+}  # fmt: skip
 NO_NOTE_OF_A_CUT = {
-    "nodes": ["12"],
-    "cells": [2, {"HEXA8": "2"}],
-    "digest": [7],
-    "zones": ["slave"],
+    "nodes": ["12"], "cells": [2, {"HEXA8": "2"}], "digest": [7], "zones": ["slave"],
     "children": [{"cell": [1]}, [1]],
     "internal": [{"node": [7], "macro": []}, {"node": [7], "macro": [-2]}, {"node": [7], "macro": [0.5]}],
-}
+}  # fmt: skip
 
 
 def test_other_data_are_refused():
@@ -396,32 +381,6 @@ def test_other_data_are_refused():
     assert notes.mesh_fields({"model": Model({}, (link,)), "mesh": "m"}, 6).keys() == {"model"}
     with pytest.raises(ValueError, match="periodic node outside"):
         notes.mesh_fields({"model": Model({}, (link,))}, 5)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_journal_is_a_file(tmp_path, seed):
-    """Random writes, reads and cuts give what they give on a plain file; before the end, what is old is untouched."""
-    rng = np.random.default_rng(seed)
-    start = rng.bytes(int(rng.integers(1, 20000)) if seed else 0)
-    path, twin = tmp_path / "a", bytearray(start)
-    path.write_bytes(start)
-    with path.open("r+b", buffering=0) as file:
-        journal = Journal(file)
-        for _ in range(200):
-            at = int(rng.integers(0, len(twin) + 1))
-            data = rng.bytes(int(rng.integers(0, 9000)))
-            journal.seek(at)
-            if rng.random() < 0.5:
-                journal.write(data)
-                twin[at : at + len(data)] = data
-            else:
-                back = bytearray(len(data))
-                journal.readinto(back)
-                assert back == (twin[at : at + len(data)]).ljust(len(data), b"\0")
-            assert journal.seek(0, 2) == len(twin)
-        assert path.read_bytes()[: len(start)] == start
-        journal.finish()
-    assert path.read_bytes() == bytes(twin)
 
 
 def test_an_error_inside_leaves_the_file(tmp_path):

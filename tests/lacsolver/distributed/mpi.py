@@ -5,14 +5,17 @@ A program is a module of this folder with a function `main(comm, *arguments)`, w
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
 import traceback
+from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 
+from lacsolver.cli import main as solver_main
+from lacsolver.distributed import processes
 from lacsolver.distributed.launch import import_mpi
-from lacsolver.distributed.processes import LARGE
 from verification.mpiexec import ROOT, environment
 from verification.mpiexec import words as words_of
 
@@ -26,31 +29,19 @@ def words(n, code, *arguments):
 
 def in_ranks(n, code, *arguments, timeout=60, **more):
     """Run some code in n processes, to their end; a hang is an error."""
-    return subprocess.run(
-        words(n, code, *arguments),
-        env=environment(**more),
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
+    given, env = words(n, code, *arguments), environment(**more)
+    return subprocess.run(given, env=env, capture_output=True, text=True, timeout=timeout, check=False)
 
 
 def printed(n, program, *arguments, timeout=300):
     """Objects that a program prints in n processes, one a line."""
-    code = f"from tests.lacsolver.distributed.mpi import main; main({program!r})"
+    code = f"from tests.lacsolver.distributed.mpi import started; started({program!r})"
     done = in_ranks(n, code, *arguments, timeout=timeout)
     assert done.returncode == 0, done.stderr
     return [json.loads(line) for line in done.stdout.splitlines()]
 
 
-def commands(n, *rows, large=LARGE):
-    """The status of each command of lacsolver, and its lines, in n processes that are started once."""
-    told = printed(n, "commands", json.dumps([[str(word) for word in words] for words in rows]), large)
-    return [(one["status"], own_lines("\n".join(one["said"]))) for one in told]
-
-
-def main(program):
+def started(program):
     """Run a program in this process; an error ends all processes."""
     comm = import_mpi().COMM_WORLD
     try:
@@ -58,6 +49,28 @@ def main(program):
     except Exception:
         traceback.print_exc()
         comm.Abort(1)
+
+
+def commands(n, *rows, sliced=()):
+    """The status of each command of lacsolver, and its lines, in n processes that are started once.
+
+    The rows `sliced` come last; their processes read slices of every mesh.
+    """
+    every = [[[str(word) for word in row] for row in some] for some in (rows, sliced)]
+    told = printed(n, "mpi", json.dumps(every))
+    return [(one["status"], own_lines("\n".join(one["lines"]))) for one in told]
+
+
+def main(comm, rows):
+    """Run commands of lacsolver; the first process prints the status of each, and the lines that a user sees."""
+    rows, sliced = json.loads(rows)
+    for large, some in ((processes.LARGE, rows), (0, sliced)):
+        processes.LARGE = large
+        for row in some:
+            with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as lines:
+                status = solver_main(row)
+            if comm.rank == 0:
+                print(json.dumps({"status": status, "lines": lines.getvalue().splitlines()}), flush=True)
 
 
 def own_lines(text):
