@@ -26,10 +26,10 @@ from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.places import nodes_of
 from lacsolver.space.space import Space
 from lacsolver.validation import validate
-from tests.worlds import permuted
 from tests.problem_meshes import plane
 from tests.problems import case_of, contact, fix, move
 from tests.samples import each_option
+from tests.worlds import permuted
 
 E = 1000.0
 SOFT = Material(young=E, poisson=0.0)
