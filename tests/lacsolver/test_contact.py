@@ -273,13 +273,23 @@ def test_a_block_that_slides_on_a_table_is_held_back_by_mu(friction, n):
     assert ratio.value == pytest.approx(friction, rel=1e-6)
 
 
-def groove(slave, master):
-    return Problem.of(case_of(in_groove(4), ELASTIC, contact(slave=slave, master=master), model="plane_strain"))
-
-
-def test_the_plane_side_gives_the_direction():
-    for slave, master, normals in (("round", "flank", "master"), ("flank", "round", "facet")):
-        assert [pair.pairing.normals for pair in groove(slave, master).joints] == [normals]
+@pytest.mark.parametrize(
+    ("slave", "master", "stiffer", "geometry", "normals"),
+    [
+        ("round", "flank", 1, "reference", "master"),
+        ("flank", "round", 1, "reference", "facet"),
+        ("round", "flank", 1, "current", "master"),
+        ("round", "flank", 2, "reference", "master"),
+        ("round", "flank", 2, "current", "facet"),  # it bends the plane
+    ],
+)
+def test_the_plane_side_gives_the_direction(slave, master, stiffer, geometry, normals):
+    own = (
+        Material(groups=["ball"], young=1000.0 * stiffer, poisson=0.3),
+        Material(groups=["seat"], young=1000.0, poisson=0.3),
+    )
+    case = case_of(in_groove(4), *own, contact(slave=slave, master=master, geometry=geometry), model="plane_strain")
+    assert [pair.pairing.normals for pair in Problem.of(case).joints] == [normals]
 
 
 def test_an_edge_that_dips_into_its_master_is_warned_of():
