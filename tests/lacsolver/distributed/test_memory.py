@@ -44,7 +44,7 @@ RECORDS = (
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     """Allocations that each process found to grow, the other one having more and more."""
-    return {line["fixed"]: line for line in printed(2, "test_memory", tmp_path_factory.mktemp("models"))}
+    return {line["fixed"]: line for line in printed(2, "test_memory", tmp_path_factory.mktemp("models"), timeout=900)}
 
 
 @pytest.mark.parametrize("fixed", (0, 1))
@@ -86,7 +86,8 @@ def divided(folder, layers, fixed, comm):
     def make():
         folder.mkdir()
         tall = layers / 4
-        mesh = stack(box((8, 8, layers), (1, 1, tall)), box((7, 7, 3))).only("bottom", "master", "slave", "top", "body")
+        mesh = stack(box((8, 8, layers), (1, 1, tall)), box((7, 7, 3)))
+        mesh = mesh.only("bottom", "master", "slave", "top", "lower", "upper").renamed(lower="", upper="")
         x = mesh.points
         own = (x[:, 2] > tall - 1) & (x[:, 0] < 0.45)
         write_parts(folder / "mesh.parts", mesh, np.where(own, fixed, 1 - fixed))
