@@ -252,6 +252,6 @@ def test_columns_are_those_of_the_system_and_their_memory_is_bounded():
     np.testing.assert_allclose(C, B @ np.linalg.solve(K.K.toarray(), B[:2].T), rtol=1e-9, atol=1e-12 * C.max())
     with patch.object(kept_columns, "_MEMORY", 8 * len(rows.w)):
         small = kept_columns.KeptColumns(K, rows, 9)
-    both = [small.columns(np.array([k])) for k in (0, 1)]
-    np.testing.assert_array_equal(np.hstack(both), C)
+    asked = [small.columns(np.array([k])) for k in (0, 1, 0)]
+    np.testing.assert_array_equal(np.hstack(asked), C[:, [0, 1, 0]])
     assert small.most == 1 == len(small._values)
