@@ -125,7 +125,7 @@ def _doubtful(subject: Subject, clockwise: Ints, bad: Ints, quality: NDArray) ->
         )
         findings.append(subject.found("clockwise-cell", message, clockwise))
     if len(bad):
-        worst = bad[np.argsort(quality[bad], kind="stable")]
+        worst = bad[np.argsort(quality[bad].round(9), kind="stable")]  # the first of those that are equal
         named = ", ".join(f"{subject.mesh.cell_number[c]} ({quality[c]:.3f})" for c in worst[:_WORST])
         message = counted(len(bad), "cell has", "cells have")
         message += f" a scaled Jacobian below {POOR}, worst first: {named}; {_advice(subject, bad)}"

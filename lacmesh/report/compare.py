@@ -258,7 +258,7 @@ def _each_size(mesh: Mesh, cells: Ints) -> Floats:
 def _worst(before: Mesh, cut: Cut, cells: Touched, by_variant: Any) -> Iterator[WorstChild]:
     """The children of the lowest quality; lines have none to compare."""
     dim = cut.mesh.cell_dim[cells.children]
-    order = np.argsort(np.where(dim > 1, cells.after, np.inf), kind="stable")
+    order = np.argsort(np.where(dim > 1, cells.after.round(9), np.inf), kind="stable")  # the first of equal ones
     able = hexahedra(before, cells)
     for k in order[: min(WORST, int((dim > 1).sum()))].tolist():
         child, parent = int(cells.children[k]), int(cells.of[k])

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.checks.findings import counted
 from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.errors import CutError, LacmeshWarning
@@ -100,13 +101,13 @@ def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = No
     poor = np.flatnonzero(~(cells.after >= least))
     if not len(poor):
         return
-    poor = poor[np.argsort(cells.after[poor], kind="stable")]
+    poor = poor[np.argsort(cells.after[poor].round(9), kind="stable")]  # the first of those that are equal
     worst = poor[np.sort(np.unique(cells.of[poor], return_index=True)[1])]  # of each parent
     listed = "; ".join(_named(before, cut, cells, int(k)) for k in worst[:_NAMED])
     more = f"; and those of {len(worst) - _NAMED:,} more" if len(worst) > _NAMED else ""
     raise CutError(
-        f"{len(poor):,} cells would have a quality below {least:g} (least corner Jacobian), the worst {listed}{more}. "
-        + _advice(before, cut, cells, poor, least),
+        f"{counted(len(poor), 'cell')} would have a quality below {least:g} (least corner Jacobian), the worst "
+        f"{listed}{more}. " + _advice(before, cut, cells, poor, least),
         cut.mesh.cell_number[cells.children[poor]],
     )
 
