@@ -38,7 +38,6 @@ from tests.problems import case_of, contact, fix
 from tests.samples import each_option
 
 E = 1000.0
-#: prisms and pyramids whose quadrangles, or triangles, are in the section
 KINDS = [name for name, cell in CELLS.items() if cell.dim > 1]
 SHORTENED = ["TRIA6", "QUAD4", "TETRA4", "HEXA20", "PENTA15"]
 STEPS = Steps(times=[1.0, 2.0, 3.0, 4.0])
