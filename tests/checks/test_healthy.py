@@ -107,9 +107,7 @@ def all_well_before_and_after(mesh, slave="slave", master="master", held=(), but
 
 
 #: every type, one of each family in short
-EVERY = pytest.mark.parametrize(
-    "name", each_option([(name,) for name in SOLIDS], of=lambda row: [CELLS[row[0]].family])
-)
+EVERY = pytest.mark.parametrize("name", each_option([(name,) for name in SOLIDS], of=lambda k: [CELLS[k[0]].family]))
 
 
 #: every type in every shape, the largest of which is tried with one type of each family and order

@@ -208,6 +208,11 @@ def test_children_take_the_heights_of_their_parents(kind, hexa):
     assert (corners == theirs).all() and len(after) > len(before)
     row = np.empty(len(mine), int)
     row[mine] = rows  # of the parents among the faces that were not cut
+    for k, n in enumerate(after.n_corners):  # the parent's map takes the corners' places in it to the corners
+        parent = parents.faces.faces.take(parents.of[[k]])
+        name = FACE_TYPES[parent.type[0]]
+        there = shape(name, parents.corner[k, :n]) @ after.x[parent.nodes[0, : CELLS[name].n_nodes]]
+        np.testing.assert_allclose(there, after.x[after.faces.nodes[k, :n]], atol=1e-14)
     at_node = {}
     for name, faces, nodes in after.by_type():
         place = np.array([[0.3, 0.2]]) if name == "TRIA3" else np.array([[0.4, -0.3]])
