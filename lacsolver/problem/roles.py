@@ -90,14 +90,13 @@ def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:
 def _by_master(pair: ContactPair, case: Case, mesh: Mesh) -> bool:
     """True if the master's normals are the better known ones.
 
-    It is plane and the slave is not; but where skins are paired as they move, a stiffer slave bends it. Or both are
-    plane, and friction turns faces at the slave's edges as they deform: then the master is stiffer.
+    It is plane and the slave is not; but with friction on skins that are paired as they move, a stiffer slave bends it.
+    Or both are plane, and friction turns faces at the slave's edges as they deform: then the master is stiffer.
     """
     record, zone = pair.record, pair.zone
     assert isinstance(record, Contact)
     alone = only_master_is_plane(zone, record.crease_angle)
-    rubs = pair.pairing.friction and is_plane(zone.master, record.crease_angle)
-    if not (pair.moving and (alone or rubs)):
+    if not (pair.moving and pair.pairing.friction and is_plane(zone.master, record.crease_angle)):
         return alone
     slave, master = (_Side(case, mesh, name, record).stiffness for name in (record.slave, record.master))
     return slave <= master * _RATIO if alone else master > slave * _RATIO
