@@ -274,22 +274,21 @@ def test_a_block_that_slides_on_a_table_is_held_back_by_mu(friction, n):
 
 
 @pytest.mark.parametrize(
-    ("slave", "master", "stiffer", "geometry", "normals"),
+    ("slave", "stiffer", "joint", "normals"),
     [
-        ("round", "flank", 1, "reference", "master"),
-        ("flank", "round", 1, "reference", "facet"),
-        ("round", "flank", 1, "current", "master"),
-        ("round", "flank", 2, "reference", "master"),
-        ("round", "flank", 2, "current", "facet"),  # it bends the plane
+        ("round", 1, {}, "master"),
+        ("flank", 1, {}, "facet"),
+        ("round", 1, {"geometry": "current", "friction": 0.1}, "master"),
+        ("round", 2, {"geometry": "current"}, "master"),
+        ("round", 2, {"friction": 0.1}, "master"),
+        ("round", 2, {"geometry": "current", "friction": 0.1}, "facet"),  # it bends the plane
     ],
 )
-def test_the_plane_side_gives_the_direction(slave, master, stiffer, geometry, normals):
-    own = (
-        Material(groups=["ball"], young=1000.0 * stiffer, poisson=0.3),
-        Material(groups=["seat"], young=1000.0, poisson=0.3),
-    )
-    case = case_of(in_groove(4), *own, contact(slave=slave, master=master, geometry=geometry), model="plane_strain")
-    assert [pair.pairing.normals for pair in Problem.of(case).joints] == [normals]
+def test_the_plane_side_gives_the_direction(slave, stiffer, joint, normals):
+    own = [Material(groups=[name], young=young, poisson=0.3) for name, young in (("ball", stiffer), ("seat", 1.0))]
+    zone = contact(slave=slave, master="flank" if slave == "round" else "round", **joint)
+    (pair,) = Problem.of(case_of(in_groove(4), *own, zone, model="plane_strain")).joints
+    assert pair.pairing.normals == normals
 
 
 def test_an_edge_that_dips_into_its_master_is_warned_of():
