@@ -222,8 +222,7 @@ TURNED = Orthotropic(*(WOOD.young, WOOD.poisson, WOOD.shear), axes=(tuple(Q[0]),
 
 
 def mixed(order, model):
-    mesh = mixture(order) if model == "3d" else plane_mixture(order)
-    return distorted(mesh, 0.06 if order == "1" else 0.03, seed=4)
+    return distorted((mixture if model == "3d" else plane_mixture)(order), 0.06 if order == "1" else 0.03, seed=4)
 
 
 def check_warm(space, law, temperature, u, stress=0.0, t=0.0):
