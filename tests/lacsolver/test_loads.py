@@ -24,9 +24,8 @@ from lacsolver.problem.problem import Problem, _check_shared
 from lacsolver.problem.rigid_modes import describe, free_motions
 from lacsolver.space.space import MODELS, Space
 from lacsolver.space.values import evaluate, evaluate_vector
-from tests.lacsolver.bodies import PAIRS, mixture, one_cell, plane_mixture, with_skin
+from tests.lacsolver.bodies import PAIRS, distorted, mixture, one_cell, plane_mixture, with_skin
 from tests.lacsolver.moving import unbalanced
-from tests.lacsolver.test_assemble import mixed
 from tests.lacsolver.test_finite import by_differences
 from tests.problems import case_of
 from tests.quality_cells import rotation
@@ -220,6 +219,10 @@ WOOD = Orthotropic(
 )
 Q = rotation(np.random.default_rng(1))
 TURNED = Orthotropic(*(WOOD.young, WOOD.poisson, WOOD.shear), axes=(tuple(Q[0]), tuple(Q[1])), expansion=WOOD.expansion)
+
+
+def mixed(order, model):
+    return distorted((mixture if model == "3d" else plane_mixture)(order), 0.06 if order == "1" else 0.03, seed=4)
 
 
 def check_warm(space, law, temperature, u, stress=0.0, t=0.0):
