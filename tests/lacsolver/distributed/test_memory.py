@@ -87,9 +87,10 @@ def divided(folder, layers, fixed, comm):
         folder.mkdir()
         tall = layers / 4
         mesh = stack(box((8, 8, layers), (1, 1, tall)), box((7, 7, 3)))
-        mesh = mesh.only("bottom", "master", "slave", "top", "lower", "upper").renamed(lower="", upper="")
+        mesh = mesh.only("bottom", "master", "slave", "top", "lower", "upper")
+        mesh = mesh.renamed(lower="", upper="").moved((0, 0, -tall))  # the own part is at one place in both models
         x = mesh.points
-        own = (x[:, 2] > tall - 1) & (x[:, 0] < 0.45)
+        own = (x[:, 2] > -1.0) & (x[:, 0] < 0.45)
         write_parts(folder / "mesh.parts", mesh, np.where(own, fixed, 1 - fixed))
         np.save(folder / "figures.npy", np.array([mesh.n_nodes, mesh.n_cells, int(own.sum())]))
 
