@@ -140,7 +140,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("pair, options, how", ROWS, ids=str)
+@pytest.mark.parametrize("pair, options, how", ROWS, ids=lambda value: str(value).split(" at 0x")[0])  # no address
 def test_derivatives_of_forces_and_gaps(pair, options, how):
     """Against central differences. Faces that a rim crosses gain and lose what is there, with its clearance."""
     size, options, how = within(pair, options, how)
