@@ -1,4 +1,4 @@
-"""Exact solutions without friction, each against a second derivation: Hooke's law, equilibrium, its surfaces."""
+"""Exact solutions without friction, against a second derivation: Hooke's law, equilibrium, surfaces, differences."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lacsolver.case import Value
 from verification.exact.half_space import about_axis, contact_modulus, peak_pressure, plane, strains
 from verification.exact.impact import SDNL111, SDNL111_TIMES, hertz, modulus, speed_for
 from verification.exact.lame import Fit, Shell
 from verification.exact.opened_cracks import EdgeCrack, PennyCrack
 from verification.exact.pin import PinInHole
 from verification.exact.plastic import Sphere, Tube
+from verification.exact.sources import Law, derive
+from verification.families.manufactured import LAW, PLANE, SOLID
 from verification.families.press_fit import PressFit
 
 
@@ -43,58 +46,41 @@ def divergence(stress, x, step):
 # ---- Hertz's half-spaces
 
 A, P0, E, NU = 1.3, 2.0, 3.0, 0.3
-STEP = 1e-5
 POTENTIALS = {"plane": plane, "axis": about_axis}
 SPACES = pytest.mark.parametrize("name", POTENTIALS)
 
 
-@pytest.fixture
-def inside():
-    rng = np.random.default_rng(0)
-    return rng.uniform(0.05, 3, 60), rng.uniform(0.05, 3, 60)
+def at(name, x, p0=P0):
+    return strains(POTENTIALS[name](*x.T, A, p0), x[:, 1], E, NU)
 
 
-def at(name, r, z):
-    return strains(POTENTIALS[name](r, z, A, P0), z, E, NU)
+def strain_of(name, x):
+    """(n, 3, 3): along r, along z, around."""
+    e, strain = at(name, x), np.zeros((len(x), 3, 3))
+    strain[:, 0, 0], strain[:, 1, 1], strain[:, 2, 2] = e.rr, e.zz, e.tt
+    strain[:, 0, 1] = strain[:, 1, 0] = e.rz
+    return strain
 
 
-def slope(f, r, z, axis):
-    dr, dz = (STEP, 0) if axis == 0 else (0, STEP)
-    return (f(r + dr, z + dz) - f(r - dr, z - dz)) / (2 * STEP)
-
-
-@SPACES
-def test_strains_of_half_spaces_are_those_of_the_displacement(name, inside):
-    r, z = inside
-    found = at(name, r, z)
-    u_r, u_z = (lambda r, z: at(name, r, z).u_r), (lambda r, z: at(name, r, z).u_z)
-    np.testing.assert_allclose(slope(u_r, r, z, 0), found.rr, atol=1e-8)
-    np.testing.assert_allclose(slope(u_z, r, z, 1), found.zz, atol=1e-8)
-    np.testing.assert_allclose((slope(u_r, r, z, 1) + slope(u_z, r, z, 0)) / 2, found.rz, atol=1e-8)
-    np.testing.assert_allclose(found.tt, found.u_r / r if name == "axis" else 0.0, atol=1e-14)
-
-
-def stresses(name, r, z):
-    """rr, tt, zz, rz."""
-    lam, mu = E * NU / ((1 + NU) * (1 - 2 * NU)), E / (2 * (1 + NU))
-    e = at(name, r, z)
-    trace = e.rr + e.tt + e.zz
-    return (*(lam * trace + 2 * mu * c for c in (e.rr, e.tt, e.zz)), 2 * mu * e.rz)
+def pressed(name, x):
+    return hooke(strain_of(name, x), E, NU)
 
 
 @SPACES
-def test_half_spaces_are_in_equilibrium_and_pressed_as_hertz_says(name, inside):
-    r, z = inside
-    parts = [lambda r, z, k=k: stresses(name, r, z)[k] for k in range(4)]
-    rr, tt, _, rz = stresses(name, r, z)
-    round_ = name == "axis"
-    along_r = slope(parts[0], r, z, 0) + slope(parts[3], r, z, 1) + round_ * (rr - tt) / r
-    along_z = slope(parts[3], r, z, 0) + slope(parts[2], r, z, 1) + round_ * rz / r
-    np.testing.assert_allclose([along_r, along_z], 0, atol=1e-7)
+def test_half_spaces_are_in_equilibrium_and_pressed_as_hertz_says(name):
+    x = np.random.default_rng(0).uniform(0.05, 3, (60, 2))
+    slope = gradient(lambda x: np.stack([at(name, x).u_r, at(name, x).u_z], axis=1), x)
+    strain, s = strain_of(name, x), pressed(name, x)
+    np.testing.assert_allclose((slope + slope.swapaxes(1, 2)) / 2, strain[:, :2, :2], atol=1e-8)
+    np.testing.assert_allclose(strain[:, 2, 2], at(name, x).u_r / x[:, 0] if name == "axis" else 0.0, atol=1e-14)
+    force = divergence(lambda x: pressed(name, x)[:, :2, :2], x, 1e-5)
+    if name == "axis":
+        force += np.stack([s[:, 0, 0] - s[:, 2, 2], s[:, 0, 1]], axis=1) / x[:, :1]
+    np.testing.assert_allclose(force, 0, atol=1e-7)
     r = np.linspace(0, 2, 41)
-    _, _, zz, rz = stresses(name, r, np.zeros_like(r))
-    np.testing.assert_allclose(zz, -P0 * np.sqrt(np.maximum(1 - (r / A) ** 2, 0)), atol=1e-12)
-    np.testing.assert_allclose(rz, 0, atol=1e-12)
+    s = pressed(name, np.stack([r, 0 * r], axis=1))
+    np.testing.assert_allclose(s[:, 1, 1], -P0 * np.sqrt(np.maximum(1 - (r / A) ** 2, 0)), atol=1e-12)
+    np.testing.assert_allclose(s[:, 0, 1], 0, atol=1e-12)
 
 
 @SPACES
@@ -103,8 +89,8 @@ def test_the_surface_fits_the_clearance(name):
     radius = 7.0
     p0 = peak_pressure(A, radius, contact_modulus([(E, NU)]), plane=name == "plane")
     r = np.linspace(0, 2, 41)
-    found = strains(POTENTIALS[name](r, np.zeros_like(r), A, p0), np.zeros_like(r), E, NU)
-    gap = r**2 / (2 * radius) - (found.u_z[0] - found.u_z)
+    u_z = at(name, np.stack([r, 0 * r], axis=1), p0).u_z
+    gap = r**2 / (2 * radius) - (u_z[0] - u_z)
     np.testing.assert_allclose(gap[r <= A], 0, atol=1e-12)
     assert (gap[r > A + 0.02] > 0).all()
 
@@ -221,9 +207,8 @@ def test_shells_are_in_equilibrium_and_have_the_strains_of_their_stress(shape):
     """Hooke's law in three dimensions, with no strain, or no stress, across the plane of a cylinder."""
     body, sides = shell(shape), 2 if shape == "sphere" else 1
     radial, hoop = body.stress(RADII, 25.0, 7.0)
-    np.testing.assert_allclose(
-        along(lambda r: body.stress(r, 25.0, 7.0)[0]), -sides * (radial - hoop) / RADII, rtol=1e-8
-    )
+    slope = along(lambda r: body.stress(r, 25.0, 7.0)[0])
+    np.testing.assert_allclose(slope, -sides * (radial - hoop) / RADII, rtol=1e-8)
     np.testing.assert_allclose(body.stress(np.array([20.0, 30.0]), 25.0, 7.0)[0], [-25.0, -7.0], rtol=1e-13)
     u = body.displacement(RADII, 25.0, 7.0)
     strain = np.stack([along(lambda r: body.displacement(r, 25.0, 7.0)), u / RADII, u / RADII])
@@ -293,3 +278,83 @@ def test_the_work_of_hertzs_force_is_the_energy_of_the_impact():
     assert found.approach == pytest.approx(1e-3)
     mass = 4 / 3 * np.pi * 8 * 1.5
     assert 0.4 * found.force * found.approach == pytest.approx(0.5 * mass * speed**2)
+
+
+# ---- manufactured solutions: sympy's derivatives against those of the displacement, and laws of mechanics
+
+PROBLEMS = {"plane": PLANE, "solid": SOLID}
+LAWS = pytest.mark.parametrize("law", [LAW, pytest.param(Law(7.0, 0.3), marks=pytest.mark.slow)])
+
+
+@pytest.fixture(params=PROBLEMS)
+def given(request):
+    return PROBLEMS[request.param]
+
+
+def places(given, n=40):
+    return np.random.default_rng(1).uniform(given.low, given.high, (n, given.dim))
+
+
+def displacement(given, points):
+    names = dict(zip("xyz", points.T, strict=False))
+    return np.stack([eval(text, {}, names) for text in given.displacement], axis=-1)
+
+
+def gradient_of_motion(given, points):
+    """F (n, dim, dim) by complex steps, which have no rounding."""
+    F = np.tile(np.eye(given.dim), (len(points), 1, 1))
+    for j in range(given.dim):
+        F[:, :, j] += displacement(given, points + 1e-40j * np.eye(given.dim)[j]).imag / 1e-40
+    return F
+
+
+def nominal_stress(given, points, law=LAW):
+    F = gradient_of_motion(given, points)
+    return F @ hooke(0.5 * (np.swapaxes(F, 1, 2) @ F - np.eye(given.dim)), law.young, law.poisson)
+
+
+def values_of(texts, points):
+    """Values at points that the solver gives to texts of the case."""
+    return np.stack([Value.of(text)(points, 1.0) for text in texts], axis=-1)
+
+
+@LAWS
+def test_stress_and_body_force_are_those_of_the_law(given, law):
+    """The body force is minus the divergence of stress, by differences of a polynomial of degree 10."""
+    points, made = places(given), derive(given.displacement, law)
+    right = nominal_stress(given, points, law)
+    stress = np.stack([values_of(row, points) for row in made.stress], axis=1)
+    np.testing.assert_allclose(stress, right, rtol=0, atol=1e-13 * np.abs(right).max())
+    force = -divergence(lambda x: nominal_stress(given, x, law), points, 1e-4)
+    np.testing.assert_allclose(values_of(made.body_force, points), force, rtol=0, atol=1e-7 * np.abs(force).max())
+
+
+def on_slave(given):
+    points = places(given)
+    points[:, -1] = 0.0
+    return points
+
+
+def normal_of_slave(given, points):
+    """Outward, on the deformed face: across the tangents, which are the first columns of F."""
+    F = gradient_of_motion(given, points)
+    m = np.stack([F[:, 1, 0], -F[:, 0, 0]], axis=1) if given.dim == 2 else -np.cross(F[:, :, 0], F[:, :, 1])
+    return m / np.linalg.norm(m, axis=1, keepdims=True)
+
+
+@LAWS
+def test_the_slave_carries_its_load_and_the_pressure(given, law):
+    points, sources = on_slave(given), derive(given.displacement, law)
+    n = normal_of_slave(given, points)
+    tangential, p = values_of(sources.tangential, points), values_of([sources.pressure], points)
+    right = -nominal_stress(given, points, law)[:, :, -1]
+    np.testing.assert_allclose(tangential - p * n, right, rtol=0, atol=1e-14)
+    np.testing.assert_allclose((tangential * n).sum(axis=1), 0, atol=1e-15)
+    assert p.min() > 0
+
+
+def test_the_deformed_slave_lies_on_the_master(given):
+    points = on_slave(given)
+    where = points + displacement(given, points)
+    height = eval(given.master_height, {}, dict(zip("xyz", where.T, strict=False)))
+    np.testing.assert_allclose(where[:, -1], height, atol=1e-15)

@@ -1,21 +1,27 @@
-"""Figures against what must come out, records to JSON and back, and every case of every family as data."""
+"""Results against their bounds, records to JSON and back, cases as data, and the report of a run."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lacmesh.report.charts import Line, Plot
-from verification import families
+from lacmesh.report import charts
+from lacmesh.report.charts import Chart, Line, Plot
+from verification import families, report
 from verification.records import (
     SUITES,
+    Case,
     Level,
+    Outcome,
+    Picture,
     Published,
     Result,
     at_least,
@@ -25,31 +31,45 @@ from verification.records import (
     levels_of,
     rate,
 )
-from verification.running.folder import CaseResult, StoredPicture, made_of, parameters_of, plain
+from verification.report import judging, outline
+from verification.report.changes import Pair, _changed
+from verification.report.words import reason_of
+from verification.running.folder import (
+    CaseResult,
+    Run,
+    StoredPicture,
+    made_of,
+    parameters_of,
+    plain,
+    read_run,
+    write_case_result,
+    write_results,
+)
 
 SAID = {"source": "here", "reason": "so"}
 
 
 @pytest.mark.parametrize("number", [float, np.float64, np.float32], ids=lambda kind: kind.__name__)
-def test_figures_are_held_against_their_bounds(number):
+@pytest.mark.parametrize(
+    ("bound", "limits", "value", "passed"),
+    [
+        (equal, (1.0, 0.25), 1.25, True),
+        (equal, (1.0, 0.25), 1.5, False),
+        (equal, (1.0, 1.0), math.nan, False),
+        (at_most, (1.0,), 1.0, True),
+        (at_most, (1.0,), 1.5, False),
+        (at_most, (1.0,), math.nan, False),
+        (at_least, (1.0,), 1.0, True),
+        (at_least, (1.0,), 0.5, False),
+        (at_least, (1.0,), math.nan, False),
+        (informative, (), 9.0, True),
+        (informative, (), math.nan, False),
+    ],
+)
+def test_results_are_compared_with_their_bounds(bound, limits, value, passed, number):
     """Verdicts are true or false and nothing else, whatever kind of number came out."""
-    found = {
-        "within": equal("q", number(1.25), 1.0, 0.25, **SAID),
-        "off": equal("q", number(1.5), 1.0, 0.25, **SAID),
-        "below": at_most("q", number(1.0), 1.0, **SAID),
-        "above": at_most("q", number(1.5), 1.0, **SAID),
-        "reached": at_least("q", number(1.0), 1.0, **SAID),
-        "short": at_least("q", number(0.5), 1.0, **SAID),
-        "informative": informative("q", number(9.0), **SAID),
-    }
-    assert all(type(result.passed) is bool and type(result.value) is float for result in found.values())
-    assert {name for name, result in found.items() if not result.passed} == {"off", "above", "short"}
-
-
-def test_nan_meets_nothing():
-    nan = math.nan
-    found = (equal("q", nan, 1, 1, **SAID), at_most("q", nan, 1, **SAID), at_least("q", nan, 1, **SAID))
-    assert not any(result.passed for result in (*found, informative("q", nan, **SAID)))
+    result = bound("q", number(value), *limits, **SAID)
+    assert result.passed is passed and type(result.value) is float
 
 
 H = (1.0, 0.5, 0.25, 0.125)
@@ -146,3 +166,182 @@ def test_the_cases_of_a_family_are_data(name):
 def test_a_suite_falls_back_to_the_one_before_it():
     quick, full, everything = ({case.id for case in families.cases(suite)} for suite in SUITES)
     assert quick < full <= everything and quick
+
+
+# ---- the report of a run
+
+
+#: markup and signs, which must stay text
+NASTY = '<img src=x onerror=alert(1)> & </script> | `a` "b"'
+
+
+@dataclass(frozen=True)
+class Given:
+    """Definition of a case."""
+
+    type: str
+
+
+def converging(wanted):
+    """Levels of an error that falls at a rate."""
+    h = [1 / 2**k for k in range(2, 6)]
+    return levels_of(h, [40, 160, 640, 2560], [0.1 * s**wanted for s in h])
+
+
+def reported(k):
+    """Rates met and missed, published values, a name with markup, plots and a picture; the third has no outcome."""
+    if k == 2:
+        return Outcome(failure="SolverError: no equilibrium in step 3")
+    theirs = (Published("Kratos, dual mortar", 0.32, "measured here"), Published("code_aster", 0.31, "V6.04.104"))
+    results = (
+        rate("u in the energy norm", converging(1.1), 0.95, source="Theorem 1", published=theirs),
+        rate("p_m in L2", converging(0.8 + k), 0.9, source="the edge", reason="within a face"),
+        informative("rms error, %", 0.29 + 0.01 * k, reason="beside the peers", published=theirs),
+        equal("p0", 0.9997, 1.0, 1e-3, source="Hertz 1881", reason="the coarsest mesh gives 5e-4"),
+        at_most(NASTY, 2e-14, 1e-12, source="action and reaction"),
+        informative("decay", math.nan, reason="not bounded by the theory"),
+    )
+    lines = [Line(kind, (0.0, 0.5, 1.0), (1.0, math.nan, 0.5)[: 3 - (kind == "steps")], kind)
+             for kind in ("line", "both", "steps", "points")]  # fmt: skip
+    newton = Line("step 1", (0, 1, 2), (1.0, 1e-3, 1e-9))
+    plots = (
+        Plot("pressure", f"Pressure {k}", "r / a", "p / p0", tuple(lines)),
+        Plot("Newton", f"Residuals {k}", "iteration", "residual", (newton,), log_y=True),
+    )
+    return Outcome(results, plots, (Picture("deformed", "two bodies", b"a picture"),))
+
+
+def later(family, k, outcome):
+    """In the later run a case of a family misses a result, the second has larger errors, one is gone."""
+    if family == "hertz" and k in (0, 1):
+        first, *others = outcome.results
+        grown = tuple(replace(level, error=level.error * 1.5) for level in first.levels)
+        changed = replace(first, passed=False) if k == 0 else replace(first, levels=grown)
+        return replace(outcome, results=(changed, *others))
+    return None if (family, k) == ("unheard-of", 0) else outcome
+
+
+def make_run(path, change=lambda family, k, outcome: outcome):
+    """Write the folder of a run, and read it again; `change`: what a later version might find, None for no case."""
+    done = []
+    for family in ("hertz", "unheard-of"):
+        for k, name in enumerate(("TRIA3", "TRIA6", "QUAD4")):
+            case = Case(family, f"plane-{name}", f"{family} on {name}", partial(reported, Given(name)), {"quick": 3})
+            if (outcome := change(family, k, reported(k))) is not None:
+                done.append(write_case_result(case, 4, 1.7**k, 200_000_000, outcome, path, ""))
+    write_results(path, Run(path, "1.2", "full", {"lacmesh": "1.2", "Python": "3.11.7"}, 754.0, tuple(done)))
+    return read_run(path)
+
+
+def test_a_report_counts_and_names_what_is_missed_whatever_is_gone(tmp_path, monkeypatch):
+    """A family that does not load, a picture, and the folder of the run, whose results then are beside the page."""
+
+    def broken(name):
+        raise NameError(name)
+
+    run = make_run(tmp_path)
+    (tmp_path / "cases" / "hertz" / "plane-TRIA6-0.png").unlink()
+    monkeypatch.setattr(outline, "family", broken)
+    (tmp_path / "away").mkdir()
+    for place in (tmp_path, tmp_path / "away"):
+        report.write(run, place / "page.html")
+        text = (place / "page.html").read_text(encoding="utf-8")
+        assert not re.search(r"""src\s*=\s*["'](?!data:)|@import|url\(|https?://""", text)
+        assert all(f'id="{done.id}"' in text for done in run.done) and "plane-TRIA6-0.png is not in" in text
+    assert (tmp_path / "away" / "page.json").read_bytes() == (tmp_path / "results.json").read_bytes()
+    met = sum(r.passed and r.bound != "informative" for done in run.done for r in done.results)
+    missed = [(done.id, r.quantity) for done in run.done for r in done.results if not r.passed]
+    summary = (tmp_path / "page.md").read_text(encoding="utf-8").split("\n# ")[0]
+    assert f"{met} are met and {len(missed)} missed; 2 cases came" in summary
+    assert {quantity for _, quantity in missed} == {"p_m in L2", "decay"} and all(name in summary for name, _ in missed)
+    assert "| hertz/plane-QUAD4 | **no outcome** |" in summary
+    assert re.search(r"\| hertz \| rms error.* \| 2 \| 0\.29 to 0\.30? \| 0\.32 \| Kratos", report.summary(run))
+
+
+def test_two_runs_that_differ(tmp_path):
+    run, other = make_run(tmp_path / "one"), make_run(tmp_path / "two", later)
+    n = sum(len(done.results) + bool(done.failure) for done in run.done)
+    assert report.compare(run, run).splitlines()[0] == f"No result differs, of {n}."
+    forth, back = report.compare(run, other), report.compare(other, run)
+    assert forth.splitlines()[0] == f"8 of {n} results differ: 1 fall short now, 6 vanished, 1 errors grown."
+    assert back.splitlines()[0] == f"7 of {n} results differ: 1 met now, 6 appeared."
+    assert re.search(r"hertz/plane-TRIA3 \| u in the energy norm .* met → missed \|", forth)
+    assert "hertz/plane-TRIA6" in forth.split("### Errors grown")[1]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "changed"),
+    [
+        (at_most("a", 1e-13, 1e-10, source=""), at_most("a", 9e-13, 1e-10, source=""), False),
+        (at_most("a", 1e-13, 1e-10, source=""), at_most("a", 2e-11, 1e-10, source=""), True),
+        (informative("a", 1.0, reason=""), informative("a", 1.04, reason=""), False),
+        (informative("a", 1.0, reason=""), informative("a", 0.94, reason=""), True),
+        (informative("a", 1.0, reason=""), informative("a", math.nan, reason=""), True),
+    ],
+)
+def test_what_counts_as_a_change(old, new, changed):
+    assert _changed(Pair("f/c", "a", old, new)) is changed
+
+
+@pytest.mark.parametrize(
+    ("result", "theirs", "good", "used"),
+    [
+        (at_most("e", 0.2, 1.0, source=""), 0.3, True, 0.2),
+        (at_most("e", 0.4, 1.0, source=""), 0.3, False, 0.4),
+        (at_least("rate", 1.9, 1.0, source=""), 2.0, False, 1 / 1.9),
+        (at_least("e", 0.0, 1.0, source=""), 1.0, False, math.inf),
+        (equal("p", 1.01, 1.0, 0.1, source="", reason=""), 0.98, True, 0.1),
+        (equal("p", 1.01, 1.0, 0.1, source="", reason=""), 1.001, False, 0.1),
+        (equal("e", 1.0, 1.0, 0.0, source="", reason=""), 1.0, True, 0.0),
+        (informative("p", 1.01, reason=""), 1.001, None, math.nan),
+        (at_most("e", math.nan, 1.0, source=""), 0.3, None, math.inf),
+    ],
+)
+def test_whose_figure_is_better_and_how_near_its_bound(result, theirs, good, used):
+    assert judging.as_good(result, Published("they", theirs)) is good
+    assert judging.used(result) == pytest.approx(used, nan_ok=True)
+
+
+def test_a_rate_of_errors_that_are_zero_is_told_without_one():
+    missed = rate("beyond", levels_of(H[:3], [1, 2, 3], [0.0, 0.0, 0.0]), 1.5, source="", reason="why")
+    assert not missed.passed and reason_of(missed) == "why"
+
+
+# ---- charts
+
+
+def drawn(line, *slopes, log=False):
+    """The chart of a line, and the coordinates of its paths of a kind."""
+    text = charts.svg(Chart(Plot("", "", "x", "y", (line,), log, log), slopes))
+    paths = dict(re.findall(r'class="(\w+)" d="([^"]*)"', text))
+    return text, {
+        kind: np.array(re.findall(r"(-?\d+\.\d) (-?\d+\.\d)", path), dtype=float) for kind, path in paths.items()
+    }
+
+
+@pytest.mark.parametrize("wanted", [0.95, 1.4, 3.0])
+def test_the_triangle_has_the_slope_of_a_line_of_that_rate_and_lies_below(wanted):
+    levels = converging(wanted)
+    _, at = drawn(Line("a", [v.h for v in levels], [v.error for v in levels]), wanted, log=True)
+    line, (left, right, corner) = at["stroke"], at["slope"]
+    slope = np.subtract(*line[[0, -1]])
+    assert np.subtract(right, left)[1] / np.subtract(right, left)[0] == pytest.approx(slope[1] / slope[0], rel=0.02)
+    assert corner.tolist() == [right[0], left[1]] and left[1] <= charts.HEIGHT
+    order = np.argsort(line[:, 0])
+    assert np.all(np.array([left, right])[:, 1] > np.interp([left[0], right[0]], *line[order].T))
+
+
+@pytest.mark.parametrize("log", [False, True])
+@pytest.mark.parametrize("values", [(), (0.0,), (-1.0, -2.0), (math.nan,), (1e-30, 1e30), (5.0, 5.0)])
+def test_any_values_make_a_chart(values, log):
+    text, _ = drawn(Line("a", tuple(range(1, len(values) + 1)), values), 1.0, log=log)
+    assert "nan" not in text.lower() and "inf" not in text.lower()
+
+
+@pytest.mark.parametrize("scale", [5.0, 1e-15, -2e12])
+def test_round_off_is_no_curve(scale):
+    flat, steep = (
+        drawn(Line("a", (0, 1, 2), tuple(scale * (1 + off) for off in offs)))[1]["stroke"]
+        for offs in ((0.0, 1e-10, -1e-10), (0.0, 1e-4, 0.0))
+    )
+    assert np.ptp(flat[:, 1]) < 0.2 and np.ptp(steep[:, 1]) > 200

@@ -1,11 +1,15 @@
-"""Cases in processes of their own: however one ends the others go on, and what is done is kept and not done again."""
+"""The runner and its command: however a case ends the others go on, what is done is kept; what is listed, refused."""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 import os
 import re
+import signal
+import subprocess
+import sys
 import time
 import xml.etree.ElementTree as ET
 from contextlib import suppress
@@ -19,18 +23,12 @@ from hypothesis import strategies as st
 
 from lacmesh.errors import RequestError, WriteError
 from tests.verification.fakes import Given, command, outcome_of, planned, ran
-from verification import families
+from verification import families, mpiexec
+from verification.cli import main
+from verification.cli import run as command_run
 from verification.records import Case, Family, Outcome, Picture, informative, levels_of, rate
 from verification.running import plan, pool, worker
-from verification.running.folder import (
-    CaseResult,
-    FolderError,
-    Run,
-    forget,
-    read_case_result,
-    read_run,
-    rows,
-)
+from verification.running.folder import CaseResult, FolderError, Run, forget, read_case_result, read_run, rows
 from verification.running.suite import junit, locked_run, run_suite
 
 
@@ -75,6 +73,13 @@ def gone(pid):
     return True
 
 
+def wait_for(path):
+    deadline = time.monotonic() + 300
+    while not path.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
 #: how each ends, and what is said of it
 ENDS = {
     "killed": "killed by SIGKILL, perhaps for want of memory; see cases/cut/killed.log",
@@ -114,13 +119,6 @@ def test_what_takes_longest_is_begun_first_and_the_time_that_is_left_is_told(pre
     assert [(p.ended, p.count) for _, p in said] == [(1, 3), (2, 3), (3, 3)]
     left = [p.left for _, p in said]
     assert 15 > left[0] > 0 and left[-1] == pytest.approx(0)  # they are much faster than was thought
-
-
-def wait_for(path):
-    deadline = time.monotonic() + 300
-    while not path.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
 
 
 def test_what_is_done_is_not_done_again(prepared, folder):
@@ -194,10 +192,7 @@ def test_a_part_that_is_run_again_keeps_the_others_and_what_measures_time_is_alo
     assert read_run(folder) == made and (folder / "cases" / "cut" / "old.json").exists()
 
 
-def test_what_cannot_be_made_or_started_is_said(prepared, folder, monkeypatch):
-    (folder / "file").write_text("")
-    with pytest.raises(WriteError, match="file: cannot be used"), locked_run(folder / "file", resume=False):
-        pass
+def test_a_worker_that_cannot_be_started_is_an_error(prepared, folder, monkeypatch):
     monkeypatch.setattr(pool, "COMMAND", ("/nowhere/python",))
     with pytest.raises(WriteError, match="cut/a cannot be started"):
         run(planned(prepared, "a"), folder)
@@ -222,7 +217,7 @@ def solved(monkeypatch, tmp_path):
     return solve
 
 
-def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
+def test_a_worker_keeps_what_a_case_yields_or_why_there_is_nothing(solved, tmp_path, capsys):
     picture = Picture("a title", "what is seen", b"bytes")
     done = solved(lambda levels: Outcome((informative("levels", levels, reason=""),), (), (picture, picture)))
     assert done.results[0].value == 2 and done.parameters == {"sizes": [0.5, 0.25]} and not done.failure
@@ -231,8 +226,6 @@ def test_a_worker_keeps_what_a_case_yields(solved, tmp_path):
     forget(tmp_path, "cut", "one")
     assert not list((tmp_path / "cases" / "cut").iterdir())
 
-
-def test_a_worker_keeps_why_there_is_nothing(solved, capsys):
     def fails(levels):
         raise ArithmeticError("no equilibrium")
 
@@ -272,14 +265,6 @@ def test_junit_is_well_formed_whatever_is_said(failure, quantity, reason):
     assert [len(case) for case in suites.iter("testcase")] == [1, 1, 0]
 
 
-@pytest.mark.parametrize("content", [None, "", "{", "[]", "3", "{}", '{"results": [3]}', '{"results": []}'])
-def test_a_folder_that_is_no_run_is_said(tmp_path, content):
-    if content is not None:
-        (tmp_path / "results.json").write_text(content)
-    with pytest.raises(FolderError, match="is not the folder of a run"):
-        read_run(tmp_path)
-
-
 def test_the_digest_follows_the_code(tmp_path, monkeypatch):
     """The modules that a family imports; a file that grows, and one that is moved."""
     names = plan._imported("verification.families.manufactured", set())
@@ -298,3 +283,187 @@ def test_the_digest_follows_the_code(tmp_path, monkeypatch):
     (tmp_path / "lacmesh/a.py").rename(tmp_path / "lacmesh/c.py")
     found.append(digest("cut"))
     assert found[0] == found[1] and len(set(found)) == 3
+
+
+# ---- the command
+
+
+@pytest.fixture
+def fakes(prepared, monkeypatch):
+    """Let the command run cases that solve nothing."""
+
+    def use(*names):
+        cases = planned(prepared, names)
+        monkeypatch.setattr(plan, "plan", lambda *which: cases)
+
+    return use
+
+
+def test_every_case_is_listed_as_data(capsys):
+    assert main(["list", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [f"{row['family']}/{row['case']}" for row in listed] == [case.id for case in families.cases()]
+    assert all(row["given"] and row["about"] and row["levels"] and row["seconds"] > 0 for row in listed)
+    assert main(["list", "--suite", "quick", "--family", "inf-sup"]) == 0
+    wanted = [case.id for case in families.cases("quick", ("inf-sup",))]
+    assert re.findall(r"inf-sup/\S+", capsys.readouterr().out) == wanted
+
+
+def test_one_case_runs_to_its_report(tmp_path, capsys):
+    folder, page = tmp_path / "run", tmp_path / "page.html"
+    words = ["run", "--case", "cut/counts", "-j", "1", "-o", str(folder)]
+    assert main(words) == 0
+    assert re.search(r"cut/counts: met (\d+) of \1 results", capsys.readouterr().out)
+    assert "counts" in (folder / "report.html").read_text() and (folder / "report.md").exists()
+    assert ET.parse(folder / "junit.xml").getroot().find("testsuite/testcase").get("name") == "counts"
+    before = json.loads((folder / "results.json").read_text())["results"]
+
+    assert main(words) == 2 and "holds a run already" in capsys.readouterr().err
+    assert main([*words, "--resume"]) == 0
+    assert "0 cases to run, 1 are done already" in capsys.readouterr().out
+    again = (folder / "results.json").read_text()
+    assert json.loads(again)["results"] == before
+
+    assert main(["report", str(folder), "-o", str(page)]) == 0
+    assert capsys.readouterr().out == f"{page}\n" and "counts" in page.read_text()
+    assert page.with_suffix(".json").read_text() == again, "away from the run the page has the results beside it"
+    assert main(["compare", str(folder), str(folder)]) == 0
+    assert capsys.readouterr().out.strip()
+
+
+def test_a_figure_that_falls_short_is_the_exit_status(fakes, tmp_path, capsys):
+    fakes("good", "missed", "failed")
+    assert main(["run", "-o", str(tmp_path / "run")]) == 1
+    told = capsys.readouterr()
+    for said in (
+        "missed: MISSED 1 of 2",
+        "good: met 2 of 2",
+        r"failed: FAILED: ValueError: the\x1b[31m mesh is <wrong>",
+    ):
+        assert f"cut/{said}" in told.out
+    assert "2 of the results fall short (cut/failed has no outcome; cut/missed: error)" in told.err
+    assert (tmp_path / "run" / "report.html").exists()
+
+
+def test_a_quiet_run_says_nothing_and_goes_to_build_by_default(fakes, tmp_path, monkeypatch, capsys):
+    fakes("good")
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "-q", "-j", "2", "--suite", "full"]) == 0
+    assert main(["report", "-q", "build/verification-full"]) == 0
+    assert capsys.readouterr() == ("", "")
+    (tmp_path / "file").write_text("")
+    assert main(["run", "-o", "file"]) == 3 and "file: cannot be used" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("list --family hertzz", "did you mean hertz?"),
+        ("run --family patsh", "did you mean patch?"),
+        ("run --case cut/mixd-2d", "did you mean mixed-2d"),
+        ("run --family cut --case TRIAA", "did you mean TRIA"),
+        ("run --case cutt/TRIA", "did you mean cut?"),
+        ("run --family patch --case cut/TRIA", "leave --family out"),
+        ("run --family cut --case", "expected one argument"),
+        ("run --suite ful", "invalid choice: 'ful'"),
+        ("run -j 0", "no number of processes"),
+        ("run -j many", "no number of processes"),
+        ("rum", "invalid choice: 'rum'"),
+    ],
+)
+def test_a_wrong_command_is_one_sentence(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    try:
+        status = main(words.split())
+    except SystemExit as ended:  # by the parser
+        status = ended.code
+    told = capsys.readouterr().err
+    assert status == 2 and said in told and told.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+def test_a_family_that_a_suite_has_not_is_said(monkeypatch, capsys):
+    case = Case("cut", "long", "a long one", partial(print), {"full": 4, "all": 5})
+    monkeypatch.setattr(families, "family", lambda name: Family(name, "", "", (case,)))
+    assert main(["list", "--family", "cut", "--suite", "quick"]) == 2
+    assert "try --suite full" in capsys.readouterr().err
+    assert main(["list", "--family", "cut", "--suite", "quick", "--case", "long"]) == 0  # it is named
+    assert "long" in capsys.readouterr().out
+
+
+CONTENTS = (None, "", "{", "[]", "3", "{}", '{"results": [3]}', '{"results": []}')
+
+
+@pytest.mark.parametrize(
+    ("words", "content"), [("compare {0} {0}", None), ("report {}/none", None), *(("report {}", c) for c in CONTENTS)]
+)
+def test_a_folder_that_is_no_run_has_its_status(tmp_path, capsys, words, content):
+    if content is not None:
+        (tmp_path / "results.json").write_text(content)
+    assert main(words.format(tmp_path).split()) == 3
+    told = capsys.readouterr().err
+    assert "is not the folder of a run" in told and told.count("\n") == 1
+    assert len(list(tmp_path.iterdir())) == (content is not None)
+
+
+@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_stops_a_run_that_can_be_resumed(tmp_path, sent, status):
+    prepared, folder = tmp_path / "prepared", tmp_path / "run"
+    prepared.mkdir()
+
+    def begin(names, *more):
+        words = [sys.executable, "-m", "tests.verification.fakes", str(prepared), names, "run", "-j", "2"]
+        return subprocess.Popen(
+            [*words, "-o", str(folder), *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    with begin("good,slow,other") as child:
+        for ended in ("cases to run", "cut/good: met 2", "cut/other: met 2"):
+            assert ended in child.stdout.readline()
+        wait_for(prepared / "child")
+        child.send_signal(sent)
+        _, err = child.communicate(timeout=300)
+    assert child.returncode == status and "Traceback" not in err
+    assert f"finished cases are kept in {folder}; --resume goes on" in err
+    pids = [line.split()[1] for line in (prepared / "ran").read_text().splitlines()]
+    assert len(pids) == 3 and all(map(gone, [*pids, (prepared / "child").read_text()]))
+    left = sorted(path.name for path in folder.rglob("*") if path.is_file())
+    assert left == ["good.json", "junit.xml", "other.json", "results.json"]
+    assert main(["report", "-q", str(folder)]) == 0
+
+    (prepared / "ran").unlink()
+    with begin("good,halting,other", "--resume") as child:  # the third is another by now
+        told, _ = child.communicate(timeout=300)
+    assert child.returncode == 0 and "1 cases to run, 2 are done already" in told
+    assert [line.split()[0] for line in (prepared / "ran").read_text().splitlines()] == ["halting"]
+    found = json.loads((folder / "results.json").read_text())["results"]
+    assert sorted({row["case"] for row in found}) == ["good", "halting", "other"] and len(found) == 6
+
+
+def test_without_petsc_the_family_is_refused_or_left_out(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(mpiexec, "python_with_petsc", lambda: "")
+    monkeypatch.setattr(mpiexec, "_complaint", lambda python: "MPI is not installed")
+    assert main(["run", "--suite", "all", "-o", str(tmp_path / "run"), "--case", "distributed/tie-2d"]) == 2
+    assert "distributed cannot be run: MPI is not installed" in capsys.readouterr().err
+    assert not (tmp_path / "run").exists()
+    cases = [Case(name, "a", "", partial(print), {"all": 1}) for name in ("distributed", "patch")]
+    left = command_run._possible([plan.Planned(case, 1, "") for case in cases])
+    assert [planned.case.family for planned in left] == ["patch"]
+    assert "distributed is left out (1 of the cases)" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("asked", "name", "suite"),
+    [(None, "distributed", "all"), (None, "patch", "quick"), (None, None, "quick"), ("full", "distributed", "full")],
+)
+def test_a_family_that_no_smaller_suite_has_is_run_without_asking(asked, name, suite):
+    assert plan.suite_of(asked, name, "quick") == suite
+
+
+def test_the_page_is_that_of_the_cases_that_there_are_and_of_their_figures(monkeypatch):
+    docs = Path(__file__).resolve().parents[2] / "docs"
+    spec = importlib.util.spec_from_file_location("make_verification", docs / "make_verification.py")
+    page = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(page)
+    assert page.out_of_date() == []
+    monkeypatch.setattr("verification.families.friction_published.there", lambda name: False)
+    assert page.out_of_date() == []  # without the meshes of others
