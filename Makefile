@@ -23,7 +23,7 @@ QUICK := \
     contact_held.py contact_ties.py) \
   $(addprefix tests/lacsolver/friction/test_,rules.py) \
   $(addprefix tests/lacsolver/distributed/test_,launch.py) \
-  $(addprefix tests/verification/test_,measures.py imports.py)
+  $(addprefix tests/verification/test_,measures.py)
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:

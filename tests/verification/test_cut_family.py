@@ -67,10 +67,9 @@ def test_a_face_is_the_same_however_it_is_listed(kind):
 # ---- what is broken on purpose
 
 
-def with_nodes(cut, pick, change):
-    """The cut with the nodes of one cell changed, of those that `pick` takes."""
+def with_nodes(cut, cell, change):
+    """The cut with the nodes of one cell changed."""
     mesh = cut.mesh
-    cell = int(np.flatnonzero(pick)[0])
     k = int(np.searchsorted(mesh.offsets, cell, side="right") - 1)
     rows = mesh.blocks[k].nodes.copy()
     rows[cell - mesh.offsets[k]] = change(rows[cell - mesh.offsets[k]])
@@ -78,20 +77,16 @@ def with_nodes(cut, pick, change):
     return Cut(replace(mesh, blocks=blocks))
 
 
-def children(cut, dim):
-    return (cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == dim)
-
-
-def with_turned(cut, lower, order):
-    """The nodes of the first child of a dimension in another order."""
-    return with_nodes(cut, children(cut, cut.mesh.space_dim - lower), order)
+def children(cut, lower):
+    """Children of the dimension of the mesh, or of a lower one."""
+    return np.flatnonzero((cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == cut.mesh.space_dim - lower))
 
 
 def child_lost(cut):
     """One child stands for another one, too."""
-    own = np.flatnonzero(children(cut, cut.mesh.space_dim))
-    other = next(cut.mesh.select(own[1:2]))[2][0]
-    return with_nodes(cut, np.arange(cut.mesh.n_cells) == own[0], lambda row: other)
+    own, other, *_ = children(cut, 0)
+    nodes = next(cut.mesh.select(np.array([other])))[2][0]
+    return with_nodes(cut, own, lambda row: nodes)
 
 
 def stray_node(cut):
@@ -102,34 +97,32 @@ def stray_node(cut):
 
 
 def changed(cut, field, name, change):
-    """The cut with one of its groups, data, or whole arrays changed."""
+    """The cut with one of its groups or data changed."""
     values = getattr(cut.mesh, field)
-    new = change(values.copy()) if name is None else {**values, name: change(values[name])}
-    return Cut(replace(cut.mesh, **{field: new}))
+    return Cut(replace(cut.mesh, **{field: {**values, name: change(values[name])}}))
 
 
-def put(value, at):
-    """A change that writes a value at the places `at` of an array."""
-
-    def change(values):
-        values[at] = value(values) if callable(value) else value
-        return values
-
-    return change
+def put(cut, field, at, value):
+    """The cut with a value written into a copy of one of its arrays."""
+    values = getattr(cut.mesh, field).copy()
+    values[at] = value(values)
+    return Cut(replace(cut.mesh, **{field: values}))
 
 
 HALF = {2: [1, 0], 4: [0, 3, 2, 1]}
 HARM = {
-    "a child is turned": (lambda c: with_turned(c, 0, lambda row: row[[1, 0, *range(2, len(row))]]), [INVERTED]),
-    "a face is turned": (lambda c: with_turned(c, 1, lambda row: row[HALF[len(row)]]), [TURNED]),
+    "a child is turned": (
+        lambda c: with_nodes(c, children(c, 0)[0], lambda row: row[[1, 0, *range(2, len(row))]]), [INVERTED],
+    ),
+    "a face is turned": (lambda c: with_nodes(c, children(c, 1)[0], lambda row: row[HALF[len(row)]]), [TURNED]),
     "a child is lost": (child_lost, [FILL, TORN]),
-    "a node is moved": (lambda c: changed(c, "points", None, put(lambda x: x[0, 0] + 1e-9, (0, 0))), [TOUCHED]),
+    "a node is moved": (lambda c: put(c, "points", (0, 0), lambda x: x[0, 0] + 1e-9), [TOUCHED]),
     "a node is added": (stray_node, [TOUCHED]),
     "no record": (lambda c: changed(c, "node_data", "lac_internal", lambda v: np.full(len(v), -1)), [DOF]),
     "a group is short": (lambda c: changed(c, "cell_groups", "slave", lambda v: v[1:]), [LOST]),
     "data are changed": (lambda c: changed(c, "cell_data", "colour", lambda v: v + 1), [LOST]),
-    "a number stands twice": (lambda c: changed(c, "node_number", None, put(lambda v: v[-2], -1)), [LOST]),
-}
+    "a number stands twice": (lambda c: put(c, "node_number", -1, lambda v: v[-2]), [LOST]),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", HARM)
