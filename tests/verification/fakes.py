@@ -34,14 +34,8 @@ def planned(prepared, names, *, levels=2, digest=None, given=None, alone=()):
     """Cases of family `cut`, and in `prepared` what their worker is to leave."""
     made = []
     for name in names:
-        case = Case(
-            "cut",
-            name,
-            f"about {name}",
-            partial(outcome_of, given or Given()),
-            {"quick": levels},
-            exclusive=name in alone,
-        )
+        solve = partial(outcome_of, given or Given())
+        case = Case("cut", name, f"about {name}", solve, {"quick": levels}, exclusive=name in alone)
         made.append(Planned(case, levels, digest or sources("cut")))
         if name[:4] not in ("slow", "kill", "exit", "sile"):
             write_case_result(case, levels, 0.25, 1000, outcome_of(name), prepared, made[-1].sources)
