@@ -12,16 +12,14 @@ PETSC := .venv-petsc
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 3 --dist worksteal
 # what `make quick` runs: of every package what notices most in the least time, a minute of one core in all
 QUICK := \
-  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py order.py targets.py topology.py cli.py) \
-  $(addprefix tests/cutting/test_,regroup.py) \
+  $(addprefix tests/test_,cells.py cut.py recognition.py orientation.py mesh.py targets.py topology.py cli.py) \
   $(addprefix tests/partition/test_,store.py) \
   $(addprefix tests/checks/test_,check.py) \
   $(addprefix tests/formats/test_,exodus.py) \
   $(addprefix tests/surface/test_,kernels.py) \
   $(addprefix tests/smooth/test_,shapes.py) \
-  $(addprefix tests/lacsolver/test_,case_formula.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
-    contact_held.py contact_ties.py) \
-  $(addprefix tests/lacsolver/friction/test_,rules.py) \
+  $(addprefix tests/lacsolver/test_,case_values.py case_read.py constraints.py assemble.py schur.py equilibrium.py \
+    contact_held.py friction_laws.py) \
   $(addprefix tests/lacsolver/distributed/test_,launch.py) \
   $(addprefix tests/verification/test_,measures.py)
 

@@ -113,7 +113,8 @@ def test_a_run_that_goes_on_is_one_that_did_not_stop(name, tmp_path):
 @SOLVED
 def test_equilibrium_and_the_conditions_of_contact(name):
     """What is free is in balance, and so are contact's forces and moments; p >= 0, G >= 0, p G = 0; energies close."""
-    checked(Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh()), states_of(name))
+    problem = Problem.of(PROBLEMS[name].case(), PROBLEMS[name].mesh())
+    checked(problem, states_of(name), exact=not any(joint.moving for joint in problem.joints))
 
 
 # ---- derivatives
@@ -270,7 +271,11 @@ def turns(name):
     return problem.keys["model"] != "axisymmetric"
 
 
-@pytest.mark.parametrize("name", [name for name in PROBLEMS if name != "given up" and turns(name)])
+#: tangents of friction in space depend on the axes of the mesh, by which faces of a macro-element bend
+APART = ("given up", "dragged in space")
+
+
+@pytest.mark.parametrize("name", [name for name in PROBLEMS if name not in APART and turns(name)])
 def test_turned(name):
     problem = PROBLEMS[name]
     check_in(name, case_in(problem, turned_world(problem)), turned_world(problem), iterations=False)

@@ -352,9 +352,9 @@ def test_allocations_are_of_slices_and_parts(suffix, tmp_path):
     """Whatever is larger than a byte a node of the whole mesh is smaller with more processes.
 
     A slice of three has 0.67 of the cells of one of two, and up to 0.8 of the nodes, since faces and solids are sliced
-    apart; an array of the whole mesh would not be smaller.
+    apart; an array of the whole mesh would not be smaller. The mesh is so large that kernels run compiled in both.
     """
-    mesh = numbered(column(800, 4))
+    mesh = numbered(column(1600, 4))
     write(tmp_path / f"column{suffix}", mesh)
     two, three = (watched(lambda n=n: in_slices(tmp_path / f"column{suffix}", n, ["slave", "master"])) for n in (2, 3))
     assert max(two.values()) > 8 * mesh.n_nodes  # what is allocated is seen

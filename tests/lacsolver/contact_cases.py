@@ -47,16 +47,16 @@ def last(mesh, *records, **options):
     return problem, states[-1]
 
 
-def checked(problem, states=None):
-    """(problem, its states), each of which is checked."""
+def checked(problem, states=None, exact=True):
+    """(problem, its states), each of which is checked; `exact`: gaps of linear bodies are zero to rounding."""
     states, moved = list(march(problem) if states is None else states), 1e-300
     for state in states:
         moved = max(moved, float(np.abs(state.u).max()))
-        check(problem, state, moved)
+        check(problem, state, moved, exact)
     return problem, states
 
 
-def check(problem, state, moved):
+def check(problem, state, moved, exact=True):
     """Check equilibrium of the free unknowns, the conditions of every zone, and the balance of contact forces.
 
     In motion the account of energies closes instead. `moved`: the largest displacement up to now, which round-off goes
@@ -78,8 +78,8 @@ def check(problem, state, moved):
         limit = (1e-10 if linear else tolerance) * max(forces)
         assert np.abs(left).max(initial=0.0) <= limit, "balance of what is free"
     for joint, zone in zip(problem.joints, state.zones, strict=True):
-        exact = problem.kinematics.linear and zone.friction is None and motion is None and tolerance <= 1e-9
-        check_conditions(joint, zone, moved, 1e-12 if exact else tolerance)
+        linear = problem.kinematics.linear and zone.friction is None and motion is None
+        check_conditions(joint, zone, moved, 1e-12 if linear and exact else tolerance)
         if np.abs(zone.force).max() > 1e-12 * max(forces) and not problem.case.cyclic:
             x = joint.places(problem.space, u)
             force, moment = unbalanced(x, zone.force, axisymmetric=problem.space.model.axisymmetric)

@@ -325,7 +325,7 @@ def test_a_ball_leaves_an_imprint(script, tmp_path, monkeypatch):
     mean = (zone.pressure @ zone.area) / zone.area[on].sum()
     assert pressed.time == 1.0 and 2.4 * 400 < mean < 3.1 * 475
     assert not last.contact["top"].pressure.any()
-    ((_, _, ((pole,),)),) = last.mesh.select(last.mesh.cell_groups["pole"])
+    (pole,) = last.mesh.node_groups["pole"]
     depth = [-state.u[pole, 1] for state in (pressed, last)]
     assert 0.0495 < depth[0] < 0.0505 and 0.8 * depth[0] < depth[1] < 0.95 * depth[0]
     taken = [state.figures.plastic.dissipation[1] for state in states]
