@@ -62,6 +62,8 @@ def solve_saddle(
         applications += count + then.applications
         before, left = (loop.vectors.norm(one.r / loop.unit) for one in (now, then))
         now = then if left < before else now
+        if left > before / _SLOW and loop.forget():
+            continue
         if not left < _SLOW * before:
             break
     return SaddleSolution(now.q, now.p, applications, _relative(now.r[: loop.n], loop.rows.w[loop.active]))
@@ -175,6 +177,15 @@ class _SchurLoop:
             p = one.p[self.active]
             out.append(np.concatenate([one.y, p, one.beside(self.rows.B_T @ self.on_rows(p), self.bent)]))
         return out
+
+    def forget(self) -> bool:
+        """Drop the directions of the systems before, which lead astray where they nearly depend on one another.
+
+        False if there are none.
+        """
+        known = self.kept is not None and bool(self.kept.each)
+        self.kept = None
+        return known
 
     def on_rows(self, p: Floats) -> NDArray[np.floating]:
         """Return pressures of the active rows on all rows, (m,)."""
