@@ -183,9 +183,10 @@ class _SchurLoop:
 
         False if there are none.
         """
-        known = self.kept is not None and bool(self.kept.each)
-        self.kept = None
-        return known
+        if self.kept is None or not self.kept.each:
+            return False
+        self.kept.each = []
+        return True
 
     def on_rows(self, p: Floats) -> NDArray[np.floating]:
         """Return pressures of the active rows on all rows, (m,)."""
