@@ -68,11 +68,16 @@ def disc(tmp_path_factory):
     return solved(folder, DISC)
 
 
+def solved_in_space(folder, count):
+    """Two blocks in space, pressed unevenly, in so many steps: the folder of their results."""
+    text = SPACE + f'[steps]\ncount = {count}\n[output]\nunits = "N, mm, MPa"\n'
+    return solved(folder, text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
+
+
 @pytest.fixture(scope="module")
 def pressed(tmp_path_factory):
-    """Two blocks in space, pressed unevenly, in two steps."""
-    text = SPACE + '[steps]\ncount = 2\n[output]\nunits = "N, mm, MPa"\n'
-    return solved(tmp_path_factory.mktemp("pressed"), text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
+    """The results of two blocks in space."""
+    return solved_in_space(tmp_path_factory.mktemp("pressed"), 2)
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,7 @@ from lacsolver.problem.problem import Problem
 from lacsolver.reporting.comparing import compare_runs
 from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bad_cases import GOOD, HEAVY, blocks, put, without
-from tests.lacsolver.patch_meshes import stack
-from tests.lacsolver.test_pictures import SPACE, solved
+from tests.lacsolver.test_pictures import solved, solved_in_space
 from tests.test_view import unpacked
 from tests.viewing import Browser
 
@@ -30,8 +29,7 @@ from tests.viewing import Browser
 @pytest.fixture(scope="module")
 def space(tmp_path_factory):
     """The folder of a run in space, in three steps."""
-    text = SPACE + '[steps]\ncount = 3\n[output]\nunits = "N, mm, MPa"\n'
-    return solved(tmp_path_factory.mktemp("report"), text, stack("HEXA8", "TETRA4", 3, counts=(3, 2)))
+    return solved_in_space(tmp_path_factory.mktemp("report"), 3)
 
 
 @pytest.fixture(scope="module")
