@@ -12,9 +12,8 @@ PENTA the unit triangle times [-1, 1]; PYRAM base [-1, 1]^2 at z = 0, apex (0, 0
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
-
-from lacmesh.records import dataclass
 
 Point = tuple[float, ...]
 Nodes = tuple[int, ...]

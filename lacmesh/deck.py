@@ -7,14 +7,13 @@ materials, loads and steps from it. A card's nodes and elements are not repeated
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from lacmesh.mesh import Ints, Mesh, fixed, positions
-from lacmesh.records import dataclass
 
 if TYPE_CHECKING:
     from lacmesh.cutting.subdivide import NewNodes

@@ -10,7 +10,7 @@ Node order inside a cell is gmsh's (`cells.py`). Missing values in data are NaN,
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from importlib import import_module
 from numbers import Integral
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, some
 from lacmesh.facts import Described, facts_html, listed
-from lacmesh.records import dataclass
 
 if TYPE_CHECKING:
     from lacmesh.deck import Deck

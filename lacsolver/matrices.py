@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, overload
@@ -19,7 +19,6 @@ from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.facts import Described
 from lacmesh.formats.output import replacing
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, as_mesh
-from lacmesh.records import dataclass
 from lacsolver.case import Case, read_case
 from lacsolver.case.value import Value, ValueLike
 from lacsolver.contact import Interface, Pairing, Zone, integrate

@@ -7,6 +7,7 @@ solid, contact_NAME (VTU) or results.med, contact_NAME.csv -> fields       at th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
-from lacmesh.records import dataclass
 from lacsolver.output.names import HISTORY
 from lacsolver.output.stored import StoredFields, stored_fields
 from lacsolver.output.summary import read_summary

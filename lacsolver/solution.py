@@ -15,7 +15,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -27,7 +27,6 @@ from lacmesh import __version__
 from lacmesh.errors import RequestError
 from lacmesh.facts import ByName, Described
 from lacmesh.mesh import Mesh, MeshLike
-from lacmesh.records import dataclass
 from lacsolver.bodies.small import weights
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.constraints.pretension import SectionForces

@@ -8,6 +8,7 @@ contact on them, or your own loop.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from scipy.sparse import csr_array
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Ints, Mesh, MeshLike
-from lacmesh.records import dataclass
 from lacsolver.bodies.mass import assemble_mass, check_densities
 from lacsolver.case import Case, as_case
 from lacsolver.matrices import ContactMatrices, matrices_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,6 @@ from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.facts import Described, listed
 from lacmesh.mesh import Mesh, MeshLike
-from lacmesh.records import dataclass
 from lacsolver.case import Case, CaseError, Issue, as_case
 from lacsolver.constraints import Constraints, equalities_of
 from lacsolver.constraints.equality_rows import EqualityRows, Free

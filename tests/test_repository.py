@@ -1,21 +1,16 @@
-"""Rules of the packages: who prints, what is imported when used, public names, records; and noise in the tests."""
+"""Rules of the packages: who prints, what is imported when used, public names; and noise in the tests."""
 
 from __future__ import annotations
 
 import ast
 import builtins
-import copy
-import dataclasses
 import importlib
 import inspect
 import os
-import pickle
 import re
 import subprocess
 import sys
 from collections import Counter
-from dataclasses import field
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -25,7 +20,6 @@ import lacmesh.errors
 import lacsolver
 import lacsolver.case
 import lacsolver.errors
-from lacmesh import records
 from tests import REPOSITORY
 
 PACKAGES = pytest.mark.parametrize("package", [lacmesh, lacsolver], ids=lambda p: p.__name__)
@@ -98,76 +92,6 @@ def test_every_public_name_has_an_example_and_promises_public_errors(package):
         methods = [value for value in own if inspect.isroutine(value) or isinstance(value, property)]
         text = "\n\n".join(inspect.getdoc(each) or "" for each in (thing, *methods))
         assert ">>> " in text and {*re.findall(r"\b[A-Z]\w*(?:Error|Warning)\b", text)} <= known, name
-
-
-# ---- records: our dataclasses mean what those of the standard library mean
-
-
-SOURCE = """
-@dataclass({options})
-class Base:
-    '''A base.'''
-    a: int
-    b: float = 1.0
-
-@dataclass({options})
-class Record(Base):
-    '''A record.'''
-    known: ClassVar[int] = 3
-    c: list = field(default_factory=list)
-    d: int = field(default=0, repr=False)
-    e: int = field(default=0, compare=False)
-
-    @property
-    def double(self):
-        return 2 * self.a
-"""
-OPTIONS = [f"frozen={frozen}, eq={eq}, repr={text}" for frozen in (0, 1) for eq in (0, 1) for text in (0, 1)]
-
-
-def outcome(ask):
-    """Answer to a question, or the type and the words of its error."""
-    try:
-        return ask()
-    except Exception as error:
-        return type(error), str(error)
-
-
-@pytest.mark.parametrize("options", [*OPTIONS, "frozen=True, kw_only=True"])
-def test_a_record_answers_as_one_of_the_standard_library(options):
-    def answers(dataclass):
-        names = {"dataclass": dataclass, "field": field, "ClassVar": ClassVar, "__name__": __name__}
-        exec(SOURCE.format(options=options), names)
-        record = names["Record"]
-        one, same, other = record(a=1), record(a=1, e=5), record(a=2, d=7)
-        yield [f.name for f in dataclasses.fields(record)]
-        yield "" if "repr=0" in options else repr(one)
-        yield one == same, one == other, one == one, one == 1
-        yield outcome(lambda: hash(one) == hash(same))
-        yield outcome(lambda: hash(record(a=1, c=())) == hash(record(a=1, c=(), e=4)))
-        yield dataclasses.asdict(dataclasses.replace(one, b=4.0)), one.double, record.known
-        yield outcome(lambda: record(1, 2.0).b)
-        yield outcome(lambda: record())
-        for name in ("a", "c", "other"):
-            yield outcome(lambda name=name: setattr(one, name, 3))
-            yield outcome(lambda name=name: delattr(one, name))
-        yield dataclasses.asdict(one) if "frozen=0" not in options else sorted(vars(one))
-        yield vars(copy.copy(other)), vars(copy.deepcopy(other))
-
-    assert list(answers(records.dataclass)) == list(answers(dataclasses.dataclass))
-
-
-@records.dataclass(frozen=True)
-class Kept:
-    a: int
-    b: tuple = ()
-
-    def __repr__(self):
-        return "own"
-
-
-def test_a_frozen_record_is_pickled_and_keeps_its_own_methods():
-    assert pickle.loads(pickle.dumps(Kept(1, (2,)))) == Kept(1, (2,)) != Kept(2, (2,)) and repr(Kept(1)) == "own"
 
 
 # ---- noise in last bits (`noise.py`)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import Subject
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import measure
 from lacmesh.smooth import surface_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from lacmesh.checks.rules import SEVERITIES
 from lacmesh.facts import Described
-from lacmesh.records import dataclass
 
 Corner = tuple[float, float, float]
 

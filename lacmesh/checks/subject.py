@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -20,7 +20,6 @@ from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.cutting.select import skin_faces, slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh, concatenated
-from lacmesh.records import dataclass
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim

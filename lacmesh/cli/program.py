@@ -16,6 +16,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from io import TextIOWrapper
@@ -26,7 +27,6 @@ from typing import Any, NoReturn, TextIO
 
 from lacmesh import __version__
 from lacmesh.errors import LacmeshError, LacmeshWarning
-from lacmesh.records import dataclass
 
 
 class Terminated(BaseException):

@@ -7,7 +7,7 @@ children take the place of their parent. The first child keeps the parent's numb
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from lacmesh.cutting.records import Origin
 from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
 from lacmesh.mesh import Block, Ints, Mesh, mask_of, places_of, positions
-from lacmesh.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ faces are identified by their corners, so that the mesh stays conforming; an edg
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
 from lacmesh.quality import validity_of
-from lacmesh.records import dataclass
 from lacmesh.smooth.middles import ways_to_surface
 from lacmesh.smooth.surfaces import SURFACES
 from lacmesh.topology.skin import label_rows

@@ -14,13 +14,13 @@ A template lists children in a *frame* of nodes: first the cell's own, then the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS, Cell, Nodes, Point
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, shape
 

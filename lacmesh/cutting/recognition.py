@@ -15,7 +15,7 @@ as well: rings have the half-width 1/3, and the nodes that the cut made are the 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -36,7 +36,6 @@ from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, with_records
 from lacmesh.cutting.regroup import regroup_segments
 from lacmesh.cutting.select import SlaveSkin
 from lacmesh.mesh import Ints, Mesh, mask_of, places_of
-from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,7 +12,6 @@ import numpy as np
 from lacmesh.errors import CutError, some
 from lacmesh.facts import Described, listed
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.topology.skin import FACE_TYPES
 
 #: integer data that a cut is kept in, -1 where they say nothing (`docs/conventions.md`)

@@ -10,6 +10,7 @@ middle is numbered after both ends, and if the two triangles are neighbours in t
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,7 +19,6 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.patterns import CONE, RING
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import cells_of_dim
 from lacmesh.topology.skin import TYPE_CODE, Faces
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
@@ -15,7 +16,6 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, concatenated, distinct
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, lacking
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats

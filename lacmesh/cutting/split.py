@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +25,6 @@ from lacmesh.cutting.select import check_numbers
 from lacmesh.cutting.subdivide import ChildCells, NewNodes
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, positions, spec_list
-from lacmesh.records import dataclass
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.division import Bools, CellNodes, FaceSides, divide, second_is_a
 from lacmesh.topology.faces import cells_of_dim, distinct_faces

@@ -13,7 +13,7 @@ slave faces of a cell.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, listings, parent_pattern
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners
 from lacmesh.topology.winding import relative_listing

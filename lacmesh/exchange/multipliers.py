@@ -7,13 +7,14 @@ carries (the halves and quarters of 3.3.4). Solvers that take one unknown a macr
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, split
 from lacmesh.facts import Described
 from lacmesh.mesh import Ints, concatenated
-from lacmesh.records import dataclass
 from lacmesh.topology.skin import Faces, find_owners
 
 #: (type of the faces, number of them in the macro-element): code of the patch; for each face, E1 first, the places of

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,6 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, LacmeshWarning
 from lacmesh.mesh import Ints, Mesh, Tag
-from lacmesh.records import dataclass
 
 _LARGEST = 2**31 - 1
 

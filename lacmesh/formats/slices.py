@@ -8,6 +8,7 @@ only slice of one process.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from lacmesh.communicator import SERIAL, Communicator
 from lacmesh.formats import ids
 from lacmesh.formats.ids import Index
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, places_of
-from lacmesh.records import dataclass
 
 #: 2^64 divided by the golden ratio, for Fibonacci hashing: Knuth, The Art of Computer Programming 3, section 6.4
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

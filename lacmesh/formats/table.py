@@ -9,6 +9,7 @@ refused with a WriteError. The tables of docs/formats.md are made from this one.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,6 @@ from typing import Any, NamedTuple
 from lacmesh.cells import CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Mesh
-from lacmesh.records import dataclass
 
 #: key -> what a mesh may have
 FEATURES: Mapping[str, str] = {

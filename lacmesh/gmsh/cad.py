@@ -14,6 +14,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,6 @@ from lacmesh.formats import read
 from lacmesh.formats.output import temporary_folder
 from lacmesh.gmsh import session
 from lacmesh.mesh import Mesh
-from lacmesh.records import dataclass
 
 #: suffix -> what the file is
 SUFFIXES = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from lacmesh.gmsh import stl
 from lacmesh.gmsh.cad import SUFFIXES, CadShape
 from lacmesh.gmsh.model import read_model
 from lacmesh.mesh import Floats, Mesh, Tag
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.orientation import analyse_orientation, reverse

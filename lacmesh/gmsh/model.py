@@ -12,7 +12,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -29,7 +29,6 @@ from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
 from lacmesh.gmsh import attribute, session, views
 from lacmesh.mesh import Ints, Mesh, Tag, concatenated
-from lacmesh.records import dataclass
 
 #: What gmsh counts in the current model: its option -> our family.
 _COUNTS = {

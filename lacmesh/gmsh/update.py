@@ -14,7 +14,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -32,7 +32,6 @@ from lacmesh.gmsh import session, views
 from lacmesh.gmsh.attribute import write_notes
 from lacmesh.gmsh.model import Read
 from lacmesh.mesh import Floats, Ints, Mesh, Tag
-from lacmesh.records import dataclass
 
 #: gmsh takes cells out of an entity one by one, moving those behind (removed times all, some 5e8 a second measured).
 _MANY_REMOVED = 10**9

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from lacmesh.formats.msh.content import Content
 from lacmesh.formats.msh.fields import RESERVED, Head, Rows, keys, to_rows
 from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Ints, Mesh, concatenated
-from lacmesh.records import dataclass
 
 _TYPES = {"NodeData": "node", "ElementData": "cell"}
 _MARK = "lacmesh"

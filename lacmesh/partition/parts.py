@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of, positions
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
-from lacmesh.records import dataclass
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim
 

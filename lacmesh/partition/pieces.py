@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,6 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.partition.parts import cells_of_skins, nodes_of
-from lacmesh.records import dataclass
 
 
 @dataclass(frozen=True)

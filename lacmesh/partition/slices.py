@@ -11,6 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -28,7 +29,6 @@ from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points
 from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
-from lacmesh.records import dataclass
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import cells_of_dim
 

@@ -19,6 +19,7 @@ import os
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,6 @@ from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh, mask_of, positions
 from lacmesh.partition.parts import Part, WholeMesh, bodies_of, periodic_left, skin_name, whole_of
 from lacmesh.partition.pieces import PieceIndices, pieces_of
-from lacmesh.records import dataclass
 
 if TYPE_CHECKING:
     import h5py

@@ -7,6 +7,7 @@ compared.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats
 from lacmesh.quality.measures import SCALES
 from lacmesh.quality.vectors import LARGEST
-from lacmesh.records import dataclass
 
 #: percentiles that statistics hold
 PERCENTS = (1, 5, 50, 95, 99)

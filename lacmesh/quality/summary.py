@@ -9,6 +9,7 @@ are independent of both.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, mean_size_of, measure_cells, primary_metric
 from lacmesh.quality.statistics import Statistics, statistics
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.records import dataclass
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
 SCHEMA = 2

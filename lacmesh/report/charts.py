@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.records import dataclass
 from lacmesh.report.markup import identifier
 
 Array: TypeAlias = NDArray[np.float64]

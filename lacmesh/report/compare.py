@@ -7,7 +7,7 @@ a plane mesh, surfaces and lines.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from lacmesh.quality.measures import measure_cells, measures_of
 from lacmesh.quality.statistics import Statistics, statistics
 from lacmesh.quality.summary import Quality, groups_of, quality_of
 from lacmesh.quality.verdict import ACCEPTED
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import measure
 from lacmesh.report.records import CutSummary, summarise
 from lacmesh.report.touched import Touched, hexahedra, touched, variants

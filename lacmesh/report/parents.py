@@ -9,6 +9,7 @@ template fits: it stays unknown, and is counted.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -22,7 +23,6 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.quality import corner_jacobian
 from lacmesh.quality.determinant import validity_among
 from lacmesh.quality.statistics import Statistics, statistics
-from lacmesh.records import dataclass
 
 
 @dataclass(frozen=True)

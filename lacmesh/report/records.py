@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACE
 from lacmesh.errors import CutError
 from lacmesh.mesh import ENTITY_CODE, Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
 from lacmesh.report.touched import Touched, touched

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,6 @@ from lacmesh.cutting.patterns import RING_PARENTS
 from lacmesh.errors import CutError, LacmeshWarning
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.quality import corner_jacobian
-from lacmesh.records import dataclass
 
 _NAMED = 5
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ from lacmesh.checks.findings import counted
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.records import dataclass
 from lacmesh.scene.colours import BODIES, DOT, INK, INVALID, MASTER, PALETTE, SEVERITIES, pale, rgb
 from lacmesh.scene.layers import Layer, make_layers
 from lacmesh.scene.marks import MarkedFinding, Marks, Values, find_marks

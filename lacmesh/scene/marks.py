@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,6 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.formats.ids import Index
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
-from lacmesh.records import dataclass
 from lacmesh.scene.colours import INVALID, RAMP, SEVERITIES, SPAN, ends_of, on_ramp, rgb
 from lacmesh.scene.visible import SLAVE, VisibleSurface, as_faces, facets_of
 from lacmesh.topology.skin import Faces

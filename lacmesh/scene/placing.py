@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.records import dataclass
 from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import MASTER, SLAVE, Vector, VisibleSurface, diagonal, is_segment, unit
 from lacmesh.topology.components import label_components

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from lacmesh.errors import RequestError, did_you_mean
-from lacmesh.records import dataclass
 from lacmesh.scene.visible import Vector
 
 #: the widest gap, in diagonals of the mesh: beyond it bodies are dots

@@ -9,6 +9,7 @@ The cost is that of pairing the facets (`lacmesh.topology.facets`).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +20,6 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
-from lacmesh.records import dataclass
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 from lacmesh.topology.faces import cells_of_dim

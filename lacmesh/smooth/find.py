@@ -8,11 +8,11 @@ several shapes with smooth transitions, a shape is fitted to the two rings of a 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
-from lacmesh.records import dataclass
 from lacmesh.smooth.fitting import EXACT, ROUNDED, least_nodes, nearest, simplest, tolerance_of
 from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, SmoothPatches

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, mask_of
-from lacmesh.records import dataclass
 from lacmesh.smooth.find import FoundShape
 from lacmesh.smooth.heights import Smooth, smooth_of
 from lacmesh.surface.record import Surface

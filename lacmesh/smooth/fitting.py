@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacmesh.smooth.shape import FREEDOMS, Shape
 
 #: how far a node may be from a shape, of the size of all nodes on it

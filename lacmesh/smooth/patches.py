@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -9,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses

@@ -11,13 +11,12 @@ In plane problems, z = 0, lines are treated as planes, and circles as spheres.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 
 #: shapes from the simplest, and the numbers that tell one from another of its kind: freedoms in space
 FREEDOMS = {"plane": 3, "cylinder": 5, "sphere": 4, "cone": 6, "torus": 7}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
 from lacmesh.surface.normals import weighted

@@ -12,7 +12,7 @@ types are curved themselves and have no height, unless they are straight.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.surface.maps import N_MONOMIALS, basis, slopes, values
 from lacmesh.topology.skin import TYPE_CODE
 

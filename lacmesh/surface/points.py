@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,6 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
-from lacmesh.records import dataclass
 from lacmesh.surface.clip import FACING, clip
 from lacmesh.surface.height import QUADRANGLES
 from lacmesh.surface.lines import Intervals, clip_lines, gauss_points, place_lines

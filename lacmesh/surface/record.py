@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,7 +13,6 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.records import dataclass
 from lacmesh.surface.height import Height
 from lacmesh.surface.maps import values
 from lacmesh.topology.edges import neighbours

@@ -7,7 +7,7 @@ end inside the body, has one and stays closed. Cells that met at a node without 
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import CARRIED
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, mask_of, positions
-from lacmesh.records import dataclass
 from lacmesh.topology.components import label_components
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets

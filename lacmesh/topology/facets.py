@@ -11,13 +11,13 @@ are then compared corner by corner, so that the result is exact.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import facets_of
 from lacmesh.topology.skin import MAX_CORNERS, FaceIncidence, Faces, first_of_each, label_rows
 from lacmesh.topology.winding import is_inverted, turned_over

@@ -10,14 +10,13 @@ component is one orientation of a connected part of the skin.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, mask_of, places_of, spec_text
-from lacmesh.records import dataclass
 from lacmesh.topology.components import label_components
 from lacmesh.topology.edges import edge_uses
 from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of

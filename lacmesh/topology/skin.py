@@ -7,13 +7,13 @@ cost is one pass over the mesh's nodes and then grows with the faces (no table o
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Ints, concatenated, places_of
-from lacmesh.records import dataclass
 
 #: width of a padded list of a face's nodes (QUAD9) and corners
 MAX_NODES, MAX_CORNERS = 9, 4

@@ -10,6 +10,7 @@ kinematics; under finite kinematics temperature is part of the law instead.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -17,7 +18,6 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.bodies import small
 from lacsolver.bodies.finite import thermal_stretches
 from lacsolver.bodies.line_springs import LineSprings

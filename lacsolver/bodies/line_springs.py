@@ -10,13 +10,14 @@ is the derivative of the former by the displacement of the second node. In axisy
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.space.space import Space
 from lacsolver.space.sparse import sparse_blocks

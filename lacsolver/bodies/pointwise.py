@@ -18,6 +18,7 @@ Linear laws do without all this: with one C for each law `small` assembles K in 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -27,7 +28,6 @@ from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.bodies.assembly import NO_MEAN, MeanTerms, OwnedRows, add_cells, assemble, block_values, matrix
 from lacsolver.bodies.dilatation import mean_response, with_mean_pressure
 from lacsolver.bodies.errors import InadmissibleError

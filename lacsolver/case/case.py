@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from os.path import relpath
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from lacmesh.errors import RequestError
 from lacmesh.facts import Described, listed
-from lacmesh.records import dataclass
 from lacsolver.case.dynamics import Dynamics, Initial
 from lacsolver.case.entry import Entry
 from lacsolver.case.errors import CaseError, Issue

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from lacmesh.records import dataclass
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Groups, Load, Needs, Numbers, Section, Values, key
 from lacsolver.case.kinds import GROUPS, NOT_NEGATIVE, POINT, Choice, number, numbers

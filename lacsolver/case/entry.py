@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from copy import copy
-from dataclasses import MISSING, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from lacmesh.errors import did_you_mean
 from lacmesh.facts import Described
-from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue, Mistake
 from lacsolver.case.formula import Formula
 from lacsolver.case.keys import ANY, PLANE, Key, Section, defaults_of, keys_of

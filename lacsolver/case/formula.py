@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import ast
 import warnings
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from lacmesh.errors import did_you_mean
-from lacmesh.records import dataclass
 from lacsolver.case.errors import Mistake
 
 VARIABLES = {"x": "place (the radius r where axisymmetric)", "y": "place", "z": "place (3d only)", "t": "time"}

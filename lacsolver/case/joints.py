@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from lacmesh.records import dataclass
 from lacsolver.case.direction_kinds import COMPONENTS, LOCAL_AXES, TERMS
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import MODELS, As, Load, Needs, Numbers, Rotation, Section, Values, key

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lacmesh.errors import did_you_mean
-from lacmesh.records import dataclass
 from lacsolver.case.errors import Mistake
 from lacsolver.case.value import described, number_from
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from lacmesh.records import dataclass
 from lacsolver.case.entry import Entry
 from lacsolver.case.keys import Load, Numbers, Section, key
 from lacsolver.case.kinds import GROUP, NOT_NEGATIVE, POINT, text

@@ -9,10 +9,9 @@ user's choice; `unit` gives the dimension.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from lacmesh.records import dataclass
 from lacsolver.case.added import CONTACT_LAWS, MATERIAL_LAWS
 from lacsolver.case.direction_kinds import AXES, LOCAL_AXES
 from lacsolver.case.entry import Entry

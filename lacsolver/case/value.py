@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-from lacmesh.records import dataclass
 from lacsolver.case.errors import EvaluationError, Mistake
 from lacsolver.case.formula import Formula, parse_formula
 

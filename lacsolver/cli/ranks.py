@@ -9,11 +9,11 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from lacmesh.cli.program import EXPECTED
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.records import dataclass
 from lacsolver.cli import PROGRAM
 from lacsolver.distributed.launch import Launch, absence, import_mpi, launched, one_thread_each
 from lacsolver.distributed.together import StoppedError, on_first, together

@@ -12,7 +12,7 @@ T^T K T + turning(q, t, forces), with the geometric stiffness `turning`. Otherwi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -22,7 +22,6 @@ from scipy.sparse import csr_array, diags_array
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, concatenated, mask_of
-from lacmesh.records import dataclass
 from lacsolver.case.case import Case
 from lacsolver.constraints.conditions import AXIS, on_axis, prescribed
 from lacsolver.constraints.coupling import rigid_records

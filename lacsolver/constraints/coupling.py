@@ -19,6 +19,7 @@ further unknowns. Under finite kinematics rotations are prescribed, and theta x 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import NamedTuple
 
@@ -27,7 +28,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.case.case import Case
 from lacsolver.case.joints import Coupling
 from lacsolver.case.records import Rigid

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,6 @@ from scipy.sparse.linalg import SuperLU
 
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.constraints import Constraints
 from lacsolver.constraints.equations import Equations, EquationSystem, contradiction, following, stacked, words_of

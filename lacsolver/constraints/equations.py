@@ -14,7 +14,7 @@ of the equations act on the bodies by C^T lambda, and on s by E^T lambda.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,7 +24,6 @@ from scipy.sparse import coo_array, csc_array, csr_array, diags_array, hstack, v
 from scipy.sparse.linalg import SuperLU, splu
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.equality_rows import lengths
 from lacsolver.space.sparse import joined_columns, sparse

@@ -11,13 +11,13 @@ with r = 0, so that the value's increments count from where a node is, or with r
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, concatenated
-from lacmesh.records import dataclass
 from lacsolver.case.case import Case
 from lacsolver.case.records import Displacement
 from lacsolver.constraints.conditions import Prescribed, along_axes

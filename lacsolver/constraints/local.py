@@ -9,6 +9,7 @@ its node carries no force, and its value must agree with theirs.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints, concatenated
-from lacmesh.records import dataclass
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.constraints.conditions import Prescribed
 from lacsolver.space.places import said

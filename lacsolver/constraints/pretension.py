@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -23,7 +24,6 @@ from lacmesh.checks.bodies import same_place
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.skin import Faces, find_owners, label_rows
 from lacmesh.topology.winding import face_normals

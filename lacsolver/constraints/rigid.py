@@ -12,7 +12,7 @@ short of a full turn, where the rotation vector is singular; a prescribed rotati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, concatenated
-from lacmesh.records import dataclass
 from lacsolver.bodies.errors import InadmissibleError
 from lacsolver.case.errors import CaseError, Issue
 from lacsolver.case.joints import Coupling

@@ -16,13 +16,13 @@ plane all rotations are about z.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: eigenvalue of J, relative to its trace, below which nodes cannot carry a moment
 _ON_LINE = 1e-10

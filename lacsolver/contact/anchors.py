@@ -26,6 +26,7 @@ D_T is a sum of products with v - v_bar, with dv/dxi^a, and with dn (`shear`, `c
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,7 +35,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.reference.shapes import shape
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.normals import dual_vectors, normals_of, smooth_normals, unit

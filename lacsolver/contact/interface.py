@@ -11,7 +11,7 @@ rotation is zero. Friction adds d - 1 rows to the normal one, for the jump along
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.surface import ContactPoints, Surface, contact_points, default_distance
 from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.maps import coefficients, measures

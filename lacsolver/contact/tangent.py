@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -33,7 +34,6 @@ from scipy.sparse import bsr_array, csr_array, get_index_dtype, vstack
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import normal_maps
 from lacsolver.contact.chain import (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +10,6 @@ import numpy as np
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.smooth import surface_of
 from lacmesh.surface import Surface, default_distance
 from lacmesh.surface.coverage import face_measure

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from lacmesh.deck import DataLine, DeckCard, key_of
 from lacmesh.errors import did_you_mean
-from lacmesh.records import dataclass
 from lacsolver.case.errors import Mistake
 from lacsolver.case.kinds import Kind
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.decks.cards import Card, DeckLine, Finding, Refused, look_up
 from lacsolver.decks.names import Names
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lacmesh.mesh import Ints
-from lacmesh.records import dataclass
 from lacsolver.case.case import Case
 from lacsolver.case.keys import sections_of
 from lacsolver.case.toml import section_text

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Ints, Mesh, concatenated, places_of
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import cells_of_dim
 from lacsolver.decks.names import SIDES
 

@@ -7,14 +7,13 @@ its value in later steps. With an amplitude it is the factor of the amplitude ti
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, concatenated, mask_of
-from lacmesh.records import dataclass
 from lacsolver.case.value import interpolate
 from lacsolver.decks.cards import Refused
 from lacsolver.decks.content import Amplitude, Assigned, DeckContent, DeckStep

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 import lacmesh
 from lacmesh.mesh import Mesh
-from lacmesh.records import dataclass
 from lacsolver.case import Case, CaseError, Issue, parse_case
 from lacsolver.decks import joint_records as joints
 from lacsolver.decks import load_records as loads

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +13,6 @@ from lacmesh.deck import Deck
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Ints, Mesh, mask_of
-from lacmesh.records import dataclass
 from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
 from lacmesh.topology.facets import Facets
 from lacmesh.topology.skin import FaceIncidence, find_owners

@@ -9,7 +9,7 @@ saddle-point problem and its tolerances are those of a case (`active_set`, `sadd
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from lacmesh.errors import DataError, RequestError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.contact.friction import Bounds
 from lacsolver.contact.laws import CONTACT, SLIDES, ContactLaw, Unilateral
 from lacsolver.equilibrium.active_set import active_set_iterates

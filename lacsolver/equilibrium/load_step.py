@@ -13,7 +13,7 @@ the loop on the pressures as geometric stiffness is: it costs one product for ea
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.constraints import coupling
 from lacsolver.contact import Interface

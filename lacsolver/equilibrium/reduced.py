@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,6 @@ from scipy.sparse import bsr_array, csr_array
 
 from lacmesh.errors import DataError, LacmeshWarning, some
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.bodies.finite import InadmissibleError
 from lacsolver.contact import Interface
 from lacsolver.equilibrium.kept_columns import SAVED, KeptColumns, same_entries

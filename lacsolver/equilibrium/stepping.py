@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.case import Case
 from lacsolver.constraints.coupling import CouplingRows
 from lacsolver.constraints.equality_rows import Free

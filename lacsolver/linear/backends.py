@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -14,7 +15,6 @@ from scipy.sparse import csr_array, issparse
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.linear.accuracy import Matrix
 from lacsolver.linear.direct.factor import DirectAnalysis, DirectFactor
 from lacsolver.linear.direct.pardiso import library

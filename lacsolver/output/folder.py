@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, some, writing
 from lacmesh.formats.output import is_abandoned
-from lacmesh.records import dataclass
 from lacsolver.output.lock import check_free, hold
 from lacsolver.output.names import FIELDS, UNCONVERGED, leftovers_in, number_of, results_in, states_in
 from lacsolver.results.results import Restart

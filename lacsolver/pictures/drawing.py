@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.scene import Label, make_scene
 from lacmesh.scene.colours import INK
 from lacmesh.scene.marks import Values

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import RequestError, check_installed, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacmesh.scene import unit_of
 from lacmesh.scene.colours import BODIES, INK, rgb
 from lacmesh.scene.layers import Layer

@@ -10,6 +10,7 @@ A natural mode has frames too: one period of its vibration, drawn with an amplit
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,6 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.ids import Index
 from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.scene.colours import ends_of
 from lacmesh.scene.visible import find_visible
 from lacmesh.topology.skin import FACE_TYPES, N_NODES

@@ -7,6 +7,7 @@ where it is high; what a macro-element does (`status`) has a colour for each sta
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacmesh.scene.colours import RESULT, STATES, ends_of
 from lacsolver.results.results import ZoneFields
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED

@@ -7,13 +7,13 @@ from two sides. The eye is outside of the slave's body, where the master is.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.scene.placing import screen_axes
 from lacmesh.surface import Surface
 from lacmesh.topology.skin import FACE_TYPES, N_NODES

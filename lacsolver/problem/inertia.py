@@ -9,7 +9,7 @@ of M at its own nodes, and all have the points.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array, diags_array, kron, vstack
 
 from lacmesh.mesh import Floats, Ints, concatenated
-from lacmesh.records import dataclass
 from lacsolver.bodies.mass import assemble_mass
 from lacsolver.bodies.material import Materials
 from lacsolver.case import Dynamics

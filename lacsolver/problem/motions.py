@@ -10,13 +10,13 @@ translations before rotations, along the coordinate axes if possible.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.space.space import Space
 
 #: tolerance relative to a unit motion: smaller components are 0, and directions closer to an axis are along it

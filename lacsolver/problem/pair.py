@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from lacmesh.checks.rules import named
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh
-from lacmesh.records import dataclass
 from lacmesh.reference.quadrature import rule
 from lacmesh.smooth import DOUBTFUL, doubt_in_words, told_of_few
 from lacmesh.surface import Surface

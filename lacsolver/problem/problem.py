@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,6 @@ from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.facts import Described
 from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.records import dataclass
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Mesh
-from lacmesh.records import dataclass
 from lacmesh.report import blocks
 from lacmesh.report.blocks import ReportBlock, TableRow, table, title
 from lacmesh.report.charts import COLOURS, Chart, Line, Plot, with_legend

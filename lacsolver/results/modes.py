@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ NaN. Units are those of the case.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacmesh.surface import Surface
 from lacsolver.constraints.coupling import CouplingState
 from lacsolver.constraints.pretension import SectionForces

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.contact.anchors import Anchors
 from lacsolver.contact.laws import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.motion import MotionState

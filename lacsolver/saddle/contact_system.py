@@ -14,7 +14,7 @@ system in `row_set`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,6 @@ from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, mask_of
-from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import Free, moves
 from lacsolver.contact import Interface
 from lacsolver.contact.anchors import Anchors, all_anchors, own_anchors, renewed

@@ -6,7 +6,7 @@ The rows of a pair are followed by those along its tangents where it has frictio
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.constraints.equality_rows import EqualityRows
 from lacsolver.contact import Interface, arm
 from lacsolver.contact.anchors import Anchors, Slip, slip

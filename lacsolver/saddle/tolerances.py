@@ -7,6 +7,7 @@ the round-off of the sums that they come from, so that no tolerance depends on u
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 from lacsolver.linear.vectors import WHOLE, BodyVectors, Vectors
 
 #: relative round-off of gaps, to the coordinates, and of forces, to the terms that they are summed from

@@ -14,6 +14,7 @@ own.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple
@@ -26,7 +27,6 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, fixed, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh, told
-from lacmesh.records import dataclass
 from lacmesh.reference.shapes import gradient
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.faces import lacking

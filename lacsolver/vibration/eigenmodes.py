@@ -16,6 +16,7 @@ unknowns are solved with dense matrices.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
@@ -25,7 +26,6 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.linear import LinearError
 from lacsolver.saddle.stiffness import Stiffness
 

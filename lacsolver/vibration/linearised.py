@@ -9,12 +9,13 @@ unilateral contacts are open; ties and bilateral contacts are closed.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
 from lacmesh.mesh import Floats
-from lacmesh.records import dataclass
 from lacsolver.equilibrium.reduced import ReducedProblem
 from lacsolver.linear.regular import is_free
 from lacsolver.problem import acting

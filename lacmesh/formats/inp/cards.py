@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +17,6 @@ from typing import NamedTuple
 from lacmesh.errors import ReadError
 from lacmesh.formats.source import SourceFile
 from lacmesh.formats.text import decoded
-from lacmesh.records import dataclass
 
 #: Files inside files: how deep, and how many in all.
 _DEEPEST, _MOST_FILES = 16, 10_000

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.follow import Followed
 from lacmesh.formats.text import reals
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: Entries of a data line.
 _PER_LINE = 16

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,6 @@ from lacmesh.formats.inp.scope import ElementCard, NodeCard, Scope, SurfaceCard,
 from lacmesh.formats.inp.types import LINE, NO_CELL, POINT, element
 from lacmesh.formats.text import decoded, values_in_lines
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: Cards that make nodes or elements, or move them, and that are not read.
 _NOT_READ = {

@@ -8,7 +8,7 @@ set gained follows its first card; a set that lost members is written anew in it
 from __future__ import annotations
 
 import re
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -26,7 +26,6 @@ from lacmesh.formats.inp.types import LINE, PLANE, SHELL, element
 from lacmesh.formats.inp.writer_types import card as element_of
 from lacmesh.formats.writing import file_order
 from lacmesh.mesh import Ints
-from lacmesh.records import dataclass
 
 #: Letters of a formulation that only some shapes have; all others (H, T, E ...) are of every shape.
 _SHAPES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO
@@ -18,7 +19,6 @@ from lacmesh.formats.inp.writer_types import card, hint
 from lacmesh.formats.labels import changes, labels
 from lacmesh.formats.writing import is_plane
 from lacmesh.mesh import Ints, Mesh, mask_of
-from lacmesh.records import dataclass
 
 LARGEST = 999_999_999
 #: Characters of a name in both programs.

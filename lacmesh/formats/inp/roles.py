@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.records import dataclass
 from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces
 from lacmesh.topology.winding import relative_listing
 

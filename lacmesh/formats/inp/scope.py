@@ -7,7 +7,7 @@ are raised past those taken, its names preceded by the instance's name and a poi
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -17,7 +17,6 @@ from lacmesh.formats.inp.cards import Card, label
 from lacmesh.formats.inp.data import Members, key
 from lacmesh.formats.inp.types import DeckElement
 from lacmesh.mesh import Floats, Ints, concatenated, positions
-from lacmesh.records import dataclass
 
 #: Sets inside sets: how deep.
 _DEEPEST = 500

@@ -6,7 +6,7 @@ two elements, that name the same face get the same cell.
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,6 @@ from lacmesh.cells import CELLS
 from lacmesh.formats.inp.cards import Card
 from lacmesh.formats.inp.types import FACETS, LINE, PLANE, SHELL, SIDES, SOLID
 from lacmesh.mesh import Ints
-from lacmesh.records import dataclass
 from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, find_owners, find_repeats, first_of_each, label_faces
 
 

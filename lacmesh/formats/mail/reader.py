@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,6 @@ from lacmesh.formats.mail.types import NODES, NOT_READ
 from lacmesh.formats.source import SourceFile
 from lacmesh.formats.text import bad_line, chunks, decoded, parsed
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
-from lacmesh.records import dataclass
 
 _COORDINATES = {"COOR_1D": 1, "COOR_2D": 2, "COOR_3D": 3}
 _GROUPS = {"GROUP_NO": "nodes", "GROUP_MA": "cells"}

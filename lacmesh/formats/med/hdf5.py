@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -21,7 +22,6 @@ from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.journal import journalled
 from lacmesh.formats.slices import RowRange
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: How a link is called; h5py gives bytes for what is not UTF-8.
 Name = str | bytes

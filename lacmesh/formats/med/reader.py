@@ -6,7 +6,7 @@ Families, groups, names and sizes are those of the whole file.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ from lacmesh.formats.med.types import MED_TYPES, NOT_READ, MedType
 from lacmesh.formats.notes import zone_names
 from lacmesh.formats.slices import CellRows, MeshSlice, RowRange, Slice, repeated
 from lacmesh.mesh import Floats, Ints, concatenated
-from lacmesh.records import dataclass
 
 #: Parts of a file that no Mesh holds.
 _NOT_CARRIED = {

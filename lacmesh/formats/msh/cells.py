@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -17,7 +17,6 @@ from lacmesh.formats.msh.notes import SECTION, Notes
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.slices import CellRows, Slice, repeated
 from lacmesh.mesh import Ints
-from lacmesh.records import dataclass
 
 _NEVER = np.iinfo(np.int64).max
 

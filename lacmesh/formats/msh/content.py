@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from lacmesh.formats.msh.notes import Notes
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.slices import RowRange
 from lacmesh.mesh import Floats, Ints, Tag
-from lacmesh.records import dataclass
 
 
 @dataclass

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,7 +22,6 @@ from lacmesh.formats.msh.output import Output
 from lacmesh.formats.msh.scan import MshBytes
 from lacmesh.formats.notes import FieldNote
 from lacmesh.mesh import Floats, Ints, Step
-from lacmesh.records import dataclass
 
 #: section -> what its rows are on
 SECTIONS = {"NodeData": "node", "ElementData": "cell"}

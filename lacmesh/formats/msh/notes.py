@@ -9,13 +9,12 @@ of the notes are listed in `formats.notes.MSH_NOTES`.
 from __future__ import annotations
 
 import json
-from dataclasses import field
+from dataclasses import dataclass, field
 
 from lacmesh.formats.note_types import DAMAGE, INTEGER, from_plain, to_plain
 from lacmesh.formats.notes import MSH_NOTES, VERSION, CellsNote, FieldNote
 from lacmesh.formats.source import SourceFile
 from lacmesh.mesh import Ints, Tag
-from lacmesh.records import dataclass
 
 SECTION = "LacMesh"
 #: Sections of older tools, passed without a word.

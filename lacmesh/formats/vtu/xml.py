@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, reading
 from lacmesh.formats.vtu.codec import DAMAGE, Coding, Order, from_text, numbers
-from lacmesh.records import dataclass
 
 XmlElement = ElementTree.Element
 

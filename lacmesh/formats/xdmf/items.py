@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from contextlib import ExitStack
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import ReadError
 from lacmesh.formats.med.hdf5 import Branch, opened
 from lacmesh.formats.vtu.codec import DAMAGE, from_text
-from lacmesh.records import dataclass
 
 ItemElement = ElementTree.Element
 

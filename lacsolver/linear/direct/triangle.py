@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any, TypeAlias
 
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.records import dataclass
 
 #: b -> K^-1 b, for b (n,), or (n, k) stored by columns; b may be overwritten
 Solve: TypeAlias = Callable[[Floats], Floats]
