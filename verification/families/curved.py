@@ -2,11 +2,11 @@
 
 Flat faces of two curved skins that fit each other miss each other by up to h^2 / 8R here and overlap as much there, and
 a macro-element answers with E h / 8R, which may be large beside the pressure that is sought. Each problem is solved
-three times on each mesh, with one gap or another and nothing else changed:
+three times on each mesh, with one gap or another:
 
-- `faces`: the gap is that between the faces;
-- `smooth`: that between the curved skins that the nodes lie on, as lacmesh finds them;
-- `true`: at every point what it is between the exact surfaces.
+- `faces`: the gap is that between the faces, along their normals;
+- `smooth`: that between the curved skins that the nodes lie on, as lacmesh finds them, along the normals of these;
+- `true`: at every point what it is between the exact surfaces, along the same normals as `smooth`.
 
 What is left with the true gap is what the faceted bodies and constants on macro-elements cost. No smooth surface can do
 much better; `smooth` may not be much worse, and nowhere worse than `faces`.
@@ -83,7 +83,7 @@ def solution(given: Curved, level: int, gap: str, number: int = 0) -> LevelSolut
 
     Errors of p_m (`p_m`) and of the recovered pressure relative to the exact pressure, in L2; the problem's own.
     """
-    problem = Problem.of(given.case("smooth" if gap == "smooth" else "faces"), given.mesh(level, number))
+    problem = Problem.of(given.case("faces" if gap == "faces" else "smooth"), given.mesh(level, number))
     if gap == "true":
         problem = with_true_gap(problem, lambda x, n: given.gap(x[:, : problem.space.dim]))
     solved = finished(problem)
