@@ -18,7 +18,6 @@ from lacsolver.cli import main
 from lacsolver.output import read_state
 from lacsolver.output.modes import read_modes
 from lacsolver.problem.problem import Problem
-from lacsolver.reporting.comparing import compare_runs
 from lacsolver.vibration.natural_modes import natural_modes
 from tests.lacsolver.bad_cases import GOOD, HEAVY, blocks, put, without
 from tests.lacsolver.test_pictures import solved, solved_in_space
@@ -95,28 +94,6 @@ def test_a_plane_run_reports_when_it_ends_and_one_without_contact_too(tmp_path, 
     solved(tmp_path, without("contact", "pressure") + '[[displacement]]\ngroup = "top"\nuy = -0.1\n')
     assert main(["report", "case.toml", "-o", "r.html", "-q", "--force"]) == 0
     assert "<h2>Contact</h2>" not in (tmp_path / "r.html").read_text()
-
-
-def test_runs_are_compared(space, tmp_path, capsys):
-    with pytest.raises(ReadError, match="holds no results"):
-        compare_runs(space, tmp_path)
-    assert main(["compare", str(space), str(space)]) == 0
-    count = len(compare_runs(space, space))
-    assert capsys.readouterr().out == f"{count} of {count} figures are the same, but for round-off\n"
-    summary = json.loads((space / "results.json").read_text())
-    zone = summary["contact"]["joint"]
-    zone["pressure_max"] *= 1.25
-    zone["resultant"][0] = 0.5 * zone["resultant"][2]
-    del summary["energy"]
-    (tmp_path / "results.json").write_text(json.dumps(summary))
-    rows = {row.name.removeprefix("contact.joint."): row for row in compare_runs(space, tmp_path) if not row.same}
-    assert set(rows) == {"pressure_max", "resultant", "energy"}
-    assert rows["pressure_max"].difference == pytest.approx(0.2)
-    assert rows["resultant"].difference == pytest.approx(0.5)
-    assert rows["energy"].second is None and np.isnan(rows["energy"].difference)
-    assert main(["compare", str(space), str(tmp_path)]) == 0
-    printed = capsys.readouterr().out
-    assert "20 %" in printed and f"{count - 3} of {count} figures" in printed
 
 
 # ---- natural modes

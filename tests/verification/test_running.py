@@ -20,8 +20,8 @@ import pytest
 from lacmesh.errors import RequestError, WriteError
 from tests.verification.fakes import Given, command, planned, ran
 from verification import families, mpiexec
+from verification.cli import commands as command_run
 from verification.cli import main
-from verification.cli import run as command_run
 from verification.records import Case, Family, Outcome, Picture, informative, levels_of, rate
 from verification.running import plan, pool, worker
 from verification.running.folder import CaseResult, FolderError, forget, read_case_result, read_run, rows
