@@ -125,10 +125,10 @@ def test_an_unknown_option_is_one_line_and_leaves_nothing(folder, capsys, words)
         ("lacmesh cut a --slave", "option '--slave' requires an argument; see lacmesh cut --help"),
         ("lacmesh cut a --hexa tetra", "invalid value for '--hexa': 'tetra' is not one of 'pyramid', 'hexa', 'auto';"),
         ("lacmesh cut a --search-distance -1", "invalid value for '--search-distance': '-1' is no length; see"),
-        ("lacmesh partition a -n two", "invalid value for '--parts' / '-n': Input should be a valid integer"),
+        ("lacmesh partition a -n two", "invalid value for '--parts' / '-n': 'two' is no whole number; see"),
         ("lacmesh cutt a", "there is no command 'cutt'; did you mean cut?; see lacmesh --help"),
         ("lacmesh blocks.msh", "blocks.msh is a file, and a command comes first: lacmesh info blocks.msh; see"),
-        ("lacsolver film case", "missing option '--output'; see lacsolver film --help"),
+        ("lacsolver film case", "missing option '--output' / '-o'; see lacsolver film --help"),
     ],
 )
 def test_wrong_words_are_one_sentence(folder, capsys, words, message):

@@ -12,7 +12,7 @@ from typer import Option
 
 import lacmesh
 from lacmesh.cli.checks import warn_of
-from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, Output, Recognise, Skins, Target, number, output
+from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, Output, Recognise, Skins, Target, output
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, counted, print_table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
@@ -32,7 +32,7 @@ def cut(
     node_groups: Annotated[Literal["extend", "keep"], Option(help="with new nodes among old ones")] = "extend",
     min_quality: Annotated[
         float | None,
-        Option(metavar="X", parser=number, help="least corner Jacobian of new cells (1: ideal, 0: flat), else stop"),
+        Option(metavar="X", help="least corner Jacobian of new cells (1: ideal, 0: flat), else stop"),
     ] = None,
     recognise: Recognise = None,
     mesh: MeshName = None,
@@ -52,19 +52,14 @@ def cut(
     skins.check()
     place = out.target(run, source, target, "lac")
     if report:
-        if Path(report) == place:
-            raise RequestError(f"{place} cannot be both the mesh and the report; name another file")
-        lacmesh.report.check_report(Path(report), force=out.force)
+        _check_report(Path(report), place, force=out.force)
     stage = Stages(run)
     with stage("read"):
         before = lacmesh.read(source, mesh=mesh)
     sides = skins.sides(before, "cut", source)
     options = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": recognise}
     with stage("cut"):
-        if program:
-            from lacmesh.exchange.targets import check_target_cells
-
-            check_target_cells(before, skins.slave, program, **options)
+        _check_program(program, before, skins.slave, options=options)
         done = lacmesh.cut_skin(before, skins.slave, orient=orient, node_groups=node_groups, **options)
         cells = None if min_quality is None and not report else _touched(before, done, min_quality)
     findings = page = None
@@ -76,15 +71,26 @@ def cut(
             page = lacmesh.report.cut_report(before, done, findings=findings, cells=cells)
     with stage("write"), _report_beside(report, page, source):
         out.write(place, done.mesh, source, program)
-    if done.origin is None:  # it was cut before, from what is not known
-        print(f"{source} is already cut on all of {', '.join(skins.slave or ())}: written unchanged to {place}")
-    elif not run.quiet:
-        _print_summary(before, done, page, f"{Path(source).name} -> {place.name}")
-        print(f"{place}: {stage.spent()}")
-    if program == "aster":
-        print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
-    if page:
-        print(f"report: {report}")
+    if not run.quiet:
+        _print_summary(source, place, before, done, page, stage.spent())
+        if program == "aster":
+            print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
+        if page:
+            print(f"report: {report}")
+
+
+def _check_report(report: Path, target: Path, *, force: bool) -> None:
+    """Check early that the report can be written. Raises RequestError, WriteError."""
+    if report == target:
+        raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
+    lacmesh.report.check_report(report, force=force)
+
+
+def _check_program(program: str | None, *cut: Any, options: dict[str, Any]) -> None:
+    if program:
+        from lacmesh.exchange.targets import check_target_cells
+
+        check_target_cells(*cut, program, **options)
 
 
 def _touched(before: lacmesh.Mesh, cut: lacmesh.Cut, least: float | None) -> Any:
@@ -126,8 +132,11 @@ def _report_beside(path: str | None, report: Any, source: str) -> Iterator[None]
         yield
 
 
-def _print_summary(before: lacmesh.Mesh, cut: lacmesh.Cut, report: Any, title: str) -> None:
+def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.Cut, report: Any, spent: str) -> None:
     """Print what a cut has changed."""
+    if cut.origin is None:  # it was cut before, from what is not known
+        print(f"{source} is already cut on all of {', '.join(cut.zones)}: written unchanged to {place}")
+        return
     summary = report.summary if report else lacmesh.report.summarise(before, cut)
     counts = [("nodes", summary.nodes), ("cells", summary.cells)]
     rows = [(name, f"{old:,}", f"{new:,}", f"+{new - old:,}") for name, (old, new) in counts]
@@ -140,7 +149,8 @@ def _print_summary(before: lacmesh.Mesh, cut: lacmesh.Cut, report: Any, title: s
         rows.append(("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), ""))
     else:
         rows.append(("every slave face owns an internal dof already: no cell is cut", "", "", ""))
-    print_table((title, "+before", "+after", "+added"), rows)
+    print_table((f"{Path(source).name} -> {place.name}", "+before", "+after", "+added"), rows)
+    print(f"{place}: {spent}")
     if summary.worst[0] <= 0:
         message = "cells behind the slave faces were inverted or degenerate before the cut: their children are too"
         warnings.warn(message, LacmeshWarning, stacklevel=1)

@@ -9,10 +9,10 @@ from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any, Literal
 
-from typer import Argument, BadParameter, Option
+from typer import Argument, Option
 
 import lacmesh
-from lacmesh.cli.program import Run
+from lacmesh.cli.program import Run, number
 from lacmesh.errors import RequestError, listed
 
 EPILOG = """\
@@ -20,17 +20,6 @@ A group is named as in the file, or by its tag (5), or dimension and tag
 (2:5); an elementary entity is entity:2:17.
 Exit status: 0 done, 1 the data are wrong, 2 the command is wrong,
 3 a file cannot be read or written, 130 interrupted, 143 terminated."""
-
-
-def number(text: str, low: float = float("-inf"), high: float = float("inf"), what: str = "number") -> float:
-    """Return a number that is given as a word; NaN is none."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not low <= value <= high:
-        raise BadParameter(f"{text!r} is no {what}")
-    return value
 
 
 # options of two panels of the help, beside the usual ones

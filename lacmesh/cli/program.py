@@ -7,6 +7,7 @@ exit statuses here and nowhere else.
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import sys
@@ -15,11 +16,13 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
 from inspect import Parameter, Signature, cleandoc, signature
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 from shlex import join
-from typing import Annotated, Any, NoReturn, TextIO, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, NoReturn, TextIO, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -32,6 +35,21 @@ from lacmesh.errors import LacmeshError, LacmeshWarning, did_you_mean
 EXPECTED = (LacmeshError, OSError, MemoryError)
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
+
+
+def number(text: str, kind: type = float, what: str = "number", low: float = -math.inf, high: float = math.inf) -> Any:
+    """Return a number that is given as a word; NaN is none."""
+    try:
+        value = kind(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise typer.BadParameter(f"{text!r} is no {what}")
+    return value
+
+
+#: how words of the system, which may be no UTF-8, are read
+_PARSERS = {str: str, float: number, int: partial(number, kind=int, what="whole number")}
 
 
 class Terminated(BaseException):
@@ -49,7 +67,7 @@ class Run:
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="show where an internal error comes from")] = False
     program: Program = field(init=False, repr=False)
     source: str = field(default="", init=False)
-    left: Callable[[], str] = field(default=lambda: "nothing was written", init=False)
+    left: Callable[[], str] = field(default_factory=lambda: lambda: "nothing was written", init=False)
 
     def will_write(self, target: Path, *, force: bool) -> None:
         """Check early that a file can be written, and name it if the command is interrupted after that.
@@ -63,17 +81,14 @@ class Run:
 
     def leaves(self, target: Path) -> None:
         """Let an interrupted command say, by what is on the disk, whether this output was written."""
-        before = _identity(target)
-        written = f"{target} was written before that"
-        self.left = lambda: "nothing was written" if _identity(target) == before else written
 
+        def state() -> tuple[int, int] | None:  # it tells a file from one that took its place
+            with suppress(OSError):
+                return target.stat().st_ino, target.stat().st_mtime_ns
+            return None
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Inode and time of modification, which tell a file from one that took its place; None if there is no file."""
-    try:
-        return path.stat().st_ino, path.stat().st_mtime_ns
-    except OSError:
-        return None
+        before, written = state(), f"{target} was written before that"
+        self.left = lambda: "nothing was written" if state() == before else written
 
 
 class Program:
@@ -209,8 +224,9 @@ class Program:
             ]
         for parameter in parameters:
             kind, argument = parameter.annotation.__origin__, parameter.annotation.__metadata__[0]
-            if argument.parser is None and kind in (str, str | None, list[str], list[str] | None):
-                argument.parser = str  # words of the system, which may be no UTF-8
+            while get_origin(kind) in (list, UnionType):
+                kind = get_args(kind)[0]
+            argument.parser = argument.parser or _PARSERS.get(kind)
 
         def call(**values: Any) -> None:
             self.run.source = values.get(self.source) or ""

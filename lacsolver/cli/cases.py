@@ -93,7 +93,7 @@ def import_(
     path = case_beside(deck, target)
     for place in (path.with_suffix(".med"), path):
         run.will_write(place, force=force)
-    stage = Stages(run, "read", "write")
+    stage = Stages(run)
     with stage("read"):
         imported = import_deck(deck, path, lenient=lenient)
     with stage("write"):
@@ -137,7 +137,7 @@ def validate(case: CaseFile, *, run: Run) -> None:
     from lacsolver.problem.skin import mesh_of
     from lacsolver.validation import validate as validated
 
-    stage = Stages(run, "read", "look")
+    stage = Stages(run)
     with stage("read"):
         record = read_case(case)
         mesh = mesh_of(record)

@@ -50,51 +50,50 @@ def run_command(
     $ lacsolver run press_fit.toml --plot pressure.png
     $ lacsolver run press_fit.toml --restart press_fit -o longer
     """
-    from lacsolver.case import read_case
-    from lacsolver.output import create_output, read_state
-    from lacsolver.problem.problem import read_mesh
-    from lacsolver.running import run as solve
+    with all_ranks(run) as ranks:  # before numpy is loaded
+        from lacsolver.output import create_output, read_state
+        from lacsolver.problem.problem import read_mesh
+        from lacsolver.running import run as solve
 
-    with all_ranks(run) as ranks:
         if from_time is not None and restart is None:
             raise RequestError("--from says where in the folder of --restart to begin; give both")
         if zoom and plot is None:
             raise RequestError("--zoom says what the picture of --plot shows; give both")
-        problem = read_case(case)
-        if problem.solver.engine_for(ranks.n) == "serial":
-            check_alone()
-        if ranks.n > 1 and problem.solver.threads is None:
-            problem = replace(problem, solver=replace(problem.solver, threads=1))
-        distribution, mesh, start = _distribution(problem, ranks.n), None, None
+        record, distribution = _case(case, ranks.n)
+        mesh = start = None
         if restart is not None:
-            mesh = read_mesh(problem, distribution)
-            start = ranks.on_first(lambda: read_state(restart, problem, from_time, mesh=mesh, large=ranks.n == 1))
+            mesh = read_mesh(record, distribution)
+            start = ranks.on_first(lambda: read_state(restart, record, from_time, mesh=mesh, large=ranks.n == 1))
         place = target or beside(case, "results")
         folder = ranks.on_first(lambda: create_output(place, force=force, restart=start))
-        ranks.on_first(lambda: _check_pages(problem, plot, report, force=force))
-        with _watched(problem, folder, start, run) as watch:
+        ranks.on_first(lambda: _check_pages(record, plot, report, force=force))
+        with _watched(record, folder, start, run) as watch:
             options = {"progress": watch.iterated, "stepped": watch.stepped}
-            results = solve(problem, folder, mesh=mesh, start=start, distribution=distribution, **options)
+            results = solve(record, folder, mesh=mesh, start=start, distribution=distribution, **options)
         if not run.quiet:
             from lacsolver.cli.summary import print_summary
 
-            axisymmetric = problem.model == "axisymmetric"
-            print_summary(results, folder.path, problem.output.format, axisymmetric=axisymmetric)
+            print_summary(results, folder.path, record.output.format, axisymmetric=record.model == "axisymmetric")
         if ranks.rank == 0:
             _write_pages(case, folder.path, plot, report, zoom=zoom)
 
 
-def _distribution(case: Case, n_ranks: int) -> Distribution:
-    """Return the processes that share the model: those of MPI for the engine petsc, else this one alone."""
+def _case(path: str, n_ranks: int) -> tuple[Case, Distribution]:
+    """Read a case; return it with the processes that share the model: those of MPI, or this one alone."""
+    from lacsolver.case import read_case
     from lacsolver.distributed.share import UNDIVIDED
 
+    case = read_case(path)
     if case.solver.engine_for(n_ranks) == "serial":
-        return UNDIVIDED
+        check_alone()
+        return case, UNDIVIDED
+    if n_ranks > 1 and case.solver.threads is None:
+        case = replace(case, solver=replace(case.solver, threads=1))
     from lacsolver.distributed.launch import import_mpi, import_petsc
     from lacsolver.distributed.processes import Processes
 
     import_petsc()
-    return Processes(import_mpi().COMM_WORLD)
+    return case, Processes(import_mpi().COMM_WORLD)
 
 
 @contextmanager
@@ -190,7 +189,7 @@ def modes(
         raise RequestError(f"-k is the number of modes to find, 1 or more, not {count}")
     folder = check_modes_folder(target or beside(case, "modes", "_modes"), force=force)
     record = read_case(case)
-    stage = Stages(run, "mesh", "modes", "write")
+    stage = Stages(run)
     with stage("mesh"):
         mesh = read_mesh(record)
         at = None if state is None else read_state(state, record, from_time, mesh=mesh)
@@ -258,7 +257,7 @@ def matrices(
     if output.suffix.lower() != ".npz":
         raise RequestError(f"{output}: matrices are written as .npz{did_you_mean(output.suffix, ['.npz'])}")
     record = read_case(case, matrices=True)
-    stage = Stages(run, "pair", "write")
+    stage = Stages(run)
     with stage("pair"):
         mesh = mesh_of(record)
         if any(zone.surfaces for zone in (*record.contact, *record.ties)):
