@@ -19,11 +19,9 @@ COMMANDS = (
     "split",
     "view",
     "mesh",
-    "onelab",
     "partition",
     "info",
     "convert",
-    "types",
     "compile",
     "completion",
 )

@@ -164,7 +164,7 @@ def _check(cut: Cut, groups: dict[str, Any], args: argparse.Namespace) -> Findin
 
 def _check_report(target: Path, args: argparse.Namespace) -> None:
     """Check early that the report can be written. Raises RequestError, WriteError."""
-    from lacmesh.report.writing import check_report
+    from lacmesh.report import check_report
 
     if Path(args.report) == target:
         raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
@@ -172,14 +172,14 @@ def _check_report(target: Path, args: argparse.Namespace) -> None:
 
 
 def _touched(before: Mesh, cut: Cut) -> Touched:
-    from lacmesh.report.touched import touched
+    from lacmesh.report import touched
 
     return touched(before, cut)
 
 
 def _refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None) -> None:
     """Raise CutError if the quality of a touched cell is below `least`; `cells`: None if the mesh was cut already."""
-    from lacmesh.report.touched import refuse_poor, refuse_poor_children
+    from lacmesh.report import refuse_poor, refuse_poor_children
 
     if cells is None:
         refuse_poor_children(cut, least)
@@ -204,7 +204,7 @@ def _beside_report(args: argparse.Namespace, report: CutReport | None) -> Iterat
         yield
         return
     from lacmesh.formats.output import readable, replacing
-    from lacmesh.report.writing import report_bytes
+    from lacmesh.report import report_bytes
 
     path = Path(args.report)
     with replacing(path) as (beside,):

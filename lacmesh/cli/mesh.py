@@ -12,7 +12,7 @@ from lacmesh.cli.terminal import Stages, as_json, console, table
 from lacmesh.errors import RequestError
 
 if TYPE_CHECKING:
-    from lacmesh.gmsh.cad import CadShape, EntitySelection
+    from lacmesh.gmsh import CadShape, EntitySelection
 
 TEXT = """\
 list the surfaces of a CAD file, or mesh it with groups
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
 def _list(args: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from lacmesh.gmsh.cad import list_cad
+    from lacmesh.gmsh import list_cad
 
     shapes = list_cad(args.cad, dim=args.dim)
     if args.json:
@@ -137,7 +137,7 @@ def _vector(values: Sequence[float], largest: float = 1.0) -> str:
 
 def _mesh(args: argparse.Namespace) -> None:
     from lacmesh.formats import write
-    from lacmesh.gmsh.cad import check_source, mesh_cad, parse_group
+    from lacmesh.gmsh import check_source, mesh_cad, parse_group
 
     groups: dict[str, list[EntitySelection]] = {}
     for text in args.group:

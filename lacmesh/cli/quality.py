@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
     from lacmesh.quality.statistics import Histogram
     from lacmesh.quality.summary import Quality, TypeQuality
-    from lacmesh.report.parents import ChildrenQuality
+    from lacmesh.report import ChildrenQuality
 
 _BAR = 40
 _ARTICLES = {"c": "a", "m": "a", "i": "an"}
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     from lacmesh.formats import read
 
     if args.plot:
-        from lacmesh.report.drawing import check_plot
+        from lacmesh.report import check_plot
 
         check_plot(Path(args.plot), force=args.force)
     stage = Stages(args, ("read", "measure", "draw") if args.plot else ("read", "measure"))
@@ -105,7 +105,7 @@ def _print(args: argparse.Namespace, quality: Quality, children: ChildrenQuality
 def _print_type(of_type: TypeQuality) -> None:
     from lacmesh.quality.measures import primary_metric
     from lacmesh.quality.verdict import ACCEPTED
-    from lacmesh.report.outline import number
+    from lacmesh.report import number
 
     rank = primary_metric(of_type.type) or ""
     accepted = ACCEPTED.get(of_type.type, {})
@@ -146,7 +146,7 @@ def _title(of_type: TypeQuality, rank: str) -> str:
 
 def _bars(histogram: Histogram) -> list[str]:
     """Histogram drawn in characters, two bins per line, limited to the part in use."""
-    from lacmesh.report.histograms import bar
+    from lacmesh.report import bar
 
     edges = histogram.edges[::2]
     counts = [a + b for a, b in zip(histogram.counts[::2], histogram.counts[1::2], strict=True)]
@@ -165,7 +165,7 @@ def _bars(histogram: Histogram) -> list[str]:
 
 
 def _print_worst(of_type: TypeQuality, rank: str) -> None:
-    from lacmesh.report.outline import number
+    from lacmesh.report import number
 
     ranks = dict.fromkeys((rank, "validity"))
     rows = table("worst", *ranks, "centroid", "groups", *(("invalid at",) if of_type.invalid else ()))
@@ -179,7 +179,7 @@ def _print_worst(of_type: TypeQuality, rank: str) -> None:
 
 def _print_groups(quality: Quality) -> None:
     from lacmesh.quality.measures import primary_metric
-    from lacmesh.report.outline import number
+    from lacmesh.report import number
 
     rows = table("group", "type", "cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
     for name, types in quality.groups.items():
@@ -193,12 +193,10 @@ def _print_groups(quality: Quality) -> None:
 
 
 def _print_children(c: ChildrenQuality) -> None:
-    from lacmesh.report.outline import number
+    from lacmesh.report import number
 
-    known = f"{_count(c.parents, 'parent')} put together again"
-    known += f", {c.unknown:,} not (cut by several of their faces)" if c.unknown else ""
-    print(f"cut: {c.children:,} children, {c.invalid:,} invalid; {known}")
+    print(f"cut: {c.children:,} children, {c.invalid:,} invalid")
     rows = table("corner_jacobian", *(f"+{name}" for name in ("min", *_PERCENTS, "max", "mean")))
-    for name, s in (("of the children", c.child), ("of their parents", c.parent), ("child / parent", c.ratio)):
-        rows.add_row(name, *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
+    s = c.child
+    rows.add_row("of the children", *(number(v) for v in (s.least, *s.percentiles, s.largest, s.mean)))
     console().print(rows)

@@ -16,12 +16,11 @@ from lacmesh.cli.options import (
     skins,
 )
 from lacmesh.cli.terminal import Stages
-from lacmesh.errors import RequestError, did_you_mean
 
 if TYPE_CHECKING:
     from lacmesh.mesh import Mesh
 
-PICTURES, PAGES = (".png",), (".html", ".htm")
+PICTURES = (".png",)
 
 
 def add(commands: Any) -> None:
@@ -62,8 +61,10 @@ def add(commands: Any) -> None:
 def run(args: argparse.Namespace) -> None:
     """Draw a file."""
     target = Path(args.output)
+    from lacmesh.view import check_request
+
     check_skins(args, needed=False)
-    _check_request(target, args)
+    check_request(target, size=args.size, camera=args.camera, cutaway=args.cutaway, explode=args.explode)
     args.left = pending_output(target, force=args.force)
     from lacmesh.formats import read
 
@@ -103,26 +104,10 @@ def _shown(mesh: Mesh, args: argparse.Namespace) -> dict[str, Any]:
         groups["slave"] = groups["slave"] or mesh.zones
         shown["findings"] = check(mesh, **sides(groups))
     if args.quality:
-        from lacmesh.scene.marks import cell_values
+        from lacmesh.view import cell_values
 
         shown["values"] = cell_values(mesh, args.quality)
     return shown
-
-
-def _check_request(target: Path, args: argparse.Namespace) -> None:
-    """Check early that the drawing can be made and written. Raises RequestError, WriteError."""
-    from lacmesh.scene.request import check_direction, check_gap
-
-    suffix = target.suffix.lower()
-    if suffix not in (*PICTURES, *PAGES):
-        raise RequestError(f"{target}: nothing is drawn as {suffix!r}{did_you_mean(suffix, (*PICTURES, *PAGES))}")
-    if args.size and suffix not in PICTURES:
-        raise RequestError(f"--size is for a picture (.png), and {target} is a page, which fills its window")
-    for name in ("camera", "cutaway"):
-        if getattr(args, name) is not None:
-            check_direction(f"--{name}", getattr(args, name))
-    if args.explode is not None:
-        check_gap("--explode", args.explode)
 
 
 def _size(text: str) -> tuple[int, int]:

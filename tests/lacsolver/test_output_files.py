@@ -18,12 +18,12 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.formats.vtu.collection import read_pvd
-from lacmesh.scene.colours import RESULT
 from lacsolver.output import files, paraview_state, summary
 from lacsolver.output.med import MedSeries
 from lacsolver.output.names import PARAVIEW, contact_stems, results_in
 from lacsolver.output.tables import History
 from lacsolver.output.vtu import VtuSeries
+from lacsolver.pictures.quantities import RESULT
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
 from lacsolver.results.results import Fields, Results, ZoneFigures
 from lacsolver.space.space import Space
@@ -398,6 +398,6 @@ def test_the_python_of_paraview_reads_it_and_it_has_the_units_and_colours_of_oth
     imports = [node for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))]
     modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
     assert modules == {"__future__", "json", "sys", "pathlib", "typing", "paraview"}
-    assert paraview_state.COLOURS == RESULT and paraview_state.units(tmp_path) == ""
+    assert tuple(f"#{c}" for c in paraview_state.COLOURS) == RESULT and paraview_state.units(tmp_path) == ""
     (tmp_path / "results.json").write_text('{"units": "N, mm, MPa"}')
     assert paraview_state.units(tmp_path) == " (N, mm, MPa)"
