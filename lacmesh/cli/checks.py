@@ -169,15 +169,8 @@ def _print_quality(where: str, quality: lacmesh.Quality, children: Any | None) -
         columns = ("group", "type", "+cells", "+invalid", "+poor", "ranked by", "+min", "+5 %", "+median", "worst cell")
         print_table(columns, _groups(quality))
     if children is not None:
-        known = f"{counted(children.parents, 'parent')} put together again"
-        known += f", {children.unknown:,} not (cut by several of their faces)" if children.unknown else ""
-        print(f"cut: {children.children:,} children, {children.invalid:,} invalid; {known}")
-        rows = {
-            "of the children": children.child,
-            "of their parents": children.parent,
-            "child / parent": children.ratio,
-        }
-        print_table(("corner_jacobian", *_STATISTICS), [(name, *_values(s)) for name, s in rows.items()])
+        print(f"cut: {children.children:,} children, {children.invalid:,} invalid")
+        print_table(("corner_jacobian", *_STATISTICS), [("of the children", *_values(children.child))])
 
 
 def _values(s: Any) -> list[str]:

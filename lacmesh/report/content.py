@@ -1,10 +1,9 @@
-"""Plain records of the content of a mesh and of the effect of a cut: the command prints them, `--json` writes them."""
+"""Content of a mesh as plain data, and lengths, areas and volumes of its cells."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,42 +11,16 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut, is_cut
-from lacmesh.cutting.patterns import CONE, RING, RING_PARENTS, WHOLE, WHOLE_FACES, face_pattern, parent_pattern
 from lacmesh.errors import CutError
-from lacmesh.mesh import ENTITY_CODE, Floats, Ints, Mesh, mask_of
+from lacmesh.mesh import ENTITY_CODE, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.report.touched import Touched, touched
 
-
-@dataclass(frozen=True)
-class PatternRow:
-    """One line of the table of patterns; `added_nodes` and `added_cells` are net, skin and volume together."""
-
-    cell: str
-    face: str
-    variant: str
-    faces: str
-    children: str
-    added_nodes: int
-    added_cells: int
-
-
-@dataclass(frozen=True)
-class CutSummary:
-    """Summary of a cut; pairs are before and after it.
-
-    `zones`: macro-elements of each; `replaced`, `children`: numbers of cells by type; `worst`: least quality of the
-    touched cells (NaN: none).
-    """
-
-    zones: dict[str, int]
-    replaced: dict[str, int]
-    children: dict[str, int]
-    nodes: tuple[int, int]
-    cells: tuple[int, int]
-    worst: tuple[float, float]
+#: degree of the rule, by dimension and order: exact for volumes and for flat faces
+_DEGREE = {1: {1: 1, 2: 6}, 2: {1: 3, 2: 6}, 3: {1: 3, 2: 6}}
+#: cells whose Jacobians are in memory at once
+_PIECE = 1 << 16
 
 
 def describe(mesh: Mesh) -> dict[str, Any]:
@@ -95,76 +68,6 @@ def _entities(mesh: Mesh) -> Iterator[dict[str, Any]]:
             np.maximum.at(high[:, axis], rows, x[..., axis].max(axis=1))
     for k, (dim, tag) in enumerate(known):
         yield {"dim": dim, "tag": tag, "cells": int(cells[k]), "box": [low[k].tolist(), high[k].tolist()]}
-
-
-def summarise(before: Mesh, cut: Cut, cells: Touched | None = None) -> CutSummary:
-    """Compare a mesh with its cut; `cells`: the touched ones, where they are known already (`touched`)."""
-    cells = touched(before, cut) if cells is None else cells
-    macros = np.bincount(cut.zone_of_face[cut.child_kind == 1], minlength=len(cut.zones))
-    return CutSummary(
-        zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
-        replaced={kind: len(of_kind) for kind, of_kind, _ in before.select(cells.parents)},
-        children={kind: len(of_kind) for kind, of_kind, _ in cut.mesh.select(cells.children)},
-        nodes=(before.n_nodes, cut.mesh.n_nodes),
-        cells=(before.n_cells, cut.mesh.n_cells),
-        worst=(
-            _worst(cells.before[before.cell_dim[cells.parents] > 1]),
-            _worst(cells.after[cut.mesh.cell_dim[cells.children] > 1]),
-        ),
-    )
-
-
-def _worst(quality: Floats) -> float:
-    """Least quality; NaN if there is none: lines have none."""
-    return float(quality.min()) if len(quality) else float("nan")
-
-
-def pattern_table() -> Iterator[PatternRow]:
-    """Yield every way to cut a cell by one of its facets, one row for facets that are cut alike."""
-    for cell in CELLS.values():
-        if cell.dim < 2:
-            continue
-        seen = set()
-        for j, facet in enumerate(cell.facets):
-            for kind in _kinds(cell.name, facet.type):
-                if (facet.type, kind) not in seen:
-                    seen.add((facet.type, kind))
-                    yield _row(cell.name, j, facet.type, kind)
-
-
-def _kinds(cell: str, face: str) -> tuple[str, ...]:
-    if face in WHOLE_FACES:
-        return (WHOLE,)
-    return (CONE, RING) if cell in RING_PARENTS else (CONE,)
-
-
-def _row(cell: str, j: int, face: str, kind: str) -> PatternRow:
-    volume, skin = parent_pattern(cell, j, kind), face_pattern(face, kind)
-    variants = {"HEXA8": {CONE: "pyramid", RING: "hexa"}, "QUAD4": {CONE: "beside a triangle", RING: "default"}}
-    variants["HEXA20"] = variants["HEXA8"]
-    whole = kind == WHOLE
-    return PatternRow(
-        cell=cell,
-        face=face,
-        variant=variants.get(cell, {}).get(kind, "whole" if whole else ""),
-        faces=f"1 {face}" if whole else _count(skin.children),
-        children=f"1 {cell}" if whole else _count(volume.children),
-        added_nodes=len(volume.on_face) + len(volume.inside),
-        added_cells=0 if whole else volume.n_children + skin.n_children - 2,
-    )
-
-
-def _count(blocks: Any) -> str:
-    return " + ".join(f"{len(b.rank)} {b.type}" for b in blocks)
-
-
-# ---- lengths, areas and volumes of cells, and their sums over groups
-
-
-#: degree of the rule, by dimension and order: exact for volumes and for flat faces
-_DEGREE = {1: {1: 1, 2: 6}, 2: {1: 3, 2: 6}, 3: {1: 3, 2: 6}}
-#: cells whose Jacobians are in memory at once
-_PIECE = 1 << 16
 
 
 def cell_sizes(mesh: Mesh, cells: Ints | None = None) -> NDArray[np.floating]:
