@@ -67,7 +67,7 @@ def _beside(source: Path) -> Path:
 def _distribute(mesh: Mesh, args: argparse.Namespace) -> Ints:
     """Distribute the nodes of a mesh by the method that was asked for."""
     if args.method == "metis":
-        from lacmesh.partition.metis import distribute_by_metis
+        from lacmesh.partition.owners import distribute_by_metis
 
         return distribute_by_metis(mesh, args.parts)
     from lacmesh.partition import distribute_nodes

@@ -16,7 +16,7 @@ from lacmesh.cutting.records import is_cut
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
-from lacmesh.partition.parts import check_skins, skin_name
+from lacmesh.partition.parts import skin_name
 from lacsolver.distributed.mpi import MpiCommunicator
 from lacsolver.distributed.share import ALONE, Distribution, Share
 
@@ -85,9 +85,9 @@ class Processes(Distribution):
                 with suppress(RequestError):
                     mesh.cells_of(name)
                     names.append(skin_name(mesh, name))
-            check_skins(mesh, names)
             owner = distribute_nodes(mesh, self.comm.size)
-            return lambda rank: part_of(mesh, owner, rank, everywhere=names)
+            first = part_of(mesh, owner, 0, everywhere=names)
+            return lambda rank: part_of(mesh, owner, rank, everywhere=names) if rank else first
 
         return self.comm.hand_out(self.comm.on_first(prepare))
 
