@@ -10,7 +10,7 @@ import numpy as np
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Ints, Mesh
 from lacmesh.partition.bisection import check_count
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 
 def distribute_by_metis(mesh: Mesh, n: int) -> Ints:

@@ -13,7 +13,7 @@ from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of, positions
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 Bools = NDArray[np.bool_]
 

@@ -30,7 +30,7 @@ from lacmesh.partition.bisection import distribute_points
 from lacmesh.partition.parts import WholeMesh, check_skins, nodes_of, periodic_left, touching
 from lacmesh.partition.pieces import PieceIndices, cells_of_ranks
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 
 class Homes:
