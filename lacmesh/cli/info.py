@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> None:
     if not args.quiet:
         _print_info(args.input, title_of(args.input), described, mesh.group_tags)
         if mesh.dim < min(mesh.space_dim, 3) or mesh.dim < 2:
-            from lacmesh.topology.faces import lacking
+            from lacmesh.topology.skin import lacking
 
             print(lacking(mesh, max(mesh.dim, 1) + 1))
 

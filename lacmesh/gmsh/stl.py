@@ -14,7 +14,7 @@ import numpy as np
 
 from lacmesh.errors import DataError, ReadError
 from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.edges import distinct_edges
+from lacmesh.topology.skin import distinct_edges
 
 #: degrees between triangles from which an edge is sharp
 _SHARP = 40.0

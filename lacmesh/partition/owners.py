@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 #: bits of the planes of the lattice along the longest side of a box
 _BITS = 20

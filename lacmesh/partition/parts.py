@@ -14,7 +14,7 @@ from lacmesh.errors import RequestError
 from lacmesh.mesh import Ints, Mesh, Model, mask_of, positions
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 Bools = NDArray[np.bool_]
 
@@ -197,7 +197,7 @@ def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
         node_groups={name: _common(nodes, members) for name, members in mesh.node_groups.items()},
         cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
         node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        model=periodic_among(mesh.model, nodes),
+        model=_periodic_among(mesh.model, nodes),
         deck=None,
     )
 
@@ -208,7 +208,7 @@ def _common(index: Ints, members: Ints) -> Ints:
     return place[place >= 0]
 
 
-def periodic_among(model: Model | None, nodes: Ints) -> Model | None:
+def _periodic_among(model: Model | None, nodes: Ints) -> Model | None:
     """Return the model with those pairs of periodic nodes that are both among `nodes`, by their positions there."""
     if model is None:
         return None

@@ -19,6 +19,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError, writing
-from lacmesh.formats.notes import from_json, to_json
+from lacmesh.formats.notes import dump, load, parse
 from lacmesh.formats.output import check_place, replacing
 from lacmesh.mesh import Ints, Mesh, positions
 from lacmesh.partition.parts import (
@@ -36,12 +37,13 @@ from lacmesh.partition.parts import (
     figures_of,
     needed,
     nodes_of,
-    periodic_among,
     skin_name,
 )
 
 #: the name of the file in the folder, and the version of its layout
 FILE, VERSION = "parts.npz", 3
+#: what the note in the header has of a mesh; nodes are given by their indices, from 1 on
+_NOTED = ("name", "zones", "group_tags", "steps", "model")
 #: what a damaged file may raise
 _DAMAGE = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError, EOFError, OSError, MemoryError)
 _DAMAGE += (NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)  # type: ignore[assignment]
@@ -112,10 +114,11 @@ def _arrays(mesh: Mesh, owner: Ints) -> Iterator[tuple[str, NDArray]]:
         "skins": skins,
         "own_nodes": own_nodes,
         "sizes": sizes,
+        "space_dim": mesh.space_dim,
         "plane": mesh.plane,
         "groups": {"node": list(mesh.node_groups), "cell": list(mesh.cell_groups)},
         "data": {on: list(names) for on, names in data.items()},
-        "notes": to_json(mesh, {}),
+        "note": dump(mesh, *_NOTED, node_number=np.arange(mesh.n_nodes) + 1),
     }
     yield "header", np.frombuffer(json.dumps(header, default=np.ndarray.tolist).encode(), np.uint8)
 
@@ -181,11 +184,8 @@ def read_part(folder: str | os.PathLike[str], rank: int, *, everywhere: Sequence
         figures, n_ranks = header["figures"], len(header["own_nodes"])
         if not 0 <= rank < n_ranks:
             raise RequestError(f"{folder} has {n_ranks} parts, and no rank {rank}; partition the mesh again")
-        warned: list[str] = []
-        notes, _ = from_json(header["notes"], figures["n_nodes"], warned)
-        if warned:
-            raise ValueError(warned[0])
-        skins = _named_skins(header, notes, everywhere)
+        note = parse(header["note"] or "{}")
+        skins = _named_skins(header, note, everywhere)
         pieces = [rank, *(n_ranks + header["skins"].index(name) for name in skins)]
         node, cell = (_Rows(file, header, pieces, on) for on in ("node", "cell"))
         blocks, last = [], 0
@@ -197,21 +197,25 @@ def read_part(folder: str | os.PathLike[str], rank: int, *, everywhere: Sequence
             node.column("points"),
             blocks,
             plane=header["plane"],
+            space_dim=header["space_dim"],
             file_order=np.argsort(cell.column("place")) if f"{rank}/cell_place" in file else None,
-            **node.fields(),
+            **node.fields() | {"node_number": node.index + 1},
             **cell.fields(),
-            **notes | {"model": periodic_among(notes.get("model"), node.index)},
         )
+        warned: list[str] = []
+        mesh = replace(load(mesh, note, warned), node_number=node.column("number"))
+        if warned:
+            raise ValueError(warned[0])
         figures |= {"types": tuple((kind, count) for kind, count in figures["types"])}
         figures |= {name: np.array(figures[name], float) for name in ("used", "box")}
         owner, body = node.column("owner"), node.column("body")
         return Part(mesh, rank, n_ranks, node.index, owner, cell.index, body, tuple(skins), **figures)
 
 
-def _named_skins(header: Mapping[str, Any], notes: Mapping[str, Any], specs: Sequence[str]) -> list[str]:
+def _named_skins(header: Mapping[str, Any], note: Mapping[str, Any], specs: Sequence[str]) -> list[str]:
     """Return the names of some groups of skin faces. Raises GroupNotFoundError, RequestError."""
     groups = {name: np.empty(0, np.int64) for name in header["groups"]["cell"]}
-    empty = Mesh.create(np.empty((0, 3)), [], cell_groups=groups, group_tags=notes.get("group_tags", {}))
+    empty = load(Mesh.create(np.empty((0, 3)), [], cell_groups=groups), note, [])
     names = [skin_name(empty, spec) for spec in specs]
     for name in names:
         if name not in header["skins"]:
@@ -245,7 +249,7 @@ def _opened(folder: str | os.PathLike[str]) -> Iterator[tuple[Any, dict[str, Any
     if not path.is_file():
         raise ReadError(folder, "is no folder of parts; lacmesh partition makes one")
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as content, np.load(content, allow_pickle=False) as file:
             header = json.loads(file["header"].tobytes())
             if header["version"] != VERSION:
                 raise ValueError(f"version {header['version']}, expected {VERSION}")

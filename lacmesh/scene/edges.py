@@ -9,8 +9,7 @@ import numpy as np
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.scene.visible import is_segment
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import N_CORNERS, N_NODES, Faces
+from lacmesh.topology.skin import N_CORNERS, N_NODES, Faces, edge_uses
 
 #: cosine of the angle from which an edge between two faces is a crease
 CREASE_COSINE = 0.77

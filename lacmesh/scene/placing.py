@@ -12,7 +12,7 @@ from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Mesh
 from lacmesh.scene.request import Placing
 from lacmesh.scene.visible import MASTER, SLAVE, Vector, VisibleSurface, diagonal, is_segment, unit
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 
 #: where the eye is by default, and how far from straight on it may see the slave skin, in degrees
 OBLIQUE, SEEN_AT = (1.0, -1.6, 0.9), 40.0

@@ -20,11 +20,9 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.body_names import body_names
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.bodies import body_names, label_bodies
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
-from lacmesh.topology.skin import FACE_TYPES, Faces, find_owners, label_faces
+from lacmesh.topology.skin import FACE_TYPES, Faces, cells_of_dim, find_owners, label_faces
 
 Bools = NDArray[np.bool_]
 Vector = tuple[float, float, float]

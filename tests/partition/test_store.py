@@ -137,7 +137,7 @@ def header(**changes):
         ("header", header(version=2), "version 2, expected"),
         ("header", b'{"version": 3}', r"damaged \('figures'\)"),
         ("header", b"[", "is damaged"),
-        ("header", header(notes="[]"), "notes are damaged"),
+        ("header", header(note="["), "is damaged"),
         ("2/node_number", np.array([[1], [2]] * 999), "must be integers"),
         ("2/node", np.arange(10, dtype=np.int32), "is damaged"),
         ("2/type1", np.full((9999, 4), 10**6), "is damaged"),
