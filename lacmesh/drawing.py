@@ -20,8 +20,7 @@ from lacmesh.cutting.cut import is_cut
 from lacmesh.errors import DataError, LacmeshWarning, RequestError, some
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.body_names import body_names
+from lacmesh.topology.bodies import body_names, label_bodies
 
 Groups = str | Sequence[str] | None
 Vector = tuple[float, float, float]

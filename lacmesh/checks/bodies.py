@@ -12,9 +12,9 @@ from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import PLACE, SHOWN, CheckedSkin, Subject
 from lacmesh.errors import listed
 from lacmesh.mesh import Floats, Ints
+from lacmesh.topology.bodies import label_components
 from lacmesh.topology.boxes import meeting
-from lacmesh.topology.components import label_components
-from lacmesh.topology.edges import distinct_edges, edge_uses
+from lacmesh.topology.skin import distinct_edges, edge_uses
 
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6

@@ -23,8 +23,7 @@ from lacmesh.cutting.records import Cut
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, edge_uses
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import some
 from lacmesh.mesh import Ints, mask_of
-from lacmesh.topology.components import label_components
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import Faces
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.skin import Faces, edge_uses
 
 _NONE = np.empty(0, np.int64)
 

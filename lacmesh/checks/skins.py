@@ -13,11 +13,8 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import Finding, counted
 from lacmesh.checks.subject import CheckedSkin, Subject, is_carried
 from lacmesh.mesh import Floats, Ints, mask_of
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.orientation import analyse_orientation
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, Faces, find_owners, find_repeats
-from lacmesh.topology.winding import face_normals
+from lacmesh.topology.orientation import analyse_orientation, face_normals
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, Faces, cells_of_dim, edge_uses, find_owners, find_repeats
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 

@@ -14,8 +14,8 @@ from lacmesh.cutting.records import is_cut
 from lacmesh.errors import some
 from lacmesh.mesh import Block, Ints, Mesh, mask_of, places_of
 from lacmesh.reference.quadrature import signed_area
-from lacmesh.topology.faces import lacking
-from lacmesh.topology.facets import CROWDED, FACETS, Solid, mixed_bits
+from lacmesh.topology.facets import CROWDED, FACETS, Solid
+from lacmesh.topology.skin import lacking, mixed_bits
 
 _WORST = 5
 _NEITHER = -1

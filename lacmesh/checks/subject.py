@@ -20,11 +20,9 @@ from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.cutting.select import skin_faces, slave_skin
 from lacmesh.errors import CutError, GroupNotFoundError, some
 from lacmesh.mesh import Ints, Mesh, concatenated
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.body_names import body_names
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.bodies import body_names, label_bodies
 from lacmesh.topology.facets import Facets
-from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners
+from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, cells_of_dim, find_owners
 
 #: at most so many numbers in a sentence
 SHOWN = 8

@@ -44,7 +44,7 @@ def info(source: MeshFile, *, json: AsJson = False, mesh: MeshName = None, run: 
         return
     _print_content(f"{source}: {lacmesh.formats.title_of(source)}", described, content.group_tags)
     if content.dim < min(content.space_dim, 3) or content.dim < 2:
-        from lacmesh.topology.faces import lacking
+        from lacmesh.topology.skin import lacking
 
         print(lacking(content, max(content.dim, 1) + 1))
 
@@ -158,7 +158,7 @@ def partition(
     $ lacmesh partition part.med -n 64 --method metis -o parts
     """
     from lacmesh.partition import describe_parts, distribute_nodes
-    from lacmesh.partition.metis import distribute_by_metis
+    from lacmesh.partition.owners import distribute_by_metis
     from lacmesh.partition.store import FILE, check_folder, write_parts
 
     if not target:

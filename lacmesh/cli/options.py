@@ -108,7 +108,7 @@ class MshOutput:
 
     def check(self, run: Run, target: Path) -> None:
         """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
-        from lacmesh.formats.table import format_of, takers
+        from lacmesh.formats.registry import format_of, takers
 
         for option in ("msh", "ascii", "plane", "all_cells", "lenient"):
             name = "binary" if option == "ascii" else option  # of lacmesh.write
@@ -143,7 +143,7 @@ class Output(MshOutput):
 
     def write(self, target: Path, mesh: lacmesh.Mesh, source: str, program: str | None = None) -> None:
         """Write a mesh; what the options leave open is taken from the input."""
-        from lacmesh.formats.table import format_of
+        from lacmesh.formats.registry import format_of
 
         coding, options = lacmesh.formats.detect_format(source), format_of(target).options
         lacmesh.write(

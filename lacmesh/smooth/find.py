@@ -18,7 +18,7 @@ from lacmesh.smooth.local import ENOUGH, Fits, Rings, local_fits, rings_of
 from lacmesh.smooth.patches import Bools, SmoothPatches
 from lacmesh.smooth.shape import Shape
 from lacmesh.surface.normals import unit
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 
 _EPS = float(np.finfo(float).eps)
 #: a seed's nodes may be so many times as far off as those of all that is grown from it

@@ -15,8 +15,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface.record import Surface, mean_normals
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces
+from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces, edge_uses
 
 #: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
 #: a cut: the faces are then their own parents

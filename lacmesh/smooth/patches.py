@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.record import Surface, mean_normals
-from lacmesh.topology.components import label_components
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import MAX_CORNERS
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.skin import MAX_CORNERS, edge_uses
 
 Bools = NDArray[np.bool_]
 
