@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from lacmesh.cli.checks import check, quality
 from lacmesh.cli.cuts import cut, orient, split
 from lacmesh.cli.files import compile_, convert, example, info, partition
@@ -11,11 +9,6 @@ from lacmesh.cli.models import mesh_command, view
 from lacmesh.cli.options import EPILOG
 from lacmesh.cli.program import Program, Run
 from lacmesh.errors import GroupNotFoundError, LacmeshError
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
-    return PROGRAM.main(argv)
 
 
 def _error_lines(error: LacmeshError, run: Run) -> list[str]:
@@ -35,3 +28,5 @@ PROGRAM = Program(
     too_large="there is not enough memory for this mesh",
     of_file="info",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main

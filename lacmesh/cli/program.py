@@ -13,10 +13,10 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field, fields, is_dataclass
-from functools import partial
+from functools import cached_property, partial
 from inspect import Parameter, Signature, cleandoc, signature
 from io import StringIO, TextIOWrapper
 from pathlib import Path
@@ -25,7 +25,7 @@ from types import UnionType
 from typing import Annotated, Any, NoReturn, TextIO, get_args, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 from typer.main import get_command
 
 from lacmesh import __version__
@@ -91,6 +91,7 @@ class Run:
         self.left = lambda: "nothing was written" if state() == before else written
 
 
+@dataclass
 class Program:
     """A program called `name`; `commands` are in the order of the help.
 
@@ -98,36 +99,28 @@ class Program:
     name where a file stands in the place of one. `source`: argument with the file that errors about the data name.
     """
 
-    def __init__(
-        self,
-        name: str,
-        about: str,
-        epilog: str,
-        commands: Iterable[Callable[..., None]],
-        *,
-        too_large: str,
-        error_lines: Callable[[LacmeshError, Run], Sequence[str]] = lambda error, run: [str(error)],
-        of_file: str = "",
-        source: str = "source",
-    ) -> None:
-        self.name, self.of_file, self.source = name, of_file, source
-        self.error_lines, self.too_large, self.run = error_lines, too_large, Run()
-        epilog = f"\b\n{epilog}"  # without new line ends
-        app = typer.Typer(name=name, help=about, epilog=epilog, rich_markup_mode=None, context_settings=_SETTINGS)
+    name: str
+    about: str
+    epilog: str
+    commands: Sequence[Callable[..., None]]
+    too_large: str
+    error_lines: Callable[[LacmeshError, Run], Sequence[str]] = lambda error, run: [str(error)]
+    of_file: str = ""
+    source: str = "source"
+    run: Run = field(default_factory=Run, init=False)
+
+    @cached_property
+    def group(self) -> Any:
+        """The commands as typer has them."""
+        # \b: the line ends that follow are kept
+        more: dict[str, Any] = {"epilog": f"\b\n{self.epilog}", "context_settings": _SETTINGS}
+        app = typer.Typer(name=self.name, help=self.about, rich_markup_mode=None, **more)
         app.callback()(_options_of_all)
-        for command in commands:
-            text = cleandoc(command.__doc__ or "")
-            app.command(
-                command.__name__.removesuffix("_command").rstrip("_"),
-                cls=_Command,
-                short_help=text.partition("\n\n")[0].rstrip("."),
-                help=text.replace("\n\n$ ", "\n\n\b\n$ "),
-                epilog=epilog,
-                context_settings=_SETTINGS,
-            )(self._of_plain_parameters(command))
-        group = get_command(app)
-        assert isinstance(group, TyperGroup)
-        self.group = group
+        for command in self.commands:
+            name, text = command.__name__.removesuffix("_command").rstrip("_"), cleandoc(command.__doc__ or "")
+            summary, text = text.partition("\n\n")[0].rstrip("."), text.replace("\n\n$ ", "\n\n\b\n$ ")
+            app.command(name, cls=_Command, short_help=summary, help=text, **more)(self._of_plain_parameters(command))
+        return get_command(app)
 
     def main(self, argv: Sequence[str] | None = None) -> int:
         """Run a command and return its exit status; every failure ends in a message and a status."""

@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from lacmesh.cli.program import Program, Run
 from lacmesh.errors import LacmeshError
 from lacsolver.cli.cases import example, import_, new, schema, validate
 from lacsolver.cli.options import EPILOG
 from lacsolver.cli.pictures import film, plot, report
 from lacsolver.cli.solve import matrices, modes, run_command
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
-    return PROGRAM.main(argv)
 
 
 def _error_lines(error: LacmeshError, run: Run) -> list[str]:
@@ -44,3 +37,5 @@ PROGRAM = Program(
     of_file="run",
     source="case",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main

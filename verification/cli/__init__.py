@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from lacmesh.cli.program import Program
 from verification.cli.commands import compare, list_, report, run_command
 
 EPILOG = """\
 Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong,
 3 a file cannot be read or written, 130 interrupted, 143 terminated."""
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return PROGRAM.main(argv)
-
 
 PROGRAM = Program(
     "verification",
@@ -24,3 +16,5 @@ PROGRAM = Program(
     (list_, run_command, report, compare),
     too_large="there is not enough memory; run fewer processes at once (-j 1)",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main
