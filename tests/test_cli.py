@@ -189,7 +189,6 @@ def test_groups_by_tag_and_entity_and_a_file_without_suffix(run):
         run(f"check bare.lac.msh --slave {spec} -q")
         run(f"quality bare.lac.msh --group {spec} -q")
         run(f"orient bare.lac.msh --group {spec} -o o.msh -q --force")
-        run(f"view bare.lac.msh --slave {spec} --master top -o v.html -q --force")
     said = run("cut bare --slave 5 -q --force", 2)
     assert "tag 5 means several groups" in said
 

@@ -136,10 +136,11 @@ def test_wrong_words_are_one_sentence(folder, capsys, words, message):
     assert capsys.readouterr().err.startswith(f"{words.split()[0]}: error: {message}")
 
 
+@pytest.mark.vtk
 def test_options_with_no_value_or_several(folder, capsys):
     """`--quality` and `--history` take what follows up to the next option."""
-    assert called("lacmesh view blocks.msh --quality -o q.html -q") == 0
-    assert called("lacmesh view --quality beauty blocks.msh -o r.html") == 2
+    assert called("lacmesh view blocks.msh --quality -o q.png -q") == 0
+    assert called("lacmesh view --quality beauty blocks.msh -o r.png") == 2
     assert "beauty" in capsys.readouterr().err
     assert called("lacsolver plot case --history --zone joint") == 3  # there is no run
     assert called("lacsolver run case.toml -q") == 0
@@ -190,7 +191,14 @@ def test_a_warning_is_said_however_quiet(folder, capsys, monkeypatch):
 QUIET = "run case.toml", "validate case.toml", "matrices case.toml -o m.npz"
 
 
-@pytest.mark.parametrize("words", [*(f"lacsolver {rest}" for rest in QUIET), CUT, "lacmesh view blocks.msh -o a.html"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"lacsolver {rest}" for rest in QUIET),
+        CUT,
+        pytest.param("lacmesh view blocks.msh -o a.png", marks=pytest.mark.vtk),
+    ],
+)
 def test_quiet_commands_print_nothing(folder, capsys, words):
     assert called(f"{words} --quiet") == 0
     assert capsys.readouterr() == ("", "")
@@ -351,7 +359,7 @@ def spelt(folder):
         *("lacmesh check a.vtu --slave SPELL --json", "lacmesh check a.vtu --slave nobody", "lacmesh quality a.vtu"),
         *("lacmesh quality a.vtu --json", "lacmesh quality a.vtu --group SPELL"),
         *("lacmesh cut a.vtu --slave SPELL -o cut.vtu", "lacmesh cut a.vtu --slave SPELL --slave nobody -o cut.vtu"),
-        *("lacmesh orient a.vtu --group SPELL -o out.vtu", "lacmesh view a.vtu -o a.html --slave SPELL"),
+        *("lacmesh orient a.vtu --group SPELL -o out.vtu", "lacmesh cut a.vtu --slave SPELL -o c.vtu --report a.html"),
         *("lacsolver validate case.toml", "lacsolver run case.toml"),
     ],
 )
@@ -388,7 +396,8 @@ def test_a_name_that_is_no_utf8_is_a_name(tmp_path, suffix):
     "words",
     [
         *(f"cut {ODD}.msh --slave slave -o x.msh --report r.{kind}" for kind in ("html", "md", "json")),
-        *(f"view {ODD}.msh -o v.html", f"view {ODD}.msh -o v.html --title {ODD}", f"quality {ODD}.msh --plot q.png"),
+        pytest.param(f"view {ODD}.msh -o v.png --title {ODD}", marks=pytest.mark.vtk),
+        f"quality {ODD}.msh --plot q.png",
     ],
 )
 def test_reports_and_pages_of_a_file_whose_name_is_no_utf8(words, folder, capsys):
