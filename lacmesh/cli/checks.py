@@ -188,7 +188,7 @@ def _print_type(cells: Any) -> None:
     invalid = f"{cells.invalid:,} invalid" + (f" ({places})" if cells.invalid else "")
     poor = "" if cells.poor is None else f", {cells.poor:,} poor ({rank} below {POOR})"
     print(f"\n{cells.type}: {counted(cells.count, 'cell')}, {invalid}{poor}")
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, s in cells.measures.items():
         limits = " to ".join(map(lacmesh.report.number, accepted[name])) if name in accepted else ""
         rows.append((name, *_values(s), limits, "" if s.outside is None else f"{s.outside:,}"))

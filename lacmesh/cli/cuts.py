@@ -57,10 +57,10 @@ def cut(
     with stage("read"):
         before = lacmesh.read(source, mesh=mesh)
     sides = skins.sides(before, "cut", source)
-    options = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": recognise}
+    options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": recognise}
     with stage("cut"):
         _check_program(program, before, skins.slave, options=options)
-        done = lacmesh.cut_skin(before, skins.slave, orient=orient, node_groups=node_groups, **options)
+        done = lacmesh.cut_skin(before, skins.slave or [], orient=orient, node_groups=node_groups, **options)
         cells = None if min_quality is None and not report else _touched(before, done, min_quality)
     findings = page = None
     if skins.master:
@@ -139,7 +139,7 @@ def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.
         return
     summary = report.summary if report else lacmesh.report.summarise(before, cut)
     counts = [("nodes", summary.nodes), ("cells", summary.cells)]
-    rows = [(name, f"{old:,}", f"{new:,}", f"+{new - old:,}") for name, (old, new) in counts]
+    rows: list[tuple[str, ...]] = [(name, f"{old:,}", f"{new:,}", f"+{new - old:,}") for name, (old, new) in counts]
     rows += [(f"macro-elements of {zone}", "", f"{macros:,}", "") for zone, macros in summary.zones.items()]
     rows.append(())
     for cell_type in dict.fromkeys([*summary.replaced, *summary.children]):

@@ -128,7 +128,7 @@ def mesh_command(
     check_source(cad)
     out.check(run, Path(target))
     stage = Stages(run)
-    sizes = {
+    sizes: dict[str, Any] = {
         "size": size,
         "order": None if order is None else int(order),
         "slave": slave or [],

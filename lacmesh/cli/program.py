@@ -132,7 +132,7 @@ class Program:
         self.run.program = self
         with _signals(), warnings.catch_warnings():
             warnings.simplefilter("always", LacmeshWarning)
-            warnings.showwarning = self._show_warning
+            warnings.showwarning = self._show_warning  # type: ignore[assignment]
             try:
                 with redirect_stdout(_Shown(sys.stdout, self)):
                     self._call(words)

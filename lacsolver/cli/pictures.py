@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from typer import Option
 
@@ -112,7 +112,7 @@ def film(
     of_run, path = folder_of(folder), Path(target)
     check_film(path, of_run)
     run.will_write(path, force=force)
-    options = {"scale": scale, "log": log, "rate": rate, "title": title, "mode": mode}
+    options: dict[str, Any] = {"scale": scale, "log": log, "rate": rate, "title": title, "mode": mode}
     make_film(of_run, path, colour=colour, curves=curve or [], frames=frames, camera=camera or CAMERA, **options)
     print_size(path)
 
