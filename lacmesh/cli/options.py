@@ -132,7 +132,7 @@ def skins(mesh: Mesh, args: argparse.Namespace, *, checked: bool = True) -> dict
 
     `checked`: whether slaves and masters are compared, so that several of both are an error. Raises RequestError.
     """
-    from lacmesh.checks.pairs import check_one_pair, split_pairs
+    from lacmesh.checks.request import check_one_pair, split_pairs
 
     if args.pair:
         pairs = split_pairs(mesh, args.pair)
