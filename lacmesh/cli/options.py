@@ -66,7 +66,7 @@ class Skins:
         With pairs slave and master are set to all of theirs. `compared`: several slaves with several masters are an
         error, since they are compared. Raises RequestError.
         """
-        from lacmesh.checks.pairs import check_one_pair, split_pairs
+        from lacmesh.checks.request import check_one_pair, split_pairs
 
         if self.pair:
             pairs = split_pairs(mesh, self.pair)

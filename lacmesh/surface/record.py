@@ -13,8 +13,7 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.surface.height import Height
-from lacmesh.surface.maps import values
+from lacmesh.surface.maps import Height, values
 from lacmesh.topology.orientation import is_inverted, relative_listing, turned_over
 from lacmesh.topology.skin import (
     FACE_TYPES,

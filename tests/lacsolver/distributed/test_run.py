@@ -294,7 +294,7 @@ def pressed(mesh, folder, start=None, comm=None, **options):
 
 
 def main(world, folder):
-    """Solve the cases, and go on, in one, two and three processes, the blocks on a mesh that is dealt out and on its parts."""
+    """Solve the cases, and go on, in one, two and three processes, the blocks dealt out and on parts."""
     import_petsc()
     processes.LARGE = 0  # the first process deals every file out
     some, alone, place = world.Split(int(world.rank > 1)), world.Split(world.rank), Path(folder) / "blocks"
