@@ -26,7 +26,7 @@ def check(
     skins: Skins,
     recognise: Recognise = None,
     json: AsJson = False,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     facing: Facing,
     run: Run,
 ) -> None:
@@ -38,16 +38,16 @@ def check(
     skins.check()
     stage = Stages(run)
     with stage("read"):
-        checked = lacmesh.read(source, mesh=mesh)
+        mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("check"):
-        sides = skins.sides(checked, "check", source)
-        findings = lacmesh.check(checked, **sides, recognise=recognise, **vars(facing))
+        sides = skins.sides(mesh, "check", source)
+        findings = lacmesh.check(mesh, **sides, recognise=recognise, **vars(facing))
     if json:
         print_json(findings.as_dict())
     elif run.quiet:
         warn_of(findings)
     else:
-        _print_findings(findings, checked)
+        _print_findings(findings, mesh)
         print(f"{source}: {stage.spent()}")
     sys.stdout.flush()
     if findings.errors:
@@ -114,7 +114,7 @@ def quality(
     measures: Annotated[str | None, Option(metavar="all|NAME[,NAME]", help="default: those that matter most")] = None,
     json: AsJson = False,
     plot: Annotated[str | None, Option(metavar="FILE.png", help="draw the histograms (needs matplotlib)")] = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     force: Force = False,
     run: Run,
 ) -> None:
@@ -129,13 +129,13 @@ def quality(
         lacmesh.report.check_plot(Path(plot), force=force)
     stage = Stages(run)
     with stage("read"):
-        measured = lacmesh.read(source, mesh=mesh)
+        mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("measure"):
         names = (
             measures if measures in (None, "all") else [name.strip() for name in measures.split(",") if name.strip()]
         )
-        qualities = lacmesh.measure_quality(measured, group, names)
-        children = None if group else _children(measured)
+        qualities = lacmesh.measure_quality(mesh, group, names)
+        children = None if group else _children(mesh)
     if plot:
         with stage("draw"):
             name = readable(Path(source).name + (f", group {group}" if group else ""))

@@ -35,7 +35,7 @@ def cut(
         Option(metavar="X", help="least corner Jacobian of new cells (1: ideal, 0: flat), else stop"),
     ] = None,
     recognise: Recognise = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     facing: Facing,
     program: ForProgram = None,
     report: Annotated[str | None, output(metavar="FILE", help="effect of the cut: .html, .md, .json")] = None,
@@ -55,24 +55,24 @@ def cut(
         _check_report(Path(report), place, force=out.force)
     stage = Stages(run)
     with stage("read"):
-        before = lacmesh.read(source, mesh=mesh)
-    sides = skins.sides(before, "cut", source)
+        mesh = lacmesh.read(source, mesh=mesh_name)
+    sides = skins.sides(mesh, "cut", source)
     options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": recognise}
     with stage("cut"):
-        _check_program(program, before, skins.slave, options=options)
-        done = lacmesh.cut_skin(before, skins.slave or [], orient=orient, node_groups=node_groups, **options)
-        cells = None if min_quality is None and not report else _touched(before, done, min_quality)
+        _check_program(program, mesh, skins.slave, options=options)
+        result = lacmesh.cut_skin(mesh, skins.slave or [], orient=orient, node_groups=node_groups, **options)
+        cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None
     if skins.master:
         with stage("check"):
-            findings = _check(done, **sides, **vars(facing))
+            findings = _check(result, **sides, **vars(facing))
     if report and cells is not None:
         with stage("report"):
-            page = lacmesh.report.cut_report(before, done, findings=findings, cells=cells)
+            page = lacmesh.report.cut_report(mesh, result, findings=findings, cells=cells)
     with stage("write"), _report_beside(report, page, source):
-        out.write(place, done.mesh, source, program)
+        out.write(place, result.mesh, source, program)
     if not run.quiet:
-        _print_summary(source, place, before, done, page, stage.spent())
+        _print_summary(source, place, mesh, result, page, stage.spent())
         if program == "aster":
             print(f"note: code_aster's own LAC contact cuts the mesh itself, by DECOUPE_LAC: give it {source}, not cut")
         if page:
@@ -163,7 +163,7 @@ def split(
         list[str], Option(metavar="G", help="faces inside a body, of normals from side a to b; repeatable")
     ],
     target: Target = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     out: Output,
     run: Run,
 ) -> None:
@@ -177,15 +177,15 @@ def split(
     place = out.target(run, source, target, "split")
     stage = Stages(run)
     with stage("read"):
-        before = lacmesh.read(source, mesh=mesh)
+        mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("split"):
-        parts = split_skins(before, faces)
+        parts = split_skins(mesh, faces)
     with stage("write"):
         out.write(place, parts.mesh, source)
     after, front, several = parts.mesh, int((parts.n_sides == 1).sum()), parts.n_sides[parts.n_sides > 2]
     rows: dict[str, tuple[int, int]] = {
-        "nodes": (before.n_nodes, after.n_nodes),
-        "cells": (before.n_cells, after.n_cells),
+        "nodes": (mesh.n_nodes, after.n_nodes),
+        "cells": (mesh.n_cells, after.n_cells),
     }
     rows["bodies"] = parts.bodies
     for name, (a, b) in parts.skins.items():
@@ -205,7 +205,7 @@ def orient(
     *,
     group: Annotated[list[str], Option(metavar="GROUP", help="the skin; may be repeated")],
     target: Target = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     out: Output,
     run: Run,
 ) -> None:
@@ -217,18 +217,18 @@ def orient(
     from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
 
     place = out.target(run, source, target, "out")
-    oriented, lines = lacmesh.read(source, mesh=mesh), []
+    mesh, lines = lacmesh.read(source, mesh=mesh_name), []
     for name in group:
-        cells = skin_cells(oriented, name)
-        sides = analyse_orientation(oriented, cells)
-        oriented = reverse(oriented, sides.to_flip)
+        cells = skin_cells(mesh, name)
+        sides = analyse_orientation(mesh, cells)
+        mesh = reverse(mesh, sides.to_flip)
         lines.append(f"{name}: {len(sides.to_flip):,} of {counted(len(cells), 'face')} flipped")
-        for kept, what in (
+        for left, what in (
             (sides.interface, "between two cells, with no outward side, left as they are"),
             (sides.open, "with no cell behind and enclosing nothing, made to agree; outward is for you to say"),
             (sides.one_sided, "on a skin with one side only, which cannot agree, left as they are"),
         ):
-            if len(kept):
-                lines.append(f"{name}: {what}: {len(kept):,} ({oriented.cell_names(kept)})")
-    out.write(place, oriented, source)
+            if len(left):
+                lines.append(f"{name}: {what}: {len(left):,} ({mesh.cell_names(left)})")
+    out.write(place, mesh, source)
     print("\n".join([*lines, f"written to {place}"]))

@@ -21,7 +21,7 @@ from lacmesh.cli.terminal import Stages, counted, print_json, print_table
 _LISTED = 60
 
 
-def info(source: MeshFile, *, json: AsJson = False, mesh: MeshName = None, run: Run) -> None:
+def info(source: MeshFile, *, json: AsJson = False, mesh_name: MeshName = None, run: Run) -> None:
     """List the content of a file, or of a folder of parts.
 
     With --verbose also the shapes of curved skins of linear faces.
@@ -32,21 +32,21 @@ def info(source: MeshFile, *, json: AsJson = False, mesh: MeshName = None, run: 
     if Path(source).is_dir():
         _print_parts(source, json)
         return
-    content = lacmesh.read(source, mesh=mesh)
-    described = lacmesh.report.describe(content)
+    mesh = lacmesh.read(source, mesh=mesh_name)
+    described = lacmesh.report.describe(mesh)
     if run.verbose:
         from lacmesh.smooth.fitted import shapes_of_groups
 
-        shapes = shapes_of_groups(content)
-        described["shapes"] = {name: [one.as_dict() for one in found] for name, found in shapes.items()}
+        shapes = shapes_of_groups(mesh)
+        described["shapes"] = {name: [one.as_dict() for one in fitted] for name, fitted in shapes.items()}
     if json:
         print_json(described)
         return
-    _print_content(f"{source}: {lacmesh.formats.title_of(source)}", described, content.group_tags)
-    if content.dim < min(content.space_dim, 3) or content.dim < 2:
+    _print_content(f"{source}: {lacmesh.formats.title_of(source)}", described, mesh.group_tags)
+    if mesh.dim < min(mesh.space_dim, 3) or mesh.dim < 2:
         from lacmesh.topology.skin import lacking
 
-        print(lacking(content, max(content.dim, 1) + 1))
+        print(lacking(mesh, max(mesh.dim, 1) + 1))
 
 
 def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tuple[tuple[int, int], ...]]) -> None:
@@ -115,7 +115,7 @@ def convert(
     order: Annotated[
         Literal["2", "2-full"] | None, Option(help="raise linear cells to serendipity (2), or full quadratic (2-full)")
     ] = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     program: ForProgram = None,
     out: Output,
     run: Run,
@@ -126,16 +126,16 @@ def convert(
     $ lacmesh convert part.msh quadratic.med --order 2
     """
     out.check(run, Path(target))
-    converted = lacmesh.read(source, mesh=mesh)
+    mesh = lacmesh.read(source, mesh=mesh_name)
     if order:
-        converted = lacmesh.raise_order(converted, order)
+        mesh = lacmesh.raise_order(mesh, order)
     if program:
         from lacmesh.exchange.targets import check_cells
 
-        check_cells(converted, program)
-    out.write(Path(target), converted, source, program)
-    groups = counted(len(converted.cell_groups) + len(converted.node_groups), "group")
-    print(f"{source}: {summary(converted)}, {groups}; written to {target}")
+        check_cells(mesh, program)
+    out.write(Path(target), mesh, source, program)
+    groups = counted(len(mesh.cell_groups) + len(mesh.node_groups), "group")
+    print(f"{source}: {summary(mesh)}, {groups}; written to {target}")
 
 
 def partition(
@@ -148,7 +148,7 @@ def partition(
     method: Annotated[
         Literal["bisection", "metis"], Option(help="of the coordinates, or of the graph of nodes (needs pymetis)")
     ] = "bisection",
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     force: Force = False,
     run: Run,
 ) -> None:
@@ -168,11 +168,11 @@ def partition(
     run.leaves(folder / FILE)
     check_folder(folder, force=force)
     with stage("read"):
-        whole = lacmesh.read(source, mesh=mesh)
+        mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("divide"):
-        owner = (distribute_by_metis if method == "metis" else distribute_nodes)(whole, parts)
+        owner = (distribute_by_metis if method == "metis" else distribute_nodes)(mesh, parts)
     with stage("write"):
-        write_parts(folder, whole, owner, force=force)
+        write_parts(folder, mesh, owner, force=force)
     described = describe_parts(folder)
     nodes = described["parts"]["nodes"]
     print(f"{source}: {parts:,} parts of {min(nodes):,} to {max(nodes):,} nodes, ", end="")

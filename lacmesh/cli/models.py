@@ -45,7 +45,7 @@ def view(
     ] = None,
     size: Annotated[str | None, Option(metavar="WxH", parser=_size, help="pixels (default: 1600x1000)")] = None,
     title: Annotated[str | None, Option(metavar="TITLE", help="a line above (default: the file's name)")] = None,
-    mesh: MeshName = None,
+    mesh_name: MeshName = None,
     force: Force = False,
     run: Run,
 ) -> None:
@@ -63,25 +63,25 @@ def view(
         run.will_write(path, force=force)
     stage = Stages(run)
     with stage("read"):
-        drawn = lacmesh.read(source, mesh=mesh)
+        mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("look"):
-        sides = skins.sides(drawn, "view", source, compared=check)
+        sides = skins.sides(mesh, "view", source, compared=check)
         options: dict[str, Any] = {"slave": skins.slave, "master": skins.master or None}
         if check:
-            slave = {} if skins.pair else {"slave": skins.slave or drawn.zones}
-            options["findings"] = lacmesh.check(drawn, **sides | slave)
+            slave = {} if skins.pair else {"slave": skins.slave or mesh.zones}
+            options["findings"] = lacmesh.check(mesh, **sides | slave)
         if quality is not None:
-            options["values"] = drawing.cell_values(drawn, quality or "corner_jacobian")
+            options["values"] = drawing.cell_values(mesh, quality or "corner_jacobian")
     options |= {"camera": camera, "cutaway": cutaway, "explode": explode, "bodies": bodies}
     if path is None:
-        drawing.window(drawn, title=title or Path(source).name, **options)
+        drawing.window(mesh, title=title or Path(source).name, **options)
         return
     with stage("draw"):
         if path.suffix.lower() == ".png":
             tilt = 0.0 if explode == 0 else None
-            drawing.picture(drawn, path, size=size or (1600, 1000), tilt=tilt, title=title, **options)
+            drawing.picture(mesh, path, size=size or (1600, 1000), tilt=tilt, title=title, **options)
         else:
-            drawing.page(drawn, path, title=title or Path(source).name, **options)
+            drawing.page(mesh, path, title=title or Path(source).name, **options)
     print(f"{path}: {path.stat().st_size / 1e6:.1f} MB; {stage.spent()}")
 
 
@@ -104,7 +104,7 @@ def mesh_command(
 ) -> None:
     """List the surfaces of a CAD file, or mesh it with groups.
 
-    A group is made of surfaces by their tags, as --list shows them, or of those that lie in a box as a whole; of
+    A group consists of surfaces by their tags, as --list shows them, or of those that lie in a box as a whole; of
     curves, where the file is plane: no volumes, and all surfaces in one plane. --group body=3:1 names the volume 1.
     Repeat --group for further groups, and for more of the same group. Volumes and surfaces in no group are in the mesh
     all the same: entity:2:17 names them to other commands. Lengths of STEP and IGES come out in millimetres.
@@ -135,12 +135,12 @@ def mesh_command(
         "slave_size": slave_size,
     }
     with stage("mesh"):
-        made = mesh_cad(cad, groups=groups, dim=dimension, **sizes)
+        mesh = mesh_cad(cad, groups=groups, dim=dimension, **sizes)
     with stage("write"):
-        lacmesh.write(target, made, msh=out.msh, binary=False if out.ascii else None, force=out.force)
-    print(f"{target}: {summary(made)}")
-    for name, cells in made.cell_groups.items():
-        print(f"  {name}: {len(cells):,} cells of dimension {made.group_dim(name)}")
+        lacmesh.write(target, mesh, msh=out.msh, binary=False if out.ascii else None, force=out.force)
+    print(f"{target}: {summary(mesh)}")
+    for name, cells in mesh.cell_groups.items():
+        print(f"  {name}: {len(cells):,} cells of dimension {mesh.group_dim(name)}")
 
 
 def _print_shapes(cad: str, shapes: Sequence[CadShape], json: bool) -> None:

@@ -156,7 +156,7 @@ class Program:
                 return self.error_lines(error, self.run), error.status
             case typer.TyperException():  # a sentence of the parser
                 text = error.format_message().replace("Value error, ", "").rstrip(".")
-                return [f"{text[:1].lower()}{text[1:]}; see {self._called} --help"], 2
+                return [f"{text[:1].lower()}{text[1:]}; see {self._path} --help"], 2
             case KeyboardInterrupt():
                 return [f"interrupted; {self.run.left()}"], 130
             case Terminated():
@@ -188,7 +188,7 @@ class Program:
     def _call(self, words: list[str]) -> None:
         """Parse the words of a command, and run it."""
         first, known = words[0] if words else "--help", self.group.commands
-        self._called = f"{self.name} {first}" if first in known else self.name
+        self._path = f"{self.name} {first}" if first in known else self.name
         if first == "--version":
             print(f"{self.name} {__version__}")
             raise typer.Exit

@@ -135,23 +135,23 @@ def validate(case: CaseFile, *, run: Run) -> None:
     """
     from lacsolver.case import CaseError, read_case
     from lacsolver.problem.skin import mesh_of
-    from lacsolver.validation import validate as validated
+    from lacsolver.validation import validate as validation_of
 
     stage = Stages(run)
     with stage("read"):
         record = read_case(case)
         mesh = mesh_of(record)
     with stage("look"):
-        validation = validated(record, mesh)
+        validation = validation_of(record, mesh)
     if not run.quiet:
-        print_table(("case", ""), _validated(record, validation))
+        print_table(("case", ""), _validation_rows(record, validation))
         print(f"{case}: {stage.spent()}")
         sys.stdout.flush()
     if validation.problems:
         raise CaseError(validation.problems)
 
 
-def _validated(case: Case, validation: Validation) -> Iterator[tuple[str, ...]]:
+def _validation_rows(case: Case, validation: Validation) -> Iterator[tuple[str, ...]]:
     """Yield rows of the model, the sizes, the steps, the zones, supports and loads of a case."""
     from lacsolver.cli.summary import resultants
 

@@ -195,12 +195,12 @@ def modes(
         at = None if state is None else read_state(state, record, from_time, mesh=mesh)
         problem = Problem.of(record, mesh)
     with stage("modes"):
-        found = natural_modes(problem, count=count, at=at, mass=mass)
+        natural = natural_modes(problem, count=count, at=at, mass=mass)
     with stage("write"):
-        write_modes(folder, found, problem.space)
-    names = ("mode", "frequency", "period", *(f"mass {axis}" for axis in found.axes))
-    print_table([f"+{name}" for name in names], _mode_rows(found))
-    for name, value in _mode_figures(found, problem, at):
+        write_modes(folder, natural, problem.space)
+    names = ("mode", "frequency", "period", *(f"mass {axis}" for axis in natural.axes))
+    print_table([f"+{name}" for name in names], _mode_rows(natural))
+    for name, value in _mode_figures(natural, problem, at):
         print(f"{name}: {value}")
     print(f"results: {folder} (modes.json, modes.pvd for ParaView)")
     print(f"{case}: {stage.spent()}")
