@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from typer import Option
 
 import lacmesh
-from lacmesh.cli.options import AsJson, Facing, Force, MeshFile, MeshName, Recognise, Skins
+from lacmesh.cli.options import AsJson, Facing, Force, MeshFile, MeshName, Recognition, Skins
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, counted, print_json, print_table
 from lacmesh.errors import DataError, LacmeshWarning
@@ -24,7 +24,7 @@ def check(
     source: MeshFile,
     *,
     skins: Skins,
-    recognise: Recognise = None,
+    recognition: Recognition,
     json: AsJson = False,
     mesh_name: MeshName = None,
     facing: Facing,
@@ -41,7 +41,7 @@ def check(
         mesh = lacmesh.read(source, mesh=mesh_name)
     with stage("check"):
         sides = skins.sides(mesh, "check", source)
-        findings = lacmesh.check(mesh, **sides, recognise=recognise, **vars(facing))
+        findings = lacmesh.check(mesh, **sides, recognise=recognition.choice(), **vars(facing))
     if json:
         print_json(findings.as_dict())
     elif run.quiet:

@@ -12,7 +12,7 @@ from typer import Option
 
 import lacmesh
 from lacmesh.cli.checks import warn_of
-from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, Output, Recognise, Skins, Target, output
+from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, Output, Recognition, Skins, Target, output
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, counted, print_table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
@@ -34,7 +34,7 @@ def cut(
         float | None,
         Option(metavar="X", help="least corner Jacobian of new cells (1: ideal, 0: flat), else stop"),
     ] = None,
-    recognise: Recognise = None,
+    recognition: Recognition,
     mesh_name: MeshName = None,
     facing: Facing,
     program: ForProgram = None,
@@ -50,14 +50,14 @@ def cut(
     $ lacmesh cut part.med --slave slave --master master --report cut.html
     """
     skins.check()
+    choice = recognition.choice()
     place = out.target(run, source, target, "lac")
-    if report:
-        _check_report(Path(report), place, force=out.force)
+    _check_report(report, place, force=out.force)
     stage = Stages(run)
     with stage("read"):
         mesh = lacmesh.read(source, mesh=mesh_name)
     sides = skins.sides(mesh, "cut", source)
-    options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": recognise}
+    options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": choice}
     with stage("cut"):
         _check_program(program, mesh, skins.slave, options=options)
         result = lacmesh.cut_skin(mesh, skins.slave or [], orient=orient, node_groups=node_groups, **options)
@@ -79,11 +79,12 @@ def cut(
             print(f"report: {report}")
 
 
-def _check_report(report: Path, target: Path, *, force: bool) -> None:
-    """Check early that the report can be written. Raises RequestError, WriteError."""
-    if report == target:
-        raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
-    lacmesh.report.check_report(report, force=force)
+def _check_report(report: str | None, target: Path, *, force: bool) -> None:
+    """Check early that a report can be written. Raises RequestError, WriteError."""
+    if report:
+        if Path(report) == target:
+            raise RequestError(f"{target} cannot be both the mesh and the report; name another file")
+        lacmesh.report.check_report(Path(report), force=force)
 
 
 def _check_program(program: str | None, *cut: Any, options: dict[str, Any]) -> None:

@@ -32,9 +32,6 @@ MeshFile = Annotated[str, Argument(metavar="IN", help="mesh: .msh, .med, .mail, 
 MeshName = Annotated[str | None, Option("--mesh", metavar="NAME", help="which mesh, in a file that holds several")]
 Target = Annotated[str | None, output("--output", "-o", metavar="OUT", help="default: beside IN, with another ending")]
 Force = Annotated[bool, output("--force", help="replace an existing output")]
-Recognise = Annotated[
-    bool | None, Option("--recognise/--recut", help="recognise an earlier cut, or ignore it (default: use its records)")
-]
 AsJson = Annotated[bool, Option("--json", help="print one JSON object")]
 Names = list[str] | None
 Direction = tuple[float, float, float] | None
@@ -96,6 +93,20 @@ class Facing:
         float | None,
         angle(help="edges that turn by more are sharp (default: 40, or more on five to eight faces to a turn)"),
     ] = None
+
+
+@dataclass
+class Recognition:
+    """Which slave faces are those of an earlier cut."""
+
+    recut: Annotated[bool, Option("--recut", help="treat slave faces as not cut, even with records of a cut")] = False
+    recognise: Annotated[bool, Option("--recognise", help="recognise a cut without records by its pattern")] = False
+
+    def choice(self) -> bool | None:
+        """Return whether to recognise a cut; None: only by its records. Raises RequestError."""
+        if self.recut and self.recognise:
+            raise RequestError("--recut and --recognise exclude each other; leave one out")
+        return self.recognise or (False if self.recut else None)
 
 
 @dataclass

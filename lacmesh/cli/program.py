@@ -202,7 +202,7 @@ class Program:
 
     def _of_plain_parameters(self, command: Callable[..., None]) -> Callable[..., None]:
         """Return a command as a function for typer: in place of a dataclass it has the fields as parameters."""
-        records: dict[str, tuple[type, list[str]]] = {}
+        records: dict[str, tuple[Any, list[str]]] = {}
         parameters: list[Parameter] = []
         for parameter in signature(command, eval_str=True).parameters.values():
             if not is_dataclass(record := parameter.annotation):
