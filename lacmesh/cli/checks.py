@@ -190,7 +190,7 @@ def _print_type(cells: Any) -> None:
     print(f"\n{cells.type}: {counted(cells.count, 'cell')}, {invalid}{poor}")
     rows: list[tuple[str, ...]] = []
     for name, s in cells.measures.items():
-        limits = " to ".join(map(lacmesh.report.number, accepted[name])) if name in accepted else ""
+        limits = " to ".join(map(lacmesh.report.number, accepted.get(name) or ()))
         rows.append((name, *_values(s), limits, "" if s.outside is None else f"{s.outside:,}"))
     print_table(("measure", *_STATISTICS, "accepted", "+outside"), rows)
     if not cells.invalid and rank == "validity":  # lines are all alike as long as they are valid

@@ -59,7 +59,7 @@ def cut(
     sides = skins.sides(mesh, "cut", source)
     options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": choice}
     with stage("cut"):
-        _check_program(program, mesh, skins.slave, options=options)
+        _check_program(program, mesh, skins.slave, options)
         result = lacmesh.cut_skin(mesh, skins.slave or [], orient=orient, node_groups=node_groups, **options)
         cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None
@@ -87,11 +87,11 @@ def _check_report(report: str | None, target: Path, *, force: bool) -> None:
         lacmesh.report.check_report(Path(report), force=force)
 
 
-def _check_program(program: str | None, *cut: Any, options: dict[str, Any]) -> None:
+def _check_program(program: str | None, mesh: lacmesh.Mesh, slave: Any, options: dict[str, Any]) -> None:
     if program:
         from lacmesh.exchange.targets import check_target_cells
 
-        check_target_cells(*cut, program, **options)
+        check_target_cells(mesh, slave, program, **options)
 
 
 def _touched(before: lacmesh.Mesh, cut: lacmesh.Cut, least: float | None) -> Any:

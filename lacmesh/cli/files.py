@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from statistics import mean
 from typing import Annotated, Any, Literal
@@ -97,7 +97,7 @@ def _print_parts(folder: str, json: bool) -> None:
     size = f"{described['nodes']:,} nodes, {described['cells']:,} cells; {described['copies']:.2f} copies of a node"
     print(f"{folder}: {len(parts['nodes']):,} parts of a mesh of {size}")
     columns = [("+" if name in ("nodes", "cells", "own_nodes") else "") + name.replace("_", " ") for name in parts]
-    which = {"smallest": min, "mean": mean, "largest": max}
+    which: dict[str, Callable[..., float]] = {"smallest": min, "mean": mean, "largest": max}
     rows = [(name, *(f"{round(pick(counts)):,}" for counts in parts.values())) for name, pick in which.items()]
     print_table(("part", *columns), rows)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from typer import Argument, BadParameter, Option
 
@@ -57,8 +57,8 @@ def view(
     from lacmesh import view as drawing
 
     skins.check(needed=False)
-    path = Path(target) if target else None
-    drawing.check_request(path, size=size, camera=camera, cutaway=cutaway, explode=explode)
+    path, pixels = Path(target) if target else None, cast("tuple[int, int] | None", size)
+    drawing.check_request(path, size=pixels, camera=camera, cutaway=cutaway, explode=explode)
     if path:
         run.will_write(path, force=force)
     stage = Stages(run)
@@ -79,7 +79,7 @@ def view(
     with stage("draw"):
         if path.suffix.lower() == ".png":
             tilt = 0.0 if explode == 0 else None
-            drawing.picture(mesh, path, size=size or (1600, 1000), tilt=tilt, title=title, **options)
+            drawing.picture(mesh, path, size=pixels or (1600, 1000), tilt=tilt, title=title, **options)
         else:
             drawing.page(mesh, path, title=title or Path(source).name, **options)
     print(f"{path}: {path.stat().st_size / 1e6:.1f} MB; {stage.spent()}")

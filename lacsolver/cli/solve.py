@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
@@ -68,7 +68,7 @@ def run_command(
         folder = ranks.on_first(lambda: create_output(place, force=force, restart=start))
         ranks.on_first(lambda: _check_pages(record, plot, report, force=force))
         with _watched(record, folder, start, run) as watch:
-            options = {"progress": watch.iterated, "stepped": watch.stepped}
+            options: dict[str, Any] = {"progress": watch.iterated, "stepped": watch.stepped}
             results = solve(record, folder, mesh=mesh, start=start, distribution=distribution, **options)
         if not run.quiet:
             from lacsolver.cli.summary import print_summary
