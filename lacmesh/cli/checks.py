@@ -111,7 +111,9 @@ def quality(
     source: MeshFile,
     *,
     group: Annotated[str | None, Option(metavar="GROUP", help="the cells of this group only")] = None,
-    measures: Annotated[str | None, Option(metavar="all|NAME[,NAME]", help="default: those that matter most")] = None,
+    measures: Annotated[
+        str | None, Option(metavar="all|NAME[,NAME]", help="default: the leading ones of each type")
+    ] = None,
     json: AsJson = False,
     plot: Annotated[str | None, Option(metavar="FILE.png", help="draw the histograms (needs matplotlib)")] = None,
     mesh_name: MeshName = None,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,25 +19,39 @@ from lacmesh.cli.terminal import Stages, counted, print_table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 
+@dataclass
+class Subdivision:
+    """How a skin is cut: keyword arguments of `lacmesh.cut_skin`."""
+
+    hexa: Annotated[
+        Literal["pyramid", "hexa", "auto"],
+        Option(help="subdivision of hexahedra; auto: the variant with the higher minimum Jacobian"),
+    ] = "pyramid"
+    interface: Annotated[
+        Literal["both", "refuse"], Option(help="slave faces inside a body: cut both sides, or stop")
+    ] = "both"
+    orient: Annotated[Literal["keep", "outward"], Option(help="flip slave faces that point inward")] = "keep"
+    skin_only: Annotated[bool, Option("--skin-only", help="cut a surface without parent cells (a shell)")] = False
+    node_groups: Annotated[
+        Literal["extend", "keep"], Option(help="extend: new nodes between nodes of a set join it")
+    ] = "extend"
+
+
 def cut(
     source: MeshFile,
     *,
     skins: Skins,
-    target: Target = None,
-    hexa: Annotated[Literal["pyramid", "hexa", "auto"], Option(help="of hexahedra; auto: the better")] = "pyramid",
-    interface: Annotated[
-        Literal["both", "refuse"], Option(help="faces inside a body: cut both sides, or stop")
-    ] = "both",
-    orient: Annotated[Literal["keep", "outward"], Option(help="outward: flip faces that point inward")] = "keep",
-    skin_only: Annotated[bool, Option("--skin-only", help="cut a surface without parent cells (a shell)")] = False,
-    node_groups: Annotated[Literal["extend", "keep"], Option(help="with new nodes among old ones")] = "extend",
+    subdivision: Subdivision,
     min_quality: Annotated[
         float | None,
-        Option(metavar="X", help="least corner Jacobian of new cells (1: ideal, 0: flat), else stop"),
+        Option(
+            metavar="X", help="write nothing if the least corner Jacobian of new cells is below X (1: ideal, 0: flat)"
+        ),
     ] = None,
     recognition: Recognition,
     mesh_name: MeshName = None,
     facing: Facing,
+    target: Target = None,
     program: ForProgram = None,
     report: Annotated[str | None, output(metavar="FILE", help="effect of the cut: .html, .md, .json")] = None,
     out: Output,
@@ -57,10 +72,9 @@ def cut(
     with stage("read"):
         mesh = lacmesh.read(source, mesh=mesh_name)
     sides = skins.sides(mesh, "cut", source)
-    options: dict[str, Any] = {"hexa": hexa, "interface": interface, "skin_only": skin_only, "recognise": choice}
     with stage("cut"):
-        _check_program(program, mesh, skins.slave, options)
-        result = lacmesh.cut_skin(mesh, skins.slave or [], orient=orient, node_groups=node_groups, **options)
+        _check_program(program, mesh, skins.slave, choice, subdivision)
+        result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(subdivision))
         cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None
     if skins.master:
@@ -87,11 +101,15 @@ def _check_report(report: str | None, target: Path, *, force: bool) -> None:
         lacmesh.report.check_report(Path(report), force=force)
 
 
-def _check_program(program: str | None, mesh: lacmesh.Mesh, slave: Any, options: dict[str, Any]) -> None:
+def _check_program(
+    program: str | None, mesh: lacmesh.Mesh, slave: Any, recognise: bool | None, how: Subdivision
+) -> None:
+    """Raise CutError if the program that a cut is for cannot take its cells."""
     if program:
         from lacmesh.exchange.targets import check_target_cells
 
-        check_target_cells(mesh, slave, program, **options)
+        options: dict[str, Any] = {"hexa": how.hexa, "interface": how.interface, "skin_only": how.skin_only}
+        check_target_cells(mesh, slave, program, recognise=recognise, **options)
 
 
 def _touched(before: lacmesh.Mesh, cut: lacmesh.Cut, least: float | None) -> Any:
@@ -161,7 +179,8 @@ def split(
     source: MeshFile,
     *,
     faces: Annotated[
-        list[str], Option(metavar="G", help="faces inside a body, of normals from side a to b; repeatable")
+        list[str],
+        Option(metavar="G", help="faces inside a body, whose normals point from side a to b; may be repeated"),
     ],
     target: Target = None,
     mesh_name: MeshName = None,

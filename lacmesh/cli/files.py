@@ -143,10 +143,11 @@ def partition(
     *,
     parts: Annotated[int, Option("--parts", "-n", metavar="N", help="number of parts")],
     target: Annotated[
-        str | None, Option("--output", "-o", metavar="DIR", help="default: IN with suffix .parts")
+        str | None, Option("--output", "-o", metavar="DIR", help="folder (default: IN with suffix .parts)")
     ] = None,
     method: Annotated[
-        Literal["bisection", "metis"], Option(help="of the coordinates, or of the graph of nodes (needs pymetis)")
+        Literal["bisection", "metis"],
+        Option(help="of the coordinates, or by METIS on the graph of nodes (needs pymetis)"),
     ] = "bisection",
     mesh_name: MeshName = None,
     force: Force = False,

@@ -35,13 +35,15 @@ def view(
     ] = None,
     skins: Skins,
     check: Annotated[bool, Option("--check", help="mark the cells that lacmesh check finds fault with")] = False,
-    quality: Annotated[str | None, Option(metavar="[MEASURE]", help="colours (default: corner_jacobian)")] = None,
+    quality: Annotated[
+        str | None, Option(metavar="[MEASURE]", help="colour cells by it (default: corner_jacobian)")
+    ] = None,
     camera: Annotated[Direction, Option(metavar="X Y Z", help="direction from the mesh to the eye")] = None,
     cutaway: Annotated[Direction, Option(metavar="X Y Z", help="leave out cells beyond the middle, that way")] = None,
     explode: Annotated[float | None, Option(metavar="GAP", help="gap between bodies, in sizes of the mesh")] = None,
     bodies: Annotated[
         Literal["solid", "ghost", "hidden"] | None,
-        Option(help="see-through: ghost; the skins alone: hidden (default: what shows the slave skin)"),
+        Option(help="ghost: see-through; hidden: the skins alone (default: what shows the slave skin)"),
     ] = None,
     size: Annotated[str | None, Option(metavar="WxH", parser=_size, help="pixels (default: 1600x1000)")] = None,
     title: Annotated[str | None, Option(metavar="TITLE", help="a line above (default: the file's name)")] = None,
@@ -93,7 +95,8 @@ def mesh_command(
     target: Annotated[str | None, Option("--output", "-o", metavar="OUT", help="the mesh")] = None,
     group: Annotated[Names, Option(metavar="NAME=TAG,TAG", help="or NAME=box:x0,y0,z0,x1,y1,z1; repeatable")] = None,
     size: Annotated[
-        float | None, Option(metavar="H", help="of edges (default: that of a .geo, or 1/20 of all)")
+        float | None,
+        Option(metavar="H", help="length of edges (default: as a .geo says, else a twentieth of the diagonal)"),
     ] = None,
     order: Annotated[Literal["1", "2"] | None, Option(help="2: quadratic, on the curved geometry (default: 1)")] = None,
     slave: Annotated[Names, Option(metavar="GROUP", help="group that gets --slave-size; may be repeated")] = None,

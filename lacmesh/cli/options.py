@@ -38,7 +38,8 @@ Direction = tuple[float, float, float] | None
 #: whom a mesh may be for: the keys of lacmesh.exchange.targets.TARGETS
 _Programs = Literal["gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver"]
 ForProgram = Annotated[
-    _Programs | None, output("--for", help="refuse cells that it does not support; whose .inp (default: calculix)")
+    _Programs | None,
+    output("--for", help="refuse cells that it does not support; whose .inp to write (default: calculix)"),
 ]
 
 
@@ -48,7 +49,9 @@ class Skins:
 
     slave: Annotated[Names, Option(metavar="GROUP", help="slave skin; may be repeated")] = None
     master: Annotated[Names, Option(metavar="GROUP", help="master skin; may be repeated")] = None
-    pair: Annotated[Names, Option(metavar="SLAVE:MASTER", help="of several contacts, in place of these")] = None
+    pair: Annotated[
+        Names, Option(metavar="SLAVE:MASTER", help="for several contacts, in place of both; may be repeated")
+    ] = None
 
     def check(self, *, needed: bool = True) -> None:
         """Check the options before a mesh is read; `needed`: there must be a slave. Raises RequestError."""
@@ -79,13 +82,15 @@ class Skins:
 class Facing:
     """How slave and master are compared: keyword arguments of `lacmesh.check`."""
 
-    dirichlet: Annotated[Names, search(metavar="GROUP", help="with prescribed displacement; may be repeated")] = None
+    dirichlet: Annotated[Names, search(metavar="GROUP", help="where displacements are prescribed; may be repeated")] = (
+        None
+    )
     axisymmetric: Annotated[bool, search("--axisymmetric", help="a plane mesh about y: areas include 2 pi x")] = False
     search_distance: Annotated[
         float | None,
         length(help="default: a quarter of the smaller skin's diagonal, or twice its largest macro-element"),
     ] = None
-    max_penetration: Annotated[float | None, length(help="default: half the local element size")] = None
+    max_penetration: Annotated[float | None, length(help="to search (default: half the local element size)")] = None
     surface: Annotated[
         Literal["smooth", "faces"], search(help="gaps of linear cells: between the smooth surfaces, or the faces")
     ] = "smooth"
@@ -135,10 +140,15 @@ class Output(MshOutput):
     """How a mesh is written."""
 
     plane: Annotated[
-        Literal["CPS", "CPE", "CAX"] | None, output(help="plane elements of .inp (default: the input's, or CPS)")
+        Literal["CPS", "CPE", "CAX"] | None,
+        output(help="elements of a plane mesh in .inp (default: the input's, or CPS)"),
     ] = None
-    all_cells: Annotated[bool, output("--all-cells", help=".inp: cells of skins are elements too")] = False
-    lenient: Annotated[bool, output("--lenient", help=".inp to .inp: warn of lines that cannot be kept")] = False
+    all_cells: Annotated[
+        bool, output("--all-cells", help=".inp: cells below the mesh's dimension are elements too")
+    ] = False
+    lenient: Annotated[
+        bool, output("--lenient", help=".inp to .inp: leave out, with a warning, lines that cannot be carried")
+    ] = False
     mesh_only: Annotated[bool, output("--mesh-only", help=".inp to .inp: without the other cards")] = False
 
     def target(self, run: Run, source: str, path: str | None, ending: str) -> Path:
