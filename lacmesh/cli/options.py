@@ -66,15 +66,17 @@ class Skins:
         With pairs slave and master are set to all of theirs. `compared`: several slaves with several masters are an
         error, since they are compared. Raises RequestError.
         """
-        from lacmesh.checks.request import check_one_pair, split_pairs
-
         if self.pair:
+            from lacmesh.checks.request import split_pairs
+
             pairs = split_pairs(mesh, self.pair)
             self.slave, self.master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
             return {"pairs": pairs}
-        if compared:
+        if compared and self.master:
+            from lacmesh.checks.request import check_one_pair
+
             example = f"lacmesh {command} {quote(source)}"
-            check_one_pair(self.slave or mesh.zones, self.master or (), example)
+            check_one_pair(self.slave or mesh.zones, self.master, example)
         return {"slave": self.slave, "master": self.master or []}
 
 
