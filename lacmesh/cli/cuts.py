@@ -13,14 +13,14 @@ from typer import Option
 
 import lacmesh
 from lacmesh.cli.checks import warn_of
-from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, Output, Recognition, Skins, Target, output
+from lacmesh.cli.options import Facing, ForProgram, MeshFile, MeshName, MeshOutput, Recognition, Skins, Target, output
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, counted, print_table
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 
 
 @dataclass
-class Subdivision:
+class CutOptions:
     """How a skin is cut: keyword arguments of `lacmesh.cut_skin`."""
 
     hexa: Annotated[
@@ -41,7 +41,7 @@ def cut(
     source: MeshFile,
     *,
     skins: Skins,
-    subdivision: Subdivision,
+    how: CutOptions,
     min_quality: Annotated[
         float | None,
         Option(
@@ -54,7 +54,7 @@ def cut(
     target: Target = None,
     program: ForProgram = None,
     report: Annotated[str | None, output(metavar="FILE", help="effect of the cut: .html, .md, .json")] = None,
-    out: Output,
+    out: MeshOutput,
     run: Run,
 ) -> None:
     """Subdivide the slave faces, and the cells behind them, into macro-elements.
@@ -73,8 +73,8 @@ def cut(
         mesh = lacmesh.read(source, mesh=mesh_name)
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
-        _check_program(program, mesh, skins.slave, choice, subdivision)
-        result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(subdivision))
+        _check_program(program, mesh, skins.slave, choice, how)
+        result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how))
         cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None
     if skins.master:
@@ -102,7 +102,7 @@ def _check_report(report: str | None, target: Path, *, force: bool) -> None:
 
 
 def _check_program(
-    program: str | None, mesh: lacmesh.Mesh, slave: Any, recognise: bool | None, how: Subdivision
+    program: str | None, mesh: lacmesh.Mesh, slave: Any, recognise: bool | None, how: CutOptions
 ) -> None:
     """Raise CutError if the program that a cut is for cannot take its cells."""
     if program:
@@ -184,7 +184,7 @@ def split(
     ],
     target: Target = None,
     mesh_name: MeshName = None,
-    out: Output,
+    out: MeshOutput,
     run: Run,
 ) -> None:
     """Divide a mesh along faces inside a body (edges in a plane mesh) into two skins, G_a and G_b, that touch.
@@ -226,7 +226,7 @@ def orient(
     group: Annotated[list[str], Option(metavar="GROUP", help="the skin; may be repeated")],
     target: Target = None,
     mesh_name: MeshName = None,
-    out: Output,
+    out: MeshOutput,
     run: Run,
 ) -> None:
     """Orient the faces of a skin outward.

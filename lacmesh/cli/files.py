@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from typer import Argument, Option
 
 import lacmesh
-from lacmesh.cli.options import AsJson, Force, ForProgram, MeshFile, MeshName, Output
+from lacmesh.cli.options import AsJson, Force, ForProgram, MeshFile, MeshName, MeshOutput
 from lacmesh.cli.program import Run
 from lacmesh.cli.terminal import Stages, counted, print_json, print_table
 
@@ -117,7 +117,7 @@ def convert(
     ] = None,
     mesh_name: MeshName = None,
     program: ForProgram = None,
-    out: Output,
+    out: MeshOutput,
     run: Run,
 ) -> None:
     """Write a mesh in another format, or with elevated order; groups are kept.

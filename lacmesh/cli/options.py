@@ -138,7 +138,7 @@ class MshOutput:
 
 
 @dataclass
-class Output(MshOutput):
+class MeshOutput(MshOutput):
     """How a mesh is written."""
 
     plane: Annotated[
