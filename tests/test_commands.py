@@ -127,7 +127,7 @@ def test_an_unknown_option_is_one_line_and_leaves_nothing(folder, capsys, words)
         ("lacmesh cut a --search-distance -1", "invalid value for '--search-distance': '-1' is no length; see"),
         ("lacmesh partition a -n two", "invalid value for '--parts' / '-n': 'two' is no whole number; see"),
         ("lacmesh cutt a", "there is no command 'cutt'; did you mean cut?; see lacmesh --help"),
-        ("lacmesh blocks.msh", "blocks.msh is a file, and a command comes first: lacmesh info blocks.msh; see"),
+        ("lacmesh blocks.msh", "blocks.msh is a file, and a command comes first: lacmesh info blocks.msh"),
         ("lacsolver film case", "missing option '--output' / '-o'; see lacsolver film --help"),
     ],
 )

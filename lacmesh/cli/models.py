@@ -35,9 +35,7 @@ def view(
     ] = None,
     skins: Skins,
     check: Annotated[bool, Option("--check", help="mark the cells that lacmesh check finds fault with")] = False,
-    quality: Annotated[
-        str | None, Option(metavar="[MEASURE]", help="colour cells by it (default: corner_jacobian)")
-    ] = None,
+    quality: Annotated[str | None, Option(metavar="[MEASURE]", help="as colours (default: corner_jacobian)")] = None,
     camera: Annotated[Direction, Option(metavar="X Y Z", help="direction from the mesh to the eye")] = None,
     cutaway: Annotated[Direction, Option(metavar="X Y Z", help="leave out cells beyond the middle, that way")] = None,
     explode: Annotated[float | None, Option(metavar="GAP", help="gap between bodies, in sizes of the mesh")] = None,
@@ -57,8 +55,10 @@ def view(
     $ lacmesh view part.msh --slave slave --master master --check -o part.html
     """
     from lacmesh import view as drawing
+    from lacmesh.formats.output import readable
 
     skins.check(needed=False)
+    name = readable(title or Path(source).name)
     path, pixels = Path(target) if target else None, cast("tuple[int, int] | None", size)
     drawing.check_request(path, size=pixels, camera=camera, cutaway=cutaway, explode=explode)
     if path:
@@ -76,14 +76,14 @@ def view(
             options["values"] = drawing.cell_values(mesh, quality or "corner_jacobian")
     options |= {"camera": camera, "cutaway": cutaway, "explode": explode, "bodies": bodies}
     if path is None:
-        drawing.window(mesh, title=title or Path(source).name, **options)
+        drawing.window(mesh, title=name, **options)
         return
     with stage("draw"):
         if path.suffix.lower() == ".png":
             tilt = 0.0 if explode == 0 else None
-            drawing.picture(mesh, path, size=pixels or (1600, 1000), tilt=tilt, title=title, **options)
+            drawing.picture(mesh, path, size=pixels or (1600, 1000), tilt=tilt, title=title and name, **options)
         else:
-            drawing.page(mesh, path, title=title or Path(source).name, **options)
+            drawing.page(mesh, path, title=name, **options)
     print(f"{path}: {path.stat().st_size / 1e6:.1f} MB; {stage.spent()}")
 
 

@@ -29,7 +29,7 @@ from typer.core import TyperCommand
 from typer.main import get_command
 
 from lacmesh import __version__
-from lacmesh.errors import LacmeshError, LacmeshWarning, did_you_mean
+from lacmesh.errors import LacmeshError, LacmeshWarning, RequestError, did_you_mean
 
 #: errors that are no fault of ours
 EXPECTED = (LacmeshError, OSError, MemoryError)
@@ -195,7 +195,7 @@ class Program:
         if not first.startswith("-") and first not in known:
             if self.of_file and Path(first).is_file():
                 command = join([self.name, self.of_file, *words])
-                raise typer.TyperException(f"{first} is a file, and a command comes first: {command}")
+                raise RequestError(f"{first} is a file, and a command comes first: {command}")
             raise typer.TyperException(f"there is no command {first!r}{did_you_mean(first, known)}")
         with self.group.make_context(self.name, words or [first]) as context:
             self.group.invoke(context)

@@ -352,9 +352,10 @@ def _plain(text: str) -> str:
     >>> _plain("a|b*")
     'a\\|b\\*'
     """
+    text = "".join(c if c.isprintable() else repr(c)[1:-1] for c in text.replace("\n", " "))
     for sign in "\\`*_<>[]|&#":
         text = text.replace(sign, "\\" + sign)
-    return text.replace("\n", " ")
+    return text
 
 
 def _without_nan(value: Any) -> Any:
