@@ -16,8 +16,9 @@ import numpy as np
 from meshes import box, n_bytes
 
 import lacmesh
-from lacmesh.checks import _done, _parts, check
-from lacmesh.checks.subject import make_subject
+from lacmesh.checks import _arguments, check
+from lacmesh.checks.findings import examinations
+from lacmesh.checks.request import Request
 from lacmesh.mesh import Mesh
 from lacmesh.origin import from_origin, origin_of_mesh
 
@@ -49,16 +50,17 @@ def _mirror(kind: str) -> list[int]:
 
 
 def measured(mesh: Mesh) -> tuple[float, float, dict[str, float]]:
-    """(seconds, peak memory over the mesh's own, seconds of each part)."""
+    """(seconds, peak memory over the mesh's own, seconds of each rule; the first that needs a figure computes it)."""
     options = dict.fromkeys(("search_distance", "max_penetration"))
     options |= {"axisymmetric": False, "surface": "smooth", "crease_angle": 40.0}
     origin = origin_of_mesh(mesh)
-    subject = make_subject(from_origin(mesh, origin), ("slave",), ("master",), (), options, origin, True)
+    request = Request.of(from_origin(mesh, origin), ("slave",), ("master",), (), options, origin, True)
     parts = {}
-    for part in _parts(mesh):
+    for one in examinations():
         start = time.perf_counter()
-        _done(part, subject)
-        parts[part.__name__] = time.perf_counter() - start
+        for arguments in _arguments(one.scope, request):
+            _ = [*one.function(request, *arguments)]
+        parts[one.function.__name__] = time.perf_counter() - start
     start = time.perf_counter()
     found = check(mesh, "slave", "master", recognise=True)
     seconds = time.perf_counter() - start
@@ -85,7 +87,7 @@ def main() -> None:
             mesh = pair(*shape, cell)
             seconds, memory, parts = measured(mesh)
             slow = sorted(parts, key=parts.get, reverse=True)[:4]
-            named = ", ".join(f"{name.removeprefix('check_')} {parts[name]:.2f}" for name in slow)
+            named = ", ".join(f"{name} {parts[name]:.2f}" for name in slow)
             print(f"| {mesh.n_cells:,} | {cell} | {seconds:.2f} | {memory:.2f} | {named} |")
 
 

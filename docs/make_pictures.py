@@ -1,12 +1,11 @@
 """Pictures for the docs: a real CAD part cut on its curved bore, the two blocks of the demo, what `lacmesh view` shows.
 
-python docs/make_pictures.py        needs gmsh and pyvista, and Chromium for the page; writes docs/figures/*.png
+python docs/make_pictures.py        needs gmsh and pyvista; writes docs/figures/*.png
 """
 
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -17,17 +16,11 @@ import lacmesh
 from lacmesh.checks import check
 from lacmesh.quality import measure_quality
 from lacmesh.report import plot_quality
-from lacmesh.scene.marks import cell_values
-from lacmesh.view import page, picture
+from lacmesh.view import cell_values, picture
 from lacsolver.cli import main as lacsolver
 
 FIGURES = Path(__file__).parent / "figures"
 ROOT = Path(__file__).parents[1]
-#: a browser without a window, WebGL by software; time for the page to unpack itself
-BROWSER = (
-    *("--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
-    *("--virtual-time-budget=10000", "--window-size=1280,800"),
-)
 
 
 def mesh_nut(path: Path, size: float = 4.0) -> None:
@@ -45,16 +38,6 @@ def mesh_nut(path: Path, size: float = 4.0) -> None:
         gmsh.write(str(path))
     finally:
         gmsh.finalize()
-
-
-def photograph(path: Path, target: Path, anchor: str = "") -> None:
-    """Save what a browser shows of a page; left as it is where there is no browser."""
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        print(f"no Chromium here: {target.name} is left as it is")
-        return
-    command = [browser, *BROWSER, f"--user-data-dir={path.parent / 'browser'}", f"--screenshot={target}"]
-    subprocess.run([*command, f"{path.as_uri()}#{anchor}"], check=True, capture_output=True)
 
 
 def draw_press_fit(folder: Path) -> None:
@@ -80,7 +63,7 @@ def main() -> None:
         source = lacmesh.read(ROOT / "data" / "two_blocks.msh")
         blocks = lacmesh.cut_skin(source, "slave").mesh
         picture(blocks, FIGURES / "two_blocks.png")
-        size, title = (1280, 800), "two_blocks, cut"
+        size = (1280, 800)
         values = cell_values(blocks)
         picture(
             blocks, FIGURES / "view_quality.png", master="master", values=values, size=size, title="two_blocks, cut"
@@ -88,13 +71,9 @@ def main() -> None:
         plot_quality(measure_quality(blocks), FIGURES / "quality.png", title="Quality of two_blocks.lac.msh")
         found = check(source, "slave", "master")
         picture(source, FIGURES / "view_check.png", slave="slave", master="master", findings=found, size=size)
-        sheet = Path(folder) / "two_blocks.html"
-        findings = check(blocks, blocks.zones, "master")
-        page(blocks, sheet, master="master", findings=findings, values=values, title=title)
         pressed = ["run", str(ROOT / "data" / "two_blocks.toml"), "-o", f"{folder}/pressed", "--quiet", "--force"]
         assert lacsolver([*pressed, "--plot", str(FIGURES / "two_blocks_pressure.png")]) == 0
         draw_press_fit(Path(folder))
-        photograph(sheet, FIGURES / "view_page.png", "theme=light&colour=role&pick=330,270")
 
 
 if __name__ == "__main__":

@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError
 from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of, places_of
-from lacmesh.topology.faces import cells_of_dim, facets_of
 from lacmesh.topology.facets import FACETS, Facets, boundary_faces
-from lacmesh.topology.skin import FACE_TYPES, N_NODES, FaceIncidence, Faces, find_repeats
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, FaceIncidence, Faces, cells_of_dim, facets_of, find_repeats
 
 Bools = NDArray[np.bool_]
 #: a condition on points x (3, n), true or false for each

@@ -11,8 +11,8 @@ import pytest
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import gradient, jacobian, shape
+from lacmesh.topology.orientation import REVERSED
 from lacmesh.topology.skin import FACE_TYPES, label_rows
-from lacmesh.topology.winding import REVERSED
 from tests.meshes import pad
 
 NAMES = list(CELLS)

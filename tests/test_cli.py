@@ -189,7 +189,6 @@ def test_groups_by_tag_and_entity_and_a_file_without_suffix(run):
         run(f"check bare.lac.msh --slave {spec} -q")
         run(f"quality bare.lac.msh --group {spec} -q")
         run(f"orient bare.lac.msh --group {spec} -o o.msh -q --force")
-        run(f"view bare.lac.msh --slave {spec} --master top -o v.html -q --force")
     said = run("cut bare --slave 5 -q --force", 2)
     assert "tag 5 means several groups" in said
 
@@ -197,7 +196,7 @@ def test_groups_by_tag_and_entity_and_a_file_without_suffix(run):
 # ---- info and convert
 
 
-def test_info_counts_distinct_cells_and_types_lists_every_pattern(msh, mesh, info, run):
+def test_info_counts_distinct_cells(msh, mesh, info, run):
     found = info(msh)
     assert set(found) == {
         "nodes", "cells", "cells_by_type", "groups", "node_groups", "entities", "bounding_box", "lac",
@@ -210,8 +209,6 @@ def test_info_counts_distinct_cells_and_types_lists_every_pattern(msh, mesh, inf
     np.testing.assert_allclose(found["bounding_box"], [mesh.points.min(axis=0), mesh.points.max(axis=0)])
     out = run("info part.msh")
     assert "msh 4.1 binary" in out and "slave" in out
-    out = run("types")
-    assert all(name in out for name in CELLS) and "5 PYRAM5" in out and "6 HEXA20" in out
 
 
 def in_entities():

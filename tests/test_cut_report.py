@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,17 +12,12 @@ import pytest
 
 import lacmesh
 from lacmesh import Cut, Mesh, cut_skin, generate, read, write
-from lacmesh.cells import CELLS
 from lacmesh.checks import Finding, check
 from lacmesh.checks.findings import Where
 from lacmesh.cli import main
-from lacmesh.cutting.patterns import WHOLE_FACES
 from lacmesh.errors import CutError, RequestError, WriteError
-from lacmesh.quality import corner_jacobian
 from lacmesh.report import children_quality, cut_report, refuse_poor, write_report
-from lacmesh.report.parents import parents_of
 from tests.meshes import cell_with_faces, random_mesh
-from tests.test_cut_cells import CASES
 
 DATA = Path(__file__).resolve().parents[1] / "data"
 BLOCKS = str(DATA / "two_blocks.msh")
@@ -54,27 +47,10 @@ def msh(tmp_path):
 # ---- what the report counts and measures
 
 
-@pytest.mark.parametrize(
-    ("name", "facet", "hexa"), [case for case in CASES if CELLS[case[0]].facets[case[1]].type not in WHOLE_FACES]
-)
-def test_parents_are_put_together_from_their_children(name, facet, hexa):
-    mesh = cell_with_faces(name, (facet,), rotation=facet, inward=bool(facet % 2), seed=facet)
-    cut = cut_skin(mesh, "slave", hexa=hexa)
-    groups = list(parents_of(cut))
-    assert sorted(kind for kind, *_ in groups) == sorted([name, CELLS[name].facets[facet].type])
-    for kind, nodes, children in groups:
-        assert set(nodes[0].tolist()) == set(mesh.block(kind)[0].tolist())
-        before = corner_jacobian(kind, mesh.points[mesh.block(kind)])
-        assert corner_jacobian(kind, cut.mesh.points[nodes]) == pytest.approx(before, abs=1e-12)
-        owned = cut.parent_of_cell[children[0]]
-        assert (owned == mesh.cell_number[mesh.offsets[[b.type for b in mesh.blocks].index(kind)]]).all()
-
-
 @pytest.mark.filterwarnings("ignore:slave faces stand twice:lacmesh.LacmeshWarning")
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("dim", "order"), [(2, 1), (2, 2), (3, 1), (3, 2), (3, 3)])
 def test_the_report_counts_and_measures(seed, dim, order):
-    """Also as the children alone tell it, without the mesh before."""
     mesh = random_mesh(np.random.default_rng(seed), dim, order, slaves=4, twins=seed % 2 == 1)
     cut = cut_skin(mesh, "slave")
     found, report = children_quality(cut), cut_report(mesh, cut)
@@ -82,13 +58,11 @@ def test_the_report_counts_and_measures(seed, dim, order):
     dims = mesh.cell_dim[touched]
     cells = [(d, (dims == d).sum()) for d in (dim, dim - 1)]
     assert [(c.dim, c.cells[0]) for c in report.comparisons] == [row for row in cells if row[1]]
-    assert {s.group for s in report.sizes} >= {n for n, g in mesh.cell_groups.items() if touched[g].any()}
-    assert all(s.before > 0 and abs(s.change) < 1e-12 for s in report.sizes)
-    values = [w.value for w in report.worst]
+    values = [w.corner_jacobian for w in report.worst]
     assert values == pytest.approx(sorted(values), abs=1e-9)
     by_number = {int(n): k for k, n in enumerate(cut.mesh.cell_number)}
     for w in report.worst:
-        cell = by_number[w.number]
+        cell = by_number[w.cell]
         assert cut.parent_of_cell[cell] == w.parent
         assert w.groups == tuple(n for n, g in cut.mesh.cell_groups.items() if cell in g)
     assert report.internal == {"slave": (cut.n_macros, min(map(len, cut.internal_nodes)))}
@@ -97,34 +71,8 @@ def test_the_report_counts_and_measures(seed, dim, order):
         return
     assert values[0] == pytest.approx(report.summary.worst[1])
     assert found.children == sum(c.cells[1] for c in report.comparisons)
-    assert found.parents + found.unknown == sum(c.cells[0] for c in report.comparisons)
     assert found.child.least == min(c.after["corner_jacobian"].least for c in report.comparisons if c.dim > 1)
-    if not found.unknown:
-        ratios = [c.ratio for c in report.comparisons if c.dim > 1]
-        assert found.ratio.count == sum(r.count for r in ratios)
-        assert found.ratio.least == pytest.approx(min(r.least for r in ratios), rel=1e-9)
-        assert found.ratio.mean * found.ratio.count == pytest.approx(sum(r.mean * r.count for r in ratios), rel=1e-9)
-
-
-def test_parents_cut_by_two_faces_are_counted_as_unknown():
-    found = children_quality(cut_skin(cell_with_faces("HEXA8", (0, 1)), "slave"))
-    assert (found.parents, found.unknown) == (2, 1)  # both faces, not the hexahedron
-
-
-@pytest.mark.parametrize("hexa", ["pyramid", "hexa"])
-def test_the_report_says_which_variant_is_better(hexa):
-    mesh, least = stretched(), {}
-    for name in ("pyramid", "hexa"):
-        cut = cut_skin(mesh, "slave", hexa=name)
-        rows = cut.mesh.select(np.flatnonzero((cut.parent_of_cell >= 0) & (cut.mesh.cell_dim == 3)))
-        least[name] = min(corner_jacobian(kind, cut.mesh.points[nodes]).min() for kind, _, nodes in rows)
-    report = cut_report(mesh, cut_skin(mesh, "slave", hexa=hexa))
-    other, best = ("hexa", "pyramid")[hexa == "hexa"], max(least, key=least.get)
-    assert report.variants.hexahedra == 1 and report.variants.now == pytest.approx(least[hexa])
-    assert report.variants.least == pytest.approx(least)
-    assert report.variants.better == {hexa: 0, other: int(best == other)}
-    better = [w.better for w in report.worst if w.parent_type == "HEXA8"]
-    assert all(b == ((best, pytest.approx(least[best])) if best != hexa else None) for b in better)
+    assert found.invalid == sum(c.invalid[1] for c in report.comparisons)
 
 
 def test_a_cut_of_another_mesh_is_refused():
@@ -182,29 +130,23 @@ def test_findings_of_the_check_are_in_every_form(tmp_path):
 
 
 def test_the_forms_say_the_same_and_need_nothing_else(report, tmp_path):
-    html, text, told = written(tmp_path, report, name="a <part> & more.msh")
+    html, text, plain = written(tmp_path, report, name="a <part> & more.msh")
     assert not re.search(r"https?:|//|src=|href=|@import|url\(|<script", html)
     assert "a &lt;part&gt; &amp; more.msh" in html and "<b>&|*" not in html and "&lt;b&gt;&amp;|*" in html
-    assert html.count("<svg") == sum(len(c.after) + 1 for c in report.comparisons if c.dim > 1) > 5
     for tag in set(re.findall(r"</(\w+)>", html)):
         assert len(re.findall(rf"<{tag}[ >]", html)) == html.count(f"</{tag}>"), tag
-    assert text.startswith("# The cut of a") and "\\<b\\>&\\|\\*" in text and "█" in text
+    assert text.startswith("# The cut of a") and "\\<b\\>\\&\\|\\*" in text
     tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
     assert sum(len(table.splitlines()) - 1 for table in tables) == html.count("<tr")
     for table in tables:
         assert len({len(re.findall(r"(?<!\\)\|", line)) for line in table.splitlines()}) == 1
-    facts = re.findall(r"<span>([^<]*)</span><b>([^<]*)</b>", html)
-    assert len(facts) == 6 and all(f"- {label}: **{value}**" in text for label, value in facts)
-    found = json.loads(told)
-    assert found["schema"] == "lacmesh.cut_report/1" and found["name"] == "a <part> & more.msh"
-    assert list(found) == [
-        *("name", "schema", "zones", "nodes", "cells", "replaced", "children", "touched", "sizes", "worst"),
-        *("variants", "types_before", "types_after", "findings"),
-    ]
-    for touched in found["touched"]:
-        assert list(touched) == ["dim", "cells", "invalid", "before", "after", "ratio_to_parent"]
-        assert list(touched["before"]) == list(touched["after"])
-    assert found["worst"][0]["corner_jacobian"] == report.worst[0].value
+    found = json.loads(plain)
+    assert found["name"] == "a <part> & more.msh"
+    assert list(found) == ["name", "summary", "internal", "comparisons", "worst", "findings"]
+    for own in found["comparisons"]:
+        assert list(own) == ["dim", "cells", "invalid", "before", "after", "ratio"]
+        assert list(own["before"]) == list(own["after"])
+    assert found["worst"][0]["corner_jacobian"] == report.worst[0].corner_jacobian
 
 
 def test_a_cut_that_touches_no_cell_has_a_report_too(tmp_path):
@@ -258,16 +200,6 @@ def test_a_cut_that_is_checked_reports_the_findings(tmp_path):
     assert "gap" in [f["rule"] for f in json.loads(told.read_text())["findings"]]
     assert main(asked) == 0
     assert json.loads(told.read_text())["findings"] is None and json.loads(told.read_text())["name"] == "two_blocks.msh"
-
-
-def test_a_cut_loads_neither_compiler_nor_measures(tmp_path):
-    """Unless a report is asked for; so that it starts quickly."""
-    asked = ["cut", BLOCKS, "--slave", "slave", "-o", str(tmp_path / "out.msh")]
-    code = "import sys; from lacmesh.cli import main; main(sys.argv[1:]); print(*sorted(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code, *asked], capture_output=True, text=True, check=True)
-    loaded = set(done.stdout.splitlines()[-1].split())
-    assert "lacmesh.quality.corner" in loaded
-    assert not {"numba", "scipy", "matplotlib", "lacmesh.quality.measures", "lacmesh.report.compare"} & loaded
 
 
 # ---- the command: programs and masters
@@ -325,8 +257,7 @@ def test_a_master_far_away_is_found_within_the_search_distance(tmp_path, capsys)
     assert main([*asked, "-o", str(tmp_path / "out.msh")]) == 1
     assert "increase --search-distance" in capsys.readouterr().err
     assert main([*asked, "-o", str(tmp_path / "out.msh"), "--search-distance", "6"]) == 0
-    with pytest.raises(SystemExit, match="2"):
-        main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"])
+    assert main([*asked, "-o", str(tmp_path / "other.msh"), "--search-distance", "inf"]) == 2
 
 
 def test_a_shell_that_was_cut_as_one_passes_the_check():
@@ -354,12 +285,12 @@ def test_quality_prints_tables_and_what_the_cut_has_cost(msh, tmp_path, capsys):
     assert "HEXA8: 2 cells, 1 invalid (1 at a corner" in capsys.readouterr().out
     assert main(["cut", str(msh), "--slave", "slave", "-o", str(out), "-q"]) == 0
     assert main(["quality", str(out)]) == 0
-    assert "cut: 9 children, 0 invalid; 2 parents" in capsys.readouterr().out
+    assert "cut: 9 children, 0 invalid" in capsys.readouterr().out
     assert main(["quality", str(out), "--json"]) == 0
     found, mesh = json.loads(capsys.readouterr().out)["cut"], read(msh)
-    expected = min(c.ratio.least for c in cut_report(mesh, cut_skin(mesh, "slave")).comparisons)
-    assert (found["children"], found["parents"], found["parents_unknown"]) == (9, 2, 0)
-    assert found["ratio_to_parent"]["min"] == pytest.approx(expected, rel=1e-9)
+    expected = min(c.after["corner_jacobian"].least for c in cut_report(mesh, cut_skin(mesh, "slave")).comparisons)
+    assert (found["children"], found["invalid_children"]) == (9, 0)
+    assert found["corner_jacobian"]["min"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_plots_are_drawn(msh, tmp_path, capsys, monkeypatch):

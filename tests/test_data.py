@@ -18,7 +18,7 @@ from lacmesh.cli import main as lacmesh_main
 from lacmesh.errors import RequestError
 from lacmesh.examples import CASES, MESHES, data_folder
 from lacmesh.report import describe
-from lacmesh.report.records import cell_sizes, group_sizes
+from lacmesh.report.content import cell_sizes, group_sizes
 from lacsolver.cli import main as lacsolver_main
 from lacsolver.first_case import facing_pairs, first_case
 from tests.lacsolver.bodies import PLANES, SOLIDS, body

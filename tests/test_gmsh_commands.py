@@ -1,17 +1,11 @@
-"""`lacmesh mesh` and `lacmesh onelab`: what is listed of CAD files, their meshes, gmsh's window, and wrong requests."""
+"""`lacmesh mesh`: what is listed of CAD files, their meshes, and wrong requests."""
 
 from __future__ import annotations
 
 import json
-import os
 import re
-import shutil
-import signal
-import subprocess
 import sys
-import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,14 +13,12 @@ import pytest
 import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
-from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
-from lacmesh.gmsh import cad, mesher, to_mesh
+from lacmesh.errors import DataError, LacmeshWarning, RequestError
+from lacmesh.gmsh import cad
 from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
-from lacmesh.gmsh.onelab import MASTER, RESULT, SLAVE, act, open_model, set_parameters
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import jacobian
 from lacmesh.topology.orientation import analyse_orientation
-from tests.lacsolver.tables import table
 from tests.samples import each_option
 from tests.viewing import DATA
 
@@ -78,17 +70,13 @@ OCC = 'SetFactory("OpenCASCADE");\n'
 RECTANGLE = OCC + "Rectangle(1) = {0, 0, 0, 1, 2};\n"
 PLATE = "Rectangle(1) = {-2, -1, 0, 4, 2}; Disk(2) = {0, 0, 0, 0.5, 0.5};\n"
 PLATE += "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }\n"
-#: a box 2 x 3 x 4 with a round hole along z, and a ball; a plate with a hole; boxes; a box with a round void, in which
-#: a box floats, and another beside; two that overlap; one without its lid
+#: a box 2 x 3 x 4 with a round hole along z, and a ball; a plate with a hole; boxes; one without its lid
 GEOMETRIES = {
     "solids.step solids.stp solids.brep": "Box(1) = {0, 0, 0, 2, 3, 4}; Cylinder(2) = {1, 1.5, -1, 0, 0, 6, 0.5};\n"
     "BooleanDifference{ Volume{1}; Delete; }{ Volume{2}; Delete; } Sphere(3) = {6, 0, 0, 1};\n",
     "plate.brep": PLATE,
     "box.iges box.igs": "Box(1) = {0, 0, 0, 2, 3, 4};\n",
     "assembly.step": "Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {3, 0, 0, 1, 1, 1};\n",
-    "nested.stl": "Mesh.MeshSizeMax = 1; Box(1) = {0, 0, 0, 10, 10, 10}; Box(2) = {4, 4, 4, 2, 2, 2};\n"
-    "Box(3) = {20, 0, 0, 1, 1, 1}; Sphere(4) = {5, 5, 5, 4};\n",
-    "overlapping.stl": "Box(1) = {0, 0, 0, 1, 1, 1}; Box(2) = {0.5, 0.5, 0.5, 1, 1, 1};\n",
     "open.stl": "Box(1) = {0, 0, 0, 1, 1, 1}; Physical Surface(1) = {1, 2, 3, 4, 5};\n",
 }
 #: a quadrangle in a tilted plane, and a triangle that stands on it
@@ -180,16 +168,6 @@ def test_a_plane_file_lists_curves(files, name):
     assert sides == {(1, 0, 0): 2, (-1, 0, 0): 2, (0, 1, 0): 4, (0, -1, 0): 4}
 
 
-def test_an_stl_has_bodies_with_voids(files):
-    shapes = list_cad(files / "nested.stl")
-    volumes = sorted(s.measure for s in shapes if s.dim == 3)
-    assert volumes == [pytest.approx(1), pytest.approx(8), pytest.approx(1000 - 4 / 3 * np.pi * 4**3, rel=0.01)]
-    skin = [s for s in shapes if s.dim == 2]
-    assert sum(s.measure for s in skin if s.normal) == pytest.approx(6 * (100 + 4 + 1))
-    inside = [s for s in skin if s.radius is not None or s.normal is None]
-    assert {s.bodies for s in inside} == {next((s.tag,) for s in shapes if s.dim == 3 and s.measure > 10)}
-
-
 def test_the_list_is_printed(files, capsys):
     """With the names of the parts of an assembly."""
     for path, words in (
@@ -219,7 +197,6 @@ HOLED = 24 - np.pi + 4 / 3 * np.pi
             *((f"box.{suffix}", 24, "TRIA3 TETRA4") for suffix in ("iges", "igs")),
             ("column.geo", 2, "TRIA6 TETRA10"),
             ("round.geo_unrolled", 12 * np.pi, "TRIA3 TETRA4"),
-            ("nested.stl", 1009 - 4 / 3 * np.pi * 64, "TRIA3 TETRA4"),
             ("plate.geo", 8 - np.pi / 4, "SEG2 TRIA3"),
         ],
         of=lambda row: [row[1:]],
@@ -317,7 +294,7 @@ def test_cells_that_stay_invalid_are_told():
         gmsh.model.mesh.addNodes(3, entity, range(1, 6), points.ravel())
         gmsh.model.mesh.addElementsByType(entity, 4, [8, 9], [1, 2, 3, 4, 1, 2, 3, 5])
         with pytest.warns(LacmeshWarning, match=r"1 cells are inverted or degenerate \(9\)"):
-            mesher.check_cells(gmsh, 3)
+            cad.check_cells(gmsh, 3)
 
 
 @pytest.mark.parametrize(
@@ -361,8 +338,7 @@ def test_dim_2_meshes_shells_and_surfaces_of_a_solid_are_slaves_of_one(files, tm
     ("name", "options", "status", "words"),
     [
         ("nothing.step", "", 3, "No such file"),
-        ("open.stl", "", 1, "24 edges .*--dim 2"),
-        ("overlapping.stl", "", 1, "cannot mesh it"),
+        ("open.stl", "--dim 3", 1, "holds surfaces and no volume"),
         *(("solids.step", f"--group {spec}", 2, "says no group") for spec in ("=1", "x=1,a", "x=box:0,0,0,1,1")),
         ("solids.step", "--slave x", 2, "go together"),
         ("solids.step", "--json", 2, "--json goes with"),
@@ -405,183 +381,14 @@ def test_a_script_whose_last_line_has_no_end(tmp_path):
     assert {g for s in list_cad(script) for g in s.groups} == {"a", "b"}
 
 
-def test_an_output_that_cannot_be_an_absent_gmsh_and_a_child_that_dies(files, tmp_path, capsys, monkeypatch):
+def test_an_output_that_cannot_be_an_absent_gmsh_and_one_that_runs(files, tmp_path, capsys, monkeypatch):
     step = str(files / "solids.step")
-    monkeypatch.setattr(cad, "_run_child", lambda folder: pytest.fail("meshed for nothing"))
-    for words, status in (([f"{tmp_path}/out.xyz_"], 2), ([f"{tmp_path}/no/out.msh"], 3), ([], 2)):
-        assert main(["mesh", step, *(word for place in words for word in ("-o", place))]) == status
-    monkeypatch.setattr(cad, "_run_child", lambda folder: (-signal.SIGSEGV, "Aborted\n"))
-    with pytest.raises(ReadError, match=r"gmsh died on it \(status -11: Aborted\)"):
+    with monkeypatch.context() as patched:
+        patched.setattr(cad, "opened", lambda *given: pytest.fail("meshed for nothing"))
+        for words, status in (([f"{tmp_path}/out.xyz_"], 2), ([f"{tmp_path}/no/out.msh"], 3), ([], 2)):
+            assert main(["mesh", step, *(word for place in words for word in ("-o", place))]) == status
+    with session(), pytest.raises(RequestError, match="runs in this program"):
         list_cad(step)
     monkeypatch.setitem(sys.modules, "gmsh", None)
     assert main(["mesh", step, "--list"]) == 2
     assert "pip install 'lacmesh[gmsh]'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_an_interrupt_stops_gmsh_too(tmp_path, number, status):
-    """A mesh that would take minutes; neither the child nor a file is left."""
-    env = dict(os.environ, TMPDIR=str(tmp_path))
-    command = [sys.executable, "-m", "lacmesh", "mesh", str(LUG), "-o", str(tmp_path / "out.msh"), "--size", "0.2"]
-    process = subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True)
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
-    child = ""
-    for _ in range(6000):
-        child = child or children.read_text().strip() if children.exists() else ""
-        if child and any(tmp_path.glob("lacmesh-*/printed")):
-            break
-        time.sleep(0.05)
-    time.sleep(1.0)  # gmsh is at work
-    process.send_signal(number)
-    _, said = process.communicate(timeout=300)
-    assert process.returncode == status and "nothing was written" in said
-    assert child and not Path(f"/proc/{child}").exists()
-    assert not list(tmp_path.iterdir())
-
-
-# ---- gmsh's window with the buttons of LAC: its parameters and actions without a window, and the window itself
-
-
-@pytest.fixture
-def gmsh():
-    with session() as opened:
-        yield opened
-
-
-@pytest.fixture
-def window(gmsh, tmp_path):
-    """The path of the two blocks, open in gmsh with the parameters set; messages are logged."""
-    path = shutil.copy(DATA / "two_blocks.msh", tmp_path / "two_blocks.msh")
-    open_model(path)
-    set_parameters()
-    gmsh.logger.start()
-    return path
-
-
-def logged(gmsh, kind):
-    return [line.removeprefix(f"{kind}: ") for line in gmsh.logger.get() if line.startswith(f"{kind}: ")]
-
-
-def views(gmsh):
-    return [(gmsh.view.option.getString(t, "Name"), int(t)) for t in gmsh.view.getTags()]
-
-
-def choices(gmsh):
-    return sorted(json.loads(gmsh.onelab.get(SLAVE))["choices"])
-
-
-def test_the_parameters_are_groups_of_faces_and_buttons(gmsh, window):
-    assert choices(gmsh) == sorted(["slave", "master", "bottom", "top", "symmetry_x", "symmetry_y"])
-    assert gmsh.onelab.getString(SLAVE) == ["slave"] and gmsh.onelab.getString(MASTER) == ["master"]
-    gmsh.onelab.setString(MASTER, ["top"])
-    gmsh.model.addPhysicalGroup(2, [gmsh.model.getEntities(2)[0][1]], name="further")
-    set_parameters()
-    assert "further" in choices(gmsh) and gmsh.onelab.getString(MASTER) == ["top"]
-    own = [json.loads(gmsh.onelab.get(name)) for name in gmsh.onelab.getNames() if name.startswith("LAC/")]
-    buttons = [one for one in own if one.get("attributes", {}).get("Aspect") == "Button"]
-    assert {b["values"][0] for b in buttons} == {"lac cut", "lac check", "lac solve"}
-    assert all(b["attributes"]["Macro"] == "Action" for b in buttons)
-
-
-@pytest.mark.parametrize(("slave", "macros"), [("slave", 36), ("slave, bottom", 78)])
-def test_cut_is_the_cut_of_the_command_and_check_prints_its_findings(gmsh, window, slave, macros):
-    gmsh.onelab.setString(SLAVE, [slave])
-    act(window, "lac check")
-    assert any(line.startswith("not-cut: ") for line in logged(gmsh, "Info"))
-    cut = lacmesh.cut_skin(lacmesh.read(window), slave.split(", "))
-    assert act(window, "lac cut") == f"{slave} cut: {macros} macro-elements" and cut.n_macros == macros
-    assert to_mesh().cells_by_type == cut.mesh.cells_by_type and to_mesh().zones == cut.zones
-    set_parameters()
-    assert gmsh.onelab.getString(SLAVE) == [slave]
-    gmsh.logger.stop()
-    gmsh.logger.start()
-    said = act(window, "lac check")
-    assert said == "no errors, 0 warnings" or slave != "slave"
-    rules = {line.partition(": ")[0] for line in logged(gmsh, "Info")}
-    assert "not-cut" not in rules and "gap" in rules
-    gmsh.onelab.setString(SLAVE, ["top"])
-    assert "cut already" in act(window, "lac cut")
-
-
-@pytest.mark.parametrize("name", ["blocks.med", "pin_in_lug.step"])
-def test_other_formats_and_geometries_that_are_meshed_in_the_window_are_cut(gmsh, tmp_path, name):
-    path = tmp_path / name
-    if name == "blocks.med":
-        lacmesh.write(path, lacmesh.read(DATA / "two_blocks.msh"))
-    else:
-        shutil.copy(LUG, path)
-    open_model(path)
-    set_parameters()
-    if name == "pin_in_lug.step":
-        surfaces = [f"entity:2:{tag}" for _, tag in gmsh.model.getEntities(2)]
-        assert choices(gmsh) == sorted(surfaces)
-        gmsh.onelab.setString(SLAVE, surfaces[:1])
-        assert "no mesh yet" in act(path, "lac cut")
-        gmsh.option.setNumber("Mesh.MeshSizeMin", gmsh.option.getNumber("Mesh.MeshSizeMax"))
-        gmsh.model.mesh.generate(3)
-    assert "macro-elements" in act(path, "lac cut") and to_mesh().zones
-
-
-def test_solve_writes_a_case_then_runs_it_and_shows_results(gmsh, window):
-    """The views hold what the run's own table holds, at the last time; 25 on the top is in balance."""
-    act(window, "lac cut")
-    case = window.with_name("two_blocks.lac.toml")
-    assert "fill in" in act(window, "lac solve") and case.exists() and "displacement" not in dict(views(gmsh))
-    text, supports = case.read_text(), (DATA / "two_blocks.toml").read_text().partition("[[displacement]]")
-    assert 'mesh = "two_blocks.lac.msh"' in text
-    case.write_text(text.partition("# prescribed displacement")[0] + "".join(supports[1:]))
-    for _ in range(2):  # results are replaced, their views too
-        assert "views: displacement, pressure slave" in act(window, "lac solve"), gmsh.logger.get()
-    names = [name for name, _ in views(gmsh)]
-    assert names.count("displacement") == names.count("pressure slave") == 1 and not logged(gmsh, "Error")
-    mesh, tags = to_mesh(), dict(views(gmsh))
-    assert not {"displacement", "pressure slave"} & {*mesh.node_data, *mesh.cell_data}
-    kind, cells, pressure, moment, _ = gmsh.view.getHomogeneousModelData(tags["pressure slave"], 1)
-    rows = table(window.with_name("two_blocks.lac.results") / "contact_slave.csv")
-    last = rows["pressure"][rows["time"] == rows["time"].max()]
-    assert (kind, moment, set(cells)) == ("ElementData", 1.0, set(mesh.cell_number[mesh.cell_groups["slave"]]))
-    np.testing.assert_allclose(np.unique(pressure), np.unique(last), rtol=1e-12)
-    areas, above = (
-        gmsh.model.mesh.getElementQualities(of, "volume") for of in (cells, mesh.cell_number[mesh.cell_groups["top"]])
-    )
-    assert areas @ pressure == pytest.approx(25.0 * sum(above), rel=1e-9)
-    _, nodes, displacement, _, _ = gmsh.view.getHomogeneousModelData(tags["displacement"], 1)
-    bottom = mesh.node_number[mesh.nodes_on(mesh.cell_groups["bottom"])]
-    assert not displacement.reshape(-1, 3)[np.isin(nodes, bottom)].any()
-    assert gmsh.view.option.getNumber(tags["displacement"], "VectorType") == 5
-
-
-BLOCKS = (DATA / "two_blocks.toml").read_text()
-
-
-@pytest.mark.parametrize(
-    ("slave", "case", "action", "words"),
-    [
-        ("slave", None, "lac solve", "press Cut"),
-        ("", None, "lac cut", "choose LAC/Slave"),
-        ("nothing", None, "lac cut", "nothing"),
-        ("slave", "mesh = 'two_blocks.lac.msh'\nmodle = '3d'\n", "lac solve", "modle"),
-        ("bottom", BLOCKS, "lac solve", "another mesh"),
-        ("bottom", BLOCKS.replace("two_blocks.msh", "two_blocks.lac.msh"), "lac solve", "none of slave"),
-    ],
-)
-def test_what_cannot_be_done_is_a_message(gmsh, window, slave, case, action, words):
-    gmsh.onelab.setString(SLAVE, [slave])
-    if case:
-        act(window, "lac cut")
-        window.with_name("two_blocks.lac.toml").write_text(case)
-    before = sorted(window.parent.iterdir())
-    assert words in act(window, action) and any(words in line for line in logged(gmsh, "Error"))
-    assert words in gmsh.onelab.getString(RESULT)[0] and "displacement" not in dict(views(gmsh))
-    assert case or sorted(window.parent.iterdir()) == before
-
-
-def test_a_damaged_or_absent_file_and_an_absent_display_are_refused(gmsh, tmp_path, monkeypatch, capsys):
-    (tmp_path / "no.msh").write_text("nothing\n")
-    for name in ("no.msh", "absent.msh"):
-        with pytest.raises(ReadError, match=name):
-            open_model(tmp_path / name)
-    if sys.platform == "linux":  # windows of other systems need no display
-        monkeypatch.setenv("DISPLAY", ":65500")
-        assert main(["onelab", str(DATA / "two_blocks.msh")]) == 2
-        assert "cannot open its window" in capsys.readouterr().err

@@ -8,7 +8,6 @@ import sys
 import tempfile
 import warnings
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,8 +17,7 @@ from lacmesh import Cut, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.cutting.earlier import recognise
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
-from lacmesh.gmsh import cut_model, from_mesh, to_mesh, update_model
-from lacmesh.topology.orientation import reverse
+from lacmesh.gmsh import cut_model, from_mesh, to_mesh
 from tests.checks.blocks import two_blocks
 from tests.checks.corpus import without_records
 from tests.meshes import cell_with_faces, random_mesh
@@ -94,7 +92,6 @@ MODELS = {
         'Periodic Surface{2} = {1} Translate{1, 0, 0}; Physical Surface("top") = {6}; Mesh.MeshSizeMax = 0.5;',
         ["top"],
     ),
-    "partitioned": (f"{BOXES}", ["2:5"]),
     # no geometry: from a mesh with mixed cells
     "discrete": ("", ["slave"]),
 }
@@ -274,7 +271,7 @@ def test_a_model_is_the_mesh_of_its_file_and_its_cut_that_of_this_mesh(model, gm
     from_mesh(mesh, "copy")  # of the model before, without a geometry
     assert gmsh.model.getCurrent() == "copy"
     if not parts:  # a copy has none
-        same(to_mesh(), mesh, model=mesh.name != "occ")
+        same(to_mesh(), mesh, model=mesh.name not in ("occ", "periodic"))  # gmsh reads no embedded entities
     assert all(gmsh.model.getType(*entity).startswith("Discrete") for entity in gmsh.model.getEntities() if entity[0])
     for _, tag in gmsh.model.getEntities(0):
         nodes, xyz, _ = gmsh.model.mesh.getNodes(0, tag)
@@ -315,17 +312,6 @@ def test_the_geometry_stays_attached(gmsh):
     assert (on & skin).sum() > 20 and np.abs(radius[on & skin, 2] - 1).max() < 1e-9
 
 
-def test_many_cells_are_taken_out_at_once(gmsh, monkeypatch):
-    """The quick way to take cells out of a large entity gives what the plain one does."""
-    build(gmsh, "hexahedra")
-    mesh = to_mesh()
-    expected = cut_model(["ends", "side"]).mesh
-    from_mesh(mesh, "again")
-    monkeypatch.setattr("lacmesh.gmsh.update._MANY_REMOVED", 0)
-    cut_model(["ends", "side"])
-    same(to_mesh(), expected)
-
-
 def dump(gmsh):
     """All that gmsh says of its current model."""
     entities, groups, mesh = gmsh.model.getEntities(), gmsh.model.getPhysicalGroups(), gmsh.model.mesh
@@ -361,7 +347,7 @@ def test_a_failure_leaves_the_model_untouched(gmsh):
 INTERRUPTED = """
 import signal, gmsh
 from lacmesh.gmsh import cut_model
-gmsh.initialize({how})
+gmsh.initialize(interruptible=False)
 gmsh.option.setNumber("General.Terminal", 0)
 gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
 gmsh.model.occ.synchronize()
@@ -381,13 +367,9 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.parametrize(
-    ("how", "status", "last"), [("interruptible=False", 0, "interrupted True True"), ("", -2, "on")]
-)
-def test_an_interrupt_waits_until_the_model_is_whole(how, status, last):
-    """Also where gmsh lets an interrupt end the process."""
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED.format(how=how)], capture_output=True, text=True)
-    assert done.returncode == status and done.stdout.splitlines()[-1] == last, done.stderr
+def test_an_interrupt_waits_until_the_model_is_whole():
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.splitlines()[-1] == "interrupted True True", done.stderr
 
 
 # ---- the records as views
@@ -426,6 +408,7 @@ def test_fields_of_the_user_are_carried_to_children_and_a_saved_cut_is_a_cut_whe
     temperature = gmsh.view.add("temperature")
     gmsh.view.addHomogeneousModelData(temperature, 0, "boxes", "NodeData", mesh.node_number, mesh.points[:, 0], 2.5)
     cut = cut_model("2:5")
+    temperature = next(v for v in gmsh.view.getTags() if gmsh.view.option.getString(v, "Name") == "temperature")
     kind, numbers, values, moment, _ = gmsh.view.getHomogeneousModelData(temperature, 0)
     assert (kind, moment, len(numbers)) == ("NodeData", 2.5, cut.mesh.n_nodes)
     x = by_number(cut.mesh, cut.mesh.points[:, 0], "node")
@@ -483,62 +466,7 @@ def test_a_wrong_mesh_leaves_no_model_behind(gmsh):
     for change, *asked, words in (
         (from_mesh, mesh, "partitioned", "already"),
         (from_mesh, wrong, "wrong", "entity"),
-        (update_model, mesh, "unpartition"),
     ):
         with pytest.raises((RequestError, DataError), match=words):
             change(*asked)
     assert gmsh.model.list() == ["", "partitioned"] and dump(gmsh) == before
-
-
-# ---- models brought to another mesh
-
-
-def test_groups_moved_nodes_and_reversed_faces_come_back_and_nothing_else_is_touched(gmsh, monkeypatch):
-    build(gmsh, "boxes")
-    mesh = to_mesh()
-    with monkeypatch.context() as patched:
-        for name in ("removeElements", "addElementsByType", "addNodes", "setNode", "clear"):
-            patched.delattr(gmsh.model.mesh, name)
-        patched.delattr(gmsh.model, "addPhysicalGroup")
-        patched.delattr(gmsh.model, "addDiscreteEntity")
-        update_model(mesh)
-    types = [gmsh.model.getType(*t) for t in gmsh.model.getEntities()]
-    update_model(lacmesh.raise_order(mesh))
-    same(to_mesh(), lacmesh.raise_order(mesh))
-    update_model(mesh)
-    assert [gmsh.model.getType(*t) for t in gmsh.model.getEntities()] == types
-    faces = mesh.cell_groups["2:5"]
-    moved = replace(reverse(mesh, faces), points=mesh.points + np.eye(mesh.n_nodes)[:, -1:] * 0.01)
-    groups = {name: cells for name, cells in mesh.cell_groups.items() if name != "upper body"}
-    changed = replace(moved, cell_groups={**groups, "half of it": faces[::2]})
-    update_model(changed)
-    same_cells(to_mesh(), changed)
-    assert members(to_mesh()) == members(changed)
-    assert len([t for t in gmsh.model.getEntities(2) if gmsh.model.getType(*t) == "Discrete surface"]) == 1
-
-
-def test_moved_nodes_keep_their_parameters(gmsh):
-    """Nodes of a cylinder turned on it: each has its own parameters."""
-    build(gmsh, "pin", f"{PIN} Mesh.MeshSizeMax = 0.4;")
-    mesh = to_mesh()
-    side = (mesh.node_data["entity"] == [2, 1]).all(axis=1)
-    points = mesh.points.copy()
-    points[side, :2] = points[side, :2] @ np.array([[np.cos(0.01), np.sin(0.01)], [-np.sin(0.01), np.cos(0.01)]])
-    update_model(replace(mesh, points=points))
-    nodes, xyz, parameters = gmsh.model.mesh.getNodes(2, 1, returnParametricCoord=True)
-    moved = by_number(mesh, points, "node")
-    assert side.sum() > 20 and np.abs(xyz.reshape(-1, 3) - [moved[n] for n in nodes]).max() < 1e-12
-    assert np.abs(gmsh.model.getValue(2, 1, parameters) - xyz).max() < 1e-6
-
-
-def test_nodes_that_are_gone_make_the_mesh_anew(gmsh):
-    """Half of the cells taken out, with the nodes that only they had."""
-    build(gmsh, "periodic")
-    mesh = to_mesh()
-    keep = np.sort(np.concatenate([np.arange(a, (a + b + 1) // 2) for a, b in pairwise(mesh.offsets)]))
-    half = replace(replace(mesh, cell_groups={"half": keep}).only("half"), cell_groups={}, model=None)
-    with pytest.warns(LacmeshWarning, match="periodic links"):
-        update_model(half)
-    back = to_mesh()
-    assert cells_of(back) == cells_of(half) and back.n_nodes == half.n_nodes and not back.cell_groups
-    assert gmsh.model.getType(3, 1) == "Volume"

@@ -16,8 +16,7 @@ from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian
 from lacmesh.surface import Surface
-from lacmesh.topology.orientation import analyse_orientation, orient, reverse, skin_cells
-from lacmesh.topology.winding import REVERSED
+from lacmesh.topology.orientation import REVERSED, analyse_orientation, orient, reverse, skin_cells
 from tests import properties
 from tests.checks.blocks import SOLIDS, two_blocks
 from tests.checks.corpus import reversed_group, without_records

@@ -25,7 +25,7 @@ from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.cutting.patterns import RING_PARENTS, WHOLE_FACES, parent_pattern
 from lacmesh.reference.shapes import shape
 from lacsolver.case import errors as case_errors
-from lacsolver.cli import COMMANDS
+from lacsolver.cli import PROGRAM
 from lacsolver.cli import main as lacsolver_main
 from lacsolver.equilibrium.stepping import NotConvergedError
 from lacsolver.linear import errors as linear_errors
@@ -113,7 +113,7 @@ def test_commands_print_what_their_page_shows(tutorials, name, fresh):
     assert shows_what_the_page_shows([(printed, "".join(out for _, out in done))])
     run_python(name, tutorials.blocks(page, "python"))
     if name == "solver.md":
-        assert {command.words[1] for command, _ in done} == set(COMMANDS)
+        assert {command.words[1] for command, _ in done} == set(PROGRAM.group.commands)
 
 
 #: pages whose examples read what their commands, or a run, write first

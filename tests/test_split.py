@@ -16,9 +16,8 @@ from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.split import split_skins
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
-from lacmesh.topology.faces import faces_of
-from lacmesh.topology.orientation import reverse
-from lacmesh.topology.winding import face_normals
+from lacmesh.topology.orientation import face_normals, reverse
+from lacmesh.topology.skin import faces_of
 from tests import properties
 from tests.meshes import facets_of, random_mesh
 

@@ -10,8 +10,8 @@ from scipy.sparse.csgraph import connected_components
 import lacmesh.topology.boxes as topology_boxes
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.topology import components, facets
-from lacmesh.topology.bodies import label_bodies
+from lacmesh.topology import facets, skin
+from lacmesh.topology.bodies import label_bodies, label_components
 from lacmesh.topology.boxes import meeting, meeting_each_other
 from lacmesh.topology.facets import (
     ABSENT,
@@ -24,7 +24,8 @@ from lacmesh.topology.facets import (
     boundary_faces,
     pair_facets,
 )
-from lacmesh.topology.winding import face_normals
+from lacmesh.topology.orientation import face_normals
+from lacmesh.topology.skin import label_rows, mixed_bits
 from tests.meshes import box, pad, random_mesh
 
 # ---- facets
@@ -59,11 +60,10 @@ def cycle(listed):
 @pytest.mark.parametrize("keys", ["spread", "few"])
 def test_pairs_of_facets_are_those_of_a_table(seed, keys, monkeypatch):
     """Of a conforming mixture, of the same three times over, and of cells of random nodes."""
-    if keys == "few":  # the first two draws give most facets the key of another one
-        bits, make = facets.mixed_bits, facets._keys
-        few = lambda n, draw: bits(n, draw) >> np.uint64(61 if draw < 3 else 0)  # noqa: E731
-        monkeypatch.setattr(facets, "mixed_bits", few)
-        monkeypatch.setattr(facets, "_keys", lambda *given: make(*given) << np.uint64(50))
+    if keys == "few":  # most facets have the hash of another one
+        hashes = facets._hashes
+        monkeypatch.setattr(facets, "mixed_bits", lambda numbers: mixed_bits(numbers) >> np.uint64(61))
+        monkeypatch.setattr(facets, "_hashes", lambda *given: hashes(*given) << np.uint64(50))
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, dim=2 + seed % 2, twins=True)
     thrice = [(b.type, np.concatenate([b.nodes] * 3)) for b in mesh.blocks]
@@ -130,11 +130,23 @@ def test_pairs_of_boxes_are_those_of_all_compared(n, m, few, monkeypatch):
 
 
 @pytest.mark.parametrize(("n", "edges"), [(0, 0), (5, 0), (60, 40), (400, 300)])
-def test_components_by_python_and_by_scipy_are_the_same(n, edges, monkeypatch):
+def test_components_are_those_of_scipy(n, edges):
     i, j = np.random.default_rng(n).integers(0, max(n, 1), (2, edges))
-    by_python = components.label_components(i, j, n)
-    monkeypatch.setattr(components, "_MANY", -1)
-    assert n == 0 or np.array_equal(components.label_components(i, j, n), by_python)
+    graph = coo_array((np.ones(edges, bool), (i, j)), shape=(n, n))
+    assert n == 0 or np.array_equal(label_components(i, j, n), connected_components(graph, directed=False)[1])
+    assert len(label_components(i, j, n)) == n
+
+
+@pytest.mark.parametrize("bits", [0, 62])
+def test_equal_rows_have_one_label_even_where_hashes_clash(bits, monkeypatch):
+    bits_of = mixed_bits
+    monkeypatch.setattr(skin, "mixed_bits", lambda numbers: bits_of(numbers) << np.uint64(bits))
+    rows = np.random.default_rng(3).integers(0, 4, (300, 3))
+    labels, count = label_rows(rows)
+    expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()
+    pairs = np.unique(np.stack([labels, expected]), axis=1)
+    assert count == pairs.shape[1] == len(np.unique(expected)) == len(np.unique(labels))
+    assert sorted(np.unique(labels)) == list(range(count))
 
 
 @pytest.mark.parametrize("cells", [0, 1, 30, 100])

@@ -15,8 +15,8 @@ import pytest
 
 import lacmesh
 import lacsolver as ls
+from lacmesh.drawing import PALETTE, RAMP
 from lacmesh.gmsh.cad import list_cad
-from lacmesh.scene import colours
 from tests import REPOSITORY
 from tests.viewing import tones
 
@@ -131,7 +131,7 @@ def test_commands_print_what_the_page_shows_and_pictures_are_made_again(ran, nam
     assert sorted(pictures_of(TUTORIALS / f"{name}.md")) == sorted(path.name for path in folder.glob("*.png"))
     for path in folder.glob("*.png"):
         assert size_of(path) == size_of(TUTORIALS / path.name) and path.stat().st_size < 500_000
-        ours, theirs = (np.array(tones(p, *colours.PALETTE, *colours.RAMP)) for p in (path, TUTORIALS / path.name))
+        ours, theirs = (np.array(tones(p, *PALETTE, *RAMP)) for p in (path, TUTORIALS / path.name))
         shown = np.maximum(ours, theirs) > 2000
         assert (np.abs(ours - theirs)[shown] < 0.35 * theirs[shown]).all(), path.name
 

@@ -20,7 +20,7 @@ import numpy as np
 import lacmesh
 from lacmesh import cut_skin
 from lacmesh.cli import main
-from lacmesh.scene import colours
+from lacmesh.drawing import rgb
 from tests import REPOSITORY
 
 DATA = REPOSITORY / "data"
@@ -171,7 +171,7 @@ def tones(path, *wanted):
     hue = pixels - pixels.mean(axis=1, keepdims=True)
     strength = np.linalg.norm(hue, axis=1)
     counts = []
-    for colour in colours.rgb(wanted).astype(float):
+    for colour in rgb(wanted).astype(float):
         tone = colour - colour.mean()
         likeness = hue @ tone / np.maximum(strength, 1e-9) / np.linalg.norm(tone)
         counts.append(int(((likeness > 0.98) & (strength > 0.5 * np.linalg.norm(tone))).sum()))

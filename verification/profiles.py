@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.report.charts import Line
+from lacsolver.reporting.charts import Line
 from lacsolver.results.state import State
 from verification.solving import Solved
 

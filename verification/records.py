@@ -15,7 +15,7 @@ from functools import partial
 from inspect import signature
 from typing import Any, Literal
 
-from lacmesh.report.charts import Plot
+from lacsolver.reporting.charts import Plot
 from verification.measures.rates import fitted, pairwise
 
 #: each has the cases of those before it

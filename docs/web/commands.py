@@ -1,25 +1,24 @@
-"""Reference of the commands, from their parsers."""
+"""Reference of the commands, from their declarations."""
 
 from __future__ import annotations
 
-import argparse
+import re
 from collections.abc import Iterator
+from typing import Any
 
 from lacmesh.cli.program import Program
 from web.markdown import escaped, table
 
 
 def page(program: Program, start: str) -> str:
-    """The page of a program that is started as `start`: each command with its usage, arguments and options."""
-    parser = program.parser
-    (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
-    lines = [f"# Command {start}", "", escaped(parser.description or ""), ""]
-    helps = {choice.dest: choice.help or "" for choice in commands._choices_actions}
-    rows = [(f"[{name}](#{slug(start, name)})", escaped(helps.get(name, ""))) for name in commands.choices]
+    """The page of a program that is started as `start`: each command with its examples, arguments and options."""
+    group = program.group
+    lines = [f"# Command {start}", "", escaped(group.help or ""), ""]
+    rows = [(f"[{name}](#{slug(start, name)})", escaped(one.short_help or "")) for name, one in group.commands.items()]
     lines += table(("command", "does"), rows)
-    for name, command in commands.choices.items():
+    for name, command in group.commands.items():
         lines += _command(f"{start} {name}", command)
-    lines += ["## After the options", "", "```text", parser.epilog or "", "```", ""]
+    lines += ["## After the options", "", "```text", (group.epilog or "").lstrip("\b\n"), "```", ""]
     return "\n".join(lines)
 
 
@@ -28,21 +27,14 @@ def slug(start: str, name: str) -> str:
     return f"{start} {name}".replace(" ", "-").lower()
 
 
-def _command(title: str, command: argparse.ArgumentParser) -> Iterator[str]:
-    yield from (f"## {title}", "", escaped(command.description or ""), "")
-    command.prog = title
-    yield from ("```text", command.format_usage().removeprefix("usage: ").rstrip(), "```", "")
-    rows = [(_names(action, command), escaped(_help(action, command))) for action in command._actions]
+def _command(title: str, command: Any) -> Iterator[str]:
+    about, _, examples = command.help.partition("\b\n")
+    yield from (f"## {title}", "", escaped(about.strip()), "")
+    yield from ("```console", re.sub(r"^\$ \w+ \S+", f"$ {title}", examples, flags=re.MULTILINE), "```", "")
+    context = command.context_class(command, info_name=title)
+    rows = []
+    for param in command.get_params(context):
+        name, text = param.get_help_record(context)
+        name = param.metavar if param.param_type_name == "argument" else name
+        rows.append((f"`{name}`".replace("|", r"\|"), escaped(text)))
     yield from table(("argument", "meaning"), rows)
-    if command.epilog:
-        yield from ("```text", command.epilog.rstrip(), "```", "")
-
-
-def _names(action: argparse.Action, command: argparse.ArgumentParser) -> str:
-    """The argument as it is typed: `-o FILE, --output FILE`."""
-    invocation = command._get_formatter()._format_action_invocation(action)
-    return f"`{invocation}`".replace("|", r"\|")
-
-
-def _help(action: argparse.Action, command: argparse.ArgumentParser) -> str:
-    return command._get_formatter()._expand_help(action) if action.help else ""

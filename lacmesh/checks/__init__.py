@@ -1,13 +1,13 @@
 """The check of a mesh against the requirements of the LAC method; faults of the mesh are findings, not exceptions.
 
-    numbers, validity, facets  = the cells by themselves, and how they fit together   (solids, facets)
-    groups, parents, shape     = the skins: their faces, parent cells and orientation  (skins)
-    dofs                       = the hypothesis of the method, macro-element by macro-element (dofs)
-    shapes                     = shapes of curved skins of linear faces, and whether the mesh resolves them (shapes)
-    bodies, skins in space     = torn bodies, hanging and coincident nodes, faces that cross (bodies, boxes, crossing)
-    facing                     = slave against master: gap, coverage, sides, sizes     (facing)
+    findings, request  = the rules and what they find; the mesh, its skins and the pairs
+    cells              = the cells by themselves, and how they fit together
+    skins              = the faces of the skins, their parent cells and orientation, the nodes that they share
+    dofs               = the hypothesis of the method, macro-element by macro-element
+    bodies             = torn bodies, hanging and coincident nodes, faces that cross
+    facing             = shapes of curved skins; slave against master: gap, coverage, sides, sizes
 
-Every rule is defined in `rules.py`; `docs/check.md` lists them.
+Every rule is a function with the decorator `rule`; `docs/check.md` lists them.
 """
 
 from __future__ import annotations
@@ -19,21 +19,23 @@ from typing import Any
 
 import numpy as np
 
-from lacmesh.checks.findings import Finding, Findings, Where, collect
-from lacmesh.checks.pairs import check_one_pair
-from lacmesh.checks.rules import RULES, Rule
-from lacmesh.checks.subject import CheckStep, Subject, make_subject
+from lacmesh.checks.findings import Examination, Finding, Findings, Place, Rule, Where, all_rules, examinations
+from lacmesh.checks.request import Request, check_one_pair
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import RequestError
 from lacmesh.mesh import Mesh, MeshLike, Spec, as_mesh, spec_list, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 
-__all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check"]
+__all__ = ["RULES", "Finding", "Findings", "Rule", "Where", "check", "solution_defects"]
 
+RULES: dict[str, Rule]
 Specs = str | int | Sequence[str | int]
-#: parts of the check that examine each pair by itself, and their rules about one skin, of whatever pair
-_BY_PAIR = ("check_sharing", "check_skins_in_space", "check_facing")
-_OF_ONE_SKIN = ("hanging-node", "self-intersection")
+
+
+def __getattr__(name: str) -> dict[str, Rule]:
+    if name == "RULES":  # a command that checks nothing does without the modules of the rules
+        return all_rules()
+    raise AttributeError(name)
 
 
 def check(
@@ -81,83 +83,108 @@ def check(
         raise RequestError("no slave group was given")
     if axisymmetric and mesh.dim == 3:
         raise RequestError("an axisymmetric model is plane, and this mesh has cells of dimension 3")
-    options = {
-        "search_distance": search_distance,
-        "max_penetration": max_penetration,
-        "axisymmetric": axisymmetric,
-        "surface": surface,
-        "crease_angle": crease_angle,
-    }
+    options: dict[str, Any] = {"search_distance": search_distance, "max_penetration": max_penetration}
+    options |= {"axisymmetric": axisymmetric, "surface": surface, "crease_angle": crease_angle}
     origin = origin_of_mesh(mesh) * [not axisymmetric, 1.0, 1.0]
     local = from_origin(mesh, origin)
-    slaves, masters, fixed = (_listed(specs) for specs in (slave, master, dirichlet))
+    slaves, masters, fixed = (() if specs is None else tuple(spec_list(specs)) for specs in (slave, master, dirichlet))
     if pairs is None:
         check_one_pair(slaves, masters)
-    subject = make_subject(local, slaves, masters, fixed, options, origin, recognise)
+    single = [((spec_text(one),), (spec_text(other),)) for one, other in pairs or ()]
+    request, *by_pair = (
+        Request.of(local, *sides, fixed, options, origin, recognise) for sides in [(slaves, masters), *single]
+    )
+    return _examined(request, by_pair if len(by_pair) > 1 else [])
+
+
+def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
+    """Return the findings and figures of all rules; those of pairs are about each of several pairs by itself."""
     findings: list[Finding] = []
-    figures: dict[str, Any] = {"slave": list(subject.slave.names), "slave_faces": len(subject.slave)}
-    if subject.master is not None:
-        figures |= {"master": list(subject.master.names), "master_faces": len(subject.master)}
-    alone = [
-        make_subject(local, (spec_text(one),), (spec_text(other),), fixed, options, origin, recognise)
-        for one, other in pairs or ()
-    ]
-    if len(alone) > 1:
-        figures["pairs"] = [{"slave": one.slave.group, "master": one.sides[1].group} for one in alone]
-    for part in _parts(mesh):
-        if len(alone) > 1 and part.__name__ in _BY_PAIR:
-            findings += _done(part, replace(subject, master=None))[0] if part.__name__ == "check_sharing" else []
-            for one, figures_of_pair in zip(alone, figures["pairs"], strict=True):
-                more, what = _done(part, one)
-                findings += [_of_pair(finding, one) for finding in more]
-                figures_of_pair |= what
-        else:
-            more, what = _done(part, subject)
-            findings += more
-            figures |= what
-    return collect(list(dict.fromkeys(findings)), figures)
+    failures: dict[str, list[str]] = {}
+    figures: dict[str, Any] = {}
+    for side in request.sides:
+        figures |= {side.what: list(side.names), f"{side.what}_faces": len(side)}
+    if by_pair:
+        figures["pairs"] = [{side.what: side.group for side in one.sides} for one in by_pair]
+    for scope, group in _in_turn(request.mesh):
+        several = by_pair if "pair" in scope else ()
+        for k, one in enumerate(several or [request]):
+            of_figures = figures["pairs"][k] if several else figures
+            for arguments in _arguments(scope, one):
+                for examination in group:
+                    try:
+                        with np.errstate(all="ignore"):
+                            result = examination.function(one, *arguments)
+                            if not examination.rule:
+                                of_figures |= result
+                                continue
+                            more = [one.finding(examination.rule, place) for place in result]
+                    except RequestError:
+                        raise
+                    except Exception as error:  # an unusual mesh: the other rules go on
+                        failures.setdefault(f"{type(error).__name__}: {error}", []).append(
+                            examination.rule or examination.function.__name__
+                        )
+                        continue
+                    findings += [_of_pair(f, one) for f in more] if several and scope == "pair" else more
+    for error, names in failures.items():
+        message = f"the check of {', '.join(dict.fromkeys(names))} could not be finished ({error}); report it, with the"
+        findings.append(request.finding("not-checked", Place(f"{message} mesh")))
+    return Findings.of(list(dict.fromkeys(findings)), figures)
 
 
-def _of_pair(finding: Finding, pair: Subject) -> Finding:
-    """Return a finding with the pair that it is about; one about a single skin stays as it is."""
-    if finding.rule in _OF_ONE_SKIN:
-        return finding
+def _in_turn(mesh: Mesh) -> list[tuple[str, list[Examination]]]:
+    """Return the examinations in their order, those of one scope that follow one another together."""
+    groups: list[tuple[str, list[Examination]]] = []
+    for one in examinations():
+        if mesh.dim < 2 and one.rule not in ("no-cells", "repeated-number", "not-finite", "unreferenced-node"):
+            continue
+        if not groups or groups[-1][0] != one.scope:
+            groups.append((one.scope, []))
+        groups[-1][1].append(one)
+    return groups
+
+
+def _arguments(scope: str, request: Request) -> list[tuple[Any, ...]]:
+    """Return what a function gets besides the request: for a scope of skins each of them."""
+    if scope == "group":
+        return [(side,) for side in request.sides]
+    if scope == "slave":
+        return [()] if len(request.slave) else []
+    return [(side,) for side in request.sides if len(side)] if "skin" in scope else [()]
+
+
+def _of_pair(finding: Finding, pair: Request) -> Finding:
+    """Return a finding with the pair that it is about."""
     slave, master = (side.group for side in pair.sides)
     where = finding.where._replace(pair=(slave, master))
     return replace(finding, where=where, message=f"{slave} on {master}: {finding.message}")
 
 
-def _listed(specs: Specs | None) -> tuple[str, ...]:
-    return () if specs is None else tuple(spec_list(specs))
+def solution_defects(mesh: Mesh, pairs: Sequence[tuple[str, str]]) -> tuple[Finding, ...]:
+    """Return findings of `check` that make a solution wrong without showing in it (errors), or may do so (warnings).
 
+    `pairs`: slave and master of each contact; a finding about one of them names it in `where`. Certainly wrong:
+    duplicate or overlapping cells and non-manifold facets, where material counts twice; slave faces with all their
+    nodes on the master, which can neither open nor transmit pressure. Possibly wrong: mid-nodes that two neighbouring
+    cells do not share, where the body is torn; some nodes shared by slave and master, but for the front of a crack;
+    cells with two coincident nodes. It is cheap compared with a solution: nothing is searched in space.
+    """
+    from lacmesh.checks.cells import FITTING
+    from lacmesh.checks.skins import is_glued, shared_nodes
 
-def _parts(mesh: Mesh) -> list[CheckStep]:
-    """Return the parts of the check in their order; modules with compiled kernels are imported only if needed."""
-    from lacmesh.checks.dofs import check_dofs
-    from lacmesh.checks.skins import check_groups, check_parents, check_shape, check_sharing
-    from lacmesh.checks.solids import check_facets, check_numbers, check_validity
-
-    if mesh.dim < 2:
-        return [check_numbers]
-    from lacmesh.checks.bodies import check_bodies, check_skins_in_space
-    from lacmesh.checks.facing import check_facing
-    from lacmesh.checks.shapes import check_shapes
-
-    cells: list[CheckStep] = [check_numbers, check_validity, check_facets]
-    skins: list[CheckStep] = [check_groups, check_parents, check_shape, check_sharing, check_dofs]
-    return [*cells, *skins, check_shapes, check_bodies, check_skins_in_space, check_facing]
-
-
-def _done(part: CheckStep, subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Run one part of the check; if it fails on an unusual mesh, a finding says so and the other parts go on."""
-    try:
-        with np.errstate(all="ignore"):
-            return part(subject)
-    except RequestError:
-        raise
-    except Exception as error:
-        what = part.__name__.replace("check_", "").replace("_", " ")
-        message = (
-            f"the check of {what} could not be finished ({type(error).__name__}: {error}); report it, with the mesh"
-        )
-        return [subject.found("not-checked", message)], {}
+    origin = origin_of_mesh(mesh)
+    mesh = from_origin(mesh, origin)
+    request = Request.of(mesh, (), (), (), {}, origin)
+    findings = []
+    with np.errstate(all="ignore"):  # coordinates that are not finite are reported elsewhere
+        for rule, severity, function in FITTING:
+            findings += [replace(request.finding(rule, place), severity=severity) for place in function(request)]
+        for pair in dict.fromkeys(pairs):
+            if len(np.intersect1d(mesh.cells_of(pair[0]), mesh.cells_of(pair[1]))):
+                continue  # one skin on both sides makes no contact at all, which its own message says
+            skins = Request.of(mesh, pair[:1], pair[1:], (), {}, origin)
+            severity = "error" if is_glued(skins) else "warning"
+            for finding in (skins.finding("shared-nodes", place) for place in shared_nodes(skins)):
+                findings.append(replace(finding, severity=severity, where=finding.where._replace(pair=pair)))
+    return tuple(findings)

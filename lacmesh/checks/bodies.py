@@ -1,108 +1,148 @@
-"""Checks of positions: number of bodies, torn bodies, coincident nodes, hanging nodes, skins that cross themselves."""
+"""Checks of positions: number of bodies, torn bodies, coincident nodes, hanging nodes, skins that cross themselves.
+
+Self-intersections and overlaps of a skin are those of triangles in space, of segments in the plane. Faces are split
+into flat pieces that share their nodes with the pieces of neighbouring faces (a quadratic face is split at its
+mid-nodes), so that the test follows a curved skin. Two pieces whose boxes intersect cross when an edge of one, or its
+centre, enters the interior of the other. Along an edge the distance to the other's plane and the barycentric
+coordinates in it are linear, so that each condition holds on an interval: the pieces cross if all intervals intersect.
+Pieces that share nodes need no special treatment: their common corner or edge is on the boundary of both, not inside.
+Pieces that touch only at their boundaries do not cross. Distances below EPSILON of a piece's size count as zero.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lacmesh.checks.crossing import crossing
-from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import PLACE, SHOWN, CheckedSkin, Subject
+from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.checks.request import PLACE, SHOWN, Bools, CheckedSkin, Request
 from lacmesh.errors import listed
-from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.boxes import meeting
-from lacmesh.topology.components import label_components
-from lacmesh.topology.edges import distinct_edges, edge_uses
+from lacmesh.mesh import Floats, Ints, mask_of
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.boxes import meeting, meeting_each_other
+from lacmesh.topology.skin import FACE_TYPES, Faces, distinct_edges, edge_uses
 
+#: pairs of pieces that are compared at once
+_PIECE = 1 << 15
 #: a node is inside an edge when its distance to it is below this part of the edge's length
 ON_EDGE = 1e-6
+#: distances to a plane below this part of a piece's size are zero
+EPSILON = 1e-9
+#: a point is inside a piece when its barycentric coordinates are above this
+INSIDE = 1e-7
+
+#: pieces of each face, by their places among the face's nodes
+PIECES = {
+    "SEG2": ((0, 1),),
+    "SEG3": ((0, 2), (2, 1)),
+    "TRIA3": ((0, 1, 2),),
+    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
+    "QUAD4": ((0, 1, 2), (0, 2, 3)),
+    "QUAD8": ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7)),
+    "QUAD9": (
+        (0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8),
+    ),
+}  # fmt: skip
 #: a direction that few nodes of a regular mesh share
 _OBLIQUE = np.array([0.5773502691896258, 0.6180339887498949, 0.5346223239512241])
 
 
-def check_bodies(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Count the bodies, and find coincident nodes and torn bodies."""
-    bodies = subject.bodies
-    count = int(bodies.max(initial=-1)) + 1
-    figures: dict[str, Any] = {"bodies": count}
-    findings = []
-    if count:
-        message = f"the cells make {counted(count, 'body', 'separate bodies')}"
-        message += f" ({_named(subject, np.arange(count))})" if count > 1 else ""
-        mine = {
-            side.what: np.unique(bodies[side.nodes][bodies[side.nodes] >= 0]) for side in subject.sides if len(side)
-        }
-        figures |= {f"bodies_of_{what}": len(which) for what, which in mine.items()}
-        if len(mine) == 2 and all(len(which) for which in mine.values()):
-            common = np.intersect1d(mine["slave"], mine["master"])
-            message += (
-                f"; slave and master are on the same body, {_named(subject, common)}"
-                if len(common) and count > 1
-                else "; slave and master are on the same body"
-                if len(common)
-                else "; slave and master are on different ones"
-            )
-        findings.append(subject.found("bodies", message))
-    rows, facet = subject.facets.boundary
-    corners = subject.facets.corners(rows, facet)
+@rule("bodies", "info", "nothing, if this is the expected number")
+def bodies(request: Request) -> Iterator[Place]:
+    """Number of separate bodies."""
+    count = int(request.bodies.max(initial=-1)) + 1
+    if not count:
+        return
+    message = f"the cells make {counted(count, 'body', 'separate bodies')}"
+    message += f" ({_named(request, np.arange(count))})" if count > 1 else ""
+    of_sides = request.once(_bodies_of_sides)
+    if len(of_sides) == 2 and all(map(len, of_sides.values())):
+        common = np.intersect1d(*of_sides.values())
+        where = (
+            f"the same body{f', {_named(request, common)}' if count > 1 else ''}" if len(common) else "different ones"
+        )
+        message += f"; slave and master are on {where}"
+    yield Place(message)
+
+
+def _bodies_of_sides(request: Request) -> dict[str, Ints]:
+    """The bodies on which each skin lies, of skins that have faces."""
+    of_node = {side.what: request.bodies[side.nodes] for side in request.sides if len(side)}
+    return {what: np.unique(bodies[bodies >= 0]) for what, bodies in of_node.items()}
+
+
+@figures()
+def body_figures(request: Request) -> dict[str, Any]:
+    """Return the number of bodies, and of those on which the skins lie."""
+    of_sides = request.once(_bodies_of_sides) if len(request.bodies) and request.bodies.max() >= 0 else {}
+    return {
+        "bodies": int(request.bodies.max(initial=-1)) + 1,
+        **{f"bodies_of_{what}": len(which) for what, which in of_sides.items()},
+    }
+
+
+def _boundary(request: Request) -> tuple[Ints, Ints]:
+    """The corners (k, 4) of the boundary facets, and their nodes with finite coordinates."""
+    corners = request.facets.corners(*request.facets.boundary)
     nodes = np.unique(corners[corners >= 0])
-    nodes = nodes[subject.finite[nodes]]
-    findings += _coincident(subject, corners, nodes)
-    findings += _torn(subject, corners, nodes)
-    return findings, figures
+    return corners, nodes[request.finite[nodes]]
 
 
-def _named(subject: Subject, bodies: Ints) -> str:
+def _named(request: Request, bodies: Ints) -> str:
     """Return the names of some bodies, the first few of many."""
-    names = [subject.body_names[body] for body in bodies[:SHOWN].tolist()]
+    names = [request.body_names[body] for body in bodies[:SHOWN].tolist()]
     more = [f"{len(bodies) - SHOWN:,} more"] if len(bodies) > SHOWN else []
     return listed([*names, *more], "and")
 
 
-def _on_sides(subject: Subject, a: Ints, b: Ints) -> NDArray[np.bool_]:
+def _on_sides(request: Request, a: Ints, b: Ints) -> Bools:
     """True for pairs of nodes (or of a node and an edge) that contact explains: one on the slave, one on the master.
 
     Pairs of two bodies are also explained where one of the two is on either skin.
     """
-    if subject.master is None:
-        on = np.zeros(subject.mesh.n_nodes, bool)
-        on[subject.slave.nodes] = True  # the master is not known: whatever touches the slave may be it
-        return (on[a] | on[b]) & (subject.bodies[a] != subject.bodies[b])
-    on = np.zeros((2, subject.mesh.n_nodes), bool)
-    for k, side in enumerate(subject.sides):
+    if request.master is None:
+        on = np.zeros(request.mesh.n_nodes, bool)
+        on[request.slave.nodes] = True  # the master is not known: whatever touches the slave may be it
+        return (on[a] | on[b]) & (request.bodies[a] != request.bodies[b])
+    on = np.zeros((2, request.mesh.n_nodes), bool)
+    for k, side in enumerate(request.sides):
         on[k, side.nodes] = True
-    apart = subject.bodies[a] != subject.bodies[b]
+    apart = request.bodies[a] != request.bodies[b]
     return (on[0, a] & on[1, b]) | (on[1, a] & on[0, b]) | (apart & (on[0, a] | on[1, a] | on[0, b] | on[1, b]))
 
 
-def _coincident(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
-    """Report boundary nodes that coincide though contact does not explain it."""
-    place = same_place(subject.mesh.points[nodes], PLACE * _edge_length(subject, corners, nodes))
+@rule("coincident-nodes", "warning", "merge the nodes, unless the mesh is meant to be open there")
+def coincident_nodes(request: Request) -> Iterator[Place]:
+    """Two nodes have the same coordinates, and not because slave and master touch there: the body is torn, or there is
+    a crack or another contact.
+    """
+    corners, nodes = request.once(_boundary)
+    place = same_place(request.mesh.points[nodes], PLACE * _edge_length(request, corners, nodes))
     shared = np.bincount(place, minlength=len(nodes))[place] > 1
     nodes, place = nodes[shared], place[shared]
-    again, torn = _unexplained(subject, nodes, place)
-    if not again.any():
-        return []
-    what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
-    message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')}"
-    message += f" ({subject.node_numbers(nodes[again])}): {what}; merge them if this is not intended"
-    return [subject.found("coincident-nodes", message, nodes=nodes[again])]
+    again, torn = _unexplained(request, nodes, place)
+    if again.any():
+        what = "the body is torn there, or has a crack" if torn.any() else "the bodies are not joined there"
+        message = f"{np.count_nonzero(again):,} nodes coincide at {counted(len(np.unique(place[again])), 'point')}"
+        message += f" ({request.node_numbers(nodes[again])}): {what}; merge them if this is not intended"
+        yield Place(message, nodes=nodes[again])
 
 
-def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _unexplained(request: Request, nodes: Ints, place: Ints) -> tuple[Bools, Bools]:
     """(k,) each: nodes in an unexplained coincidence with any other node; those in one with a node of the same body.
 
     A pair of nodes is explained if one is on the slave and one on the master, or if they belong to two bodies and one
     is on a skin (`_on_sides`). Nodes are counted place by place: thousands at one place would make millions of pairs.
     """
-    on = np.zeros((2, subject.mesh.n_nodes), bool)
-    for k, side in enumerate(subject.sides):
+    on = np.zeros((2, request.mesh.n_nodes), bool)
+    for k, side in enumerate(request.sides):
         on[k, side.nodes] = True
     slave, master = on[:, nodes]
     off = ~(slave | master)
-    body = np.unique(np.column_stack([place, subject.bodies[nodes]]), axis=0, return_inverse=True)[1].ravel()
+    body = np.unique(np.column_stack([place, request.bodies[nodes]]), axis=0, return_inverse=True)[1].ravel()
     kinds = off, slave & ~master, master & ~slave
     n_off, n_slave, n_master = (np.bincount(body, kind)[body] for kind in kinds)
     members = np.bincount(body)[body]
@@ -111,12 +151,12 @@ def _unexplained(subject: Subject, nodes: Ints, place: Ints) -> tuple[NDArray[np
     return torn | (off & (np.bincount(place, off)[place] > 1)), torn
 
 
-def _edge_length(subject: Subject, corners: Ints, nodes: Ints) -> float:
+def _edge_length(request: Request, corners: Ints, nodes: Ints) -> float:
     """Median over the boundary nodes of the shortest edge at a node, so that a few stray nodes do not affect it."""
     a, b = distinct_edges(corners)[0].T
-    length = np.linalg.norm(subject.mesh.points[a] - subject.mesh.points[b], axis=1)
-    good = subject.finite[a] & subject.finite[b] & (length > 0)
-    shortest = np.full(subject.mesh.n_nodes, np.inf)
+    length = np.linalg.norm(request.mesh.points[a] - request.mesh.points[b], axis=1)
+    good = request.finite[a] & request.finite[b] & (length > 0)
+    shortest = np.full(request.mesh.n_nodes, np.inf)
     for end in (a, b):
         np.minimum.at(shortest, end[good], length[good])
     lengths = shortest[nodes]
@@ -149,37 +189,34 @@ def same_place(x: Floats, room: float) -> Ints:
     return label_components(np.concatenate(left), np.concatenate(right), len(x))
 
 
-def _torn(subject: Subject, corners: Ints, nodes: Ints) -> list[Finding]:
-    """Report boundary nodes that lie inside a boundary edge of the same body."""
+@rule("torn-body", "warning", "mesh both sides conformingly, or tie them in the solver")
+def torn_bodies(request: Request) -> Iterator[Place]:
+    """A node lies inside an edge of the boundary of the body that it belongs to: the cells do not conform."""
+    corners, nodes = request.once(_boundary)
     a, b = distinct_edges(corners)[0].T
-    node, edge = inside_edges(subject, nodes, a, b)
-    mine = (subject.bodies[node] == subject.bodies[a[edge]]) & ~_on_sides(subject, node, a[edge])
-    on_skin = np.zeros(subject.mesh.n_nodes, bool)
-    for side in subject.sides:
-        on_skin[hanging_nodes(subject, side)] = True  # these are an error of their own
-    node = np.unique(node[mine & ~on_skin[node]])
-    if not len(node):
-        return []
-    message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
-    which = np.unique(subject.bodies[node])
-    owner = "the body" if subject.bodies.max() == 0 else _named(subject, which)
-    message += f" of {owner}, to which they belong ({subject.node_numbers(node)}): its cells do not conform there; "
-    message += "mesh both sides conformingly, or tie them in the solver"
-    return [subject.found("torn-body", message, nodes=node)]
+    node, edge = inside_edges(request, nodes, a, b)
+    inside = (request.bodies[node] == request.bodies[a[edge]]) & ~_on_sides(request, node, a[edge])
+    hanging = mask_of(request.mesh.n_nodes, *(request.once(_hanging, side) for side in request.sides))
+    node = np.unique(node[inside & ~hanging[node]])  # hanging nodes are an error of their own
+    if len(node):
+        message = counted(len(node), "node lies inside an edge", "nodes lie inside edges")
+        owner = _named(request, np.unique(request.bodies[node])) if request.bodies.max() else "the body"
+        message += f" of {owner}, to which they belong ({request.node_numbers(node)}): its cells do not conform there; "
+        yield Place(f"{message}mesh both sides conformingly, or tie them in the solver", nodes=node)
 
 
-def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints, Ints]:
+def inside_edges(request: Request, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints, Ints]:
     """(node, edge): pairs of a node of the list and a straight edge a b that contains it, away from the edge's ends."""
-    x, y = subject.mesh.points[a], subject.mesh.points[b]
+    x, y = request.mesh.points[a], request.mesh.points[b]
     length = np.linalg.norm(y - x, axis=1)
-    good = np.flatnonzero(subject.finite[a] & subject.finite[b] & (length > 0))
+    good = np.flatnonzero(request.finite[a] & request.finite[b] & (length > 0))
     room = (ON_EDGE * length[good])[:, None]
     low, high = np.minimum(x, y)[good] - room, np.maximum(x, y)[good] + room
-    place = same_place(subject.mesh.points[nodes], 0.0)
+    place = same_place(request.mesh.points[nodes], 0.0)
     order = np.argsort(place, kind="stable")  # the nodes of a place, of which one is asked for all
     size = np.bincount(place)
     start = np.cumsum(size) - size
-    at = subject.mesh.points[nodes[order[start]]]
+    at = request.mesh.points[nodes[order[start]]]
     edge, point = meeting(low, high, at, at)
     edge = good[edge]
     along = (y - x)[edge] / length[edge][:, None]
@@ -194,44 +231,99 @@ def inside_edges(subject: Subject, nodes: Ints, a: Ints, b: Ints) -> tuple[Ints,
     return nodes[order[start[point[hit]] + nth]], edge[hit]
 
 
-def hanging_nodes(subject: Subject, side: CheckedSkin) -> Ints:
+def _hanging(request: Request, side: CheckedSkin) -> Ints:
     """Corners of a skin that lie inside an edge on the boundary of the same skin, on the same body."""
-    if subject.dim != 2 or not len(side):
+    if request.dim != 2 or not len(side):
         return np.empty(0, np.int64)
     corners = side.faces.corners
     uses = edge_uses(side.faces)
     alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
     a, b = uses.start[alone], uses.stop[alone]
     nodes = np.unique(corners[corners >= 0])
-    node, edge = inside_edges(subject, nodes[subject.finite[nodes]], a, b)
-    return np.unique(node[subject.bodies[node] == subject.bodies[a[edge]]])
+    node, edge = inside_edges(request, nodes[request.finite[nodes]], a, b)
+    return np.unique(node[request.bodies[node] == request.bodies[a[edge]]])
 
 
-def check_skins_in_space(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Find hanging nodes of a skin, and faces of a skin that cross or overlap."""
-    findings = []
-    for side in subject.sides:
-        hanging = hanging_nodes(subject, side)
-        if len(hanging):
-            message = counted(len(hanging), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
-            message += f" inside edges of its other faces ({subject.node_numbers(hanging)}); mesh the skin conformingly"
-            findings.append(subject.found("hanging-node", message, nodes=hanging, group=side.group))
-        findings += _crossing(subject, side)
-    return findings, {}
+@rule("hanging-node", "error", "mesh the skin conformingly", "skin of pair")
+def hanging_nodes(request: Request, side: CheckedSkin) -> Iterator[Place]:
+    """A node of a skin lies inside an edge of another face of it: the skin does not conform."""
+    nodes = request.once(_hanging, side)
+    if len(nodes):
+        message = counted(len(nodes), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
+        message += f" inside edges of its other faces ({request.node_numbers(nodes)}); mesh the skin conformingly"
+        yield Place(message, nodes=nodes, group=side.group)
 
 
-def _crossing(subject: Subject, side: CheckedSkin) -> list[Finding]:
-    mesh = subject.mesh
-    if not len(side) or (subject.dim == 1 and mesh.space_dim == 3):  # lines in space hardly ever meet
-        return []
+@rule("self-intersection", "error", "repair the geometry there", "skin of pair")
+def self_intersections(request: Request, side: CheckedSkin) -> Iterator[Place]:
+    """Faces of one skin cross or overlap."""
+    if request.dim == 1 and request.mesh.space_dim == 3:  # lines in space hardly ever meet
+        return
     nodes = side.faces.nodes
-    good = np.flatnonzero((subject.finite[nodes] | (nodes < 0)).all(axis=1))
-    pairs = crossing(mesh.points, side.faces.take(good))
-    if not len(pairs):
-        return []
-    cells = side.cells[good[np.unique(pairs)]]
-    message = counted(
-        len(pairs), f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
-    )
-    message += f" ({subject.numbers(cells)}); repair the skin there"
-    return [subject.found("self-intersection", message, cells, group=side.group)]
+    good = np.flatnonzero((request.finite[nodes] | (nodes < 0)).all(axis=1))
+    pairs = crossing(request.mesh.points, side.faces.take(good))
+    if len(pairs):
+        cells = side.cells[good[np.unique(pairs)]]
+        one, many = f"pair of {side.what} faces crosses or overlaps", f"pairs of {side.what} faces cross or overlap"
+        yield Place(
+            f"{counted(len(pairs), one, many)} ({request.numbers(cells)}); repair the skin there",
+            cells,
+            group=side.group,
+        )
+
+
+# ---- faces that cross
+
+
+def crossing(points: Floats, faces: Faces) -> Ints:
+    """(k, 2): pairs of faces i < j that cross or overlap; points (n, 3), in the plane z = 0 for segments."""
+    nodes, face = pieces_of(faces)
+    x = points[nodes]
+    low, high = x.min(axis=1, initial=np.inf), x.max(axis=1, initial=-np.inf)
+    room = 1e-6 * (high - low) + EPSILON * (high - low).max(axis=1, keepdims=True)
+    i, j = meeting_each_other(low - room, high + room)
+    hit = np.zeros(len(i), bool)
+    for start in range(0, len(i), _PIECE):
+        rows = slice(start, start + _PIECE)
+        hit[rows] = _reaches(x[i[rows]], x[j[rows]]) | _reaches(x[j[rows]], x[i[rows]])
+    hit &= face[i] != face[j]
+    return np.unique(np.sort(np.column_stack([face[i[hit]], face[j[hit]]]), axis=1), axis=0)
+
+
+def pieces_of(faces: Faces) -> tuple[Ints, Ints]:
+    """(nodes (p, 2 or 3), face (p,)): the flat pieces of faces of one dimension, face by face."""
+    parts, owner = [], []
+    for code in np.unique(faces.type):
+        rows = np.flatnonzero(faces.type == code)
+        places = np.array(PIECES[FACE_TYPES[code]])
+        parts.append(faces.nodes[rows][:, places].reshape(-1, places.shape[1]))
+        owner.append(np.repeat(rows, len(places)))
+    if not parts:
+        return np.empty((0, 3), np.int64), np.empty(0, np.int64)
+    nodes, face = np.concatenate(parts), np.concatenate(owner)
+    order = np.argsort(face, kind="stable")
+    return nodes[order], face[order]
+
+
+def _reaches(x: Floats, other: Floats) -> Bools:
+    """(k,): True if an edge of a piece x (k, m, 3), or its centre, enters the other piece (k, m, 3)."""
+    m = x.shape[1]
+    a, b = other[:, 1] - other[:, 0], other[:, -1] - other[:, 0]
+    normal = np.cross(a, b if m == 3 else np.array([0.0, 0.0, 1.0]))
+    square = (normal * normal).sum(axis=1)
+    size = np.sqrt(np.maximum((a * a).sum(axis=1), (b * b).sum(axis=1)))
+    with np.errstate(all="ignore"):  # a degenerate piece has no inside
+        rows = [normal / np.sqrt(square)[:, None]]
+        inverse = [np.cross(b, normal), np.cross(normal, a)] if m == 3 else [a]
+        rows += [row / square[:, None] for row in inverse]
+        corners = np.concatenate([x, x.mean(axis=1, keepdims=True)], axis=1) - other[:, :1]
+        distance, *inside = (np.einsum("kcs,ks->kc", corners, row) for row in rows)
+        room = EPSILON * size[:, None]
+        inside.append(1 - sum(inside))
+        positive = np.stack([room - distance, room + distance, *(value - INSIDE for value in inside)], axis=2)
+        start, stop = ([0, 1, 2, 3], [1, 2, 0, 3]) if m == 3 else ([0, 2], [1, 2])
+        f, g = positive[:, start], positive[:, stop]
+        t = f / (f - g)
+        low, high = np.where(f < 0, t, 0.0).max(axis=2), np.where((f >= 0) & (g < 0), t, 1.0).min(axis=2)
+        meets = ((f >= 0) | (g >= 0)).all(axis=2) & (low <= high)
+    return meets.any(axis=1) & (square > 0)

@@ -3,180 +3,236 @@
 A node counts for a macro-element T if every slave face that contains it is part of T, and if the integral of its shape
 function over T, on the real geometry, is positive. A node on the boundary of the slave skin may satisfy this, but a
 symmetry condition often constrains its dof: macro-elements that own only such nodes are reported separately. A face
-that is a macro-element only because nothing was cut, and owns only such nodes, needs the cut.
+that is a macro-element only because nothing was cut, and owns only such nodes, needs the cut. The records of a cut must
+agree with each other, with the faces, and with these integrals.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from shlex import quote
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.recorded import Fault, internal_faults
-from lacmesh.checks.subject import Subject
-from lacmesh.cutting.records import Cut
-from lacmesh.mesh import Floats, Ints, mask_of
-from lacmesh.reference.quadrature import rule
+from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.checks.request import Bools, Request
+from lacmesh.cutting.patterns import WHOLE_FACES
+from lacmesh.cutting.recognition import as_cut, find_macros
+from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
+from lacmesh.cutting.select import slave_skin
+from lacmesh.errors import CutError, some
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
+from lacmesh.reference import quadrature
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, Faces, edge_uses
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6
 _DEGREE = 6
+_NONE = np.empty(0, np.int64)
+#: types of faces that own an internal dof as they are
+_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+
+
+class Fault(NamedTuple):
+    """A fault of the records of a cut, as a message, and the cells or nodes that show it."""
+
+    message: str
+    cells: Ints = _NONE
+    nodes: Ints = _NONE
+
+
+# ---- the macro-elements
+
+
+@dataclass(frozen=True)
+class Macros:
+    """The macro-elements of the slave faces: `of_face` (f,) numbered from 0, and their `count`.
+
+    `cut` (f,): faces that a cut made or left as a macro-element, by its records or as they were `recognised`; every
+    other face is a macro-element by itself. `whole` (f,): faces of types that need no cut (SEG3, TRIA7, QUAD9).
+    `number` (count,): number of each macro-element in the records, -1 without one. `faults`: reasons why the records
+    cannot be used.
+    """
+
+    of_face: Ints
+    count: int
+    cut: Bools
+    whole: Bools
+    number: Ints
+    recognised: bool = False
+    faults: tuple[Fault, ...] = ()
+
+
+def macros_of(request: Request) -> Macros:
+    """Return the macro-elements of the slave skin: from the records, else recognised if asked, else each face."""
+    mesh, side = request.mesh, request.slave
+    macro, recognised = np.full(len(side), -1, np.int64), False
+    faults = [] if request.recognise is False or not is_cut(mesh) else _faults_of(mesh)
+    if is_cut(mesh) and request.recognise is not False and not faults:
+        macro = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
+    elif request.recognise and len(side):
+        found = find_macros(mesh, slave_skin(mesh, side.names))
+        recognised = found.n_cut > 0
+        if recognised:
+            macro = as_cut(mesh, found).macro_of_face[side.cells].astype(np.int64)
+    cut = macro >= 0
+    last = int(macro.max(initial=-1))
+    macro[~cut] = last + 1 + np.arange(np.count_nonzero(~cut))
+    values, of_face = np.unique(macro, return_inverse=True)
+    number = np.where((values <= last) & (not recognised), values, -1)
+    return Macros(of_face, len(values), cut, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+
+
+def cut_mesh(request: Request) -> Mesh:
+    """Return the mesh with usable records of the macro-elements: its own, or the recognised ones, or none if faulty."""
+    mesh, macros = request.mesh, request.once(macros_of)
+    if not macros.faults and not macros.recognised:
+        return mesh
+    data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    if macros.recognised:
+        data["lac_macro"] = np.full(mesh.n_cells, -1, np.int64)
+        data["lac_macro"][request.slave.cells[macros.cut]] = macros.of_face[macros.cut]
+    return replace(mesh, cell_data=data)
+
+
+# ---- faults of the records
+
+
+def _faults_of(mesh: Mesh) -> list[Fault]:
+    """Return the faults of `lac_macro`, `lac_zone` and `lac_child`, over all faces of the cut."""
+    try:
+        cut = Cut(mesh)
+        cells = np.flatnonzero(cut.macro_of_face >= 0)
+        numbers, macro = np.unique(cut.macro_of_face[cells], return_inverse=True)
+        count, zone, child = f"{len(numbers):,}", cut.zone_of_face[cells], cut.child_kind[cells]
+        beyond = f"lac_macro does not number the {count} macro-elements from 0 to {len(numbers) - 1}"
+        faulty = (
+            (beyond, numbers[macro] >= len(numbers)),
+            ("faces of one macro-element (lac_macro) are not connected", _apart(cut, cells, macro)),
+            ("faces of one macro-element are in several zones (lac_zone)", _mixed(zone, macro)),
+            ("lac_child does not count the faces of a macro-element from 1", _unranked(child, macro)),
+        )
+    except (CutError, IndexError, ValueError) as error:
+        return [Fault(str(error))]
+    number = mesh.cell_number
+    return [Fault(f"{m} (slave faces {some(number[cells[odd]], 8)})", cells[odd]) for m, odd in faulty if odd.any()]
+
+
+def _mixed(zone: Ints, macro: Ints) -> Bools:
+    """(f,): True for faces of macro-elements that lie in several zones."""
+    first = np.empty(int(macro.max()) + 1, np.int64)
+    first[macro] = zone
+    return mask_of(len(first), macro[zone != first[macro]])[macro]
+
+
+def _unranked(child: Ints, macro: Ints) -> Bools:
+    """(f,): True for faces of macro-elements whose faces are not numbered 1, 2, ... k, each once."""
+    order = np.lexsort((child, macro))
+    start = np.searchsorted(macro[order], macro[order])
+    return mask_of(int(macro.max()) + 1, macro[order][child[order] != np.arange(len(order)) - start + 1])[macro]
+
+
+def _apart(cut: Cut, cells: Ints, macro: Ints) -> Bools:
+    """(f,): True for faces of disconnected macro-elements; faces connect at edges, segments at their ends."""
+    faces = Faces.join((kind, nodes) for kind, _, nodes in cut.mesh.select(cells))
+    uses = edge_uses(faces)
+    edge = np.unique(uses.edge.astype(np.int64) * (int(macro.max()) + 1) + macro[uses.face], return_inverse=True)[1]
+    size = len(cells) + int(edge.max()) + 1
+    return _mixed(label_components(uses.face, len(cells) + edge, size)[: len(cells)], macro)
+
+
+def _internal_faults(cut: Cut, number: Ints, owner: Ints, internal: Bools, boundary: Ints) -> Iterator[Fault]:
+    """Yield the faults of `lac_internal`, compared with the integrals of the shape functions.
+
+    `number` (m,): the number in the records of each macro-element that is checked, -1 without one. `owner` (n_nodes,):
+    the only macro-element that contains a node, or -1. `internal` (n_nodes,): nodes whose function has a positive
+    integral. `boundary`: nodes on the boundary of the skin. If the integrals find no internal node off it for a
+    macro-element, its records need not name one, and a node they name need only lie in that macro-element alone: there
+    the cut is at fault, not the record.
+    """
+    mesh, recorded = cut.mesh, cut.macro_of_node
+    off_boundary = internal.copy()
+    off_boundary[boundary] = False
+    owning = mask_of(len(number), owner[off_boundary])
+    fitting = (owner >= 0) & (off_boundary | ~owning[owner])
+    expected = np.where(fitting, number[owner], -1)
+    known = np.isin(recorded, number[number >= 0]) | ~np.isin(recorded, cut.macro_of_face)
+    odd = np.flatnonzero((recorded >= 0) & known & (recorded != expected))
+    if len(odd):
+        message = "lac_internal names nodes that carry no internal dof of the macro-element named"
+        yield Fault(f"{message} (nodes {some(mesh.node_number[odd], 8)})", nodes=odd)
+    lacking = number[owning & (number >= 0) & ~np.isin(number, recorded)]
+    if len(lacking):
+        cells = np.flatnonzero(np.isin(cut.macro_of_face, lacking))
+        message = f"lac_internal names no node of {len(lacking):,} of the macro-elements"
+        yield Fault(f"{message} (slave faces {some(mesh.cell_number[cells], 8)})", cells)
+
+
+# ---- the internal dofs
 
 
 class _Dofs(NamedTuple):
-    """Numbers of internal dofs of each macro-element (m,).
+    """Numbers of internal dofs of each macro-element (m,), faults of the records, and the least integral.
 
-    They count all of them; those off the boundary of the skin; those that no Dirichlet group holds; those that satisfy
-    both.
+    The numbers count all dofs; those off the boundary of the skin; those that no Dirichlet group holds; those that
+    satisfy both. The least integral is that of the best dof of a macro-element, as a part of its measure.
     """
 
     anywhere: Ints
     inside: Ints
     free: Ints
     free_inside: Ints
+    faults: tuple[Fault, ...]
+    least: float | None
 
 
-def check_dofs(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Check that every macro-element owns an internal dof, and still does with the Dirichlet groups constrained."""
-    if not len(subject.slave):
-        return [], {}
-    macros = subject.macros
-    size, value, owner = _integrals(subject)
+def _dofs(request: Request) -> _Dofs:
+    """Examine the nodes of the slave skin by the integrals of their shape functions."""
+    macros = request.once(macros_of)
+    size, value, owner = _integrals(request, macros)
     share = np.nan_to_num(value / np.where(size > 0, size, np.inf)[owner])
     internal = (owner >= 0) & (share > POSITIVE)
-    dofs = _dofs(subject, owner, internal)
+    edge = _boundary_nodes(request.slave.faces)
+    boundary, fixed = (mask_of(request.mesh.n_nodes, nodes) for nodes in (edge, request.fixed))
+    kinds = internal, internal & ~boundary, internal & ~fixed, internal & ~boundary & ~fixed
     best = np.zeros(macros.count)
     np.maximum.at(best, owner[internal], share[internal])
-    figures = {
-        "macro_elements": macros.count,
-        "with_internal_dof": int((dofs.inside > 0).sum()),
-        "with_free_internal_dof": int((dofs.free_inside > 0).sum()),
-        "least_integral": float(best.min()) if len(best) else None,
-    }
-    faults = [*macros.faults]
+    faults = macros.faults
     if (macros.number >= 0).any():
-        faults += internal_faults(Cut(subject.mesh), macros.number, owner, internal, _boundary_nodes(subject))
-    return [*_broken(subject, faults), *_records(subject), *_lacking(subject, dofs), *_owning(subject, dofs)], figures
+        faults += tuple(_internal_faults(Cut(request.mesh), macros.number, owner, internal, edge))
+    counts = (np.bincount(owner[nodes], minlength=macros.count) for nodes in kinds)
+    return _Dofs(*counts, faults, float(best.min()) if len(best) else None)
 
 
-def _dofs(subject: Subject, owner: Ints, internal: NDArray[np.bool_]) -> _Dofs:
-    """Count the internal nodes of the macro-elements that own them."""
-    n_nodes = subject.mesh.n_nodes
-    boundary, fixed = mask_of(n_nodes, _boundary_nodes(subject)), mask_of(n_nodes, subject.fixed)
-    kinds = internal, internal & ~boundary, internal & ~fixed, internal & ~boundary & ~fixed
-    return _Dofs(*(np.bincount(owner[nodes], minlength=subject.macros.count) for nodes in kinds))
-
-
-def _broken(subject: Subject, faults: list[Fault]) -> Iterator[Finding]:
-    for fault in faults:
-        message = f"the records of the cut cannot be used: {fault.message}"
-        yield subject.found("broken-records", message, fault.cells, fault.nodes, subject.slave.group)
-
-
-def _records(subject: Subject) -> Iterator[Finding]:
-    """Report a cut recognised without records, and slave faces outside every macro-element of the cut."""
-    side, macros = subject.slave, subject.macros
-    if macros.recognised and macros.cut.all():
-        message = "the skin is cut, without records: " + counted(
-            macros.count, "macro-element was", "macro-elements were"
-        )
-        yield subject.found("recognised", f"{message} recognised from the faces", side.cells, group=side.group)
-    left = side.cells[~macros.cut & ~macros.whole]
-    if macros.cut[~macros.whole].any() and len(left):
-        message = counted(len(left), "slave face is", "slave faces are")
-        message += f" in no macro-element of the cut ({subject.numbers(left)}); cut the original mesh, with all "
-        yield subject.found("half-cut", f"{message}slave groups at once", left, group=side.group)
-
-
-def _lacking(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
-    """Report macro-elements with no internal dof, with constrained ones only, or with free ones on the boundary."""
-    side, macros = subject.slave, subject.macros
-    uncut = mask_of(macros.count, macros.of_face[~macros.cut & ~macros.whole])
-    none = (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
-    taken = ~none & (dofs.free == 0)
-    on_boundary = ~none & ~taken & (dofs.free_inside == 0)
-    if none.any():
-        cells = side.cells[macros.faces(none)]
-        what = "macro-elements own" if macros.cut.any() else "slave faces own"
-        message = f"{int(none.sum()):,} of {macros.count:,} {what} no internal dof ({subject.numbers(cells)}"
-        if (dofs.anywhere[none] > 0).any():
-            message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
-            message += "symmetry condition would constrain it"
-        message += f"); cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
-        if macros.cut.any():
-            yield subject.found("no-internal-dof", message, cells, group=side.group)
-        else:
-            yield subject.found("not-cut", f"the skin is not cut yet: {message}", cells, group=side.group)
-    if taken.any():
-        cells = side.cells[macros.faces(taken)]
-        message = f"every internal dof of {counted(int(taken.sum()), 'macro-element')} is constrained by "
-        message += (
-            f"{', '.join(subject.dirichlet)} (slave faces {subject.numbers(cells)}); remove these faces from one "
-        )
-        yield subject.found("fixed-internal-dof", f"{message}of the groups", cells, group=side.group)
-    if on_boundary.any():
-        cells = side.cells[macros.faces(on_boundary)]
-        message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
-        message += f" free dofs on the boundary of the slave skin only (slave faces {subject.numbers(cells)}), where a "
-        message += (
-            "symmetry condition would constrain them; cut the faces, or give the constrained groups with --dirichlet"
-        )
-        yield subject.found("rim-dof", message, cells, group=side.group)
-
-
-def _owning(subject: Subject, dofs: _Dofs) -> Iterator[Finding]:
-    """Report macro-elements with an internal dof; their faces are listed only if other macro-elements have none."""
-    side, macros = subject.slave, subject.macros
-    owning = dofs.inside > 0
-    if not owning.any():
-        return
-    cells = side.cells[macros.faces(owning)]
-    as_is = int((~macros.cut & macros.whole).sum())
-    message = (
-        f"{int(owning.sum()):,} of {counted(macros.count, 'macro-element owns', 'macro-elements own')} an internal dof"
-    )
-    message += f", {as_is:,} of them as faces that need no cut (SEG3, TRIA7, QUAD9)" if as_is else ""
-    message += "" if owning.all() else f" (slave faces {subject.numbers(cells)})"
-    yield subject.found("internal-dof", message, None if owning.all() else cells, group=side.group)
-
-
-def _integrals(subject: Subject) -> tuple[Floats, Floats, Ints]:
+def _integrals(request: Request, macros: Macros) -> tuple[Floats, Floats, Ints]:
     """Measure of each macro-element, integral of each node's function, the only macro-element at each node, or -1."""
-    mesh, faces, macros = subject.mesh, subject.slave.faces, subject.macros
+    mesh, faces = request.mesh, request.slave.faces
     size, value = np.zeros(macros.count), np.zeros(mesh.n_nodes)
     low, high = np.full(mesh.n_nodes, macros.count), np.full(mesh.n_nodes, -1)
     for code in np.unique(faces.type):
         rows = np.flatnonzero(faces.type == code)
         nodes = faces.nodes[rows, : N_NODES[code]]
-        own = np.broadcast_to(macros.of_face[rows, None], nodes.shape)
-        np.minimum.at(low, nodes, own)
-        np.maximum.at(high, nodes, own)
-        good = subject.finite[nodes].all(axis=1)
-        per_node = _face_integrals(FACE_TYPES[code], mesh.points[nodes[good]])
+        macro = np.broadcast_to(macros.of_face[rows, None], nodes.shape)
+        np.minimum.at(low, nodes, macro)
+        np.maximum.at(high, nodes, macro)
+        good = request.finite[nodes].all(axis=1)
+        kind = FACE_TYPES[code]
+        X, w = quadrature.rule(CELLS[kind].family, _DEGREE)
+        J = jacobian(kind, mesh.points[nodes[good]], X)
+        area = np.linalg.norm(np.cross(J[..., 0], J[..., 1]) if CELLS[kind].dim == 2 else J[..., 0], axis=-1)
+        per_node = (area * w) @ shape(kind, X)  # (k, n): the integral of each node's shape function
         np.add.at(value, nodes[good], per_node)
         size += np.bincount(macros.of_face[rows[good]], per_node.sum(axis=1), macros.count)
     return size, value, np.where(low == high, low, -1)
 
 
-def _face_integrals(kind: str, x: Floats) -> Floats:
-    """(k, n): the integral of each node's shape function over faces with nodes at x (k, n, 3)."""
-    X, w = rule(CELLS[kind].family, _DEGREE)
-    J = jacobian(kind, x, X)
-    area = np.linalg.norm(np.cross(J[..., 0], J[..., 1]) if CELLS[kind].dim == 2 else J[..., 0], axis=-1)
-    return (area * w) @ shape(kind, X)
-
-
-def _boundary_nodes(subject: Subject) -> Ints:
-    """Nodes on the boundary of the slave skin: on edges that belong to one slave face only."""
-    faces = subject.slave.faces
+def _boundary_nodes(faces: Faces) -> Ints:
+    """Nodes on the boundary of a skin: on edges that belong to one face only."""
     uses = edge_uses(faces)
     alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
     face, place = uses.face[alone], uses.place[alone]
@@ -186,3 +242,136 @@ def _boundary_nodes(subject: Subject) -> Ints:
     second = np.where(segment, first, faces.nodes[face, (place + 1) % n])
     middle = np.where(segment | (N_NODES[faces.type[face]] == n), first, faces.nodes[face, n + place])
     return np.unique(np.concatenate([first, second, middle]))
+
+
+@figures("slave")
+def dof_figures(request: Request) -> dict[str, Any]:
+    """Return the numbers of macro-elements, and of those with internal dofs."""
+    dofs = request.once(_dofs)
+    return {
+        "macro_elements": request.once(macros_of).count,
+        "with_internal_dof": int((dofs.inside > 0).sum()),
+        "with_free_internal_dof": int((dofs.free_inside > 0).sum()),
+        "least_integral": dofs.least,
+    }
+
+
+def _faces(request: Request, macros: Bools) -> Ints:
+    """Return the cells on the slave faces of some macro-elements, a mask (m,)."""
+    return request.slave.cells[macros[request.once(macros_of).of_face]]
+
+
+def _lacking(request: Request) -> Bools:
+    """(m,): True for macro-elements without an internal dof; an uncut face with one on the boundary alone has none."""
+    macros, dofs = request.once(macros_of), request.once(_dofs)
+    uncut = mask_of(macros.count, macros.of_face[~macros.cut & ~macros.whole])
+    return (dofs.anywhere == 0) | (uncut & (dofs.inside == 0))
+
+
+@rule("broken-records", "error", "remove these data, or cut the original mesh again", "slave")
+def broken_records(request: Request) -> Iterator[Place]:
+    """The data lac_macro, lac_zone, ... of the mesh are not those of a cut: numbers with holes, faces of a
+    macro-element that are not connected, or internal dofs where the integrals find none.
+    """
+    for fault in request.once(_dofs).faults:
+        message = f"the records of the cut cannot be used: {fault.message}"
+        yield Place(message, fault.cells, fault.nodes, request.slave.group)
+
+
+@rule("recognised", "info", "nothing", "slave")
+def recognised(request: Request) -> Iterator[Place]:
+    """The skin is cut, but has no records of the cut; the macro-elements were recognised."""
+    macros, side = request.once(macros_of), request.slave
+    if macros.recognised and macros.cut.all():
+        message = "the skin is cut, without records: "
+        message += counted(macros.count, "macro-element was", "macro-elements were")
+        yield Place(f"{message} recognised from the faces", side.cells, group=side.group)
+
+
+@rule("half-cut", "warning", "cut the original mesh, with all slave groups at once", "slave")
+def half_cut(request: Request) -> Iterator[Place]:
+    """Only a part of the slave skin is cut."""
+    macros, side = request.once(macros_of), request.slave
+    cells = side.cells[~macros.cut & ~macros.whole]
+    if macros.cut[~macros.whole].any() and len(cells):
+        message = f"{counted(len(cells), 'slave face is', 'slave faces are')} in no macro-element of the cut "
+        advice = "cut the original mesh, with all slave groups at once"
+        yield Place(f"{message}({request.numbers(cells)}); {advice}", cells, group=side.group)
+
+
+@rule("no-internal-dof", "error", "lacmesh cut", "slave")
+def no_internal_dof(request: Request) -> Iterator[Place]:
+    """A macro-element has no internal dof: no node whose shape function vanishes outside it and has a positive
+    integral.
+    """
+    if request.once(macros_of).cut.any():
+        yield from _without_dof(request, "", "macro-elements own")
+
+
+@rule("not-cut", "info", "lacmesh cut", "slave")
+def not_cut(request: Request) -> Iterator[Place]:
+    """A slave face that is not cut yet has no internal dof."""
+    if not request.once(macros_of).cut.any():
+        yield from _without_dof(request, "the skin is not cut yet: ", "slave faces own")
+
+
+def _without_dof(request: Request, begin: str, what: str) -> Iterator[Place]:
+    macros, dofs, side, none = request.once(macros_of), request.once(_dofs), request.slave, _lacking(request)
+    if none.any():
+        cells = _faces(request, none)
+        message = f"{begin}{int(none.sum()):,} of {macros.count:,} {what} no internal dof ({request.numbers(cells)}"
+        if (dofs.anywhere[none] > 0).any():
+            message += f"; {int((dofs.anywhere[none] > 0).sum())} of them one on the boundary of the skin, where a "
+            message += "symmetry condition would constrain it"
+        advice = f"cut the skin: lacmesh cut {' '.join(f'--slave {quote(name)}' for name in side.names)}"
+        yield Place(f"{message}); {advice}", cells, group=side.group)
+
+
+@rule(
+    "fixed-internal-dof", "error", "remove the slave faces from the Dirichlet group, or from the slave group", "slave"
+)
+def fixed_internal_dof(request: Request) -> Iterator[Place]:
+    """Every internal dof of a macro-element is in a Dirichlet group."""
+    fixed = ~_lacking(request) & (request.once(_dofs).free == 0)
+    if fixed.any():
+        cells = _faces(request, fixed)
+        message = f"every internal dof of {counted(int(fixed.sum()), 'macro-element')} is constrained by "
+        message += (
+            f"{', '.join(request.dirichlet)} (slave faces {request.numbers(cells)}); remove these faces from one "
+        )
+        yield Place(f"{message}of the groups", cells, group=request.slave.group)
+
+
+@rule(
+    "rim-dof",
+    "warning",
+    "cut the face, or give the constrained groups with --dirichlet for a definite answer",
+    "slave",
+)
+def rim_dofs(request: Request) -> Iterator[Place]:
+    """A macro-element has internal dofs only on the boundary of the slave skin, where a symmetry condition would
+    constrain them.
+    """
+    dofs = request.once(_dofs)
+    on_boundary = ~_lacking(request) & (dofs.free > 0) & (dofs.free_inside == 0)
+    if on_boundary.any():
+        cells = _faces(request, on_boundary)
+        message = counted(int(on_boundary.sum()), "macro-element owns", "macro-elements own")
+        message += f" free dofs on the boundary of the slave skin only (slave faces {request.numbers(cells)}), where a "
+        message += "symmetry condition would constrain them; cut the faces, or give the constrained groups with "
+        yield Place(f"{message}--dirichlet", cells, group=request.slave.group)
+
+
+@rule("internal-dof", "info", "nothing", "slave")
+def internal_dofs(request: Request) -> Iterator[Place]:
+    """Number of macro-elements with an internal dof."""
+    macros, owning = request.once(macros_of), request.once(_dofs).inside > 0
+    if owning.any():
+        cells = None if owning.all() else _faces(request, owning)  # listed only if others have none
+        as_is = int((~macros.cut & macros.whole).sum())
+        message = f"{int(owning.sum()):,} of {counted(macros.count, 'macro-element owns', 'macro-elements own')} an "
+        message += (
+            f"internal dof{f', {as_is:,} of them as faces that need no cut (SEG3, TRIA7, QUAD9)' if as_is else ''}"
+        )
+        message += "" if cells is None else f" (slave faces {request.numbers(cells)})"
+        yield Place(message, cells, group=request.slave.group)

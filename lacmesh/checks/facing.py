@@ -1,27 +1,107 @@
-"""Checks of slave and master together: gap, coverage, orientation, sizes. All are computed by `lacmesh.surface`."""
+"""Checks of the surfaces of the skins: shapes of curved ones, and slave and master together: gap, coverage, sizes.
+
+All are computed by `lacmesh.smooth` and `lacmesh.surface`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lacmesh.checks.findings import Finding, counted
-from lacmesh.checks.subject import Subject
+from lacmesh.checks.dofs import cut_mesh, macros_of
+from lacmesh.checks.findings import Place, counted, figures, rule
+from lacmesh.checks.request import Bools, CheckedSkin, Request
 from lacmesh.errors import DataError
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import measure
 from lacmesh.smooth import surface_of
+from lacmesh.smooth.fitted import DOUBTFUL, doubt_in_words, faceted, few_in_words, fitted_shapes
+from lacmesh.smooth.heights import smooth_of
 from lacmesh.surface import ContactPoints, Coverage, Surface, contact_points, coverage, default_distance
 
+T = TypeVar("T")
 #: coverage from which a macro-element is covered, up to which it is not. Faces are matched in their mean planes, and
 #: where these are curved some hundredths are lost along the boundary of a skin that the master covers
 WHOLE, NONE = 0.95, 1e-6
 #: how much slave and master may differ in size where they meet, and from where a hint is given
 RATIO, HINT = 5.0, 1.5
+
+
+# ---- shapes of curved skins
+
+
+def _smooth_zones(request: Request, side: CheckedSkin) -> list[tuple[str, Any, Surface]]:
+    """The name, the smooth surface and the surface of each group of a skin whose faces have normals."""
+    zones = []
+    mesh = request.once(cut_mesh)
+    for zone, name in enumerate(side.names):
+        cells = side.cells[side.zone == zone]
+        if len(cells):
+            try:
+                surface = Surface.of(mesh, cells)
+            except DataError:  # faces without a normal: `facing-left-out` reports them
+                continue
+            zones.append((name, smooth_of(mesh, surface, request.options["crease_angle"]), surface))
+    return zones
+
+
+@rule(
+    "faceted",
+    "warning",
+    "refine the mesh there, put nodes on the line where two shapes touch, or use quadratic cells",
+    "skin",
+)
+def faceted_skins(request: Request, side: CheckedSkin) -> Iterator[Place]:
+    """A curved skin of linear faces is too coarse for a smooth fit: neighbouring faces of a free-form surface meet at
+    more than 22.5 degrees (fewer than 16 to a full turn), have too few neighbours, or change their curvature within few
+    faces, as at a fillet, so that heights may be off by 0.005 of a face's size.
+    """
+    for name, smooth, surface in request.once(_smooth_zones, side) if request.options["surface"] == "smooth" else ():
+        coarse = faceted(smooth, surface)
+        if len(coarse.cells):
+            what = [f"meet at angles up to {coarse.turn:.0f} degrees"]
+            if coarse.no_height:
+                what.append(f"{coarse.no_height:,} of them have too few neighbours for a fit")
+            if coarse.doubt > DOUBTFUL:
+                what.append(f"their {doubt_in_words(coarse.doubt)}")
+            message = f"{side.counted(len(coarse.cells), 'is', 'are')} too coarse for a curved skin: they "
+            advice = "refine the mesh (16 faces to a full turn or more), or use quadratic cells"
+            yield Place(f"{message}{', and '.join(what)}; {advice}", coarse.cells, group=name)
+
+
+@rule(
+    "few-faces",
+    "warning",
+    "nothing if it is round; --crease-angle 40 if the edges are sharp, as those of a nut",
+    "skin",
+)
+def few_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
+    """A circle, cylinder, sphere or cone of few faces, five to eight to a full turn: they turn by more than 40 degrees,
+    and are taken as that shape since all nodes lie on it.
+    """
+    for name, smooth, surface in request.once(_smooth_zones, side) if request.options["surface"] == "smooth" else ():
+        if message := few_in_words(smooth):
+            yield Place(f"{message}; give --crease-angle 40 if the edges are sharp", surface.cell, group=name)
+
+
+@figures()
+def shape_figures(request: Request) -> dict[str, Any]:
+    """Return the shapes of each curved group."""
+    shapes: dict[str, Any] = {}
+    for side in request.sides:
+        for name, smooth, surface in request.once(_smooth_zones, side):
+            fitted = fitted_shapes(smooth, surface)
+            if not all(one.flat for one in fitted):
+                at = [one if one.centre is None else replace(one, centre=one.centre + request.origin) for one in fitted]
+                shapes[name] = [one.as_dict() for one in at]
+    return {"shapes": shapes}
+
+
+# ---- slave against master
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,141 +115,215 @@ class _Facing:
     points: ContactPoints
     covered: Coverage
 
-    @classmethod
-    def of(cls, subject: Subject) -> _Facing:
-        """Pair the slave and master surfaces. Raises DataError if that is impossible with these faces."""
-        assert subject.master is not None
-        options = dict(subject.options)
-        smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
-        a, b = (surface_of(subject.cut_mesh, side.cells, **smooth) for side in subject.sides)
-        macro = subject.macros.of_face
-        if options.get("search_distance") is None:
-            options["search_distance"] = default_distance(a, b, macro)
-        points = contact_points(a, b, macro=macro, **options)
-        return cls(a, b, macro, options, points, coverage(points, a, macro))
+    def coverage(self, master: Surface, **options: Any) -> Coverage:
+        """Return the coverage by another master, or with other options."""
+        points = contact_points(self.slave, master, macro=self.macro, **self.options | options)
+        return coverage(points, self.slave, self.macro)
 
     @property
-    def lacking(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def lacking(self) -> tuple[Bools, Bools]:
         """(m,) each: True for macro-elements that the master does not cover at all, and for those covered in part."""
         ratio = self.covered.ratio
         return ratio <= NONE, (ratio > NONE) & (ratio < WHOLE)
 
 
-def check_facing(subject: Subject) -> tuple[list[Finding], dict[str, Any]]:
-    """Check the gap, the coverage by the master, the side on which the master lies, and the ratio of sizes."""
-    slave, master = subject.slave, subject.master
+def _facing(request: Request) -> _Facing | str | None:
+    """Pair the surfaces of slave and master; None without both, or the reason why it is impossible."""
+    slave, master = request.slave, request.master
     if master is None or not len(slave) or not len(master):
-        return [], {}
-    if not (subject.finite[slave.nodes].all() and subject.finite[master.nodes].all()):
-        return [_left_out(subject, "some coordinates are not finite")], {}
+        return None
+    if not (request.finite[slave.nodes].all() and request.finite[master.nodes].all()):
+        return "some coordinates are not finite"
+    options = dict(request.options)
+    smooth = {name: options.pop(name) for name in ("surface", "crease_angle")}
     try:
-        facing = _Facing.of(subject)
+        a, b = (surface_of(request.once(cut_mesh), side.cells, **smooth) for side in request.sides)
+        macro = request.once(macros_of).of_face
+        if options.get("search_distance") is None:
+            options["search_distance"] = default_distance(a, b, macro)
+        points = contact_points(a, b, macro=macro, **options)
+        return _Facing(a, b, macro, options, points, coverage(points, a, macro))
     except DataError as error:
-        return [_left_out(subject, str(error))], {}
-    findings = [*_coverage(subject, facing), *_facing_away(subject, facing), *_behind(subject, facing)]
-    if not len(facing.points):
-        return findings, {"covered": 0.0}
-    gap, figures = _gap(subject, facing)
-    if not np.isfinite([*figures["gap"].values(), figures["covered"]]).all():
-        return [*findings, _left_out(subject, "lengths are too large or too small to be multiplied")], {}
-    return [*findings, gap, *_sizes(subject, facing)], figures
+        return str(error)
 
 
-def _left_out(subject: Subject, why: str) -> Finding:
-    return subject.found("facing-left-out", f"gap and coverage were not computed: {why}", group=subject.slave.group)
+def _paired(function: Callable[[Request, _Facing], T]) -> Callable[[Request], T | tuple[()]]:
+    """Return a function of (request) that calls one of (request, facing), where slave and master are paired."""
+
+    @wraps(function)
+    def of_request(request: Request) -> T | tuple[()]:
+        facing = request.once(_facing)
+        return function(request, facing) if isinstance(facing, _Facing) else ()
+
+    return of_request
 
 
-def _coverage(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    side = subject.slave
-    unseen, partly = facing.lacking
-    zone = np.empty(len(unseen), np.int64)
-    zone[facing.macro] = side.zone
-    for k, name in enumerate(side.names):  # a zone that sees no master is an error, whatever the others see
-        mine = zone == k
-        if mine.any() and unseen[mine].all():
-            message = f"no slave face of {name} finds a master face along its normal, up to "
-            message += f"{facing.options['search_distance']:.4g} away; check the groups, their positions and their "
-            message += "orientation, or increase --search-distance"
-            yield subject.found("no-coverage", message, side.cells[mine[facing.macro]], group=name)
-            unseen = unseen & ~mine
-    if (unseen | partly).any():
-        cells = side.cells[(unseen | partly)[facing.macro]]
-        message = f"of {counted(len(unseen), 'macro-element')}, {unseen.sum():,} do not face the master at all and "
-        message += (
-            f"{partly.sum():,} only in part (slave faces {subject.numbers(cells)}); nothing to do if the slave is "
-        )
-        yield subject.found("partial-coverage", f"{message}meant to extend beyond the master", cells, group=side.group)
+def _bare_zones(request: Request, facing: _Facing) -> dict[str, Bools]:
+    """The macro-elements (m,) of each zone that sees no master at all."""
+    bare = facing.lacking[0]
+    zone = np.empty(len(bare), np.int64)
+    zone[facing.macro] = request.slave.zone
+    of_zone = {name: zone == k for k, name in enumerate(request.slave.names)}
+    return {name: macros for name, macros in of_zone.items() if macros.any() and bare[macros].all()}
 
 
-def _facing_away(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Report master faces without parent cell whose normal points away from the slave: flipped, they cover more."""
-    parentless = np.isnan(facing.master.depth)
-    if not parentless.any() or not np.any(facing.lacking):
-        return
-    over = contact_points(
-        facing.slave, facing.master.turned_over(np.flatnonzero(parentless)), macro=facing.macro, **facing.options
-    )
-    gained = coverage(over, facing.slave, facing.macro).ratio > facing.covered.ratio + 0.5
-    if gained.any():
-        cells = subject.slave.cells[gained[facing.macro]]
-        message = f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave faces "
-        message += f"{subject.numbers(cells)}); flip it: lacmesh orient, or reverse the node order of its faces"
-        yield subject.found("wrong-side", message, cells, group=subject.slave.group)
+@rule(
+    "no-coverage",
+    "error",
+    "check the groups, their positions and their orientation, or increase --search-distance",
+    "pair",
+)
+@_paired
+def no_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
+    """No slave face of a zone finds a master face along its normal, within the search distance."""
+    for name, macros in _bare_zones(request, facing).items():  # an error, whatever the other zones see
+        message = f"no slave face of {name} finds a master face along its normal, up to "
+        message += f"{facing.options['search_distance']:.4g} away; check the groups, their positions and their "
+        message += "orientation, or increase --search-distance"
+        yield Place(message, request.slave.cells[macros[facing.macro]], group=name)
 
 
-def _behind(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Report a master that lies deeper behind the slave than overlapping bodies would, and may be out of range."""
-    covered = facing.covered
-    if np.any(facing.lacking[0]):
-        depth = facing.options["search_distance"]
-        options = facing.options | {"max_penetration": depth}
-        points = contact_points(facing.slave, facing.master, macro=facing.macro, **options)
-        covered = coverage(points, facing.slave, facing.macro)
+@rule(
+    "partial-coverage",
+    "warning",
+    "nothing, if the slave is meant to extend beyond the master; pressures there are zero or act on a part",
+    "pair",
+)
+@_paired
+def partial_coverage(request: Request, facing: _Facing) -> Iterator[Place]:
+    """The master covers less than 95 % of a macro-element, or none of it."""
+    bare, partly = facing.lacking
+    for macros in _bare_zones(request, facing).values():
+        bare = bare & ~macros
+    if (bare | partly).any():
+        cells = request.slave.cells[(bare | partly)[facing.macro]]
+        message = f"of {counted(len(bare), 'macro-element')}, {bare.sum():,} do not face the master at all and "
+        message += f"{partly.sum():,} only in part (slave faces {request.numbers(cells)}); nothing to do if the slave "
+        yield Place(f"{message}is meant to extend beyond the master", cells, group=request.slave.group)
+
+
+@rule(
+    "wrong-side",
+    "warning",
+    "orient the skins outward (lacmesh orient), and check which surfaces face each other",
+    "pair",
+)
+@_paired
+def wrong_side(request: Request, facing: _Facing) -> Iterator[Place]:
+    """Slave and master normals are not opposite where they face each other, or the master lies behind the slave."""
+    parentless, covered = np.isnan(facing.master.depth), facing.covered
+    if parentless.any() and np.any(facing.lacking):  # turned over, such faces may cover more
+        over = facing.coverage(facing.master.turned_over(np.flatnonzero(parentless)))
+        gained = over.ratio > covered.ratio + 0.5
+        if gained.any():
+            cells = request.slave.cells[gained[facing.macro]]
+            message = (
+                f"the master's normal points away from {counted(int(gained.sum()), 'macro-element')} (slave faces "
+            )
+            message += f"{request.numbers(cells)}); flip it: lacmesh orient, or reverse the node order of its faces"
+            yield Place(message, cells, group=request.slave.group)
+    if np.any(facing.lacking[0]):  # a master that lies deeper than overlapping bodies would may be out of range
+        covered = facing.coverage(facing.master, max_penetration=facing.options["search_distance"])
     unseen = covered.ratio > facing.covered.ratio + 0.5
     deep = unseen | ((covered.ratio > NONE) & (covered.mean_gap < -_macro_sizes(facing)))
     if deep.any():
-        cells = subject.slave.cells[deep[facing.macro]]
+        cells = request.slave.cells[deep[facing.macro]]
         message = f"the master lies behind {counted(int(deep.sum()), 'macro-element')}, too deep for an overlap of two "
-        message += f"bodies (slave faces {subject.numbers(cells)}); check that these are the surfaces in contact"
-        yield subject.found("wrong-side", message, cells, group=subject.slave.group)
+        message += f"bodies (slave faces {request.numbers(cells)}); check that these are the surfaces in contact"
+        yield Place(message, cells, group=request.slave.group)
 
 
-def _gap(subject: Subject, facing: _Facing) -> tuple[Finding, dict[str, Any]]:
+@figures("pair")
+@_paired
+def gap_figures(request: Request, facing: _Facing) -> dict[str, Any]:
+    """Return the gap and the coverage by the master."""
+    if not len(facing.points):
+        return {"covered": 0.0}
+    gap, share = _gap(facing)
+    bare, partly = facing.lacking
+    return (
+        {
+            "gap": gap,
+            "covered": share,
+            "covered_macro_elements": int((~bare & ~partly).sum()),
+            "partly_covered_macro_elements": int(partly.sum()),
+            "uncovered_macro_elements": int(bare.sum()),
+        }
+        if _is_finite(gap, share)
+        else {}
+    )
+
+
+def _gap(facing: _Facing) -> tuple[dict[str, float], float]:
+    """The least, mean and largest gap, and the part of the slave's area that faces the master."""
     points, covered = facing.points, facing.covered
     total, area = float(covered.covered.sum()), float(covered.area.sum())
     mean = float(covered.gap_integral.sum()) / total if total > 0 else 0.0
-    low, high = float(points.gap.min()), float(points.gap.max())
-    share = min(total / area, 1.0) if area > 0 else 0.0
-    message = f"gap from {low:.6g} to {high:.6g}, mean {mean:.6g} (open > 0); "
-    message += f"{100 * share:.4g} % of the slave faces the master"
-    unseen, partly = facing.lacking
-    figures = {
-        "gap": {"min": low, "mean": mean, "max": high},
-        "covered": share,
-        "covered_macro_elements": int((~unseen & ~partly).sum()),
-        "partly_covered_macro_elements": int(partly.sum()),
-        "uncovered_macro_elements": int(unseen.sum()),
-    }
-    return subject.found("gap", message, group=subject.slave.group), figures
+    gap = {"min": float(points.gap.min()), "mean": mean, "max": float(points.gap.max())}
+    return gap, min(total / area, 1.0) if area > 0 else 0.0
 
 
-def _sizes(subject: Subject, facing: _Facing) -> Iterator[Finding]:
-    """Report the ratio of the sizes of macro-elements and master faces, where they face each other."""
-    points, group = facing.points, subject.slave.group
-    own = _macro_sizes(facing)[points.macro]
-    other = _size(_measures(facing.master), facing.master.dim)[points.master]
-    good = (own > 0) & (other > 0)
-    if not good.any():
-        return
-    weight = points.weight[good]
-    ratio = float(np.exp((weight * np.log(own[good] / other[good])).sum() / weight.sum()))
-    text = f"where they meet, slave macro-elements are {ratio:.3g} times as large as master faces"
+def _is_finite(gap: dict[str, float], share: float) -> bool:
+    return bool(np.isfinite([*gap.values(), share]).all())
+
+
+@rule("gap", "info", "nothing", "pair")
+@_paired
+def gaps(request: Request, facing: _Facing) -> Iterator[Place]:
+    """The signed gap between slave and master: open > 0, penetration < 0."""
+    if len(facing.points):
+        gap, share = _gap(facing)
+        if _is_finite(gap, share):
+            message = f"gap from {gap['min']:.6g} to {gap['max']:.6g}, mean {gap['mean']:.6g} (open > 0); "
+            yield Place(f"{message}{100 * share:.4g} % of the slave faces the master", group=request.slave.group)
+
+
+@rule("size-ratio", "warning", "refine the coarser side, which limits the resolution of the pressure", "pair")
+@_paired
+def size_ratios(request: Request, facing: _Facing) -> Iterator[Place]:
+    """The faces of slave and master differ much in size."""
+    ratio = _size_ratio(facing)
     if not 1 / RATIO <= ratio <= RATIO:
-        yield subject.found("size-ratio", f"{text}; refine the {'slave' if ratio > 1 else 'master'}", group=group)
-    rigid = np.isnan(facing.master.depth).all()  # the stiffer side, whatever its mesh
-    if ratio > HINT and not rigid:
-        message = f"a hint: {text}, and by a rule of thumb the master is the coarser and stiffer side; "
-        yield subject.found("better-slave", f"{message}consider exchanging them", group=group)
+        message = f"{_MEET.format(ratio)}; refine the {'slave' if ratio > 1 else 'master'}"
+        yield Place(message, group=request.slave.group)
+
+
+@rule("better-slave", "info", "exchange slave and master, if the slave is not the softer body", "pair")
+@_paired
+def better_slaves(request: Request, facing: _Facing) -> Iterator[Place]:
+    """A hint from the meshes alone: by a rule of thumb the master is the coarser and stiffer side."""
+    ratio, is_rigid = _size_ratio(facing), np.isnan(facing.master.depth).all()  # a rigid side is the stiffer one
+    if ratio > HINT and not is_rigid:
+        message = f"a hint: {_MEET.format(ratio)}, and by a rule of thumb the master is the coarser and stiffer side; "
+        yield Place(f"{message}consider exchanging them", group=request.slave.group)
+
+
+_MEET = "where they meet, slave macro-elements are {:.3g} times as large as master faces"
+
+
+def _size_ratio(facing: _Facing) -> float:
+    """The ratio of the sizes of macro-elements and master faces, where they face each other; 1 if it is not known."""
+    points = facing.points
+    if not len(points) or not _is_finite(*_gap(facing)):
+        return 1.0
+    slave = _macro_sizes(facing)[points.macro]
+    master = _size(_measures(facing.master), facing.master.dim)[points.master]
+    good = (slave > 0) & (master > 0)
+    if not good.any():
+        return 1.0
+    weight = points.weight[good]
+    return float(np.exp((weight * np.log(slave[good] / master[good])).sum() / weight.sum()))
+
+
+@rule("facing-left-out", "warning", "correct the mesh; all other checks were done", "pair")
+def facing_left_out(request: Request) -> Iterator[Place]:
+    """Gap and coverage cannot be computed: segments that are not in one plane, or coordinates not finite."""
+    facing = request.once(_facing)
+    why = facing if isinstance(facing, str) else ""
+    if isinstance(facing, _Facing) and len(facing.points) and not _is_finite(*_gap(facing)):
+        why = "lengths are too large or too small to be multiplied"
+    if why:
+        yield Place(f"gap and coverage were not computed: {why}", group=request.slave.group)
 
 
 def _macro_sizes(facing: _Facing) -> Floats:

@@ -1,55 +1,32 @@
-"""The command `lacmesh`: one module for each of its commands; `program` runs them."""
+"""The command `lacmesh`: `program` runs its commands, which are functions of the other modules."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-
+from lacmesh.cli.checks import check, quality
+from lacmesh.cli.cuts import cut, orient, split
+from lacmesh.cli.files import compile_, convert, example, info, partition
+from lacmesh.cli.models import mesh_command, view
 from lacmesh.cli.options import EPILOG
-from lacmesh.cli.program import Program
+from lacmesh.cli.program import Program, Run
 from lacmesh.errors import GroupNotFoundError, LacmeshError
 
-#: in the order of the help
-COMMANDS = (
-    "example",
-    "cut",
-    "check",
-    "quality",
-    "orient",
-    "split",
-    "view",
-    "mesh",
-    "onelab",
-    "partition",
-    "info",
-    "convert",
-    "types",
-    "compile",
-    "completion",
-)
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
-    return PROGRAM.main(argv)
-
-
-def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _error_lines(error: LacmeshError, run: Run) -> list[str]:
     """Lines of an error message; the file is put before an error about the mesh that does not name it."""
-    message, source = str(error), getattr(args, "input", None)
+    message = str(error)
     about_mesh = error.status == 1 or isinstance(error, GroupNotFoundError)
-    return [f"{source}: {message}" if about_mesh and source and source not in message else message]
+    return [f"{run.source}: {message}" if about_mesh and run.source and run.source not in message else message]
 
 
 PROGRAM = Program(
     "lacmesh",
-    __name__,
     "Prepare meshes for Local Average Contact: subdivide the slave faces into macro-elements with an internal "
     "displacement node, check, measure, draw, partition and convert.",
     EPILOG,
-    COMMANDS,
-    _error_lines,
-    "there is not enough memory for this mesh",
-    "info",
-    collects=False,  # a short life of large arrays and no cycles: collecting would only cost time
+    (example, cut, check, quality, orient, split, view, mesh_command, partition, info, convert, compile_),
+    error_lines=_error_lines,
+    too_large="there is not enough memory for this mesh",
+    of_file="info",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main

@@ -1,283 +1,182 @@
-"""Shared parts of the commands: declaration of arguments, checks and writing of outputs."""
+"""Arguments that commands share: types with their flags and help, and groups of options with what is done with them."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
-from dataclasses import replace
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import Annotated, Any, Literal
 
+from typer import Argument, Option
+
+import lacmesh
+from lacmesh.cli.program import Run, number
 from lacmesh.errors import RequestError, listed
 
-if TYPE_CHECKING:
-    from lacmesh.mesh import Mesh
-
-#: whom a mesh may be for: the keys of lacmesh.exchange.targets.TARGETS
-PROGRAMS = ("gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver")
-
-#: options of a command -> those of lacmesh.write that they become
-_OPTIONS = {"msh": "msh", "ascii": "binary", "plane": "plane", "all_cells": "all_cells", "lenient": "lenient"}
-
 EPILOG = """\
-A group is named as in the file, or by its tag (5), or dimension and tag (2:5); an elementary entity is entity:2:17.
-Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
-130 interrupted, 143 terminated."""
+A group is named as in the file, or by its tag (5), or dimension and tag
+(2:5); an elementary entity is entity:2:17.
+Exit status: 0 done, 1 the data are wrong, 2 the command is wrong,
+3 a file cannot be read or written, 130 interrupted, 143 terminated."""
 
 
-def add_command(
-    commands: Any, name: str, run: Callable[..., None], text: str, verbose: str = ""
-) -> argparse.ArgumentParser:
-    """Declare a command with the options of all; `text` is its line in the help, `verbose` a further effect of -v."""
-    parser: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=text,
-        description=text[0].upper() + text[1:] + ".",
-        epilog=EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+# options of two panels of the help, beside the usual ones
+search = partial(Option, rich_help_panel="Contact search")
+length = partial(search, metavar="LENGTH", parser=partial(number, low=0, high=sys.float_info.max, what="length"))
+angle = partial(search, metavar="DEGREES", parser=partial(number, low=0, high=180, what="angle from 0 to 180 degrees"))
+output = partial(Option, rich_help_panel="Output")
+
+MeshFile = Annotated[str, Argument(metavar="IN", help="mesh: .msh, .med, .mail, .inp, .vtu, .xdmf and more")]
+MeshName = Annotated[str | None, Option("--mesh", metavar="NAME", help="which mesh, in a file that holds several")]
+Target = Annotated[str | None, output("--output", "-o", metavar="OUT", help="default: beside IN, with another ending")]
+Force = Annotated[bool, output("--force", help="replace an existing output")]
+AsJson = Annotated[bool, Option("--json", help="print one JSON object")]
+Names = list[str] | None
+Direction = tuple[float, float, float] | None
+#: whom a mesh may be for: the keys of lacmesh.exchange.targets.TARGETS
+_Programs = Literal["gmsh", "aster", "calculix", "abaqus", "fenics", "lacsolver"]
+ForProgram = Annotated[
+    _Programs | None,
+    output("--for", help="refuse cells that it does not support; whose .inp to write (default: calculix)"),
+]
+
+
+@dataclass
+class Skins:
+    """The skins of a contact."""
+
+    slave: Annotated[Names, Option(metavar="GROUP", help="slave skin; may be repeated")] = None
+    master: Annotated[Names, Option(metavar="GROUP", help="master skin; may be repeated")] = None
+    pair: Annotated[
+        Names, Option(metavar="SLAVE:MASTER", help="for several contacts, in place of both; may be repeated")
+    ] = None
+
+    def check(self, *, needed: bool = True) -> None:
+        """Check the options before a mesh is read; `needed`: there must be a slave. Raises RequestError."""
+        if self.pair and (self.slave or self.master):
+            raise RequestError("--pair names the slaves and masters; leave out --slave and --master")
+        if needed and not (self.slave or self.pair):
+            raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
+
+    def sides(self, mesh: lacmesh.Mesh, command: str, source: str, *, compared: bool = True) -> dict[str, Any]:
+        """Return slave and master, or the pairs, of a mesh as keyword arguments of `lacmesh.check`.
+
+        With pairs slave and master are set to all of theirs. `compared`: several slaves with several masters are an
+        error, since they are compared. Raises RequestError.
+        """
+        if self.pair:
+            from lacmesh.checks.request import split_pairs
+
+            pairs = split_pairs(mesh, self.pair)
+            self.slave, self.master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
+            return {"pairs": pairs}
+        if compared and self.master:
+            from lacmesh.checks.request import check_one_pair
+
+            example = f"lacmesh {command} {quote(source)}"
+            check_one_pair(self.slave or mesh.zones, self.master, example)
+        return {"slave": self.slave, "master": self.master or []}
+
+
+@dataclass
+class Facing:
+    """How slave and master are compared: keyword arguments of `lacmesh.check`."""
+
+    dirichlet: Annotated[Names, search(metavar="GROUP", help="where displacements are prescribed; may be repeated")] = (
+        None
     )
-    parser.set_defaults(run=run)
-    parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but warnings and errors")
-    parser.add_argument(
-        "-v", "--verbose", action="store_true", help=f"{verbose}show where an internal error comes from"
-    )
-    return parser
+    axisymmetric: Annotated[bool, search("--axisymmetric", help="a plane mesh about y: areas include 2 pi x")] = False
+    search_distance: Annotated[
+        float | None,
+        length(help="default: a quarter of the smaller skin's diagonal, or twice its largest macro-element"),
+    ] = None
+    max_penetration: Annotated[float | None, length(help="to search (default: half the local element size)")] = None
+    surface: Annotated[
+        Literal["smooth", "faces"], search(help="gaps of linear cells: between the smooth surfaces, or the faces")
+    ] = "smooth"
+    crease_angle: Annotated[
+        float | None,
+        angle(help="edges that turn by more are sharp (default: 40, or more on five to eight faces to a turn)"),
+    ] = None
 
 
-def add_output_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of every command that writes a mesh."""
-    add_msh_options(parser, "the input's, or 4.1", "as the input, or binary")
-    parser.add_argument(
-        "--plane",
-        choices=("CPS", "CPE", "CAX"),
-        help="elements of a plane mesh in an .inp output: plane stress, plane strain, axisymmetric (default: those of "
-        "an .inp input, or CPS)",
-    )
-    parser.add_argument(
-        "--all-cells",
-        action="store_true",
-        help="write cells below the mesh's dimension as elements of an .inp output too, not as surfaces and sets alone",
-    )
-    parser.add_argument(
-        "--lenient",
-        action="store_true",
-        help="from .inp to .inp: leave out, with a warning, a line that cannot be carried, instead of an error",
-    )
-    parser.add_argument(
-        "--mesh-only",
-        action="store_true",
-        help="from .inp to .inp: write the mesh alone, without the other cards and their order",
-    )
-    parser.add_argument("--force", action="store_true", help="replace an existing output")
-    add_mesh_option(parser)
+@dataclass
+class Recognition:
+    """Which slave faces are those of an earlier cut."""
+
+    recut: Annotated[bool, Option("--recut", help="treat slave faces as not cut, even with records of a cut")] = False
+    recognise: Annotated[bool, Option("--recognise", help="recognise a cut without records by its pattern")] = False
+
+    def choice(self) -> bool | None:
+        """Return whether to recognise a cut; None: only by its records. Raises RequestError."""
+        if self.recut and self.recognise:
+            raise RequestError("--recut and --recognise exclude each other; leave one out")
+        return self.recognise or (False if self.recut else None)
 
 
-def add_msh_options(parser: argparse.ArgumentParser, version: str, form: str) -> None:
-    """Declare `--msh` and `--ascii`; `version` and `form` describe their defaults."""
-    parser.add_argument("--msh", choices=("4.1", "2.2"), help=f"version of a .msh output (default: {version})")
-    parser.add_argument("--ascii", action="store_true", help=f"write .msh, .vtu or .xdmf as text (default: {form})")
+@dataclass
+class MshOutput:
+    """How a .msh file is written."""
+
+    msh: Annotated[Literal["4.1", "2.2"] | None, output(help="version of .msh (default: the input's, or 4.1)")] = None
+    ascii: Annotated[bool, output("--ascii", help="write .msh, .vtu or .xdmf as text (default: as the input)")] = False
+    force: Force = False
+
+    def check(self, run: Run, target: Path) -> None:
+        """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
+        from lacmesh.formats.registry import format_of, takers
+
+        for option in ("msh", "ascii", "plane", "all_cells", "lenient"):
+            name = "binary" if option == "ascii" else option  # of lacmesh.write
+            if getattr(self, option, None) and name not in format_of(target).options:
+                suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
+                of = f"{'an' if suffixes.startswith('.i') else 'a'} {suffixes} output"
+                raise RequestError(f"--{option.replace('_', '-')} is for {of}, and {target} is none")
+        run.will_write(target, force=self.force)
 
 
-def add_program_option(parser: argparse.ArgumentParser, text: str) -> None:
-    """Declare `--for`, stored as `args.program`."""
-    parser.add_argument(
-        "--for", dest="program", choices=PROGRAMS, help=f"{text}; also whose .inp to write (default: calculix)"
-    )
+@dataclass
+class MeshOutput(MshOutput):
+    """How a mesh is written."""
 
+    plane: Annotated[
+        Literal["CPS", "CPE", "CAX"] | None,
+        output(help="elements of a plane mesh in .inp (default: the input's, or CPS)"),
+    ] = None
+    all_cells: Annotated[
+        bool, output("--all-cells", help=".inp: cells below the mesh's dimension are elements too")
+    ] = False
+    lenient: Annotated[
+        bool, output("--lenient", help=".inp to .inp: leave out, with a warning, lines that cannot be carried")
+    ] = False
+    mesh_only: Annotated[bool, output("--mesh-only", help=".inp to .inp: without the other cards")] = False
 
-def add_recognition_options(parser: argparse.ArgumentParser) -> None:
-    """Declare `--recut` and `--recognise`: which slave faces are those of an earlier cut?"""
-    either = parser.add_mutually_exclusive_group()
-    either.add_argument(
-        "--recut",
-        dest="recognise",
-        action="store_false",
-        default=None,
-        help="treat the slave faces as not cut yet, even where they have records of a cut",
-    )
-    either.add_argument(
-        "--recognise",
-        action="store_true",
-        default=None,
-        help="recognise an earlier cut without records by the pattern of its faces",
-    )
+    def target(self, run: Run, source: str, path: str | None, ending: str) -> Path:
+        """Return the checked path to write to: as `-o` says, or the input with an ending before its suffix.
 
+        Raises ReadError, RequestError, WriteError.
+        """
+        beside = Path(source)
+        suffix = beside.suffix or f".{lacmesh.formats.detect_format(beside).format}"
+        target = Path(path) if path else beside.with_name(f"{beside.stem}.{ending}{suffix}")
+        self.check(run, target)
+        return target
 
-def add_skin_options(parser: argparse.ArgumentParser, slave: str, master: str) -> None:
-    """Declare `--slave`, `--master` and `--pair`; `slave`, `master` are their lines in the help."""
-    parser.add_argument("--slave", action="append", metavar="GROUP", help=f"{slave}; may be repeated")
-    parser.add_argument("--master", action="append", metavar="GROUP", help=f"{master}; may be repeated")
-    parser.add_argument(
-        "--pair",
-        action="append",
-        metavar="SLAVE:MASTER",
-        help="in place of --slave and --master, for several contacts: each pair is examined by itself; may be repeated",
-    )
+    def write(self, target: Path, mesh: lacmesh.Mesh, source: str, program: str | None = None) -> None:
+        """Write a mesh; what the options leave open is taken from the input."""
+        from lacmesh.formats.registry import format_of
 
-
-def check_skins(args: argparse.Namespace, *, needed: bool = True) -> None:
-    """Check the options of `add_skin_options` before a mesh is read; `needed`: there must be a slave.
-
-    Raises RequestError.
-    """
-    if args.pair and (args.slave or args.master):
-        raise RequestError("--pair names the slaves and masters; leave out --slave and --master")
-    if needed and not (args.slave or args.pair):
-        raise RequestError("no slave was named; give --slave GROUP, or --pair SLAVE:MASTER")
-
-
-def skins(mesh: Mesh, args: argparse.Namespace, *, checked: bool = True) -> dict[str, Any]:
-    """Return `slave`, `master` and `pairs` of the options of `add_skin_options`, for a mesh.
-
-    `checked`: whether slaves and masters are compared, so that several of both are an error. Raises RequestError.
-    """
-    from lacmesh.checks.pairs import check_one_pair, split_pairs
-
-    if args.pair:
-        pairs = split_pairs(mesh, args.pair)
-        slave, master = (list(dict.fromkeys(names)) for names in zip(*pairs, strict=True))
-        return {"slave": slave, "master": master, "pairs": pairs}
-    if checked:
-        check_one_pair(args.slave or mesh.zones, args.master or (), f"lacmesh {args.command} {quote(args.input)}")
-    return {"slave": args.slave, "master": args.master or [], "pairs": None}
-
-
-def sides(options: dict[str, Any]) -> dict[str, Any]:
-    """Return what `skins` returns as keyword arguments of `lacmesh.check`."""
-    return {"pairs": options["pairs"]} if options["pairs"] else {"slave": options["slave"], "master": options["master"]}
-
-
-def add_facing_options(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that control how slave and master are compared."""
-    parser.add_argument(
-        "--dirichlet",
-        action="append",
-        default=[],
-        metavar="GROUP",
-        help="cells or nodes with prescribed displacement; may be repeated",
-    )
-    parser.add_argument(
-        "--axisymmetric", action="store_true", help="a plane mesh, axisymmetric about y: areas include 2 pi x"
-    )
-    parser.add_argument(
-        "--search-distance",
-        type=_length,
-        metavar="LENGTH",
-        help="search distance from slave to master (default: a quarter of the smaller skin's diagonal, or twice its "
-        "largest macro-element)",
-    )
-    parser.add_argument(
-        "--max-penetration",
-        type=_length,
-        metavar="LENGTH",
-        help="largest initial penetration searched (default: half the local element size)",
-    )
-    parser.add_argument(
-        "--surface",
-        choices=("smooth", "faces"),
-        default="smooth",
-        help="gaps of linear cells are measured between the curved surfaces on which their nodes lie, or between the "
-        "faces (default: smooth)",
-    )
-    parser.add_argument(
-        "--crease-angle",
-        type=_angle,
-        metavar="DEGREES",
-        help="edges at which the normal turns by more are sharp (default: 40, but for five to eight faces to a turn "
-        "whose nodes lie on one circle, cylinder, sphere or cone)",
-    )
-
-
-def facing_options(args: argparse.Namespace) -> dict[str, Any]:
-    """Options of `add_facing_options`, as keyword arguments of `lacmesh.check`."""
-    names = ("dirichlet", "axisymmetric", "search_distance", "max_penetration", "surface", "crease_angle")
-    return {name: getattr(args, name) for name in names}
-
-
-def _angle(text: str) -> float:
-    value = float(text)
-    if not 0 <= value <= 180:
-        raise argparse.ArgumentTypeError(f"{text} is no angle from 0 to 180 degrees")
-    return value
-
-
-def _length(text: str) -> float:
-    value = float(text)
-    if not 0 <= value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is no length")
-    return value
-
-
-def add_mesh_option(parser: argparse.ArgumentParser) -> None:
-    """Declare `--mesh`."""
-    parser.add_argument("--mesh", metavar="NAME", help="which mesh, in a file that holds several")
-
-
-def output_of(args: argparse.Namespace, ending: str) -> Path:
-    """Return the path to write to: as `-o` says, or the input with an ending before the suffix of its format."""
-    from lacmesh.formats import detect_format
-
-    source = Path(args.input)
-    suffix = source.suffix or f".{detect_format(source).format}"
-    return Path(args.output) if args.output else source.with_name(f"{source.stem}.{ending}{suffix}")
-
-
-def left_at(path: Path) -> Callable[[], str]:
-    """Return a function for an interrupted command: a clause that says, by what is there, if its output was written."""
-    before = _identity(path)
-    return lambda: "nothing was written" if _identity(path) == before else f"{path} was written before that"
-
-
-def pending_output(target: Path, *, force: bool) -> Callable[[], str]:
-    """Check early that a file can be written; return `left_at` of it. Raises RequestError, WriteError."""
-    from lacmesh.formats.output import check_place
-
-    check_place(target, force=force)
-    return left_at(target)
-
-
-def pending_mesh(target: Path, args: argparse.Namespace) -> Callable[[], str]:
-    """Check early that a mesh can be written with these options; return `left_at` of it.
-
-    Raises RequestError, WriteError.
-    """
-    from lacmesh.formats.table import format_of, takers
-
-    taken = format_of(target).options
-    for option, name in _OPTIONS.items():
-        if getattr(args, option, None) and name not in taken:
-            suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
-            article = "an" if suffixes.startswith(".i") else "a"
-            raise RequestError(f"--{option.replace('_', '-')} is for {article} {suffixes} output, and {target} is none")
-    return pending_output(target, force=args.force)
-
-
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Inode and time of modification, which tell a file from one that took its place; None if there is no file."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_ino, status.st_mtime_ns
-
-
-def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
-    """Write a mesh as the options say; what they leave open is taken from the input."""
-    from lacmesh.formats import detect_format, write
-    from lacmesh.formats.table import format_of
-
-    if args.mesh_only:
-        mesh = replace(mesh, deck=None)
-    coding, program, taken = detect_format(source), getattr(args, "program", None), format_of(target).options
-    write(
-        target,
-        mesh,
-        msh=(args.msh or coding.version or None) if "msh" in taken else None,
-        binary=(coding.binary and not args.ascii) if "binary" in taken else None,
-        target=program if "target" in taken and program in ("calculix", "abaqus") else None,
-        plane=args.plane,
-        all_cells=args.all_cells,
-        lenient=args.lenient,
-        force=args.force,
-    )
+        coding, options = lacmesh.formats.detect_format(source), format_of(target).options
+        lacmesh.write(
+            target,
+            replace(mesh, deck=None) if self.mesh_only else mesh,
+            msh=(self.msh or coding.version or None) if "msh" in options else None,
+            binary=(coding.binary and not self.ascii) if "binary" in options else None,
+            target=program if "target" in options and program in ("calculix", "abaqus") else None,
+            plane=self.plane,
+            all_cells=self.all_cells,
+            lenient=self.lenient,
+            force=self.force,
+        )

@@ -20,8 +20,8 @@ from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
 from lacmesh.quality import validity_of
+from lacmesh.smooth.heights import SURFACES
 from lacmesh.smooth.middles import ways_to_surface
-from lacmesh.smooth.surfaces import SURFACES
 from lacmesh.topology.skin import label_rows
 
 #: family -> the type of its serendipity cell, and of its full quadratic one

@@ -37,8 +37,7 @@ from lacmesh.cutting.regroup import regroup_segments
 from lacmesh.cutting.select import SlaveSkin
 from lacmesh.mesh import Ints, Mesh, mask_of, places_of
 from lacmesh.reference.shapes import shape
-from lacmesh.topology.faces import cells_of_dim, distinct_faces
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, find_owners
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, cells_of_dim, distinct_faces, find_owners
 
 #: how far a node may stand from its place, as a part of the outline's size: files keep as few as seven digits
 PLACE = 1e-5

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cutting.patterns import CONE, RING
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of, places_of
-from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.skin import TYPE_CODE, Faces
+from lacmesh.topology.skin import TYPE_CODE, Faces, cells_of_dim
 
 Bools = NDArray[np.bool_]
 #: kind, parts (m, k), frame (m, 2 + new nodes), half-width of the ring

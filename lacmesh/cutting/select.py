@@ -16,9 +16,17 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, concatenated, distinct
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, lacking
 from lacmesh.topology.orientation import flip_outward
-from lacmesh.topology.skin import TYPE_CODE, FaceIncidence, Faces, find_owners, find_repeats
+from lacmesh.topology.skin import (
+    TYPE_CODE,
+    FaceIncidence,
+    Faces,
+    cells_of_dim,
+    distinct_faces,
+    find_owners,
+    find_repeats,
+    lacking,
+)
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,9 @@ from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
 from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, positions, spec_list
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.division import Bools, CellNodes, FaceSides, divide, second_is_a
-from lacmesh.topology.faces import cells_of_dim, distinct_faces
 from lacmesh.topology.facets import Solid
 from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
-from lacmesh.topology.skin import FaceIncidence, Faces, find_owners, find_repeats
+from lacmesh.topology.skin import FaceIncidence, Faces, cells_of_dim, distinct_faces, find_owners, find_repeats
 
 
 @dataclass(frozen=True)

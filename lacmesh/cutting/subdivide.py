@@ -22,8 +22,8 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import CONE, RING, WHOLE, Template, face_pattern, listings, parent_pattern
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import shape
+from lacmesh.topology.orientation import relative_listing
 from lacmesh.topology.skin import FACE_TYPES, FaceIncidence, Faces, find_owners
-from lacmesh.topology.winding import relative_listing
 
 #: patterns, as codes of arrays
 PATTERNS = (WHOLE, CONE, RING)

@@ -14,7 +14,7 @@ from lacmesh.cutting.select import Selection
 from lacmesh.cutting.subdivide import CONE_CODE, RING_CODE, WHOLE_CODE, Subdivision, node_values, subdivide
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.quality import corner_jacobian
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 from lacmesh.topology.skin import FACE_TYPES, Faces
 
 HEXA = ("pyramid", "hexa", "auto")

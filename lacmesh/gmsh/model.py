@@ -1,244 +1,259 @@
-"""gmsh's current model as a mesh.
-
-    content = nodes, cells, groups, boundaries, links and views, by gmsh's functions   (`_content`)
-    mesh = what a msh file with that content makes                                      (`formats.msh.assembly`)
-
-gmsh's getElements shows one type of a shape in an entity. Where it shows fewer cells than the model counts, cells are
-taken from a temporary file that gmsh writes.
-"""
+"""gmsh's current model as a mesh, by a temporary msh file; the cut put into the model by gmsh's functions."""
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from itertools import pairwise
+import warnings
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import DataError, RequestError
-from lacmesh.formats import read
-from lacmesh.formats.msh.assembly import to_mesh
-from lacmesh.formats.msh.content import Content, Piece
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.msh.types import TYPE_NAMES, UNKNOWN_TYPE
-from lacmesh.gmsh import attribute, session, views
-from lacmesh.mesh import Ints, Mesh, Tag, concatenated
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
+from lacmesh.errors import LacmeshWarning, RequestError
+from lacmesh.formats import read, write
+from lacmesh.formats.output import signals_wait
+from lacmesh.mesh import Floats, Ints, Mesh
 
-#: What gmsh counts in the current model: its option -> our family.
-_COUNTS = {
-    "NbTriangles": "TRIA",
-    "NbQuadrangles": "QUAD",
-    "NbTetrahedra": "TETRA",
-    "NbHexahedra": "HEXA",
-    "NbPrisms": "PENTA",
-    "NbPyramids": "PYRAM",
+if TYPE_CHECKING:
+    from lacmesh.cutting.cut import Cut
+
+#: options with which gmsh writes all that a model holds
+_WHOLE = {
+    "Mesh.SaveAll": 1,
+    "Mesh.Binary": 1,
+    "Mesh.MshFileVersion": 4.1,
+    "Mesh.SaveParametric": 0,
+    "Mesh.ScalingFactor": 1,
+    "PostProcessing.SaveMesh": 0,
 }
-#: It counts no lines and points: it is asked about the numbers that no cell found has, so many at a time.
-_ASKED = 1 << 20
-#: Entities that are parts of others.
-_PARTS = ("Partition", "Ghost")
-_FULL_FILE = {"SaveAll": 1, "Binary": 1, "MshFileVersion": 4.1, "SaveParametric": 0, "ScalingFactor": 1}
+#: mark of views that lacmesh made: with the model's name, and a checksum of the slave faces
+_MARK, _SHOWN = "lacmesh", "lac_macro"
 
 
-@dataclass(frozen=True)
-class Read:
-    """The model `name` and its mesh. `parent`: entities that are parts (of a partition) -> the entity they belong to.
+def load() -> Any:
+    """Import the gmsh package. Raises RequestError, with the line that installs what is missing."""
+    try:
+        return import_module("gmsh")
+    except ModuleNotFoundError as error:
+        raise RequestError("this needs gmsh; pip install 'lacmesh[gmsh]' brings it") from error
+    except OSError as error:  # the package is there, a system library is not
+        libraries = "libglu1-mesa libgl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgomp1"
+        raise RequestError(f"gmsh cannot be loaded ({error}); on Debian: apt-get install {libraries}") from error
 
-    `raw`: the mesh with the entities that hold its cells and nodes, parts among them. `held`: the views it came with.
+
+def running() -> Any:
+    """Return the gmsh package, which the caller must have initialised. Raises RequestError."""
+    gmsh = load()
+    if not gmsh.isInitialized():
+        raise RequestError("gmsh is not running: call gmsh.initialize(), then open or build a model")
+    return gmsh
+
+
+def to_mesh() -> Mesh:
+    """Read gmsh's current model as a mesh: numbers, groups (also unnamed ones), entities, periodic links, order, views.
+
+    The mesh is the one that `lacmesh.read` makes of the model saved as msh 4.1 with everything in it. Warns of records
+    of a cut that were made for an earlier mesh of the model, and leaves them out. Raises RequestError where gmsh is
+    missing or holds no mesh.
     """
-
-    name: str
-    raw: Mesh
-    parent: Mapping[Tag, Tag] = field(default_factory=dict)
-    held: tuple[views.Held, ...] = ()
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """Mesh in which parts of entities are replaced by the entities they belong to, as msh files are read."""
-        if not self.parent:
-            return self.raw
-        own = {tag: of for tag, of in self.parent.items() if tag[0] == of[0]}
-        data = [
-            renamed(d["entity"], known) for d, known in ((self.raw.cell_data, own), (self.raw.node_data, self.parent))
-        ]
-        return replace(
-            self.raw,
-            cell_data={**self.raw.cell_data, "entity": data[0]},
-            node_data={**self.raw.node_data, "entity": data[1]},
-        )
-
-
-def read_model(keep: Collection[Tag] | None = None) -> Read:
-    """Read the current model. `keep`: cells of these entities only. Raises RequestError, DataError."""
-    gmsh = session.running()
+    gmsh = running()
     name = gmsh.model.getCurrent()
-    source = MshBytes(Path(f"gmsh's model {name!r}"), b"-")
-    source.size = 1 << 40  # no file, whose size would bound what its fields may take
-    content = Content(source)
-    _add_nodes(gmsh, content)
-    if not len(content.node_number):
+    if not gmsh.model.mesh.getMaxNodeTag():
         raise RequestError(f"gmsh's current model {name!r} has no mesh; gmsh.model.mesh.generate() makes one")
-    parent = _add_cells(gmsh, content, keep)
-    if keep is None and not _complete(gmsh, content):
-        if parent:
-            raise DataError("a partitioned model with cells of several orders in an entity: unpartition it first")
-        content.pieces = list(_pieces_through_file(gmsh))
-    _add_groups(gmsh, content)
-    content.boundary = _boundary(gmsh, content)
-    content.links = list(_links(gmsh))
-    content.notes = attribute.read_notes(gmsh, name)
-    kept_views = views.read_views(gmsh, name, content)
-    content.rows = [h.rows for h in kept_views if not h.stale]
-    named = content.notes.name is None and name
-    mesh = to_mesh(content)
-    return Read(name, replace(mesh, name=name) if named else mesh, parent, tuple(kept_views))
+    views = _views_of(gmsh, name)
+    mesh = _saved(gmsh, views)
+    if any(mark and mark[1] != _checksum(mesh) for mark in views.values()):
+        message = f"gmsh's views of a cut were made for an earlier mesh of the model {name!r}: left out"
+        warnings.warn(LacmeshWarning(message), stacklevel=2)
+        mesh = replace(_saved(gmsh, [view for view, mark in views.items() if not mark]), zones=())
+    return replace(mesh, name=name) if mesh.name == "mesh" else mesh
 
 
-def renamed(entity: Ints, known: Mapping[Tag, Tag]) -> Ints:
-    """Entities (n, 2), with those in `known` replaced by what it maps them to."""
-    rows, which = np.unique(entity, axis=0, return_inverse=True)
-    return np.array([known.get((int(d), int(t)), (d, t)) for d, t in rows], np.int32)[which.ravel()]
+def from_mesh(mesh: Mesh, name: str | None = None) -> None:
+    """Make a mesh gmsh's current model: a new one called `name` (the mesh's own name by default), of discrete entities.
+
+    Fields become views; TRIA7 cells are kept in the model's attribute only. Raises RequestError where gmsh is missing
+    or has a model of that name, DataError for a mesh that no msh file can hold.
+    """
+    gmsh = running()
+    name = mesh.name if name is None else name
+    if name in gmsh.model.list():
+        raise RequestError(f"gmsh has a model named {name!r} already; choose another name")
+    with TemporaryDirectory(prefix="lacmesh-") as folder:
+        path = Path(folder, "mesh.msh")
+        write(path, mesh)
+        gmsh.model.add(name)
+        _merge(gmsh, path, mesh)
 
 
-def _add_nodes(gmsh: Any, content: Content) -> None:
-    number, points, entity = [np.empty(0, np.int64)], [np.empty(0)], []
-    for dim, tag in gmsh.model.getEntities():
-        tags, xyz, _ = gmsh.model.mesh.getNodes(dim, tag, returnParametricCoord=False)
-        number.append(tags.astype(np.int64))
-        points.append(xyz)
-        entity.append(np.broadcast_to(np.array([dim, tag], np.int32), (len(tags), 2)))
-    content.node_number = np.concatenate(number)
-    content.points = np.concatenate(points).reshape(-1, 3)
-    content.node_entity = np.concatenate(entity) if entity else None
+def cut_model(
+    slave: str | int | Sequence[str | int],
+    *,
+    hexa: str = "pyramid",
+    interface: str = "both",
+    orient: str = "keep",
+    skin_only: bool = False,
+    node_groups: str = "extend",
+    ring: float = 1 / 3,
+    depth: float = 1 / 2,
+    recognise: bool | None = None,
+    views: bool = True,
+) -> Cut:
+    """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
+
+    Geometry, parametric coordinates, physical groups, periodic links and all nodes stay as they are; the cells of the
+    entities that the cut touches are put in anew. `views`: the records of the cut become gmsh's views, of which
+    `lac_macro` is shown, so that `Cut(to_mesh())` finds the cut again. Views of other fields are made anew, with values
+    for the new nodes and cells. Whatever is wrong is found before the model is changed. Raises as `lacmesh.cut_skin`,
+    and RequestError where gmsh is missing or holds no mesh, or a partitioned one.
+    """
+    from lacmesh.cutting.cut import cut_skin
+
+    gmsh = running()
+    before = to_mesh()
+    if gmsh.model.getNumberOfPartitions():
+        raise RequestError("the model is partitioned; call gmsh.model.mesh.unpartition() first")
+    cut = cut_skin(
+        before,
+        slave,
+        hexa=hexa,
+        interface=interface,
+        orient=orient,
+        skin_only=skin_only,
+        node_groups=node_groups,
+        ring=ring,
+        depth=depth,
+        recognise=recognise,
+    )
+    if cut.mesh is not before:
+        with TemporaryDirectory(prefix="lacmesh-") as folder, signals_wait():
+            path = Path(folder, "cut.msh")
+            write(path, cut.mesh if views else _without_records(cut.mesh))
+            content = path.read_bytes()  # without its mesh: the head, and what follows the cells
+            head, end = b"$EndMeshFormat\n", b"$EndElements\n"
+            path.write_bytes(content[: content.index(head) + len(head)] + content[content.index(end) + len(end) :])
+            for view in _views_of(gmsh, gmsh.model.getCurrent()):
+                gmsh.view.remove(view)
+            _replace_cells(gmsh, before, cut.mesh)
+            _merge(gmsh, path, cut.mesh)
+    return cut
 
 
-def _add_cells(gmsh: Any, content: Content, keep: Collection[Tag] | None) -> dict[Tag, Tag]:
-    """Add the cells, entity by entity, as gmsh writes them; return the parents of entities that are parts of others."""
-    parent: dict[Tag, Tag] = {}
-    at = 0
-    for dim, tag in gmsh.model.getEntities():
-        if gmsh.model.getType(dim, tag).startswith("Ghost"):  # cells that other entities hold
-            continue
-        partition = -1
-        if (of := tuple(gmsh.model.getParent(dim, tag)))[0] >= 0:
-            parent[dim, tag] = of
-            partition = int(next(iter(gmsh.model.getPartitions(dim, tag)), -1))
-        if keep is not None and (dim, tag) not in keep:
-            continue
-        groups = tuple((dim, abs(int(g))) for g in gmsh.model.getPhysicalGroupsForEntity(dim, tag))
-        for gmsh_type, number, nodes in zip(*gmsh.model.mesh.getElements(dim, tag), strict=True):
-            name = TYPE_NAMES.get(int(gmsh_type))
-            if name is None:
-                raise DataError(UNKNOWN_TYPE.format(gmsh_type))
-            rows = nodes.astype(np.int64).reshape(len(number), -1)
-            content.pieces.append(Piece(name, number.astype(np.int64), rows, at, (dim, tag), partition, groups))
-            at += len(number)
-    return parent
+def _without_records(mesh: Mesh) -> Mesh:
+    cell_data = {name: values for name, values in mesh.cell_data.items() if name not in CELL_RECORDS}
+    node_data = {name: values for name, values in mesh.node_data.items() if name != NODE_RECORD}
+    return replace(mesh, cell_data=cell_data, node_data=node_data, zones=())
 
 
-def _complete(gmsh: Any, content: Content) -> bool:
-    """True if the cells found are all cells of the model."""
-    counts = dict.fromkeys(_COUNTS.values(), 0)
-    for piece in content.pieces:
-        family = ALL_CELLS[piece.type].family
-        if family in counts:
-            counts[family] += len(piece.number)
-    if any(int(gmsh.option.getNumber(f"Mesh.{option}")) != counts[family] for option, family in _COUNTS.items()):
-        return False
-    number = np.sort(concatenated(p.number for p in content.pieces))
-    last = int(gmsh.model.mesh.getMaxElementTag())
-    for a in range(1, last + 1, _ASKED) if last > len(number) else ():
-        b = min(a + _ASKED, last + 1)
-        free = np.ones(b - a, bool)
-        free[number[slice(*np.searchsorted(number, (a, b)))] - a] = False
-        if free.any() and _any_cell(gmsh, a + np.flatnonzero(free)):
-            return False
-    return True
+def _replace_cells(gmsh: Any, old: Mesh, new: Mesh) -> None:
+    """Add the nodes of a cut to their entities, and put the cells anew into the entities whose cells differ."""
+    born = np.flatnonzero(~np.isin(new.node_number, old.node_number))
+    entities = np.unique(new.cell_data["entity"], axis=0).tolist()
+    changed = [(dim, tag) for dim, tag in entities if _differ(_cells_on(old, dim, tag), _cells_on(new, dim, tag))]
+    for dim, tag in changed:
+        gmsh.model.mesh.removeElements(dim, tag)
+    for dim, tag in np.unique(new.node_data["entity"][born], axis=0).tolist():
+        rows = born[(new.node_data["entity"][born] == [dim, tag]).all(axis=1)]
+        points = new.points[rows].ravel()
+        gmsh.model.mesh.addNodes(dim, tag, new.node_number[rows], points, _parameters(gmsh, dim, tag, points))
+    for dim, tag in changed:
+        for kind, (numbers, nodes) in _cells_on(new, dim, tag).items():
+            gmsh.model.mesh.addElementsByType(tag, ALL_CELLS[kind].msh, numbers, nodes.ravel())
 
 
-def _any_cell(gmsh: Any, numbers: Ints) -> bool:
-    """True if any of the numbers is a cell's: a number without a cell stays invisible when it is made visible."""
-    hidden = numbers[gmsh.model.mesh.getVisibility(numbers) == 0]
-    if len(hidden) < len(numbers):
-        return True
-    gmsh.model.mesh.setVisibility(hidden, 1)
-    shown = hidden[gmsh.model.mesh.getVisibility(hidden) != 0]
-    gmsh.model.mesh.setVisibility(shown, 0)
-    return len(shown) > 0
+def _cells_on(mesh: Mesh, dim: int, tag: int) -> dict[str, tuple[Ints, Ints]]:
+    """Numbers and nodes, by number, of an entity's cells by type; without the types that gmsh lacks."""
+    rows = np.flatnonzero((mesh.cell_data["entity"] == [dim, tag]).all(axis=1))
+    cells = ((kind, mesh.cell_number[ids], mesh.node_number[nodes]) for kind, ids, nodes in mesh.select(rows))
+    return {kind: (numbers, nodes) for kind, numbers, nodes in cells if ALL_CELLS[kind].msh is not None}
 
 
-def _pieces_through_file(gmsh: Any) -> Iterator[Piece]:
-    """The cells of the current model from a file that gmsh writes."""
-    with tempfile.TemporaryDirectory(prefix="lacmesh-") as folder, _options(gmsh, _FULL_FILE):
-        path = Path(folder) / "model.msh"
+def _differ(old: Mapping[str, tuple[Ints, Ints]], new: Mapping[str, tuple[Ints, Ints]]) -> bool:
+    return old.keys() != new.keys() or not all(
+        np.array_equal(a, b) for kind in old for a, b in zip(old[kind], new[kind], strict=True)
+    )
+
+
+def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
+    """Parametric coordinates of points on an entity, if its nodes have such; otherwise an empty array."""
+    if dim in (1, 2) and not gmsh.model.getType(dim, tag).startswith("Discrete"):
+        nodes, _, parameters = gmsh.model.mesh.getNodes(dim, tag, returnParametricCoord=True)
+        if len(parameters) == dim * len(nodes):
+            return gmsh.model.getParametrization(dim, tag, points)
+    return np.empty(0)
+
+
+# ---- files and views
+
+
+def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
+    """The current model as gmsh saves it, with the data of some views."""
+    with TemporaryDirectory(prefix="lacmesh-") as folder, _options(gmsh, _WHOLE):
+        path = Path(folder, "model.msh")
         gmsh.write(str(path))
-        mesh = read(path)
-    place = mesh.places_in_file(np.arange(mesh.n_cells))
-    entity = mesh.cell_data["entity"]
-    for block, (a, b) in zip(mesh.blocks, pairwise(mesh.offsets.tolist()), strict=True):
-        for own in np.unique(entity[a:b], axis=0).tolist():
-            rows = np.flatnonzero((entity[a:b] == own).all(axis=1))
-            groups = tuple((own[0], abs(int(g))) for g in gmsh.model.getPhysicalGroupsForEntity(*own))
-            nodes = mesh.node_number[block.nodes[rows]]
-            yield Piece(block.type, mesh.cell_number[a + rows], nodes, place[a + rows], tuple(own), -1, groups)
+        for view in views:
+            gmsh.view.write(view, str(path), append=True)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*InterpolationScheme")
+            return read(path)
 
 
 @contextmanager
 def _options(gmsh: Any, wanted: Mapping[str, float]) -> Iterator[None]:
-    """Set options of gmsh's mesh inside the block, and restore them after it."""
-    before = {name: gmsh.option.getNumber(f"Mesh.{name}") for name in wanted}
+    """Set options of gmsh inside the block, and restore them after it."""
+    before = {name: gmsh.option.getNumber(name) for name in wanted}
     try:
         for name, value in wanted.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
+            gmsh.option.setNumber(name, value)
         yield
     finally:
         for name, value in before.items():
-            gmsh.option.setNumber(f"Mesh.{name}", value)
+            gmsh.option.setNumber(name, value)
 
 
-def _add_groups(gmsh: Any, content: Content) -> None:
-    for dim, tag in gmsh.model.getPhysicalGroups():
-        if name := gmsh.model.getPhysicalName(dim, tag):
-            content.names.append((dim, abs(tag), name))
+def _merge(gmsh: Any, path: Path, mesh: Mesh) -> None:
+    """Let gmsh read a file into the current model; the views that this makes get lacmesh's mark."""
+    there = set(gmsh.view.getTags().tolist())
+    gmsh.merge(str(path))
+    mark = f"{_MARK}:{_checksum(mesh)}:{gmsh.model.getCurrent()}"
+    for view in sorted(set(gmsh.view.getTags().tolist()) - there):
+        shown = gmsh.view.option.getString(view, "Name") == _SHOWN
+        gmsh.view.option.setString(view, "Attributes", mark)
+        gmsh.view.option.setNumber(view, "Visible", shown)
+        if shown:
+            gmsh.view.option.setNumber(view, "ShowElement", 1)
 
 
-def _boundary(gmsh: Any, content: Content) -> dict[Tag, tuple[int, ...]]:
-    """Signed tags of the entities that bound each entity, except parts; tags of embedded ones are beyond the largest.
+def _views_of(gmsh: Any, model: str) -> dict[int, list[str]]:
+    """The views of data on nodes and cells of a model, and lacmesh's marks of them; [] for views of others.
 
-    As in files, empty if no entity has a boundary and each holds nodes or cells.
+    Views of others belong to the model that was read from the same file, or to the only model.
     """
-    last = [max((tag for _, tag in gmsh.model.getEntities(dim)), default=0) for dim in range(4)]
-    boundary = {}
-    for dim, tag in gmsh.model.getEntities():
-        if gmsh.model.getType(dim, tag).startswith(_PARTS):
-            continue
-        bounds = [int(t) for _, t in gmsh.model.getBoundary([(dim, tag)], combined=False, oriented=True)] if dim else []
-        if dim == 1:  # the sign of a curve's end is told in files only
-            bounds = [sign * abs(t) for sign, t in zip((1, -1), bounds, strict=False)]
-        inside = [t for d, t in gmsh.model.mesh.getEmbedded(dim, tag) if d == dim - 1] if dim > 1 else []
-        boundary[dim, tag] = (*bounds, *(last[dim - 1] + int(t) for t in inside))
-    used = {tuple(p.entity) for p in content.pieces}
-    if content.node_entity is not None:
-        used |= {(int(d), int(t)) for d, t in _heads(content.node_entity)}
-    return boundary if any(boundary.values()) or not used.issuperset(boundary) else {}
+    views = {}
+    alone = [name for name in gmsh.model.list() if name] in ([model], [])
+    for view in gmsh.view.getTags().tolist():
+        mark = gmsh.view.option.getString(view, "Attributes").split(":", 2)
+        ours = mark[0] == _MARK
+        file = gmsh.view.option.getString(view, "FileName")
+        if mark[2:] == [model] if ours else alone or (file and file == gmsh.model.getFileName()):
+            with suppress(Exception):  # gmsh's own class: a view that is a list of shapes, without a mesh
+                if gmsh.view.getHomogeneousModelData(view, 0)[0] in ("NodeData", "ElementData"):
+                    views[view] = mark if ours else []
+    return views
 
 
-def _heads(rows: Ints) -> Ints:
-    """The first of every run of equal rows."""
-    return rows[np.append(True, (rows[1:] != rows[:-1]).any(axis=1))] if len(rows) else rows
-
-
-def _links(gmsh: Any) -> Iterator[tuple[Tag, Tag, tuple[float, ...], Ints]]:
-    for dim in range(3):
-        tags = [tag for _, tag in gmsh.model.getEntities(dim)]
-        for tag, master in zip(tags, gmsh.model.mesh.getPeriodic(dim, tags) if tags else (), strict=True):
-            if master != tag:
-                _, slaves, masters, affine = gmsh.model.mesh.getPeriodicNodes(dim, tag, includeHighOrderNodes=True)
-                pairs = np.stack([slaves, masters], axis=1).astype(np.int64)
-                yield (dim, tag), (dim, int(master)), tuple(affine.tolist()), pairs
+def _checksum(mesh: Mesh) -> str:
+    """Checksum of the slave faces of a cut: their numbers and nodes."""
+    faces = np.flatnonzero(np.asarray(mesh.cell_data.get(_SHOWN, np.empty(0))) >= 0)
+    total = 0
+    for _, cells, nodes in sorted(mesh.select(faces), key=lambda part: part[0]):
+        rows = np.column_stack([mesh.cell_number[cells], mesh.node_number[nodes]]).astype(np.int64)
+        total = zlib.crc32(rows[np.argsort(rows[:, 0])].tobytes(), total)
+    return f"{total:08x}"

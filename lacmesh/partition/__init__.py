@@ -1,15 +1,15 @@
 """Parts of a mesh for several processes: the owner of each node, and the cells that each process needs.
 
-owner = the process that owns each node                          (`bisection`, `metis`)
+owner = the process that owns each node                          (`owners`)
 part = the cells around the nodes of one process                 (`parts`)
-a folder with all parts, from which each process reads its own   (`pieces`, `store`)
+a folder with all parts, from which each process reads its own   (`store`)
 cut = the part of the cut mesh                                   (`cutting`)
 """
 
 from __future__ import annotations
 
-from lacmesh.partition.bisection import distribute_nodes
 from lacmesh.partition.cutting import cut_part
+from lacmesh.partition.owners import distribute_nodes
 from lacmesh.partition.parts import Part, part_of
 from lacmesh.partition.store import describe_parts, read_part, write_parts
 

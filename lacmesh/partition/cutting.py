@@ -15,9 +15,9 @@ import numpy as np
 
 from lacmesh.cutting.cut import cut_skin
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, mask_of, spec_list
+from lacmesh.mesh import Ints, Mesh, concatenated, mask_of, spec_list
 from lacmesh.origin import bounds_of
-from lacmesh.partition.parts import Bools, Part, WholeMesh, needed, restrict, skin_name
+from lacmesh.partition.parts import Bools, Part, needed, restrict, skin_name
 
 
 def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -> Part:
@@ -36,68 +36,53 @@ def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -
         cut_skin(part.mesh, specs)
         return part
     cut = cut_skin(part.mesh, specs, hexa=hexa, recognise=False)
-    old, new, origin = part.mesh, cut.mesh, cut.origin
+    old, origin = part.mesh, cut.origin
     assert origin is not None
-    gone = mask_of(old.n_cells, origin.cell[origin.children])
-    nodes = np.concatenate([part.node, part.n_nodes + np.arange(new.n_nodes - old.n_nodes)])
-    cells, types = _indices(part, new, gone)
+    more = cut.mesh.points[old.n_nodes :]
+    nodes = np.concatenate([part.node, part.n_nodes + np.arange(len(more))])
+    cells, types = _cells_of_whole(part, cut.mesh, mask_of(old.n_cells, origin.cell[origin.children]))
     owner, body = part.owner[origin.node], part.body[origin.node]
-    numbered = _numbered(part, new)
-    node, cell = needed(numbered, owner == part.rank, part.everywhere)
+    new = _numbered(part, cut.mesh)
+    node, cell = needed(new, owner == part.rank, part.everywhere)
     return replace(
         part,
-        mesh=restrict(numbered, node, cell),
+        mesh=restrict(new, node, cell),
         node=nodes[node],
         owner=owner[node],
         cell=cells[cell],
         body=body[node],
-        whole=_whole(part.whole, old, numbered, types),
+        n_nodes=part.n_nodes + len(more),
+        types=types,
+        largest_node=max(part.largest_node, int(new.node_number.max(initial=0))),
+        largest_cell=max(part.largest_cell, int(new.cell_number.max(initial=0))),
+        used=bounds_of(np.vstack([part.used, more])),
+        box=bounds_of(np.vstack([part.box, more])),
     )
 
 
-def _indices(part: Part, new: Mesh, gone: Bools) -> tuple[Ints, tuple[tuple[str, int], ...]]:
+def _cells_of_whole(part: Part, new: Mesh, removed: Bools) -> tuple[Ints, tuple[tuple[str, int], ...]]:
     """Return the index of each cell of `new` in the whole cut mesh, and the types of that with their numbers of cells.
 
     A block has the cells that stay, in their old order, and then the children, all of which are in the part.
+    `removed` (c,): cells of the part that children replace.
     """
-    whole, old = part.whole, part.mesh
-    indices: list[Ints] = []
-    types = []
-    start = 0
+    old, indices, types, start, before = part.mesh, [], [], 0, 0
     for k, block in enumerate(new.blocks):
-        first, last, count = 0, 0, 0
-        if k < len(old.blocks):
-            first, last, count = int(old.offsets[k]), int(old.offsets[k + 1]), whole.types[k][1]
-        replaced = part.cell[first:last][gone[first:last]]
-        kept = part.cell[first:last][~gone[first:last]]
-        if count:
-            kept = kept - whole.offsets[k] - np.searchsorted(replaced, kept)
-        stay, children = count - len(replaced), len(block.nodes) - len(kept)
-        indices += [start + kept, start + stay + np.arange(children)]
-        types.append((block.type, stay + children))
-        start += stay + children
-    return np.concatenate(indices), tuple(types)
+        rows, count = (slice(*old.offsets[k : k + 2]), part.types[k][1]) if k < len(old.blocks) else (slice(0), 0)
+        cells, out = part.cell[rows], removed[rows]
+        stay = cells[~out] - before - np.searchsorted(cells[out], cells[~out])
+        n_stay, n_children = count - np.count_nonzero(out), len(block.nodes) - len(stay)
+        indices += [start + stay, start + n_stay + np.arange(n_children)]
+        types.append((block.type, n_stay + n_children))
+        start, before = start + n_stay + n_children, before + count
+    return concatenated(indices), tuple(types)
 
 
 def _numbered(part: Part, new: Mesh) -> Mesh:
     """Return the cut mesh with the numbers of the whole cut: those of new nodes and cells follow its largest ones."""
     added = new.n_nodes - part.mesh.n_nodes
-    nodes = part.whole.largest_node + 1 + np.arange(added)
+    nodes = part.largest_node + 1 + np.arange(added)
     largest = int(part.mesh.cell_number.max(initial=0))
     cells = new.cell_number.astype(np.int64)
-    cells[cells > largest] += part.whole.largest_cell - largest
+    cells[cells > largest] += part.largest_cell - largest
     return replace(new, node_number=np.concatenate([part.mesh.node_number, nodes]), cell_number=cells)
-
-
-def _whole(whole: WholeMesh, old: Mesh, new: Mesh, types: tuple[tuple[str, int], ...]) -> WholeMesh:
-    """Return the figures of the whole cut mesh; all its new nodes and cells are in `new`."""
-    more = new.points[old.n_nodes :]
-    return replace(
-        whole,
-        n_nodes=whole.n_nodes + len(more),
-        types=types,
-        largest_node=max(whole.largest_node, int(new.node_number.max(initial=0))),
-        largest_cell=max(whole.largest_cell, int(new.cell_number.max(initial=0))),
-        used=bounds_of(np.vstack([whole.used, more])),
-        box=bounds_of(np.vstack([whole.box, more])),
-    )

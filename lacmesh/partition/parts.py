@@ -5,28 +5,46 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import RequestError
-from lacmesh.mesh import Ints, Mesh, Model, concatenated, mask_of, positions
+from lacmesh.mesh import Ints, Mesh, Model, mask_of, positions
 from lacmesh.origin import bounds_of, bounds_of_mesh, origin_of
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 
 Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class WholeMesh:
-    """The mesh that parts are of, as far as it does not grow with the mesh.
+class Part:
+    """The part of a mesh that process `rank` of `n_ranks` needs.
 
-    `types`: each type of cells, in the order of the blocks, with the number of its cells. `dim`: the highest dimension
-    of a cell. `largest_node`, `largest_cell`: the largest of the file's numbers. `used` (2, 3), `box` (2, 3): lower and
-    upper corner of the box of the nodes of all cells, and of those of the highest dimension.
+    `mesh`: the cells that touch a node of this process, those of the groups `everywhere`, and the nodes that all
+    processes need, with the cells that have no others; nodes and cells are in the order of the whole mesh, so that sums
+    over the cells at a node have the terms of the whole mesh in the same order. It has all groups, numbers, data and
+    records of a cut of the whole mesh, as far as they are on its nodes and cells. `node` (k,), `cell` (c,): the indices
+    of its nodes and cells in the whole mesh, ascending. `owner` (k,): the rank that owns each node. `body` (k,): the
+    connected body of the whole mesh, of the cells of its highest dimension, to which each node belongs, numbered by
+    `topology.bodies.label_bodies`; -1 for none.
+
+    The rest are figures of the whole mesh. `types`: each type of cells, in the order of the blocks, with the number of
+    its cells. `dim`: the highest dimension of a cell. `largest_node`, `largest_cell`: the largest of the file's
+    numbers. `used` (2, 3), `box` (2, 3): lower and upper corner of the box of the nodes of all cells, and of those of
+    the highest dimension.
     """
 
+    mesh: Mesh
+    rank: int
+    n_ranks: int
+    node: Ints
+    owner: Ints
+    cell: Ints
+    body: Ints
+    everywhere: tuple[str, ...]
     n_nodes: int
     types: tuple[tuple[str, int], ...]
     dim: int
@@ -37,78 +55,19 @@ class WholeMesh:
     box: NDArray[np.floating]
 
     @property
-    def n_cells(self) -> int:
-        """Number of cells."""
-        return sum(count for _, count in self.types)
-
-    @cached_property
-    def offsets(self) -> Ints:
-        """(n_types + 1,): the index of the first cell of each type, then the number of cells."""
-        return np.cumsum([0, *(count for _, count in self.types)])
-
-    @cached_property
-    def origin(self) -> NDArray[np.floating]:
-        """(3,): the origin of its coordinates, as by `origin_of_mesh`."""
-        return origin_of(self.used)
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """The part of a mesh that process `rank` of `n_ranks` needs.
-
-    `mesh`: the cells that touch a node of this process, those of the groups `everywhere`, and the nodes that all
-    processes need, with the cells that have no others; nodes and cells are in the order of the whole mesh, so that sums
-    over the cells at a node have the terms of the whole mesh in the same order. It has all groups, numbers, data and
-    records of a cut of the whole mesh, as far as they are on its nodes and cells. `node` (n_nodes,), `cell` (n_cells,):
-    the indices of its nodes and cells in the whole mesh, ascending. `owner` (n_nodes,): the rank that owns each node.
-    `body` (n_nodes,): the connected body of the whole mesh, of the cells of its highest dimension, to which each node
-    belongs, numbered by `topology.bodies.label_bodies`; -1 for none.
-    """
-
-    mesh: Mesh
-    rank: int
-    n_ranks: int
-    node: Ints
-    owner: Ints
-    cell: Ints
-    body: Ints
-    whole: WholeMesh
-    everywhere: tuple[str, ...] = ()
-
-    @property
     def own(self) -> Bools:
-        """(n_nodes,): True for the nodes that this process owns."""
+        """(k,): True for the nodes that this process owns."""
         return np.asarray(self.owner == self.rank)
-
-    @property
-    def n_nodes(self) -> int:
-        """Number of nodes of the whole mesh."""
-        return self.whole.n_nodes
 
     @property
     def n_cells(self) -> int:
         """Number of cells of the whole mesh."""
-        return self.whole.n_cells
+        return sum(count for _, count in self.types)
 
-    @property
-    def n_bodies(self) -> int:
-        """Number of connected bodies of the whole mesh."""
-        return self.whole.n_bodies
-
-    @property
-    def dim(self) -> int:
-        """The highest dimension of a cell of the whole mesh."""
-        return self.whole.dim
-
-    @property
+    @cached_property
     def origin(self) -> NDArray[np.floating]:
         """(3,): the origin of the coordinates of the whole mesh, as by `origin_of_mesh`."""
-        return self.whole.origin
-
-    @property
-    def box(self) -> NDArray[np.floating]:
-        """(2, 3): corners of the box of the nodes of the whole mesh that belong to cells of its highest dimension."""
-        return self.whole.box
+        return origin_of(self.used)
 
 
 def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (), nodes: Bools | None = None) -> Part:
@@ -138,8 +97,8 @@ def part_of(mesh: Mesh, owner: Ints, rank: int, *, everywhere: Sequence[str] = (
         owner=owner[node],
         cell=cell,
         body=body[node],
-        whole=whole_of(mesh, body),
         everywhere=tuple(skin_name(mesh, name) for name in everywhere),
+        **figures_of(mesh, body),
     )
 
 
@@ -148,78 +107,66 @@ def bodies_of(mesh: Mesh) -> Ints:
     return label_bodies([nodes for _, nodes, _ in cells_of_dim(mesh, mesh.dim)], mesh.n_nodes)
 
 
-def whole_of(mesh: Mesh, body: Ints) -> WholeMesh:
-    """Return the figures of a mesh that is to be divided; `body` (n_nodes,): the result of `bodies_of`."""
-    return WholeMesh(
-        n_nodes=mesh.n_nodes,
-        types=tuple((block.type, len(block.nodes)) for block in mesh.blocks),
-        dim=mesh.dim,
-        n_bodies=int(body.max(initial=-1)) + 1,
-        largest_node=int(mesh.node_number.max(initial=0)),
-        largest_cell=int(mesh.cell_number.max(initial=0)),
-        used=bounds_of_mesh(mesh),
-        box=bounds_of(mesh.points[body >= 0]),
-    )
+def figures_of(mesh: Mesh, body: Ints) -> dict[str, Any]:
+    """Return the figures of a whole mesh that each `Part` has; `body` (n_nodes,): the result of `bodies_of`."""
+    return {
+        "n_nodes": mesh.n_nodes,
+        "types": tuple((block.type, len(block.nodes)) for block in mesh.blocks),
+        "dim": mesh.dim,
+        "n_bodies": int(body.max(initial=-1)) + 1,
+        "largest_node": int(mesh.node_number.max(initial=0)),
+        "largest_cell": int(mesh.cell_number.max(initial=0)),
+        "used": bounds_of_mesh(mesh),
+        "box": bounds_of(mesh.points[body >= 0]),
+    }
 
 
-def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str], nodes: Bools | None = None) -> tuple[Ints, Ints]:
+def needed(mesh: Mesh, own: Bools, everywhere: Sequence[str] = (), nodes: Bools | None = None) -> tuple[Ints, Ints]:
     """Return the nodes and the cells, ascending, that a process needs: see `Part`; `own` (n_nodes,): its own nodes.
 
     `nodes` (n_nodes,): nodes that all processes need.
     """
-    cells = touching(mesh, own)
-    for skin in cells_of_skins(mesh, everywhere):
-        cells[skin] = True
+    cells = _touching(mesh, own)
+    for name in everywhere:
+        cells |= cells_of_skin(mesh, name)
     if nodes is not None:
         own = own | nodes
-        cells |= ~touching(mesh, ~nodes)
-    return np.flatnonzero(nodes_of(mesh, cells) | own), np.flatnonzero(cells)
+        cells |= ~_touching(mesh, ~nodes)
+    return nodes_of(mesh, cells, own), np.flatnonzero(cells)
 
 
-def touching(mesh: Mesh, nodes: Bools) -> Bools:
+def _touching(mesh: Mesh, nodes: Bools) -> Bools:
     """Return a mask (n_cells,) of the cells with at least one of the nodes of a mask (n_nodes,)."""
     touched = np.zeros(mesh.n_cells, bool)
     for k, block in enumerate(mesh.blocks):
-        mine = touched[mesh.offsets[k] : mesh.offsets[k + 1]]
+        of_block = touched[mesh.offsets[k] : mesh.offsets[k + 1]]
         for column in block.nodes.T:
-            mine |= nodes[column]
+            of_block |= nodes[column]
     return touched
 
 
-def nodes_of(mesh: Mesh, cells: Bools) -> Bools:
-    """Return a mask (n_nodes,) of the nodes of the cells of a mask (n_cells,)."""
-    nodes = np.zeros(mesh.n_nodes, bool)
+def nodes_of(mesh: Mesh, cells: Bools, more: Bools | None = None) -> Ints:
+    """Return the nodes, ascending, of the cells of a mask (n_cells,), and those of the mask `more` (n_nodes,)."""
+    nodes = np.zeros(mesh.n_nodes, bool) if more is None else more.copy()
     for k, block in enumerate(mesh.blocks):
         nodes[block.nodes[cells[mesh.offsets[k] : mesh.offsets[k + 1]]]] = True
-    return nodes
+    return np.flatnonzero(nodes)
 
 
-def cells_of_skins(mesh: Mesh, groups: Sequence[str]) -> list[Ints]:
-    """Return for each of some groups of skin faces its cells and all cells that touch one of their nodes, ascending.
+def cells_of_skin(mesh: Mesh, name: str) -> Bools:
+    """Return a mask (n_cells,) of the cells of a group of skin faces, and of all cells that touch one of their nodes.
 
     Where a cut has made such a cell, the other children of the same parent are there, too. Raises GroupNotFoundError,
-    and RequestError for a group that holds cells of the highest dimension.
+    and RequestError for a group that has cells of the highest dimension.
     """
-    check_skins(mesh, groups)
-    members = [np.asarray(mesh.cells_of(name)) for name in groups]
-    parent = mesh.cell_data.get("lac_parent", np.full(mesh.n_cells, -1))
-    born = np.flatnonzero(parent >= 0)
-    near = np.flatnonzero(touching(mesh, mask_of(mesh.n_nodes, mesh.nodes_on(concatenated(members)))))
-    nodes = [(cells, nodes) for _, cells, nodes in mesh.select(near)]
-    every = []
-    for own in members:
-        on = mask_of(mesh.n_nodes, mesh.nodes_on(own))
-        touched = np.concatenate([own, *(cells[on[nodes].any(axis=1)] for cells, nodes in nodes)])
-        siblings = born[np.isin(parent[born], parent[touched][parent[touched] >= 0])]
-        every.append(np.unique(np.concatenate([touched, siblings])))
-    return every
-
-
-def check_skins(mesh: Mesh, groups: Sequence[str]) -> None:
-    """Raise GroupNotFoundError or RequestError unless some groups have no cells of the highest dimension."""
-    for name in groups:
-        if (mesh.cell_dim[mesh.cells_of(name)] == mesh.dim).any():
-            raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
+    faces = mesh.cells_of(name)
+    if (mesh.cell_dim[faces] == mesh.dim).any():
+        raise RequestError(f"group {name!r} holds cells of dimension {mesh.dim}; name a group of skin faces")
+    cells = _touching(mesh, mask_of(mesh.n_nodes, mesh.nodes_on(faces)))
+    parent = mesh.cell_data.get("lac_parent")
+    if parent is not None:
+        cells |= (parent >= 0) & np.isin(parent, parent[cells])
+    return cells
 
 
 def skin_name(mesh: Mesh, spec: str) -> str:
@@ -240,31 +187,31 @@ def restrict(mesh: Mesh, nodes: Ints, cells: Ints) -> Mesh:
         mesh,
         points=mesh.points[nodes],
         blocks=tuple(
-            block._replace(nodes=positions(nodes, block.nodes[own - start]).astype(block.nodes.dtype))
-            for block, own, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
+            block._replace(nodes=positions(nodes, block.nodes[of_block - start]).astype(block.nodes.dtype))
+            for block, of_block, start in zip(mesh.blocks, rows, mesh.offsets, strict=False)
         ),
         node_number=mesh.node_number[nodes],
         cell_number=mesh.cell_number[cells],
-        file_order=None if mesh.file_order is None else _left(cells, mesh.file_order),
-        cell_groups={name: _left(cells, members) for name, members in mesh.cell_groups.items()},
-        node_groups={name: _left(nodes, members) for name, members in mesh.node_groups.items()},
+        file_order=None if mesh.file_order is None else _common(cells, mesh.file_order),
+        cell_groups={name: _common(cells, members) for name, members in mesh.cell_groups.items()},
+        node_groups={name: _common(nodes, members) for name, members in mesh.node_groups.items()},
         cell_data={name: values[cells] for name, values in mesh.cell_data.items()},
         node_data={name: values[nodes] for name, values in mesh.node_data.items()},
-        model=None if mesh.model is None else periodic_left(mesh.model, nodes),
+        model=_periodic_among(mesh.model, nodes),
         deck=None,
     )
 
 
-def _left(index: Ints, members: Ints) -> Ints:
+def _common(index: Ints, members: Ints) -> Ints:
     """Return the positions in `index` of those members that are there."""
     place = positions(index, members)
     return place[place >= 0]
 
 
-def periodic_left(model: Model, nodes: Ints) -> Model:
+def _periodic_among(model: Model | None, nodes: Ints) -> Model | None:
     """Return the model with those pairs of periodic nodes that are both among `nodes`, by their positions there."""
-    links = []
-    for link in model.periodic:
-        pairs = positions(nodes, link.nodes)
-        links.append(replace(link, nodes=pairs[(pairs >= 0).all(axis=1)]))
+    if model is None:
+        return None
+    pairs = [positions(nodes, link.nodes) for link in model.periodic]
+    links = [replace(link, nodes=p[(p >= 0).all(axis=1)]) for link, p in zip(model.periodic, pairs, strict=True)]
     return replace(model, periodic=tuple(links))

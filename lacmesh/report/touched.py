@@ -1,4 +1,4 @@
-"""Cells that a cut touched: parents before, children after, their quality, and that which each variant would give.
+"""Cells that a cut touched: parents before, children after, their quality; refusal of poor ones.
 
 Cells are ranked by the least corner Jacobian (`quality.corner`).
 """
@@ -6,11 +6,10 @@ Cells are ranked by the least corner Jacobian (`quality.corner`).
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.checks.findings import counted
@@ -58,37 +57,19 @@ def _corner(mesh: Mesh, cells: Ints) -> Floats:
     return out
 
 
-def hexahedra(before: Mesh, cells: Touched) -> NDArray[np.bool_]:
-    """True for parents that can be cut in two variants, (p,)."""
-    types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
-    return types[np.searchsorted(before.offsets, cells.parents, side="right") - 1]
+def _variants(before: Mesh, cut: Cut, cells: Touched) -> Iterator[tuple[str, Floats]]:
+    """Yield the variants `pyramid` and `hexa` with the least corner Jacobian of each parent's children, (p,), by each.
 
-
-def variants(before: Mesh, cut: Cut, cells: Touched, ring: float = 1 / 3, depth: float = 1 / 2) -> Mapping[str, Floats]:
-    """Least corner Jacobian (p,) of each parent's children for the variants `pyramid` and `hexa`, by name.
-
-    Empty if no parent has two variants. `ring` and `depth` as they were given to `cut_skin`. The variant by which all
-    hexahedra are cut already is that of the cut itself.
+    None if no parent can be cut in two ways.
     """
-    able = hexahedra(before, cells)
-    if not able.any():
-        return {}
-    ringed = np.zeros(len(cells.parents), bool)
-    for kind, which, _ in cut.mesh.select(cells.children):
-        if CELLS[kind].family == "HEXA":
-            ringed[cells.of[np.searchsorted(cells.children, which)]] = True
-    own = "hexa" if ringed[able].all() else "" if ringed[able].any() else "pyramid"
-    least = {}
+    types = np.array([b.type in RING_PARENTS and CELLS[b.type].dim == 3 for b in before.blocks], bool)
+    if not types[np.searchsorted(before.offsets, cells.parents, side="right") - 1].any():
+        return
     for hexa in ("pyramid", "hexa"):
-        least[hexa] = cells.least if hexa == own else _least_by(before, cut, hexa, ring, depth)
-    return least
-
-
-def _least_by(before: Mesh, cut: Cut, hexa: str, ring: float, depth: float) -> Floats:
-    """Least corner Jacobian of each parent's children, (p,), where the same groups are cut by a variant."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
-        return touched(before, cut_skin(before, cut.zones, hexa=hexa, ring=ring, depth=depth, recognise=False)).least
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", LacmeshWarning)  # the cut itself gave them
+            other = cut_skin(before, cut.zones, hexa=hexa, recognise=False)
+        yield hexa, touched(before, other).least
 
 
 def refuse_poor(before: Mesh, cut: Cut, least: float, cells: Touched | None = None) -> None:
@@ -141,7 +122,7 @@ def _advice(before: Mesh, cut: Cut, cells: Touched, poor: Ints, least: float) ->
     of = np.unique(cells.of[poor])
     if (cells.before[of] < least).all():
         return "Their parents were below it before: mesh them better, or ask for less"
-    for hexa, values in variants(before, cut, cells).items():
+    for hexa, values in _variants(before, cut, cells):
         there = values[of].min()
         if there > cells.least[of].min() + 1e-9:
             enough = "is enough" if values.min() >= least else "is better there, not enough"

@@ -1,21 +1,18 @@
 """The smooth surface through the nodes of flat faces: its shapes, and its height over the faces.
 
     parents = the faces before the cut                                           (parents)
-    patches = faces joined without a crease                                      (patches)
+    patches = faces joined without a crease                                      (parents)
     shapes = planes, cylinders, spheres, cones, tori through all nodes           (shape, find)
-    shapes of few faces, which turn by more than the crease angle                (few)
+    shapes of few faces, which turn by more than the crease angle                (find)
     fits = elsewhere, polynomials fitted to the nodes of two rings, or three     (local)
-    faces between two shapes that touch inside them                              (tangency)
     heights = distances of the smooth surface from the faces                     (heights)
     description of the skin of a group, for users                                (fitted)
 
 Nothing here depends on units, or on the position, orientation or numbering of the model.
 """
 
-from lacmesh.smooth.coarse import DOUBTFUL, doubt_in_words, unresolved
-from lacmesh.smooth.fitted import FittedShape, fit_surface, told_of_few
-from lacmesh.smooth.heights import height_of
-from lacmesh.smooth.surfaces import surface_of
+from lacmesh.smooth.fitted import DOUBTFUL, FittedShape, doubt_in_words, fit_surface, told_of_few, unresolved
+from lacmesh.smooth.heights import height_of, surface_of
 
 __all__ = [
     "DOUBTFUL",

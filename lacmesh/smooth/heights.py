@@ -1,4 +1,4 @@
-"""The heights of the smooth surface over the flat faces of a surface."""
+"""The heights of the smooth surface over the flat faces of a surface, and surfaces with them."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
+from lacmesh.errors import RequestError
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import origin_of
 from lacmesh.reference.shapes import jacobian, shape
-from lacmesh.smooth.few import numbers_of, shapes_of_few
-from lacmesh.smooth.find import FoundShape, Sought, find_shapes
+from lacmesh.smooth.find import FoundShape, Sought, find_shapes, numbers_of, shapes_of_few
 from lacmesh.smooth.local import centre_heights, edge_heights
-from lacmesh.smooth.parents import Parents, are_straight, by_corners, inverse, parents_of
-from lacmesh.smooth.patches import Bools, SmoothPatches
+from lacmesh.smooth.parents import Bools, Parents, SmoothPatches, are_straight, by_corners, inverse, parents_of
 from lacmesh.smooth.shape import Shape
-from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.maps import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import CREASE_ANGLE, normals_of, unit
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.skin import FACE_TYPES, TYPE_CODE
@@ -36,7 +35,7 @@ class Smooth:
     """Shapes and fits of a surface: its `parents`, the `rows` (k,) of the linear ones, and their shapes, `sought`.
 
     The coordinates of `sought` are relative to `origin` (3,). `taken` (k,): the number of the shape of few faces
-    (`lacmesh.smooth.few`) that a linear parent is on; else -1.
+    (`lacmesh.smooth.find`) that a linear parent is on; else -1.
     """
 
     parents: Parents
@@ -85,7 +84,7 @@ def height_of(mesh: Mesh, surface: Surface, crease_angle: float | None = None) -
     `mesh`: that of the surface's cells, with the records of its cut if it has one; the coordinates are the surface's.
     `crease_angle` (degrees): an edge with a larger angle between the normals is an edge of the smooth surface as well.
     None: 40, but for faces whose nodes lie on one circle, cylinder, sphere or cone across such edges
-    (`lacmesh.smooth.few`).
+    (`lacmesh.smooth.find`).
     The fits use only the faces of the surface: include all faces that continue it smoothly.
     """
     smooth = smooth_of(mesh, surface, crease_angle)
@@ -326,3 +325,19 @@ def _bend(shape: Shape, x: Floats, e: Floats, normal: Floats) -> NDArray[np.floa
     """(n,): curvature of a shape at points x (n, 3) along chords e (n, 3), convex > 0, times the chord squared."""
     ahead, here, behind = (_signed(shape, x + part * e, normal) for part in (0.5, 0.0, -0.5))
     return 4 * (ahead - 2 * here + behind)
+
+
+#: what a surface may be taken for
+SURFACES = ("smooth", "faces")
+
+
+def surface_of(mesh: Mesh, cells: Ints, surface: str = "smooth", crease_angle: float | None = None) -> Surface:
+    """Build the surface of some skin cells (indices) of a mesh, with the heights of the smooth skin over its faces.
+
+    `surface`: `smooth`, or `faces` for a surface without heights; `crease_angle` in degrees as in `height_of`. Raises
+    RequestError; DataError as in `Surface.of`.
+    """
+    if surface not in SURFACES:
+        raise RequestError(f"surface is one of {', '.join(SURFACES)}, not {surface!r}")
+    skin = Surface.of(mesh, cells)
+    return skin if surface == "faces" else replace(skin, height=height_of(mesh, skin, crease_angle))

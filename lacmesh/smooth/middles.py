@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.smooth.heights import ROUNDING, Smooth, smooth_of
-from lacmesh.smooth.patches import Bools
+from lacmesh.smooth.parents import Bools
 from lacmesh.surface.normals import CREASE_ANGLE
 from lacmesh.surface.record import Surface
 from lacmesh.topology.facets import boundary_faces

@@ -3,7 +3,7 @@
 The master's corners are projected along the slave's normal, and the polygon is clipped by the slave's edges. A patch
 with a non-convex projection is split into two triangles at its re-entrant corner. A part is kept if the master faces
 the slave (opposite normals) within the search distances ahead and behind, and if it is larger than _LEAST of the slave
-patch. Where several parts overlap, the nearest is kept (`layers`), so that the areas of the parts of a slave patch
+patch. Where several parts overlap, the nearest is kept (`polygon`), so that the areas of the parts of a slave patch
 never add up to more than the patch.
 """
 
@@ -15,10 +15,18 @@ import numpy as np
 
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
-from lacmesh.surface.layers import make_room, nearest_only
-from lacmesh.surface.patches import Patches
-from lacmesh.surface.polygon import CHORD, MASTER, area_of, centroid, cut_by_polygon, outside, tidy
-from lacmesh.surface.search import Pairs, Reach, in_parts, joined_starts
+from lacmesh.surface.patches import Pairs, Patches, Reach, in_parts, joined_starts
+from lacmesh.surface.polygon import (
+    CHORD,
+    MASTER,
+    area_of,
+    centroid,
+    cut_by_polygon,
+    make_room,
+    nearest_only,
+    outside,
+    tidy,
+)
 
 #: a part smaller than this, against its slave patch, is rounding, and so is a corner that adds no more: one that last
 #: bits make on a straight side would add a triangle to a fan

@@ -2,7 +2,7 @@
 
 Over a piece the functions of the slave face are polynomials in its reference coordinates, and those of the master face
 in its own; in the coordinates of the plane neither are. Their integrals are computed from the piece's edges alone
-(`moments`, `curved`). The weights of a plain rule are then corrected,
+(`moments`). The weights of a plain rule are then corrected,
 
     w_q (1 + c_q),  sum_q w_q c_q^2 least,  sum_q w_q (1 + c_q) f(q) = int_P f  for every function f of either face,
 
@@ -22,9 +22,8 @@ from typing import Any
 import numpy as np
 
 from lacmesh.kernels import kernel
-from lacmesh.surface.curved import curved_integrals, vertices_in_faces
 from lacmesh.surface.maps import AFFINE, CURVED
-from lacmesh.surface.moments import functions, straight_integrals
+from lacmesh.surface.moments import curved_integrals, functions, straight_integrals, vertices_in_faces
 from lacmesh.surface.polygon import MASTER
 
 #: what is left of a function, against itself, for it to count as one more

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT, NormalMaps
-from lacmesh.surface.patches import Bools, Patches
+from lacmesh.surface.patches import Bools, Pairs, Patches, Reach
 from lacmesh.surface.rules import FITTED, Placed
-from lacmesh.surface.search import Pairs, Reach
 
 _LEAST = 1e-13
 #: neighbours on a slave patch may share this much of it

@@ -1,6 +1,6 @@
 """Normals of a surface: the true one at a point of a face, or interpolated nodal ones ("smoothed").
 
-Over a face with the normal N, the tangents t_k and their dual vectors a^k, the smooth surface (`height`) has the normal
+Over a face with the normal N, the tangents t_k and their dual vectors a^k, the smooth surface (`maps`) has the normal
 
     n = m / |m|,   m = N - a^k s_k
 
@@ -21,8 +21,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian
-from lacmesh.surface.height import padded_nodes
-from lacmesh.surface.maps import NormalMaps, coefficients
+from lacmesh.surface.maps import NormalMaps, coefficients, padded_nodes
 from lacmesh.surface.record import Surface, mean_normals
 
 #: degrees; edges at which the normal turns by more are sharp where no other angle is given

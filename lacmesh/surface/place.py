@@ -9,15 +9,13 @@ import numpy as np
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.clip import Pieces, mean_plane, project
-from lacmesh.surface.curved import SegmentFace, in_plane
 from lacmesh.surface.fit import fit
 from lacmesh.surface.maps import AFFINE, CURVED, NormalMaps, at, curved
-from lacmesh.surface.moments import Gauss, gauss_rules
-from lacmesh.surface.patches import Patches
+from lacmesh.surface.moments import Gauss, SegmentFace, gauss_rules, in_plane
+from lacmesh.surface.patches import Patches, in_parts
 from lacmesh.surface.polygon import ROOM, centroid
 from lacmesh.surface.project import in_face, inverse, ray
 from lacmesh.surface.rules import AROUND, CENTROID, ELLIPSE, FITTED, Placed, fan_rules, points_of
-from lacmesh.surface.search import in_parts
 
 _MOST_FUNCTIONS = 20
 #: what must be left of a function that a fit takes, against the bend (`fit`)

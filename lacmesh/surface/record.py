@@ -13,10 +13,8 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Ints, Mesh, codes
-from lacmesh.surface.height import Height
-from lacmesh.surface.maps import values
-from lacmesh.topology.edges import neighbours
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, facets_of
+from lacmesh.surface.maps import Height, values
+from lacmesh.topology.orientation import is_inverted, relative_listing, turned_over
 from lacmesh.topology.skin import (
     FACE_TYPES,
     MAX_CORNERS,
@@ -24,9 +22,12 @@ from lacmesh.topology.skin import (
     N_NODES,
     FaceIncidence,
     Faces,
+    cells_of_dim,
+    distinct_faces,
+    facets_of,
     find_owners,
+    neighbours,
 )
-from lacmesh.topology.winding import is_inverted, relative_listing, turned_over
 
 #: z of a plane mesh may differ by this much of its extent
 _PLANE = 1e-9

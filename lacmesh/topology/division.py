@@ -16,12 +16,17 @@ from numpy.typing import NDArray
 from lacmesh.cells import CARRIED
 from lacmesh.errors import DataError
 from lacmesh.mesh import Ints, Mesh, mask_of, positions
-from lacmesh.topology.components import label_components
-from lacmesh.topology.faces import facets_of
+from lacmesh.topology.bodies import label_components
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
-from lacmesh.topology.orientation import ONE_SIDED, OPEN, consistent_windings
-from lacmesh.topology.skin import FaceIncidence, Faces
-from lacmesh.topology.winding import face_normals, is_inverted, relative_listing
+from lacmesh.topology.orientation import (
+    ONE_SIDED,
+    OPEN,
+    consistent_windings,
+    face_normals,
+    is_inverted,
+    relative_listing,
+)
+from lacmesh.topology.skin import FaceIncidence, Faces, facets_of
 
 Bools = NDArray[np.bool_]
 #: means of normals, relative to the faces' area, below which a component counts as zero

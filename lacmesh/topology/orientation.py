@@ -1,4 +1,4 @@
-"""Orientation of skin faces, and flipping them outward.
+"""Orientation of faces: how they list their nodes relative to each other, inverted cells, and flipping skins outward.
 
 A face with one parent cell is outward if its normal, by the right-hand rule, points out of this cell. A face between
 two cells has no outward side and keeps its orientation. A surface without parent cells (a rigid master, a shell) has no
@@ -15,25 +15,92 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import CELLS
 from lacmesh.errors import DataError
-from lacmesh.mesh import Ints, Mesh, MeshLike, Spec, as_mesh, mask_of, places_of, spec_text
-from lacmesh.topology.components import label_components
-from lacmesh.topology.edges import edge_uses
-from lacmesh.topology.faces import cells_of_dim, distinct_faces, faces_of, facets_of
-from lacmesh.topology.skin import N_CORNERS, FaceIncidence, Faces, find_owners, find_repeats
-from lacmesh.topology.winding import REVERSED, is_inverted, relative_listing
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, codes, mask_of, places_of, spec_text
+from lacmesh.reference.quadrature import measure, signed_area
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.skin import (
+    FACE_TYPES,
+    N_CORNERS,
+    Bools,
+    FaceIncidence,
+    Faces,
+    cells_of_dim,
+    distinct_faces,
+    edge_uses,
+    faces_of,
+    facets_of,
+    find_owners,
+    find_repeats,
+)
 
-Bools = NDArray[np.bool_]
 
+def _relisted(kind: str, *corners: int) -> tuple[int, ...]:
+    """Places of all nodes of a face whose corners are listed in another order."""
+    on = [frozenset(nodes) for nodes in CELLS[kind].corners_of_node]
+    return tuple(on.index(frozenset(corners[c] for c in nodes)) for nodes in CELLS[kind].corners_of_node)
+
+
+#: the same face, flipped: it starts from the same corner and has the opposite winding (a segment starts at its other)
+REVERSED = {
+    kind: _relisted(kind, *((1, 0) if n == 2 else (0, *range(n - 1, 0, -1))))
+    for kind, n in zip(FACE_TYPES, N_CORNERS.tolist(), strict=True)
+}
 #: a slave face of a macro-element, flipped, so that it still lists its outer corners first (`patterns.py`)
 _REVERSED_CHILD = {
-    "SEG2": (1, 0),
-    "SEG3": (1, 0, 2),
-    "TRIA3": (1, 0, 2),
-    "TRIA6": (1, 0, 2, 3, 5, 4),
-    "QUAD4": (1, 0, 3, 2),
-    "QUAD8": (1, 0, 3, 2, 4, 7, 6, 5),
+    kind: _relisted(kind, 1, 0, *range(n - 1, 1, -1))
+    for kind, n in zip(FACE_TYPES, N_CORNERS.tolist(), strict=True)
+    if n > 1
 }
+
+
+def relative_listing(faces: Faces, listed: Faces) -> Ints:
+    """(f,): relative orientation 2 s + r of each row of `listed`: it starts at corner s; r = 1 for opposite winding."""
+    corners, other = faces.corners, listed.corners
+    start = (corners == other[:, :1]).argmax(axis=1)
+    n = N_CORNERS[faces.type]
+    back = corners[np.arange(len(faces)), (start + 1) % n] != other[:, 1]
+    return 2 * start + np.where(n == 2, start, back)  # a segment has two corners only: its start gives both
+
+
+def turned_over(faces: Faces, rows: Ints) -> Faces:
+    """Flip some rows of the faces."""
+    nodes = faces.nodes.copy()
+    for code in codes(faces.type[rows]):
+        some = rows[faces.type[rows] == code]
+        order = REVERSED[FACE_TYPES[code]]
+        nodes[some[:, None], np.arange(len(order))] = faces.nodes[some[:, None], order]
+    return Faces(faces.type, nodes)
+
+
+def is_inverted(mesh: Mesh, cells: Ints, plane: bool) -> Bools:
+    """(k,): True for inverted cells, whose node order makes their facets point inward (real meshes contain some).
+
+    Solids are tested by the signed volume of their linear cell, surface cells in a `plane` z = constant by their signed
+    area. Surface cells in space are never inverted: they have no preferred orientation.
+    """
+    wrong = np.zeros(mesh.n_cells, bool)
+    for kind, chosen, nodes in mesh.select(cells):
+        flat = CELLS[CELLS[kind].linear]
+        if flat.dim == 3:
+            wrong[chosen] = measure(flat.name, mesh.points[nodes[:, : flat.n_corners]]) < 0
+        elif plane:
+            wrong[chosen] = signed_area(kind, mesh.points[nodes]) < 0
+    return wrong[cells]
+
+
+def face_normals(mesh: Mesh, faces: Faces) -> Floats:
+    """(f, 3): normals of faces by their corners, as long as the faces' areas; of lines in space, their tangents."""
+    x = mesh.points[faces.corners]
+    t = x[:, 1] - x[:, 0]
+    plane = np.stack([t[:, 1], -t[:, 0], 0 * t[:, 0]], axis=1) if mesh.space_dim == 2 else t
+    n = N_CORNERS[faces.type][:, None]
+    last = np.where(n == 4, x[:, 3], x[:, 0])
+    return np.where(n == 2, plane, np.cross(x[:, 2] - x[:, 0], last - x[:, 1]) / 2)
+
+
+# ---- skins
 
 
 @dataclass(frozen=True)
@@ -91,47 +158,46 @@ def analyse_orientation(mesh: Mesh, cells: Ints) -> SkinOrientation:
     if not len(cells):
         return SkinOrientation(*(empty,) * 5)
     faces, _ = distinct_faces(mesh, cells)
-    dim = int(mesh.cell_dim[cells[0]])
-    parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
-    own = _cells_on(mesh, cells, faces)
+    parents = find_owners(faces, cells_of_dim(mesh, int(mesh.cell_dim[cells[0]]) + 1), mesh.n_nodes)
+    on = _cells_on(mesh, cells, faces)
     count = np.bincount(parents.face, minlength=len(faces))
     parentless = np.flatnonzero(count == 0)
-    flip, component = np.zeros(len(faces), bool), np.full(len(faces), -1)
-    flip[parentless], component[parentless], _ = consistent_windings(mesh, faces.take(parentless))
-    of_own = component[own.face]
-    inconsistent = (_listed_back(mesh, faces, own) ^ flip[own.face]) & (of_own >= 0) & (of_own != ONE_SIDED)
-    return SkinOrientation(
-        np.union1d(inward(mesh, cells, faces, parents), own.cell[inconsistent]),
-        np.sort(own.cell[count[own.face] > 1]),
-        np.sort(own.cell[count[own.face] == 0]),
-        np.sort(own.cell[of_own == OPEN]),
-        np.sort(own.cell[of_own == ONE_SIDED]),
-    )
-
-
-def inward(mesh: Mesh, cells: Ints, faces: Faces, parents: FaceIncidence) -> Ints:
-    """Return the skin cells (sorted) with a normal that points into the only cell behind them.
-
-    `faces`: the faces under `cells`, each once; `parents`: the cells behind (`skin.find_owners`).
-    """
-    own = _cells_on(mesh, cells, faces)
-    single = np.bincount(parents.face, minlength=len(faces)) == 1
-    mine = single[own.face]
-    own = FaceIncidence(own.face[mine], own.cell[mine], own.facet[mine], own.same[mine])
-    owner = places_of(parents.face, len(faces))
-    outward = facets_of(mesh, parents).take(owner[own.face])
-    back = relative_listing(outward, faces_of(mesh, own.cell)) % 2 == 1
-    back ^= is_inverted(mesh, parents.cell, mesh.space_dim == 2)[owner[own.face]]
-    return np.sort(own.cell[back])
+    flip, kind = np.zeros(len(faces), bool), np.full(len(faces), -1)
+    flip[parentless], kind[parentless], _ = consistent_windings(mesh, faces.take(parentless))
+    back = relative_listing(faces.take(on.face), faces_of(mesh, on.cell)) % 2 == 1
+    wrong = (back ^ flip[on.face]) & np.isin(kind[on.face], (CLOSED, OPEN))
+    groups = count[on.face] > 1, count[on.face] == 0, kind[on.face] == OPEN, kind[on.face] == ONE_SIDED
+    inward = _inward(mesh, faces, on, parents)
+    return SkinOrientation(np.union1d(inward, on.cell[wrong]), *(np.sort(on.cell[group]) for group in groups))
 
 
 def flip_outward(mesh: Mesh, cells: Ints, faces: Faces, first: Ints, parents: FaceIncidence) -> tuple[Mesh, Faces]:
-    """Flip the skin cells that are not outward; return the mesh and its faces (like `faces`, from `cells[first]`)."""
-    back = inward(mesh, cells, faces, parents) if len(parents.face) else analyse_orientation(mesh, cells).to_flip
+    """Flip the skin cells that are not outward; return the mesh and its faces (like `faces`, from `cells[first]`).
+
+    `faces`: the faces under `cells`, each once; `parents`: the cells behind (`skin.find_owners`).
+    """
+    if len(parents.face):
+        back = _inward(mesh, faces, _cells_on(mesh, cells, faces), parents)
+    else:
+        back = analyse_orientation(mesh, cells).to_flip
     if not len(back):
         return mesh, faces
     flipped = reverse(mesh, back)
     return flipped, faces_of(flipped, cells[first])
+
+
+def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> FaceIncidence:
+    return find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
+
+
+def _inward(mesh: Mesh, faces: Faces, on: FaceIncidence, parents: FaceIncidence) -> Ints:
+    """Return the cells `on` the faces (sorted) with a normal that points into the only one of the `parents` behind."""
+    single = np.bincount(parents.face, minlength=len(faces)) == 1
+    on = on.take(np.flatnonzero(single[on.face]))
+    owner = places_of(parents.face, len(faces))[on.face]
+    back = relative_listing(facets_of(mesh, parents).take(owner), faces_of(mesh, on.cell)) % 2 == 1
+    back ^= is_inverted(mesh, parents.cell, mesh.space_dim == 2)[owner]
+    return np.sort(on.cell[back])
 
 
 def reverse(mesh: Mesh, cells: Ints) -> Mesh:
@@ -141,50 +207,29 @@ def reverse(mesh: Mesh, cells: Ints) -> Mesh:
     """
     if not len(cells):
         return mesh
-    macro, rank = mesh.cell_data.get("lac_macro"), mesh.cell_data.get("lac_child")
-    child, centre = np.zeros(mesh.n_cells, bool), np.zeros(mesh.n_cells, bool)
-    if macro is not None and rank is not None:
-        child, centre = _children(macro, rank)
+    macro = mesh.cell_data.get("lac_macro", np.full(mesh.n_cells, -1))
+    rank = mesh.cell_data.get("lac_child", np.full(mesh.n_cells, -1))
+    size = np.bincount(macro[macro >= 0], minlength=1)[np.maximum(macro, 0)]
+    # the face at the centre of a ring, its fifth, is not one of those around it
+    outer = (macro >= 0) & (rank >= 0) & (size > 1) & ((size != 5) | (rank != 5))
     blocks = []
     for k, block in enumerate(mesh.blocks):
         rows = cells[(cells >= mesh.offsets[k]) & (cells < mesh.offsets[k + 1])] - mesh.offsets[k]
         nodes = block.nodes
         if len(rows):
+            of_macro = outer[rows + mesh.offsets[k]]
             nodes = nodes.copy()
             nodes[rows] = nodes[rows][:, REVERSED[block.type]]
-            of_macro = rows[(child & ~centre)[rows + mesh.offsets[k]]]
-            if len(of_macro):
-                nodes[of_macro] = block.nodes[of_macro][:, _REVERSED_CHILD[block.type]]
+            if of_macro.any():
+                nodes[rows[of_macro]] = block.nodes[rows[of_macro]][:, _REVERSED_CHILD[block.type]]
         blocks.append(block._replace(nodes=nodes))
     flipped = replace(mesh, blocks=tuple(blocks))
-    if not child[cells].any() or rank is None or macro is None:
+    around = cells[outer[cells]]
+    if not len(around):
         return flipped
-    around = cells[child[cells] & ~centre[cells]]
-    size = np.zeros(int(macro.max()) + 1, np.int64)
-    np.maximum.at(size, macro[child & ~centre], rank[child & ~centre])
     new_rank = rank.copy()
-    new_rank[around] = size[macro[around]] + 1 - rank[around]
+    new_rank[around] = size[around] - (size[around] == 5) + 1 - rank[around]
     return replace(flipped, cell_data={**mesh.cell_data, "lac_child": new_rank})
-
-
-def _children(macro: Ints, rank: Ints) -> tuple[Bools, Bools]:
-    """(n_cells,) each: True for faces of macro-elements that were cut, and for those at the centre of a ring."""
-    faces = np.flatnonzero(macro >= 0)
-    size = np.bincount(macro[faces])
-    child = np.zeros(len(macro), bool)
-    child[faces] = size[macro[faces]] > 1
-    centre = np.zeros(len(macro), bool)
-    centre[faces] = (size[macro[faces]] == 5) & (rank[faces] == 5)
-    return child, centre
-
-
-def _cells_on(mesh: Mesh, cells: Ints, faces: Faces) -> FaceIncidence:
-    return find_repeats(faces, [(k, n, c) for k, c, n in mesh.select(np.sort(cells))], mesh.n_nodes)
-
-
-def _listed_back(mesh: Mesh, faces: Faces, own: FaceIncidence) -> Bools:
-    """True for cells on faces that have the opposite winding."""
-    return relative_listing(faces.take(own.face), faces_of(mesh, own.cell)) % 2 == 1
 
 
 # ---- surfaces without parent cells

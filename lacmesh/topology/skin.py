@@ -1,4 +1,4 @@
-"""Incidence of faces and cells: the cells that own a face, the cells that duplicate it.
+"""Faces of skins: the cells on them, the cells that own them, their edges, and the matching of rows of nodes.
 
 A face is identified by its corners, in any order. Only cells that touch the requested faces are examined, so that the
 cost is one pass over the mesh's nodes and then grows with the faces (no table of all facets is ever built).
@@ -6,20 +6,21 @@ cost is one pass over the mesh's nodes and then grows with the faces (no table o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS
-from lacmesh.mesh import Ints, concatenated, places_of
+from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.mesh import Ints, Mesh, codes, concatenated, places_of
 
+Bools = NDArray[np.bool_]
 #: width of a padded list of a face's nodes (QUAD9) and corners
 MAX_NODES, MAX_CORNERS = 9, 4
-_PIECE = 1 << 15
-#: 2^64 over the golden ratio, odd
-_GOLDEN = 0x9E3779B97F4A7C15
+#: cells, or facets, that are treated at once
+PIECE = 1 << 16
 #: face types, in the order of the codes that `Faces.type` uses
 FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
@@ -49,9 +50,7 @@ class Faces:
     @property
     def corners(self) -> Ints:
         """(f, 4): the corners, padded with -1."""
-        corners = self.nodes[:, :MAX_CORNERS].copy()
-        corners[np.arange(MAX_CORNERS) >= N_CORNERS[self.type][:, None]] = -1
-        return corners
+        return np.where(np.arange(MAX_CORNERS) < N_CORNERS[self.type][:, None], self.nodes[:, :MAX_CORNERS], -1)
 
     @classmethod
     def stack(cls, parts: Sequence[Faces]) -> Faces:
@@ -62,13 +61,13 @@ class Faces:
     def join(cls, parts: Iterable[tuple[str, Ints]]) -> Faces:
         """Join parts (type, nodes (k, n)) into one list of faces, in their order."""
         parts = list(parts)
-        codes = np.repeat([TYPE_CODE[t] for t, _ in parts] or [0], [len(n) for _, n in parts] or [0])
-        nodes = np.full((len(codes), MAX_NODES), -1, np.int64)
+        code = concatenated(np.full(len(rows), TYPE_CODE[kind]) for kind, rows in parts)
+        nodes = np.full((len(code), MAX_NODES), -1, np.int64)
         start = 0
         for _, rows in parts:
             nodes[start : start + len(rows), : rows.shape[1]] = rows
             start += len(rows)
-        return cls(codes, nodes)
+        return cls(code, nodes)
 
 
 @dataclass(frozen=True)
@@ -81,33 +80,78 @@ class FaceIncidence:
     face: Ints
     cell: Ints
     facet: Ints
-    same: NDArray[np.bool_]
+    same: Bools
+
+    def take(self, rows: Ints) -> FaceIncidence:
+        """Some of the pairs."""
+        return FaceIncidence(self.face[rows], self.cell[rows], self.facet[rows], self.same[rows])
 
     def by_cell(self) -> FaceIncidence:
         """All pairs, sorted by cell."""
-        order = np.argsort(self.cell, kind="stable")
-        return FaceIncidence(self.face[order], self.cell[order], self.facet[order], self.same[order])
+        return self.take(np.argsort(self.cell, kind="stable"))
+
+
+# ---- rows of nodes that are equal
+
+
+def mixed_bits(numbers: Ints, seed: int = 1) -> NDArray[np.uint64]:
+    """Hash numbers from 0 to 64 bits each, so that the sum over a set of numbers identifies the set.
+
+    The finalizer of splitmix64 (Steele, Lea, Flood, OOPSLA 2014).
+    """
+    x = (numbers.astype(np.uint64) + np.uint64(seed)) * np.uint64(0x9E3779B97F4A7C15)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return x ^ (x >> np.uint64(31))
+
+
+def sort_hashes(key: NDArray[np.uint64]) -> tuple[Ints, Bools]:
+    """Sort hashes (m,), which are overwritten: the place of each among them, and True where it differs from the last.
+
+    Hash and place share 64 bits: whole numbers are sorted several times faster than places. What is equal is alike in
+    the end; what is alike may differ, a few of millions.
+    """
+    bits = np.uint64(len(key).bit_length())
+    place = (np.uint64(1) << bits) - np.uint64(1)
+    for k in range(0, len(key), PIECE):
+        piece = key[k : k + PIECE]
+        piece[:] = piece & ~place | np.arange(k, k + len(piece), dtype=np.uint64)
+    key.sort()
+    new = np.ones(len(key), bool)
+    for k in range(1, len(key), PIECE):
+        new[k : k + PIECE] = (key[k : k + PIECE] ^ key[k - 1 : k - 1 + PIECE][: len(key) - k]) >> bits
+    key &= place
+    return key.view(np.int64), new
 
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
     """Label rows so that equal rows get the same label; return (labels (k,), number of labels).
 
     Exact, and faster than sorting whole rows.
+
+    >>> labels, count = label_rows(np.array([[2, 3], [7, 0], [2, 3]]))
+    >>> bool(labels[0] == labels[2] != labels[1]), count
+    (True, 2)
     """
-    seed = 0
-    while True:
-        seed += 1
-        # multiplicative hash: powers of an odd constant (Knuth, The Art of Computer Programming 3, 6.4)
-        weights = np.array([pow(_GOLDEN, seed + k, 2**64) for k in range(rows.shape[1])], np.uint64)
-        key = (rows.astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64)
-        order = np.argsort(key, kind="stable")
-        new = np.diff(key[order], prepend=key[order[:1]] + np.uint64(1)) != 0
-        repeats = np.flatnonzero(~new)
-        if (rows[order[repeats]] == rows[order[repeats - 1]]).all():  # else two different rows met: draw again
-            break
+    weights = mixed_bits(np.arange(rows.shape[1])) | np.uint64(1)
+    order, new = sort_hashes((rows.astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64))
+    differs = _differ_from_last(rows[order])
+    clash = differs & ~new
+    if clash.any():  # different rows with one hash: these runs are sorted row by row
+        run = np.cumsum(new)
+        at = np.flatnonzero(np.isin(run, run[clash]))
+        order[at] = order[at[np.lexsort((*rows[order[at]].T, run[at]))]]
+        differs = _differ_from_last(rows[order])
     labels = np.empty(len(rows), np.int64)
-    labels[order] = np.cumsum(new) - 1
-    return labels, int(new.sum())
+    labels[order] = np.cumsum(differs) - 1
+    return labels, int(np.count_nonzero(differs))
+
+
+def _differ_from_last(rows: Ints) -> Bools:
+    """(k,): True for rows that differ from the row before, and for the first."""
+    differs = np.ones(len(rows), bool)
+    differs[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    return differs
 
 
 def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
@@ -115,8 +159,7 @@ def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
     first = np.full(count, len(labels))
     np.minimum.at(first, labels, np.arange(len(labels)))
     order = np.argsort(first)
-    rank = places_of(order, count)
-    return first[order], rank[labels]
+    return first[order], places_of(order, count)[labels]
 
 
 def label_faces(faces: Faces) -> tuple[Ints, int]:
@@ -124,12 +167,15 @@ def label_faces(faces: Faces) -> tuple[Ints, int]:
     return label_rows(np.sort(faces.corners, axis=1))
 
 
+# ---- cells that own faces, and cells on them
+
+
 def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
     """Find the cells that have one of `faces` as a facet. `cells`: parts (type, nodes (k, n), ids (k,)).
 
     >>> square = [("QUAD4", np.array([[0, 1, 2, 3]]), np.array([7]))]
-    >>> found = find_owners(Faces.join([("SEG2", np.array([[2, 1]]))]), square, 4)
-    >>> found.cell, found.facet
+    >>> owners = find_owners(Faces.join([("SEG2", np.array([[2, 1]]))]), square, 4)
+    >>> owners.cell, owners.facet
     (array([7]), array([1]))
     """
     touched = _touched(faces, n_nodes)
@@ -158,35 +204,149 @@ def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes:
     return _match(faces, parts)
 
 
-def _touched(faces: Faces, n_nodes: int) -> NDArray[np.bool_]:
+def _touched(faces: Faces, n_nodes: int) -> Bools:
     touched = np.zeros(n_nodes + 1, bool)  # one more, for the padding's -1
     touched[faces.corners] = True
     touched[-1] = False
     return touched
 
 
-def _near(touched: NDArray[np.bool_], nodes: Ints, n_corners: int, least: int) -> Ints:
-    """Rows of `nodes` with at least `least` touched corners, found in chunks that stay in the cache."""
-    rows = [np.empty(0, np.int64)]
-    for start in range(0, len(nodes), _PIECE):
-        piece = nodes[start : start + _PIECE]
+def _near(touched: Bools, nodes: Ints, n_corners: int, least: int) -> Ints:
+    """Rows of `nodes` with at least `least` touched corners, in pieces that stay in the cache."""
+    rows = []
+    for start in range(0, len(nodes), PIECE):
+        piece = nodes[start : start + PIECE]
         count = np.zeros(len(piece), np.uint8)
         for corner in range(n_corners):
             count += touched[piece[:, corner]]
         rows.append(start + np.flatnonzero(count >= least))
-    return np.concatenate(rows)
+    return concatenated(rows)
 
 
 def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncidence:
     """Pair faces with candidates (type, nodes, ids, facet number) that have the same corners."""
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = concatenated(i for _, _, i, _ in parts)
-    facet = np.repeat([j for *_, j in parts] or [0], [len(i) for _, _, i, _ in parts] or [0])
+    facet = concatenated(np.full(len(i), j) for _, _, i, j in parts)
     labels, count = label_faces(Faces.stack([faces, candidates]))
-    face_of = places_of(labels[: len(faces)], count)
-    face = face_of[labels[len(faces) :]]
+    face = places_of(labels[: len(faces)], count)[labels[len(faces) :]]
     hits = np.flatnonzero(face >= 0)
     hits = hits[np.lexsort((ids[hits], face[hits]))]
     same = candidates.type[hits] == faces.type[face[hits]]
     same &= (np.sort(candidates.nodes[hits], axis=1) == np.sort(faces.nodes[face[hits]], axis=1)).all(axis=1)
     return FaceIncidence(face[hits], ids[hits], facet[hits], same)
+
+
+# ---- cells of a mesh as faces
+
+
+def cells_of_dim(mesh: Mesh, dim: int) -> Iterator[tuple[str, Ints, Ints]]:
+    """Iterate over the cells of dimension `dim`, block by block: (type, their nodes, their indices)."""
+    for k, block in enumerate(mesh.blocks):
+        if ALL_CELLS[block.type].dim == dim:
+            yield block.type, block.nodes, np.arange(mesh.offsets[k], mesh.offsets[k + 1])
+
+
+def lacking(mesh: Mesh, dim: int, called: str = "the mesh") -> str:
+    """Say that a mesh, `called` so, has no cells of dimension `dim`, what it has, and what gmsh leaves out of a file.
+
+    >>> lacking(Mesh.create([[0, 0], [1, 0]], [("SEG2", [[0, 1]])]), 2)[:44]
+    'the mesh has no surfaces, only cells of type'
+    """
+    name = ("points", "lines", "surfaces", "volumes")[dim]
+    if not mesh.n_cells:
+        return f"{called} has no {name}, nor any other cells"
+    message = f"{called} has no {name}, only cells of type {', '.join(mesh.cells_by_type)}; where there are physical "
+    message += f"groups, gmsh saves their cells alone: add one of the {name}, or save as msh 4.1 with "
+    return f"{message}Mesh.SaveAll = 1 (msh 2.2 loses all groups then)"
+
+
+def faces_of(mesh: Mesh, cells: Ints) -> Faces:
+    """Return some skin cells (of types in FACE_TYPES) as faces, in the order of `cells`."""
+    parts = list(mesh.select(cells))
+    order = concatenated(chosen for _, chosen, _ in parts)
+    return Faces.join((kind, nodes) for kind, _, nodes in parts).take(places_of(order, mesh.n_cells, np.int32)[cells])
+
+
+def distinct_faces(mesh: Mesh, cells: Ints) -> tuple[Faces, Ints]:
+    """Return the faces under some cells, each once, and the index in `cells` of the cell that gives its node order."""
+    faces = faces_of(mesh, cells)
+    first, _ = first_of_each(*label_faces(faces))
+    return faces.take(first), first
+
+
+def facets_of(mesh: Mesh, owners: FaceIncidence) -> Faces:
+    """Return the facets of a match's cells, with the cells' (outward) listing of their nodes, in the match's order."""
+    parts, rows = [], []
+    order = np.argsort(owners.cell, kind="stable")
+    done = 0
+    for kind, cells, nodes in mesh.select(owners.cell[order]):
+        facet = owners.facet[order[done : done + len(cells)]]
+        for j in codes(facet):
+            at = np.flatnonzero(facet == j)
+            parts.append((CELLS[kind].facets[j].type, nodes[at][:, CELLS[kind].facets[j].nodes]))
+            rows.append(order[done + at])
+        done += len(cells)
+    return Faces.join(parts).take(places_of(concatenated(rows), len(order)))
+
+
+# ---- edges of faces
+
+
+class EdgeUses(NamedTuple):
+    """One row for each edge of each face, or each end of each segment: `face` (m,), `place` (m,), `edge` (m,) labels.
+
+    `place` k: the edge from corner k to the next, or the end k. `start`, `stop` (m,): its nodes, as the face lists
+    them; -1 for the `stop` of a segment's end. `forward` (m,): direction in which the face runs along the edge; two
+    faces have consistent windings if they run along their common edge in opposite directions.
+    """
+
+    face: Ints
+    place: Ints
+    edge: Ints
+    start: Ints
+    stop: Ints
+    forward: Bools
+
+
+def edge_uses(faces: Faces) -> EdgeUses:
+    """Label the edges of faces, and return the faces at each of them."""
+    n = N_CORNERS[faces.type]
+    place, face = np.nonzero(np.arange(MAX_CORNERS)[:, None] < n)
+    start = faces.nodes[face, place]
+    segment = n[face] == 2
+    stop = np.where(segment, -1, faces.nodes[face, (place + 1) % n[face]])
+    forward = np.where(segment, place == 0, start < stop)
+    ends = np.column_stack([np.minimum(start, stop) + 1, np.maximum(start, stop) + 1])
+    return EdgeUses(face, place, label_rows(ends)[0], start, stop, forward)
+
+
+def neighbours(faces: Faces) -> Ints:
+    """(f, 4): the neighbour across the edge from corner k to the next (at corner k, for segments), or -1.
+
+    At an edge of more than two faces it is one of the others.
+
+    >>> neighbours(Faces.join([("TRIA3", np.array([[0, 1, 2], [2, 1, 3]]))])).tolist()
+    [[-1, 1, -1, -1], [0, -1, -1, -1]]
+    """
+    uses = edge_uses(faces)
+    order = np.lexsort((uses.place, uses.face, uses.edge))
+    alike = uses.edge[order[:-1]] == uses.edge[order[1:]]
+    one, following = order[:-1][alike], order[1:][alike]
+    out = np.full((len(faces), MAX_CORNERS), -1)
+    out[uses.face[following], uses.place[following]] = uses.face[one]
+    out[uses.face[one], uses.place[one]] = uses.face[following]
+    return out
+
+
+def distinct_edges(corners: Ints) -> tuple[Ints, Ints]:
+    """Return the edges (e, 2) of faces with corners (f, n), padded with -1, each once, and how many faces have each.
+
+    A segment, of two corners, is an edge itself.
+    """
+    n = (corners >= 0).sum(axis=1)
+    place, face = np.nonzero(np.arange(corners.shape[1])[:, None] < np.where(n > 2, n, n > 0))
+    ends = np.stack([corners[face, place], corners[face, (place + 1) % n[face]]])
+    size = np.int64(corners.max(initial=0)) + 1
+    key, count = np.unique(ends.min(axis=0) * size + ends.max(axis=0), return_counts=True)
+    return np.column_stack(np.divmod(key, size)), count

@@ -1,38 +1,16 @@
-"""The command `lacsolver`: each of its commands has a module in this package, run by `lacmesh.cli.program`."""
+"""The command `lacsolver`: `lacmesh.cli.program` runs its commands, which are functions of the other modules."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-
-from lacmesh.cli.program import Program
+from lacmesh.cli.program import Program, Run
 from lacmesh.errors import LacmeshError
+from lacsolver.cli.cases import example, import_, new, schema, validate
 from lacsolver.cli.options import EPILOG
-
-#: in the order of the help
-COMMANDS = (
-    "example",
-    "new",
-    "run",
-    "validate",
-    "import",
-    "modes",
-    "film",
-    "plot",
-    "report",
-    "compare",
-    "matrices",
-    "schema",
-    "completion",
-)
+from lacsolver.cli.pictures import film, plot, report
+from lacsolver.cli.solve import matrices, modes, run_command
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit status."""
-    return PROGRAM.main(argv)
-
-
-def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
+def _error_lines(error: LacmeshError, run: Run) -> list[str]:
     """Return the lines of an error, one for each mistake of a case.
 
     A line about the case that does not name the case's file gets that name in front. There is none for
@@ -44,17 +22,20 @@ def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
     if isinstance(error, StoppedError):
         return []
     lines = str(error).splitlines() if isinstance(error, CaseError) else [str(error)]
-    case, about = getattr(args, "case", None), error.status in (1, 4)
+    case, about = run.source, error.status in (1, 4)
     return [f"{case}: {line}" if about and case and case not in line else line for line in lines]
 
 
 PROGRAM = Program(
     "lacsolver",
-    __name__,
     "Solve contact problems with the Local Average Contact method. A case file describes the problem.",
     EPILOG,
-    COMMANDS,
-    _error_lines,
-    'there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "multigrid"',
-    "run",
+    (example, new, run_command, validate, import_, modes, film, plot, report, matrices, schema),
+    error_lines=_error_lines,
+    too_large="there is not enough memory for this model; a coarser mesh needs less, and so does [solver] backend = "
+    '"multigrid"',
+    of_file="run",
+    source="case",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main

@@ -1,42 +1,31 @@
-"""Declarations of arguments that the commands share."""
+"""Arguments that commands of lacsolver share, and places of what they write."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from lacmesh.cli.options import add_command as add_lacmesh_command
+from typer import Argument, Option
+
 from lacmesh.errors import ReadError, RequestError, did_you_mean
 
 EPILOG = """\
-Exit status: 0 done, 1 the data are wrong, 2 the command is wrong, 3 a file cannot be read or written,
-4 did not converge, 130 interrupted, 143 terminated."""
+Exit status: 0 done, 1 the data are wrong, 2 the command is wrong,
+3 a file cannot be read or written, 4 did not converge, 130 interrupted,
+143 terminated."""
+
+CaseFile = Annotated[str, Argument(metavar="CASE.toml", help="the case file (lacsolver schema lists its keys)")]
+NewCase = Annotated[
+    str | None, Option("--output", "-o", metavar="CASE.toml", help="default: beside the input, with the suffix .toml")
+]
+RunFolder = Annotated[str, Argument(metavar="DIR", help="folder of a run, or its CASE.toml")]
+FromTime = Annotated[float | None, Option("--from", metavar="TIME", help="take the state at this time, not the last")]
+Title = Annotated[str | None, Option(metavar="TITLE", help="a line above (default: the folder's name)")]
 
 
-def add_command(commands: Any, name: str, run: Callable[..., None], text: str) -> argparse.ArgumentParser:
-    """Declare a command, with the arguments that all commands take; `text` is its line in the help."""
-    parser = add_lacmesh_command(commands, name, run, text)
-    parser.epilog = EPILOG
-    return parser
-
-
-def add_case(parser: argparse.ArgumentParser) -> None:
-    """Declare the argument for the case file."""
-    parser.add_argument("case", metavar="CASE.toml", help="the case file (lacsolver schema lists its keys)")
-
-
-def add_folder(parser: argparse.ArgumentParser) -> None:
-    """Declare the argument for the folder of a run."""
-    parser.add_argument(
-        "folder", metavar="DIR", help="folder of a run; or its CASE.toml, for the folder of the same name"
-    )
-
-
-def folder_of(args: argparse.Namespace) -> Path:
+def folder_of(name: str) -> Path:
     """Return the folder of a run that was named, itself or by its case. Raises ReadError where there is none."""
-    folder = Path(args.folder)
+    folder = Path(name)
     folder = folder.with_suffix("") if folder.suffix == ".toml" else folder
     if not folder.exists():
         runs = [results.parent.name for results in folder.parent.glob("*/results.json")]
@@ -44,14 +33,22 @@ def folder_of(args: argparse.Namespace) -> Path:
     return folder
 
 
-def beside(case: Path, what: str, ending: str = "") -> Path:
+def beside(case: str, what: str, ending: str = "") -> Path:
     """Return the default folder of what a command writes: the case's name without its suffix, and an ending."""
-    if not case.suffix:
-        raise RequestError(f"{case} has no suffix to leave out for the folder of the {what}; name one with -o")
-    return case.with_name(f"{case.stem}{ending}")
+    path = Path(case)
+    if not path.suffix:
+        raise RequestError(f"{path} has no suffix to leave out for the folder of the {what}; name one with -o")
+    return path.with_name(f"{path.stem}{ending}")
 
 
-def print_size(target: Path, args: argparse.Namespace) -> None:
-    """Print the size of a picture or film, unless the command is quiet."""
-    if not args.quiet:
-        print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")
+def case_beside(source: str, name: str | None) -> Path:
+    """Return the path of a new case file: the name, or that of the input with another suffix. Raises RequestError."""
+    target = Path(name) if name else Path(source).with_suffix(".toml")
+    if target.suffix != ".toml":
+        raise RequestError(f"{target}: a case file is called .toml; name it so")
+    return target
+
+
+def print_size(target: Path) -> None:
+    """Print the size of a picture, film or page."""
+    print(f"{target}: {target.stat().st_size / 1e6:.2f} MB")

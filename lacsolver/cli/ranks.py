@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import time
 import traceback
@@ -12,9 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from lacmesh.cli.program import EXPECTED
+from lacmesh.cli.program import EXPECTED, Run
 from lacmesh.errors import LacmeshWarning, RequestError
-from lacsolver.cli import PROGRAM
 from lacsolver.distributed.launch import Launch, absence, import_mpi, launched, one_thread_each
 from lacsolver.distributed.together import StoppedError, on_first, together
 
@@ -47,7 +45,7 @@ class Ranks:
 
 
 @contextmanager
-def all_ranks(args: argparse.Namespace) -> Iterator[Ranks]:
+def all_ranks(run: Run) -> Iterator[Ranks]:
     """Run a command in all processes of `mpiexec` as one: rank 0 alone prints, and an error of any rank stops all.
 
     Raises RequestError if there are several and MPI or PETSc is missing, StoppedError after an error was printed.
@@ -58,8 +56,8 @@ def all_ranks(args: argparse.Namespace) -> Iterator[Ranks]:
         return
     comm = _world(launch)
     os.environ["TERM"] = "dumb"  # Open MPI gives each process a terminal, even where its output goes to a file
-    args.quiet |= comm.rank > 0
-    with together(comm, _Terminal(args, comm.rank)):
+    run.quiet |= comm.rank > 0
+    with together(comm, _Terminal(run, comm.rank)):
         yield Ranks(launch.n, comm.rank, comm)
 
 
@@ -82,21 +80,21 @@ def _world(launch: Launch) -> Any:
 class _Terminal:
     """The messages of a command that runs in several processes (`lacsolver.distributed.together.Terminal`)."""
 
-    def __init__(self, args: argparse.Namespace, rank: int) -> None:
-        self.args, self.rank = args, rank
+    def __init__(self, run: Run, rank: int) -> None:
+        self.run, self.rank = run, rank
         self.heard: list[str] = []
         self._show = warnings.showwarning
         warnings.showwarning = self._hear  # type: ignore[assignment]  # until the command ends, which restores it
 
     def describe(self, error: BaseException) -> tuple[Sequence[str], int]:
         """Return the lines of the message about an error of this rank, and the exit status."""
-        if self.args.verbose and isinstance(error, Exception) and not isinstance(error, EXPECTED):
+        if self.run.verbose and isinstance(error, Exception) and not isinstance(error, EXPECTED):
             traceback.print_exception(error)
-        return PROGRAM.message(error, self.args)
+        return self.run.program.message(error)
 
     def say(self, lines: Sequence[str]) -> None:
         """Print the message about the error that ends the run."""
-        PROGRAM.fail(lines, 0)
+        self.run.program.fail(lines, 0)
 
     def warn(self, message: str) -> None:
         """Print a warning."""

@@ -20,7 +20,7 @@ from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.surface import Surface
 from lacmesh.surface.normals import weighted
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 from lacmesh.topology.skin import Faces, label_faces
 from lacsolver.space.space import Space
 

@@ -24,9 +24,8 @@ from lacmesh.checks.bodies import same_place
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, some
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.topology.faces import cells_of_dim, distinct_faces
-from lacmesh.topology.skin import Faces, find_owners, label_rows
-from lacmesh.topology.winding import face_normals
+from lacmesh.topology.orientation import face_normals
+from lacmesh.topology.skin import Faces, cells_of_dim, distinct_faces, find_owners, label_rows
 from lacsolver.case import Case, Pretension
 from lacsolver.constraints.equality_rows import EqualityAt, EqualityRows, Locked, Unlocked, until
 from lacsolver.constraints.equations import Equations

@@ -23,7 +23,7 @@ from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints, places_of
 from lacmesh.surface import ContactPoints, Surface
 from lacmesh.surface.maps import N_MONOMIALS, basis
-from lacmesh.surface.search import in_parts
+from lacmesh.surface.patches import in_parts
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.contact.chain import Skins
 from lacsolver.contact.normals import OtherNormals

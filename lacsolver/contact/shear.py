@@ -37,8 +37,8 @@ from scipy.sparse import csr_array
 
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import ContactPoints, Surface
-from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import dual_vectors, normals_of, unit
+from lacmesh.surface.points import face_measure
 from lacmesh.surface.record import mean_normals
 from lacsolver.contact.faces import tangents
 from lacsolver.contact.rows import macro_rows

@@ -12,7 +12,7 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.smooth import surface_of
 from lacmesh.surface import Surface, default_distance
-from lacmesh.surface.coverage import face_measure
+from lacmesh.surface.points import face_measure
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Ints, Mesh, concatenated, places_of
-from lacmesh.topology.faces import cells_of_dim
+from lacmesh.topology.skin import cells_of_dim
 from lacsolver.decks.names import SIDES
 
 

@@ -11,9 +11,8 @@ import numpy as np
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.surface import Surface, contact_points
-from lacmesh.surface.coverage import face_measure
-from lacmesh.topology.faces import facets_of
-from lacmesh.topology.skin import FaceIncidence
+from lacmesh.surface.points import face_measure
+from lacmesh.topology.skin import FaceIncidence, facets_of
 from lacsolver.decks.cards import Card, Refused, look_up
 from lacsolver.decks.content import DeckContent, DeckSection, DeckStep, Interaction, Pair
 from lacsolver.decks.draft import AXES, MODELS, CaseDraft

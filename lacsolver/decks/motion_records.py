@@ -9,8 +9,7 @@ import numpy as np
 
 from lacmesh.errors import some
 from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.body_names import body_names
+from lacmesh.topology.bodies import body_names, label_bodies
 from lacsolver.decks.cards import Refused, look_up
 from lacsolver.decks.content import Assigned
 from lacsolver.decks.draft import AXES, CaseDraft

@@ -13,9 +13,8 @@ from lacmesh.deck import Deck
 from lacmesh.formats.ids import Index
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Ints, Mesh, mask_of
-from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
 from lacmesh.topology.facets import Facets
-from lacmesh.topology.skin import FaceIncidence, find_owners
+from lacmesh.topology.skin import FaceIncidence, cells_of_dim, faces_of, facets_of, find_owners
 from lacsolver.decks.cards import DeckLine, Refused, look_up
 
 #: number of a facet: this times its cell, and its place

@@ -10,7 +10,6 @@ from pathlib import Path
 RESULTS, HISTORY, MED = "results.json", "history.csv", "results.med"
 SOLID, CONTACT, RING = "solid", "contact_", "ring"
 #: the state of ParaView: a module of this package, which is copied
-PARAVIEW = "paraview_state.py"
 #: files of `lacsolver modes`
 MODES, MODES_PVD = "modes.json", "modes.pvd"
 #: subfolders: of the VTU files, and of the last state tried by a run that failed

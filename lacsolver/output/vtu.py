@@ -14,12 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.formats import write
-from lacmesh.formats.output import replace_file
 from lacmesh.formats.vtu.collection import read_pvd, write_pvd
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
 from lacsolver.output.files import make_folder
-from lacsolver.output.names import FIELDS, PARAVIEW, RING, SOLID, collections_in, contact_stems, vtu_file
+from lacsolver.output.names import FIELDS, RING, SOLID, collections_in, contact_stems, vtu_file
 from lacsolver.output.parts import Part, body, on_faces, skin
 from lacsolver.output.pieces import write_pieces
 from lacsolver.output.ring import ring_of
@@ -53,8 +52,6 @@ class VtuSeries:
         for zone, stem in contact_stems(fields.zones).items():
             of_zone = fields.zones[zone]
             self._add(stem, self._part(stem, of_zone), _nodal(of_zone, fields), _by_face(of_zone), fields.time, number)
-        if not (self._folder / PARAVIEW).exists():
-            replace_file(self._folder / PARAVIEW, Path(__file__).with_name(PARAVIEW).read_bytes())
 
     def _part(self, stem: str, zone: ZoneFields | None) -> Part:
         if stem not in self._parts:

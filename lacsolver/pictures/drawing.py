@@ -1,7 +1,7 @@
 """Picture of contact: the deformed model, small, and beside it each zone by itself, where nothing hides it.
 
 zones = fields of contacts and ties at a time                 (a solution, or the folder of a run)
-model = see-through bodies around the slave skins             (lacmesh.scene; matplotlib in a plane)
+model = see-through bodies around the slave skins             (lacmesh.drawing; matplotlib in a plane)
 panels = in space each skin laid flat; in a plane the values over the length along it     (skins, profiles)
 """
 
@@ -20,13 +20,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.drawing import INK, OPACITY, Drawing
 from lacmesh.errors import RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.scene import Label, make_scene
-from lacmesh.scene.colours import INK
-from lacmesh.scene.marks import Values
-from lacmesh.view import image_of
+from lacmesh.view import Values, check_renderer, image_of
 from lacsolver.case import Case
 from lacsolver.output.ring import fields_of_ring, sector_of
 from lacsolver.output.stored import stored_fields
@@ -58,7 +56,6 @@ _DPI, _MODEL, _SPACE, _PLANE, _HIGH, _LOW = 130, 5.0, 4.2, 6.4, 3.7, 2.9
 _ARROWS, _LONGEST = 400, 1.3
 #: panels in a picture at most
 _PANELS = 12
-_INK = f"#{INK}"
 
 
 def check_plot(path: Path, dim: int) -> None:
@@ -117,7 +114,7 @@ def plot(
     units = Units.of(summary.get("units"))
     picture = ContactPicture.of(mesh, fields, field, zone, units, zoom=zoom, title=title)
     check_plot(path, mesh.dim)
-    replace_file(path, picture.png(path))
+    replace_file(path, picture.png())
     return float(fields.time)
 
 
@@ -173,13 +170,13 @@ class ContactPicture:
         scale = scale or ColourScale.of(quantity, zones.values(), units)
         return cls(mesh, fields, zones, quantity, scale, units, zoom, title)
 
-    def png(self, path: Path) -> bytes:
-        """Return the picture as PNG for the file `path`. Raises WriteError if nothing can be drawn."""
+    def png(self) -> bytes:
+        """Return the picture as PNG. Raises WriteError if nothing can be drawn."""
         out = io.BytesIO()
-        self.figure(path).savefig(out, format="png", metadata={"Software": None})
+        self.figure().savefig(out, format="png", metadata={"Software": None})
         return out.getvalue()
 
-    def figure(self, path: Path) -> Any:
+    def figure(self) -> Any:
         """Return the picture as a figure of matplotlib."""
         panels = self._all_panels[:_PANELS]
         across = 1 if self.mesh.dim == 2 and len(panels) < 4 else math.ceil(math.sqrt(len(panels)))
@@ -189,7 +186,7 @@ class ContactPicture:
         figure = import_module("matplotlib.figure").Figure(size, dpi=_DPI, layout="constrained")
         figure.suptitle(_plain(self.heading), fontsize=12)
         left, right = figure.subfigures(1, 2, width_ratios=(_MODEL, wide * across))
-        self._draw_model(left, (_MODEL, size[1] - 0.6), path)
+        self._draw_model(left, (_MODEL, size[1] - 0.6))
         axes = right.subplots(down, across, squeeze=False)
         for ax, (name, zone, view) in zip(axes.flat, panels, strict=False):
             if view is None:
@@ -246,12 +243,12 @@ class ContactPicture:
         friction = any(zone.friction is not None for zone in self.zones.values())
         colours = self.scale.rgba(np.array(occurring, float))
         words = ["sticks" if friction and s == CONTACT else STATUS_WORDS.get(s, str(s)) for s in occurring]
-        handles = [patch(facecolor=c, edgecolor=_INK, label=w) for c, w in zip(colours, words, strict=True)]
+        handles = [patch(facecolor=c, edgecolor=INK, label=w) for c, w in zip(colours, words, strict=True)]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=9)
 
     # ---- the model
 
-    def _draw_model(self, figure: Any, inches: tuple[float, float], path: Path) -> None:
+    def _draw_model(self, figure: Any, inches: tuple[float, float]) -> None:
         """Draw the model; a zoomed one in a plane once for each zone under pressure, since zones may be far apart."""
         x = self.mesh.points + self.times * self.u
         if self.mesh.dim == 2:
@@ -263,22 +260,29 @@ class ContactPicture:
         axes = figure.subplots()
         without_frame(axes)
         size = (round(2 * _DPI * inches[0]), round(2 * _DPI * inches[1]))
-        image = import_module("matplotlib.image").imread(io.BytesIO(self._rendered(x, size, path)))
+        image = import_module("matplotlib.image").imread(io.BytesIO(self._rendered(x, size)))
         axes.imshow(image)
 
-    def _rendered(self, x: Floats, size: tuple[int, int], path: Path) -> bytes:
+    def _rendered(self, x: Floats, size: tuple[int, int]) -> bytes:
         """Return the model in space: see-through bodies, and the slave skins in their colours."""
+        check_renderer()
+        drawing = self.drawing(x, size)
+        for name, zone in self.zones.items() if len(self.zones) > 1 else ():
+            drawing.add_label(
+                x[zone.surface.faces.distinct_nodes].mean(axis=0) - drawing.origin, readable(name), "#44546a"
+            )
+        return image_of(drawing.plot)
+
+    def drawing(self, x: Floats, size: tuple[int, int]) -> Drawing:
+        """Return the bodies as ghosts at points x (n_nodes, 3), around the slave skins in their colours, in pyvista."""
         mesh, value, skins = with_skins(self.mesh, x, self.zones, self.on_faces)
         none = np.zeros(mesh.n_cells, bool)
         shown = Values(self.scale.label, value, self.scale.low, self.scale.high, none, self.scale.ramp, on_skin=True)
-        scene = make_scene(mesh, skins, values=shown, bodies="ghost", camera=self.camera)
-        labels = []
-        if len(self.zones) > 1:
-            points = (x[zone.surface.faces.distinct_nodes].mean(axis=0) for zone in self.zones.values())
-            labels = [
-                Label((p[0], p[1], p[2]), readable(name), "44546a") for name, p in zip(self.zones, points, strict=True)
-            ]
-        return image_of(replace(scene, title="", legend=(), values=None, labels=tuple(labels)), size, path)
+        drawing = Drawing(mesh, skins, None, None, size, off_screen=True)
+        drawing.add_bodies(OPACITY["ghost"], shown)
+        drawing.add_skins(shown)
+        drawing.set_camera(drawing.eye(self.camera))
+        return drawing
 
     def _draw_plane(self, axes: Any, x: Floats, window: Floats | None, *, colours: bool) -> None:
         """Draw the model in a plane: bodies, slave skins in their colours, arrows of shear.
@@ -329,7 +333,7 @@ class ContactPicture:
         if len(on):
             scaled = vectors[on] * (_LONGEST * spacing / largest)
             axes.quiver(
-                *place[on].T, *scaled.T, angles="xy", scale_units="xy", scale=1.0, color=_INK,
+                *place[on].T, *scaled.T, angles="xy", scale_units="xy", scale=1.0, color=INK,
                 edgecolor="white", linewidth=0.4, width=0.004, pivot="mid", zorder=7,
             )  # fmt: skip
         return largest
@@ -352,8 +356,8 @@ class ContactPicture:
             axes.add_collection(drawn)
         macros, ends = outlines(view, ring, zone.macro)
         thin = min(0.5, 40.0 / max(1.0, math.sqrt(len(view.rows))) / 10)
-        axes.add_collection(lines(macros, color=_INK, linewidth=thin))
-        axes.add_collection(lines(ends, color=_INK, linewidth=1.0))
+        axes.add_collection(lines(macros, color=INK, linewidth=thin))
+        axes.add_collection(lines(ends, color=INK, linewidth=1.0))
         axes.set_aspect("equal")
         axes.autoscale()
         self._zoom_skin(axes, view, zone)
@@ -413,7 +417,7 @@ class ContactPicture:
         status = self.scale.states
         quantity = QUANTITIES["pressure"] if status else self.quantity
         s, values = along(ends, values_on_faces(zone, quantity.of(zone)), X)
-        axes.plot(s, values, color=_INK, linewidth=1.4, label="macro-elements", zorder=4)
+        axes.plot(s, values, color=INK, linewidth=1.4, label="macro-elements", zorder=4)
         if quantity.unit == "stress" and not quantity.friction:
             self._add_curves(axes, zone, ends, X)
         low, high = quantity.range_of(self.zones.values()) if status else (self.scale.low, self.scale.high)

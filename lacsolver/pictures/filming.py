@@ -2,7 +2,7 @@
 
 frames = fields of the run's folder, time by time          (frames)
 scale = one scale of colours for all times
-pictures = drawn by matplotlib in a plane, off-screen by pyvista in space       (lacmesh.view)
+pictures = drawn by matplotlib in a plane, off-screen by pyvista in space
 curves = columns of history.csv, one against the other
 film = an animated GIF of one colour table; or a sheet, PNG
 
@@ -21,13 +21,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.drawing import BODIES, INK, fit_camera, rgb
 from lacmesh.errors import RequestError, check_installed, did_you_mean
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Floats
-from lacmesh.scene import unit_of
-from lacmesh.scene.colours import BODIES, INK, rgb
-from lacmesh.scene.layers import Layer
-from lacmesh.view import frames as draw_frames
+from lacmesh.origin import origin_of
+from lacmesh.view import check_renderer
 from lacsolver.output.modes import read_modes
 from lacsolver.output.names import HISTORY, MODES_PVD
 from lacsolver.output.stored import stored_fields
@@ -163,7 +162,7 @@ def _contact_images(
     if not scale.states:
         scale = replace(scale, **_ends(ends, log, (scale.low, scale.high)))
     pictures = pictures_of(states, field, scale, units, title)
-    return [_image(replace(picture, camera=camera).figure(path)) for picture in pictures]
+    return [_image(replace(picture, camera=camera).figure()) for picture in pictures]
 
 
 def _tiled(images: list[Any]) -> Any:
@@ -258,16 +257,27 @@ class _Sheet:
         frames, surface = self.frames.frames, self.frames.surface
         if surface.dim == 2:
             return [None] * len(frames)
+        check_renderer()
         size = (round(inches[0] * 2 * _DPI), round(inches[1] * 2 * _DPI))
-        x, colours = np.stack([frame.x for frame in frames]), np.stack([self._rgb(frame) for frame in frames])
-        none, ink = np.empty((0, 3)), np.repeat(rgb([INK]), len(x[0]), axis=0)
-        layers = (
-            Layer("faces", x[0], surface.triangles, colours[0], none, 0.0),
-            Layer("lines", x[0], surface.edges, ink, none, 1.0 / unit_of(size), 0.35),
-        )
-        image = import_module("matplotlib.image")
-        pngs = draw_frames(layers, x, colours, self.camera, size, self.path)
-        return [(255 * image.imread(io.BytesIO(png))[..., :3]).round().astype(np.uint8) for png in pngs]
+        x = np.stack([frame.x for frame in frames])
+        x = x - origin_of(x.reshape(-1, 3))  # a graphics card counts with seven digits
+        pyvista = import_module("pyvista")
+        plot = pyvista.Plotter(off_screen=True, window_size=list(size))
+        plot.set_background("white")
+        faces = pyvista.PolyData.from_regular_faces(x[0], surface.triangles)
+        faces["colour"] = self._rgb(frames[0])
+        edges = pyvista.PolyData(x[0], lines=np.insert(surface.edges, 0, 2, axis=1))
+        plot.add_mesh(faces, scalars="colour", rgb=True, smooth_shading=False, ambient=0.65, diffuse=0.45)
+        plot.add_mesh(edges, color=INK, opacity=0.35, line_width=1, lighting=False)
+        fit_camera(plot, x.reshape(-1, 3), np.asarray(self.camera) / np.linalg.norm(self.camera), size, 0.015, 0.985)
+        images = []
+        for k, frame in enumerate(frames):
+            faces.points = edges.points = x[k]
+            faces["colour"] = self._rgb(frame)
+            plot.render()
+            images.append(np.array(plot.screenshot(return_img=True)))
+        plot.close()
+        return images
 
     def _rgb(self, frame: Frame) -> NDArray[np.uint8]:
         """Return the colour of each point, (p, 3)."""

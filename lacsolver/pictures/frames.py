@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh.cells import CELLS
+from lacmesh.drawing import FLAT, bodies_of, grid_of, outer_faces
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.ids import Index
 from lacmesh.formats.vtu.collection import read_pvd
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.scene.colours import ends_of
-from lacmesh.scene.visible import find_visible
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
-from lacsolver.pictures.quantities import QUANTITIES
+from lacsolver.pictures.quantities import QUANTITIES, ends_of
 from lacsolver.pictures.skins import ring
 from lacsolver.results.nodal import von_mises
 
@@ -60,16 +58,10 @@ class DrawnSurface:
     @classmethod
     def of(cls, mesh: Mesh) -> DrawnSurface:
         """Triangulate the visible surface: all cells in a plane; in space outer faces, and skins without solids."""
-        visible = find_visible(mesh, slave=())
-        faces: list[tuple[str, Ints, Ints]] = []
-        lines: list[Ints] = [np.empty((0, 2), np.int64)]
-        for code in np.unique(visible.faces.type):
-            kind, rows = FACE_TYPES[code], np.flatnonzero(visible.faces.type == code)
-            nodes = visible.faces.nodes[rows, : N_NODES[code]]
-            if CELLS[kind].dim == 1:
-                lines.append(_split(kind, nodes))
-            else:
-                faces.append((kind, nodes, visible.cell[rows]))
+        every = _visible(mesh)
+        faces = [face for face in every if CELLS[face[0]].dim == 2]
+        segments = [_split(kind, nodes) for kind, nodes, _ in every if CELLS[kind].dim == 1]
+        lines = [np.empty((0, 2), np.int64), *segments]
         first = mesh.n_nodes + np.cumsum([0, *(len(nodes) for _, nodes, _ in faces)])
         fans = [_fan(nodes, ring(kind), k) for (kind, nodes, _), k in zip(faces, first, strict=False)]
         triangles = np.concatenate([np.empty((0, 3), np.int64), *fans])
@@ -208,6 +200,16 @@ def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[flo
             nodes = index.places(skin.node_number)
             value[nodes] = np.fmax(value[nodes], _field(skin, "pressure_recovered", path))
     return value
+
+
+def _visible(mesh: Mesh) -> list[tuple[str, Ints, Ints]]:
+    """Return the type, the nodes (f, k) and the cells (f,) of visible faces: outer ones in space, cells in a plane."""
+    shown = np.flatnonzero(bodies_of(mesh))
+    if mesh.dim < 3:
+        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(shown)]
+    faces = outer_faces(grid_of(mesh).extract_cells(shown))
+    node, cell = np.asarray(faces["node"]), np.asarray(faces["cell"])
+    return [(FLAT[kind], node[nodes], cell[faces.celltypes == kind]) for kind, nodes in faces.cells_dict.items()]
 
 
 def _with_means(nodal: Floats, faces: Iterable[Ints]) -> NDArray[np.floating]:

@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.drawing import INK
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
-from lacmesh.scene.colours import INK, ends_of
 from lacmesh.surface import Surface
 from lacsolver.pictures.frames import DrawnSurface
-from lacsolver.pictures.quantities import ColourScale
+from lacsolver.pictures.quantities import ColourScale, ends_of
 
 #: number of segments that a face of a skin is drawn with
 _PARTS = 6
 #: span of values that are one, relative to the largest of them
 _LEVEL = 1e-6
 #: colours of faces without a value, of surfaces without parent cells, of lines
-_PLAIN, _SEGMENTS, _INK = "#eceae4", "#44546a", f"#{INK}"
+_PLAIN, _SEGMENTS = "#eceae4", "#44546a"
 
 
 def lines(pieces: Any, **style: Any) -> Any:
@@ -35,8 +35,8 @@ def draw_bodies(axes: Any, surface: DrawnSurface, x: Floats, value: Floats, scal
         plain = x[surface.triangles[~whole]]
         axes.add_collection(import_module("matplotlib.collections").PolyCollection(plain, color=_PLAIN, linewidth=0.3))
     shade(axes, x, surface.triangles[whole], value, scale)
-    axes.add_collection(lines(x[surface.edges], color=_INK, linewidth=0.25, alpha=0.35))
-    axes.add_collection(lines(x[surface.outline], color=_INK, linewidth=0.8))
+    axes.add_collection(lines(x[surface.edges], color=INK, linewidth=0.25, alpha=0.35))
+    axes.add_collection(lines(x[surface.outline], color=INK, linewidth=0.8))
     axes.add_collection(lines(x[surface.segments], color=_SEGMENTS, linewidth=2.5, capstyle="round"))
 
 
@@ -51,7 +51,7 @@ def shade(axes: Any, x: Floats, triangles: Ints, value: Floats, scale: ColourSca
 def draw_faces(axes: Any, pieces: NDArray, values: Floats, scale: ColourScale) -> None:
     """Draw lines (k, points, 2) of skins in the colours of values (k,), dark below, so that light ones are seen."""
     on = np.isfinite(values)
-    axes.add_collection(lines(pieces[on], color=_INK, linewidth=3.6, capstyle="round", zorder=3))
+    axes.add_collection(lines(pieces[on], color=INK, linewidth=3.6, capstyle="round", zorder=3))
     axes.add_collection(lines(pieces[on], colors=scale.rgba(values[on]), linewidth=2.6, capstyle="round", zorder=4))
 
 

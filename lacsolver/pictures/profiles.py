@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 
 
 def along(ends: Ints, values: Floats, x: Floats) -> tuple[NDArray[np.floating], NDArray[np.floating]]:

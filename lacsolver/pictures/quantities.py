@@ -14,12 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.drawing import RAMP
 from lacmesh.errors import RequestError, did_you_mean
 from lacmesh.mesh import Floats
-from lacmesh.scene.colours import RESULT, STATES, ends_of
 from lacsolver.results.results import ZoneFields
 from lacsolver.results.state import CONTACT, OPEN, SLIDES, UNPAIRED
 from lacsolver.results.units import Units
+
+#: a result from its low end to its high one: light to dark, so that what is large stands out on light bodies
+RESULT = RAMP[::-1]
+#: states of a macro-element: unpaired, open, closed (or sticking), sliding
+STATES = ("#ffffff", "#c9d1da", "#2b6cb0", "#e8701a")
 
 
 class Quantity(NamedTuple):
@@ -81,6 +86,24 @@ QUANTITIES: Mapping[str, Quantity] = {
 STATUS_WORDS = {UNPAIRED: "no master opposite", OPEN: "open", CONTACT: "closed", SLIDES: "slides"}
 
 
+def ends_of(values: Floats, *, zero: bool = False, least: float = 0.01) -> tuple[float, float]:
+    """Low and high end of a scale for values, NaN left out; (0, 1) where all are 0 or there is none.
+
+    `zero`: 0 is part of the scale. The span is at least `least` of the larger end, so that round-off is not shown as a
+    difference: uniform values lie in its middle, or with `zero` at one end.
+
+    >>> ends_of(np.array([5 - 1e-15, 5, np.nan]), zero=True), ends_of(np.array([5.0, 5.0]), least=0.2)
+    ((0.0, 5.0), (4.5, 5.5))
+    """
+    known = np.append(values[np.isfinite(values)], [0.0] * zero)
+    low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)
+    size = max(abs(low), abs(high))
+    if size < 1e-200:
+        return 0.0, 1.0
+    lacking = least * size - (high / 2 - low / 2) * 2
+    return (low - lacking / 2, high + lacking / 2) if lacking > 0 else (low, high)
+
+
 def quantity_of(name: str, zones: Mapping[str, ZoneFields]) -> Quantity:
     """Return the quantity of a name. Raises RequestError if it is unknown, or none of the zones has it."""
     if name not in QUANTITIES:
@@ -135,7 +158,7 @@ class ColourScale:
     def bar(self) -> Any:
         """Mappable of matplotlib from values to colours, for a bar of them; grey hatching is for what has no value."""
         colours = import_module("matplotlib.colors")
-        table = colours.LinearSegmentedColormap.from_list("result", [f"#{colour}" for colour in self.ramp])
+        table = colours.LinearSegmentedColormap.from_list("result", list(self.ramp))
         return import_module("matplotlib.cm").ScalarMappable(self.norm, table)
 
     def rgba(self, values: Floats) -> NDArray[np.floating]:

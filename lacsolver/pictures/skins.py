@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
+from lacmesh.drawing import screen_axes
 from lacmesh.mesh import Floats, Ints
-from lacmesh.scene.placing import screen_axes
 from lacmesh.surface import Surface
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
 

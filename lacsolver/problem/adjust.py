@@ -31,8 +31,7 @@ from lacmesh.smooth.parents import parents_of
 from lacmesh.surface import Surface
 from lacmesh.surface.closest import Closest, closest_points
 from lacmesh.surface.record import mean_normals
-from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, label_rows
+from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, cells_of_dim, label_rows
 from lacsolver.case import Case, Contact
 from lacsolver.space.places import wrong
 from lacsolver.space.sparse import sparse

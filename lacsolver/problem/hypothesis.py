@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lacmesh.cells import CELLS
-from lacmesh.checks.rules import named
+from lacmesh.checks.findings import named
 from lacmesh.errors import LacmeshWarning
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Surface
-from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import unit
+from lacmesh.surface.points import face_measure
 from lacmesh.surface.record import mean_normals
 from lacmesh.topology.skin import FACE_TYPES
 from lacsolver.bodies.material import Materials

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.checks.rules import named
+from lacmesh.checks.findings import named
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface import Coverage, Surface, contact_points, coverage, default_distance
 from lacmesh.topology.facets import boundary_faces

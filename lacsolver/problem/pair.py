@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.checks.rules import named
+from lacmesh.checks.findings import named
 from lacmesh.errors import LacmeshError, LacmeshWarning
 from lacmesh.facts import Described
 from lacmesh.mesh import Floats, Mesh

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, vstack
 
 from lacmesh.mesh import Floats, Ints, concatenated
-from lacmesh.topology.body_names import body_names as names_of
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import body_names as names_of
+from lacmesh.topology.bodies import label_components
 from lacsolver.constraints import Constraints
 from lacsolver.constraints.equations import Equations
 from lacsolver.constraints.rigid import moments
@@ -211,7 +211,7 @@ def centres(space: Space, of_node: Ints) -> tuple[NDArray[np.floating], NDArray[
 
 
 def body_names(space: Space, of_node: Ints) -> list[str]:
-    """Return the name of each body, by its groups or its place: `lacmesh.topology.body_names`.
+    """Return the name of each body, by its groups or its place: `lacmesh.topology.bodies`.
 
     `of_node` (n_nodes,): `Space.bodies`. All processes call it at the same time.
     """

@@ -21,11 +21,10 @@ from lacmesh.errors import LacmeshError
 from lacmesh.mesh import Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.surface import Surface, contact_points, coverage
-from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.normals import CREASE_ANGLE, unit, weighted
+from lacmesh.surface.points import face_measure
 from lacmesh.surface.record import mean_normals
-from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.skin import find_owners
+from lacmesh.topology.skin import cells_of_dim, find_owners
 from lacsolver.case import Case, Contact, Displacement, Rigid, Tie
 from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors

@@ -7,8 +7,8 @@ from collections import defaultdict
 from pathlib import Path
 
 import lacmesh
-from lacmesh.checks.rules import named
-from lacmesh.checks.spoiling import find_spoiling
+from lacmesh.checks import solution_defects
+from lacmesh.checks.findings import named
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, did_you_mean
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
@@ -72,13 +72,13 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:
-    """Check a case's mesh for defects that would make the solution wrong without a sign: see `find_spoiling`.
+    """Check a case's mesh for defects that would make the solution wrong without a sign: see `solution_defects`.
 
     Raises CaseError if the solution is certainly wrong, and warns if it may be.
     """
     records = {(record.slave, record.master): record for record in reversed(case.contact)}
     wrong = []
-    for finding in find_spoiling(mesh, [(record.slave, record.master) for record in case.contact]):
+    for finding in solution_defects(mesh, [(record.slave, record.master) for record in case.contact]):
         place = _place(records[finding.where.pair]) if finding.where.pair else ""
         message = place + named(finding.message, finding.rule)
         if finding.severity == "error":

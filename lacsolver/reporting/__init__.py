@@ -2,5 +2,4 @@
 
 folder of a run -> results.json, history.csv, fields at some times      (lacsolver.output)
 blocks of a page: figures, the turning model, zones, curves, loads, the case       (`outline`, `model`)
-two runs -> a row for each figure that both have                        (`comparing`)
 """

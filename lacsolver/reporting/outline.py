@@ -16,11 +16,6 @@ from numpy.typing import NDArray
 from lacmesh.errors import LacmeshError, RequestError
 from lacmesh.formats.output import readable, replace_file
 from lacmesh.mesh import Mesh
-from lacmesh.report import blocks
-from lacmesh.report.blocks import ReportBlock, TableRow, table, title
-from lacmesh.report.charts import COLOURS, Chart, Line, Plot, with_legend
-from lacmesh.report.images import address_of
-from lacmesh.report.pages import html_page
 from lacsolver.output.names import HISTORY
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.summary import read_summary
@@ -28,7 +23,12 @@ from lacsolver.output.tables import read_table
 from lacsolver.pictures.drawing import ContactPicture, missing_packages, pictures_of
 from lacsolver.pictures.frames import even_times
 from lacsolver.pictures.quantities import QUANTITIES, ColourScale
+from lacsolver.reporting import blocks
+from lacsolver.reporting.blocks import ReportBlock, TableRow, table, title
+from lacsolver.reporting.charts import COLOURS, Chart, Line, Plot, with_legend
+from lacsolver.reporting.images import address_of
 from lacsolver.reporting.model import model_frame
+from lacsolver.reporting.pages import html_page
 from lacsolver.results.results import Fields
 from lacsolver.results.units import Units
 
@@ -73,7 +73,7 @@ def write_run_report(folder: str | Path, path: str | Path, *, case: str | Path |
     """
     check_report(Path(path))
     run = FinishedRun(Path(folder), None if case is None else Path(case))
-    content = list(outline(run, Path(path)))
+    content = list(outline(run))
     footer = f"lacsolver {run.summary['version']}"
     replace_file(Path(path), html_page(content, run.name, footer, scripted=True).encode("utf-8", "replace"))
 
@@ -135,17 +135,20 @@ class FinishedRun:
             return ""
 
 
-def outline(run: FinishedRun, path: Path) -> Iterator[ReportBlock]:
-    """Yield the blocks of the report of a run, to be written at a path."""
+def outline(run: FinishedRun) -> Iterator[ReportBlock]:
+    """Yield the blocks of the report of a run."""
     yield title(run.name, 1)
     yield _facts(run)
     yield from _warnings(run)
     zones = run.summary.get("contact", {})
     if zones and run.states:
         yield title("The model")
-        yield blocks.drawing(model_frame(run.states, run.pictures, f"{run.name}: contact pressure"))
+        try:
+            yield blocks.drawing(model_frame(run.pictures[-1], f"{run.name}: contact pressure"))
+        except LacmeshError as error:
+            yield blocks.sentence(f"No model: {error}.", "missed")
         yield title("Contact")
-        yield from _pictures(run, path)
+        yield from _pictures(run)
         yield _zones(run)
     yield from _loads(run)
     yield from _curves(run)
@@ -189,7 +192,7 @@ def _warnings(run: FinishedRun) -> Iterator[ReportBlock]:
         yield from (blocks.sentence(line, "missed" if run.summary["status"] != "done" else "") for line in lines)
 
 
-def _pictures(run: FinishedRun, path: Path) -> Iterator[ReportBlock]:
+def _pictures(run: FinishedRun) -> Iterator[ReportBlock]:
     """Yield pictures of the last time: the pressure and the status of each zone."""
     mesh, fields = run.states[-1]
     missing = missing_packages(mesh.dim)
@@ -199,7 +202,7 @@ def _pictures(run: FinishedRun, path: Path) -> Iterator[ReportBlock]:
     for field in ("pressure", "status"):
         drawn = run.pictures[-1] if field == "pressure" else ContactPicture.of(mesh, fields, field, (), run.units)
         try:
-            source = address_of(drawn.png(path))
+            source = address_of(drawn.png())
         except LacmeshError as error:
             yield blocks.sentence(f"No picture: {error}.", "missed")
             return

@@ -29,7 +29,7 @@ from lacmesh.mesh import Floats, Ints, Mesh, concatenated, fixed, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh, told
 from lacmesh.reference.shapes import gradient
 from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.faces import lacking
+from lacmesh.topology.skin import lacking
 from lacsolver.distributed.share import ALONE, Share
 from lacsolver.space.cut_nodes import made_by_cut
 from lacsolver.space.determinant import determinant

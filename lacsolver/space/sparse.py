@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from lacmesh.mesh import Ints
-from lacmesh.topology.components import label_components
+from lacmesh.topology.bodies import label_components
 
 
 def sparse(shape: tuple[int, int], *entries: tuple[Any, Any, Any]) -> csr_array:

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
 from lacmesh.mesh import Mesh, concatenated
-from lacmesh.topology.faces import cells_of_dim, faces_of
-from lacmesh.topology.skin import TYPE_CODE, find_owners, first_of_each, label_faces
+from lacmesh.topology.skin import TYPE_CODE, cells_of_dim, faces_of, find_owners, first_of_each, label_faces
 
 #: models that have a thickness
 MODELS = ("plane_strain", "plane_stress")

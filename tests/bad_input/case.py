@@ -149,11 +149,7 @@ def command(args, folder, as_nobody=False, file_size=None):
         for context in (contextlib.chdir(folder), *outputs, user, *limits):
             stack.enter_context(context)
         warnings.simplefilter("default")  # as in a process of its own: pytest makes errors of numpy's warnings
-        try:
-            status = main(args)
-        except SystemExit as error:
-            assert isinstance(error.code, int)
-            status = error.code
+        status = main(args)
     return Outcome(status, said.getvalue().splitlines(), time.process_time() - start)
 
 

@@ -300,11 +300,11 @@ STAGES = (
     Stage("before the new file takes its place", "lacmesh.formats.output._finish", _MSH),
     Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,
           "str(given[1]).endswith('.xdmf')"),
-    Stage("while a report is written", "lacmesh.report.writing.report_bytes", (*_MSH, "--report", "r.html")),
-    Stage("when the new file is there", "lacmesh.cli.cut._print_summary", _MSH, written=True),
+    Stage("while a report is written", "lacmesh.report.report_bytes", (*_MSH, "--report", "r.html")),
+    Stage("when the new file is there", "lacmesh.cli.cuts._print_summary", _MSH, written=True),
     Stage("while a mesh is checked", "lacmesh.checks.check", ("check", "in.msh", "--slave", "SLAVE")),
     Stage("while a plot is drawn", "lacmesh.report.plot_quality", ("quality", "in.msh", "--plot", "q.png", "--force")),
-    Stage("while a page is made", "lacmesh.view.page", ("view", "in.msh", "--force", "-o", "out.html")),
+    Stage("while a picture is drawn", "lacmesh.view.picture", ("view", "in.msh", "--force", "-o", "out.png")),
     Stage("while a skin is turned", "lacmesh.topology.orientation.analyse_orientation", _SKIN),
 )  # fmt: skip
 

@@ -12,7 +12,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import CELL_RECORDS, NODE_RECORD
 from lacmesh.generate import box, line, rectangle
 from lacmesh.generate.parts import SEAM, sew
-from lacmesh.topology.winding import REVERSED
+from lacmesh.topology.orientation import REVERSED
 from tests.checks.blocks import cut_blocks, skin, two_blocks
 from tests.coarse_rings import rings
 

@@ -15,9 +15,8 @@ import lacmesh
 from lacmesh import Mesh, cut_skin
 from lacmesh.cells import CELLS
 from lacmesh.checks import RULES, check
-from lacmesh.checks.bodies import _on_sides, _unexplained, inside_edges, same_place
-from lacmesh.checks.crossing import PIECES, crossing, pieces_of
-from lacmesh.checks.pairs import split_pairs
+from lacmesh.checks.bodies import PIECES, _on_sides, _unexplained, crossing, inside_edges, pieces_of, same_place
+from lacmesh.checks.request import split_pairs
 from lacmesh.cli import main
 from lacmesh.errors import RequestError
 from lacmesh.generate import rectangle

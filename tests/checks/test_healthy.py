@@ -342,7 +342,7 @@ def test_a_part_that_fails_says_so_and_the_others_go_on(monkeypatch):
     def broken(subject):
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr("lacmesh.checks.skins.check_shape", broken)
+    monkeypatch.setattr("lacmesh.checks.skins.edge_uses", broken)
     found = check(two_blocks(), "slave", "master")
     assert "not-checked" in found.rules and "not-cut" in found.rules
     assert "by nothing" in found.of_rule("not-checked")[0].message

@@ -309,10 +309,7 @@ def said(words, folder, bad):
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("default")
-        try:
-            status = main(words)
-        except SystemExit as error:
-            status = error.code
+        status = main(words)
     lines = out.getvalue().splitlines()
     assert all(line.startswith(("lacsolver: error: ", "lacsolver: warning: ")) for line in lines), lines
     return status, [line.removeprefix("lacsolver: error: ") for line in lines if "error: " in line]

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import math
 from dataclasses import fields as fields_of
 from dataclasses import replace
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -18,10 +16,9 @@ from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.formats.vtu.collection import read_pvd
-from lacmesh.scene.colours import RESULT
-from lacsolver.output import files, paraview_state, summary
+from lacsolver.output import files, summary
 from lacsolver.output.med import MedSeries
-from lacsolver.output.names import PARAVIEW, contact_stems, results_in
+from lacsolver.output.names import contact_stems
 from lacsolver.output.tables import History
 from lacsolver.output.vtu import VtuSeries
 from lacsolver.results.nodal import PRINCIPAL, principal, von_mises
@@ -33,7 +30,6 @@ from tests.lacsolver.bodies import PLANES, SOLIDS, cube, mixture, square
 from tests.lacsolver.written import MODELS, ZONES, displacement, fields, figures, made_up, two_blocks, zone_fields
 
 TIMES = (0.25, 0.5, 0.75)
-SCRIPT = Path(paraview_state.__file__)
 #: the second zone by its file's name
 SECOND = ZONES[1].replace("/", "_")
 SHOWN = ("pressure", "gap", "coverage", "status")
@@ -374,30 +370,3 @@ def test_where_a_time_does_not_fit_the_file_is_as_it_was(tmp_path, part):
     assert path.read_bytes() == before
     series.write(whole_fields(space), 2)
     assert {s.number for s in read(path).steps.values()} == {1, 2}
-
-
-# ---- the state of ParaView
-
-
-def test_the_state_of_paraview_lies_beside_the_files_that_it_shows(run):
-    folder = run.folder
-    assert (folder / PARAVIEW).read_bytes() == SCRIPT.read_bytes() and folder / PARAVIEW in results_in(folder)
-    assert (folder / "solid.pvd").exists() and len(list(folder.glob("contact_*.pvd"))) == len(ZONES)
-    for name in paraview_state.TITLES:
-        assert f'"{name}"' in SCRIPT.read_text()
-    solid = read(next((folder / "fields").glob("solid_*.vtu")))
-    assert {"displacement", "von_mises"} <= set(solid.node_data)
-    for path in (folder / "fields").glob("contact_*.vtu"):
-        skin = read(path)
-        assert "displacement" in skin.node_data and "pressure" in skin.cell_data
-
-
-def test_the_python_of_paraview_reads_it_and_it_has_the_units_and_colours_of_other_pictures(tmp_path):
-    """ParaView 5.10 has Python 3.9, and nothing of ours."""
-    tree = ast.parse(SCRIPT.read_text(), feature_version=(3, 9))
-    imports = [node for node in ast.walk(tree) if isinstance(node, (ast.Import, ast.ImportFrom))]
-    modules = {getattr(node, "module", None) or node.names[0].name for node in imports}
-    assert modules == {"__future__", "json", "sys", "pathlib", "typing", "paraview"}
-    assert paraview_state.COLOURS == RESULT and paraview_state.units(tmp_path) == ""
-    (tmp_path / "results.json").write_text('{"units": "N, mm, MPa"}')
-    assert paraview_state.units(tmp_path) == " (N, mm, MPa)"

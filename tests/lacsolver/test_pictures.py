@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +12,9 @@ import lacmesh
 import lacsolver as ls
 from lacmesh import Mesh, Surface, generate
 from lacmesh.cells import CELLS
+from lacmesh.drawing import Drawing, rgb
 from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.formats.vtu.collection import read_pvd, write_pvd
-from lacmesh.scene.colours import RESULT, STATES, rgb
 from lacsolver.cli import main
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.tables import read_table
@@ -25,7 +24,7 @@ from lacsolver.pictures.filming import SHEET, _colour_scale, default_curve, film
 from lacsolver.pictures.frames import DrawnSurface, Frame, Frames, read_frames, read_mode
 from lacsolver.pictures.framing import largest_closed, magnification, pressed_span, pressed_window
 from lacsolver.pictures.profiles import along
-from lacsolver.pictures.quantities import QUANTITIES, ColourScale
+from lacsolver.pictures.quantities import QUANTITIES, RESULT, STATES, ColourScale
 from lacsolver.pictures.skins import views_of
 from lacsolver.results.units import Units
 from tests.lacsolver.bad_cases import GOOD, HEAVY, blocks, put
@@ -56,7 +55,7 @@ def picture(folder, field="pressure", **options):
 
 def axes_of(drawn, path, label="length along"):
     """The figure's frames with a profile, or with the bodies (label "y")."""
-    frames = drawn.figure(path / "p.png").axes
+    frames = drawn.figure().axes
     return [ax for ax in frames if label in (ax.get_ylabel(), ax.get_xlabel()[: len(label)])]
 
 
@@ -176,7 +175,7 @@ def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp
     from matplotlib.quiver import Quiver
 
     drawn = picture(sheared)
-    figure, zone = drawn.figure(tmp_path / "p.png"), drawn.zones["joint"]
+    figure, zone = drawn.figure(), drawn.zones["joint"]
     (arrows,) = [own for ax in figure.axes for own in ax.collections if isinstance(own, Quiver)]
     on = np.linalg.norm(zone.shear_vector, axis=1) > 1e-9 * np.abs(zone.shear).max()
     assert len(arrows.U) == on.sum() > 0
@@ -186,7 +185,7 @@ def test_friction_has_arrows_and_colours_for_what_sticks_and_slides(sheared, tmp
     low, high, none = 255 * pressures.rgba(np.array([0.0, 2.0, np.nan]))
     assert np.allclose([low[:3], high[:3]], rgb((RESULT[0], RESULT[-1]))) and none[3] == 0
     for field in ("status", "slip", "shear", "path", "use"):
-        picture(sheared, field).figure(tmp_path / "p.png")
+        picture(sheared, field).figure()
 
 
 @pytest.mark.parametrize(("pressure", "place"), [(5.0, 1.0), (0.0, 0.0), (-3.0, 0.0)])
@@ -212,23 +211,21 @@ def test_round_off_is_drawn_as_nothing_and_a_uniform_pressure_has_one_colour(she
 def test_a_model_in_space_has_the_values_of_its_slave_faces_and_a_panel_a_polygon_for_each(pressed, tmp_path):
     from matplotlib.collections import PolyCollection
 
-    given, once = {}, sys.modules["lacsolver.pictures.drawing"].make_scene
+    given, add_skins = {}, Drawing.add_skins
 
-    def caught(mesh, skins, **options):
-        given.update(options, mesh=mesh, skins=skins)
-        return once(mesh, skins, **options)
+    def caught(self, values):
+        given.update(values=values, drawing=self)
+        return add_skins(self, values)
 
     drawn = picture(pressed, units=Units.of("N, mm, MPa"))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(sys.modules["lacsolver.pictures.drawing"], "make_scene", caught)
-        figure = drawn.figure(tmp_path / "p.png")
-    faces, values, solution = given["mesh"], given["values"], ls.read_results(pressed).solution()
-    zone, (group,) = solution.contact["joint"], given["skins"]
-    slave = faces.cell_groups[group]
+        patched.setattr(Drawing, "add_skins", caught)
+        figure = drawn.figure()
+    faces, values, solution = given["drawing"].mesh, given["values"], ls.read_results(pressed).solution()
+    zone, slave = solution.contact["joint"], given["drawing"].slaves
     assert np.isfinite(values.values).sum() == len(slave) == len(zone.surface)
     assert [zone.pressure[m] for m in faces.cell_data["lac_macro"][slave]] == values.values[slave].tolist()
     assert 0 < zone.pressure.min() < zone.pressure.max() == values.good and values.bad == 0.0
-    assert given["bodies"] == "ghost"  # nothing hides the skin
     u = np.asarray(solution.u)
     times = magnification(solution.mesh, u)
     assert times > 1 and np.allclose(faces.points, solution.mesh.points + times * u, rtol=0, atol=1e-15)
@@ -243,7 +240,12 @@ def test_a_model_in_space_is_drawn_at_a_time_unless_nothing_can_be_drawn(pressed
     assert ls.plot(pressed, tmp_path / "p.png", time=0.5, field="recovered") == 0.5
     assert main(["plot", str(pressed), "--field", "status", "--force", "-q"]) == 0  # without a name, into the folder
     assert (pressed / "status.png").exists()
-    monkeypatch.setattr("lacmesh.view.offscreen.windows", lambda: iter(()))
+
+    def no_renderer():
+        raise WriteError("picture", "nothing can be drawn here")
+
+    for module in ("drawing", "filming"):
+        monkeypatch.setattr(f"lacsolver.pictures.{module}.check_renderer", no_renderer)
     for draw, name in ((ls.plot, "q.png"), (film, "f.gif")):
         with pytest.raises(WriteError, match="nothing can be"):
             draw(pressed, tmp_path / name)

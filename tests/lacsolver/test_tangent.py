@@ -15,7 +15,7 @@ import pytest
 
 from lacmesh.cells import CELLS
 from lacmesh.surface import points
-from lacmesh.surface.height import N_HEIGHTS, QUADRATIC, Height
+from lacmesh.surface.maps import N_HEIGHTS, QUADRATIC, Height
 from lacmesh.surface.normals import normals_of, unit
 from lacmesh.surface.rules import AROUND, FAN30, FITTED
 from lacsolver.contact import Pairing, integrate

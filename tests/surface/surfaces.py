@@ -11,8 +11,8 @@ from lacmesh.cells import CELLS
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.surface import Surface
+from lacmesh.topology.orientation import REVERSED
 from lacmesh.topology.skin import FACE_TYPES
-from lacmesh.topology.winding import REVERSED
 
 TYPES = ("TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9", "mixed", "mixed 2")
 

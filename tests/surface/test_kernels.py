@@ -16,19 +16,27 @@ from lacmesh.errors import DataError
 from lacmesh.reference.quadrature import rule
 from lacmesh.surface import Surface, contact_points
 from lacmesh.surface.clip import FACING, clip, mean_plane, project
-from lacmesh.surface.coverage import face_measure
 from lacmesh.surface.fit import correct
-from lacmesh.surface.layers import make_room, nearest_only
 from lacmesh.surface.lines import _nearest_only
 from lacmesh.surface.maps import AFFINE, BILINEAR, CURVED, coefficients, kinds
-from lacmesh.surface.patches import patches
+from lacmesh.surface.patches import _sort, candidates, patches
 from lacmesh.surface.place import plane_rule
-from lacmesh.surface.points import reaches
-from lacmesh.surface.polygon import CHORD, MASTER, ROOM, area_of, centroid, cut_by_line, cut_by_polygon, outside
+from lacmesh.surface.points import face_measure, reaches
+from lacmesh.surface.polygon import (
+    CHORD,
+    MASTER,
+    ROOM,
+    area_of,
+    centroid,
+    cut_by_line,
+    cut_by_polygon,
+    make_room,
+    nearest_only,
+    outside,
+)
 from lacmesh.surface.project import in_quadrangle, quadrangle
 from lacmesh.surface.record import mean_normals
 from lacmesh.surface.rules import DEGREE, FAN3, fan_rules
-from lacmesh.surface.search import _sort, candidates
 from tests.meshes import cell_with_faces
 from tests.samples import samples
 from tests.surface.surfaces import TYPES, blocks, line, mapped, sheet, whole

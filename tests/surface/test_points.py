@@ -14,7 +14,7 @@ from lacmesh.errors import DataError, RequestError
 from lacmesh.surface import Surface, contact_points, coverage
 from lacmesh.surface.normals import smoothed
 from lacmesh.surface.patches import patches
-from lacmesh.topology.winding import REVERSED
+from lacmesh.topology.orientation import REVERSED
 from tests.samples import each_option, samples
 from tests.surface.surfaces import TYPES, blocks, errors, line, mapped, of_types, positions, sheet, whole
 

@@ -104,7 +104,7 @@ def _with_normals(patch, normals):
 
 def no_heights(patch):
     """Smooth surfaces are their flat faces."""
-    patch.setattr("lacmesh.smooth.surfaces.height_of", lambda *_: None)
+    patch.setattr("lacmesh.smooth.heights.height_of", lambda *_: None)
 
 
 def apart(patch):

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lacmesh.report import charts
-from lacmesh.report.charts import Chart, Line, Plot
+from lacsolver.reporting import charts
+from lacsolver.reporting.charts import Chart, Line, Plot
 from tests.verification.fakes import Given
 from verification import families, report
 from verification.records import (

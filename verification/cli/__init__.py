@@ -1,35 +1,20 @@
-"""The command `python -m verification`: a module for each of its commands beside it."""
+"""The command `python -m verification`: its commands are the functions of `commands`."""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
-
 from lacmesh.cli.program import Program
-from lacmesh.errors import LacmeshError
+from verification.cli.commands import compare, list_, report, run_command
 
-#: in the order of the help
-COMMANDS = ("list", "run", "report", "compare")
 EPILOG = """\
-Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong, 3 a file cannot be read or written,
-130 interrupted, 143 terminated."""
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; the exit status."""
-    return PROGRAM.main(argv)
-
-
-def _error_lines(error: LacmeshError, args: argparse.Namespace) -> list[str]:
-    return [str(error)]
-
+Exit status: 0 every result is met, 1 some fall short, 2 the command is wrong,
+3 a file cannot be read or written, 130 interrupted, 143 terminated."""
 
 PROGRAM = Program(
     "verification",
-    __name__,
     "Reproduce what the LAC method promises: cases with known solutions, and how near lacsolver comes to them.",
     EPILOG,
-    COMMANDS,
-    _error_lines,
-    "there is not enough memory; run fewer processes at once (-j 1)",
+    (list_, run_command, report, compare),
+    too_large="there is not enough memory; run fewer processes at once (-j 1)",
 )
+#: runs the command and returns its exit status
+main = PROGRAM.main

@@ -20,8 +20,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.report.charts import Line, Plot
 from lacsolver.problem.problem import Problem
+from lacsolver.reporting.charts import Line, Plot
 from verification.families import curved_fits, curved_hertz, curved_lug, curved_pin
 from verification.measures.norms import nodal_pressure_error, pressure_errors
 from verification.measures.rates import fitted

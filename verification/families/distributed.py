@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from verification.divided import FailedError, WholeState, found, solve_divided
 from verification.families import balance, patch, sliding
 from verification.families.balance import Touch

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.report.charts import Plot
 from lacsolver.case import Value
+from lacsolver.reporting.charts import Plot
 from verification.exact import cattaneo
 from verification.exact.cattaneo import Cylinders
 from verification.exact.half_plane import Ellipse

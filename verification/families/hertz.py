@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import lacsolver
 from lacmesh.cells import CELLS
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from verification.exact import half_space
 from verification.exact.half_space import Strains, contact_modulus, peak_pressure
 from verification.measures import norms

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from verification.exact.finite_bodies import ALLOY, POISSON, PROFILES, PUSH, SPHERE, STEEL, Hertz, profile
 from verification.measures.edge import edge_of_contact
 from verification.meshes.cylinder import cylinder_on_block

@@ -21,7 +21,7 @@ import lacmesh
 import lacsolver
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from verification.measures.inf_sup import constant, held
 from verification.measures.norms import pressure_errors
 from verification.measures.rates import fitted

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.charts import Plot
+from lacsolver.reporting.charts import Plot
 from verification.exact.sources import Law, SymbolicFunction, Texts, compiled, derive, missing
 from verification.measures.norms import displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import block, with_master

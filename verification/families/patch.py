@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh import Mesh
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from lacsolver.results.fields import point_stress
 from verification.meshes.stacks import PLANE_KINDS, SOLID_KINDS, TWO_WAYS, moved, stack, tilt
 from verification.records import Case, Family, Outcome, Published, Result, at_most

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 import lacsolver
 from lacmesh import Mesh, example
 from lacmesh.cells import CELLS
-from lacmesh.report.charts import Line, Plot
 from lacsolver.problem.problem import Problem
+from lacsolver.reporting.charts import Line, Plot
 from verification.exact.lame import Fit, Shape, Shell
 from verification.measures.norms import ExactField, displacement_error, nodal_pressure_error, pressure_errors
 from verification.meshes.blocks import nodes_of

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 import lacmesh
 import lacsolver
 from lacmesh import Mesh
-from lacmesh.report.charts import Line, Plot
 from lacsolver.bodies.small import assemble_stiffness
 from lacsolver.contact import integrate
 from lacsolver.equilibrium.stepping import march
 from lacsolver.problem.problem import Problem
+from lacsolver.reporting.charts import Line, Plot
 from lacsolver.space.space import Space
 from verification.measures.rates import fitted
 from verification.meshes.stacks import stack

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.report.charts import Line, Plot
+from lacsolver.reporting.charts import Line, Plot
 from lacsolver.results.figures import step_figures
 from lacsolver.results.state import State
 from verification.meshes.sliding import ironing_2d, ironing_3d, ring, slider

@@ -7,11 +7,11 @@ from dataclasses import replace
 from importlib.resources import files
 from typing import Any
 
-from lacmesh.report import blocks
-from lacmesh.report.blocks import ReportBlock, TableCell, TableRow, figures, prose, sentence, table, title
-from lacmesh.report.charts import COLOURS, Chart, Line, Plot, with_legend
-from lacmesh.report.markup import plain
-from lacmesh.report.pages import Page
+from lacsolver.reporting import blocks
+from lacsolver.reporting.blocks import ReportBlock, TableCell, TableRow, figures, prose, sentence, table, title
+from lacsolver.reporting.charts import COLOURS, Chart, Line, Plot, with_legend
+from lacsolver.reporting.markup import plain
+from lacsolver.reporting.pages import Page
 from verification.families import MODULES, family
 from verification.report import convergence, tables, words
 from verification.report.judging import Count, counted

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.formats.inp.types import FACETS
 from lacmesh.mesh import Ints, Mesh
+from lacmesh.topology.orientation import relative_listing
 from lacmesh.topology.skin import TYPE_CODE, Faces, find_owners, first_of_each, label_faces
-from lacmesh.topology.winding import relative_listing
 
 
 @dataclass(frozen=True)

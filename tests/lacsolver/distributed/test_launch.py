@@ -41,7 +41,7 @@ def test_processes_are_counted_from_the_environment(told, expected):
 
 def test_the_start_of_a_command_imports_neither_mpi_nor_numpy():
     code = (
-        "import sys, lacsolver.cli.run, lacsolver.distributed.together\n"
+        "import sys, lacsolver.cli, lacsolver.distributed.together\n"
         "sys.exit(any(name in sys.modules for name in ('mpi4py', 'petsc4py', 'numpy')))"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
