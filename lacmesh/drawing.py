@@ -233,7 +233,11 @@ class Drawing:
         shown = self._nodes(self.slaves)
         owner = self.mesh.node_data.get("lac_internal", np.full(self.mesh.n_nodes, -1))
         internal = shown[owner[shown] >= 0]
-        self._dots(internal, INK if pale else DOT, min(0.008, 0.1 / np.sqrt(max(1, n_macros))))
+        tree = import_module("scipy.spatial").cKDTree
+        near = (
+            tree(self.grid.points[internal]).query(self.grid.points[internal], k=2)[0][:, 1] if len(internal) else [1.0]
+        )
+        self._dots(internal, INK if pale else DOT, min(0.006, 0.2 * float(np.quantile(near, 0.25)) / self.span))
         faces = counted(len(self.slaves), "slave face")
         words = f"{counted(n_macros, 'macro-element')}, made of {faces}" if len(internal) else faces
         self.legend += [(words, PALETTE[0] if values is None else INK)] if len(self.slaves) else []
