@@ -99,7 +99,9 @@ class Drawing:
 
     def outward(self) -> Floats:
         """Mean unit normal (3,) of the slave skin, out of its bodies; 0 if the skin faces every way."""
-        x, normals, centres = self.mesh.points, [np.zeros((1, 3))], [np.zeros((1, 3))]
+        x = self.mesh.points
+        normals: list[Floats] = [np.zeros((1, 3))]
+        centres: list[Floats] = [np.zeros((1, 3))]
         for kind, _, nodes in self.mesh.select(self.slaves):
             a, b = x[nodes[:, 0]], x[nodes[:, 1]]
             normals.append(np.cross(b - a, x[nodes[:, 2]] - a if ALL_CELLS[kind].dim == 2 else [0.0, 0.0, 1.0]))
@@ -233,11 +235,7 @@ class Drawing:
         shown = self._nodes(self.slaves)
         owner = self.mesh.node_data.get("lac_internal", np.full(self.mesh.n_nodes, -1))
         internal = shown[owner[shown] >= 0]
-        tree = import_module("scipy.spatial").cKDTree
-        near = (
-            tree(self.grid.points[internal]).query(self.grid.points[internal], k=2)[0][:, 1] if len(internal) else [1.0]
-        )
-        self._dots(internal, INK if pale else DOT, min(0.006, 0.2 * float(np.quantile(near, 0.25)) / self.span))
+        self._dots(internal, INK if pale else DOT, 0.006)
         faces = counted(len(self.slaves), "slave face")
         words = f"{counted(n_macros, 'macro-element')}, made of {faces}" if len(internal) else faces
         self.legend += [(words, PALETTE[0] if values is None else INK)] if len(self.slaves) else []
@@ -286,6 +284,7 @@ class Drawing:
         """Add the cells of a grid in `colours` (n or 1, 3), or those of `values`, `before` faces that they lie on."""
         if not grid.n_cells:
             return
+        grid = grid.copy(deep=False)
         style: dict[str, Any] = {"rgb": True}
         if values is None:
             grid["colour"] = np.array(np.broadcast_to(colours, (grid.n_cells, 3)))
@@ -295,7 +294,8 @@ class Drawing:
             grid["colour"] = values.values[np.asarray(grid["cell"])]
             style = {"cmap": table, "clim": sorted((values.bad, values.good)), "nan_color": BODIES[0]}
         surface = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
-        style |= {"ambient": 0.7, "diffuse": 0.4, "specular": 0.0, "line_width": 18 * self.unit}
+        style |= {"ambient": 0.7, "diffuse": 0.4, "specular": 0.0}
+        style["line_width"] = (18 if before else 4) * self.unit
         actor = self.plot.add_mesh(surface, scalars="colour", opacity=opacity, show_scalar_bar=False, **style)
         actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
         actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(-before, -2 * before)
@@ -326,13 +326,15 @@ class Drawing:
         actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-4.0, -20 - 4 * width)
 
     def _dots(self, nodes: Ints, colour: str, radius: float) -> None:
-        """Add balls at nodes, of a radius that is a part of the diagonal."""
+        """Add balls at nodes, of a radius that is a part of the diagonal, or less where they are close."""
         if not len(nodes):
             return
-        pyvista = import_module("pyvista")
+        pyvista, x = import_module("pyvista"), self.grid.points[nodes]
+        near = import_module("scipy.spatial").cKDTree(x).query(x, k=2)[0][:, 1]
+        radius = min(radius, 0.2 * float(np.quantile(near, 0.25)) / self.span)
         around = int(np.clip(np.sqrt(1e6 / len(nodes)), 6, 24))
         ball = pyvista.Sphere(radius=radius * self.span, theta_resolution=around, phi_resolution=around)
-        balls = pyvista.PolyData(self.grid.points[nodes]).glyph(geom=ball, scale=False, orient=False)
+        balls = pyvista.PolyData(x).glyph(geom=ball, scale=False, orient=False)
         self.plot.add_mesh(balls, color=colour, smooth_shading=True)
 
     def add_words(self, title: str) -> None:
@@ -409,10 +411,10 @@ def _kept(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
 
 
 def bodies_of(mesh: Mesh) -> NDArray[np.bool_]:
-    """True for solids, surfaces on no solid, and lines where there are no solids (n_cells,)."""
-    solid = mask_of(mesh.n_nodes, *(b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim == 3))
-    free = concatenated(~solid[b.nodes].all(axis=1) for b in mesh.blocks).astype(bool)
-    return np.asarray(((mesh.cell_dim == 3) | free) & (mesh.cell_dim > (0 if mesh.dim < 3 else 1)))
+    """True for cells of the mesh's dimension, and for surfaces, in a plane for lines, that lie on none (n_cells,)."""
+    solid = mask_of(mesh.n_nodes, *(b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim))
+    free = np.concatenate([np.empty(0, bool), *(~solid[b.nodes].all(axis=1) for b in mesh.blocks)])
+    return np.asarray(((mesh.cell_dim == mesh.dim) | free) & (mesh.cell_dim > (0 if mesh.dim < 3 else 1)))
 
 
 def grid_of(mesh: Mesh) -> Any:

@@ -172,7 +172,12 @@ def page(mesh: MeshLike, path: str | os.PathLike[str], **options: Any) -> None:
 
 
 def window(mesh: MeshLike, **options: Any) -> None:
-    """Show a mesh in a window until it is closed; `options`: those of `plotter`. Raises as it does."""
+    """Show a mesh in a window until it is closed; `options`: those of `plotter`.
+
+    Raises as it does, and RequestError without a display.
+    """
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RequestError("there is no display for a window; -o FILE.png draws a picture without one")
     plotter(as_mesh(mesh), off_screen=False, **options).show()
 
 

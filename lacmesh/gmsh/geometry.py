@@ -100,7 +100,7 @@ def _open(gmsh: Any, path: Path, dim: int | None) -> int:
     file_type = SUFFIXES[path.suffix.lower()]
     if path.suffix.lower() == ".geo" and path.read_bytes().rpartition(b"\n")[2].count(b";") > 1:
         warn(f"{path}: its last line has no end, and gmsh may leave out what stands on it; add a line end")
-    failed = None
+    failed: ReadError | None = None
     with tempfile.TemporaryFile() as printed:  # gmsh's readers of STEP and IGES print their errors
         try:
             with _printing_into(printed.fileno()):
@@ -118,8 +118,8 @@ def _open(gmsh: Any, path: Path, dim: int | None) -> int:
         warn(f"{path}: its reader says {complaint}; shapes may be missing")
     if not gmsh.model.getEntities():
         raise ReadError(path, f"there is no geometry in it; is it {file_type}?")
-    if failed := gmsh_errors(gmsh):
-        raise ReadError(path, f"gmsh reads it with errors ({failed[0]})")
+    if errors := gmsh_errors(gmsh):
+        raise ReadError(path, f"gmsh reads it with errors ({errors[0]})")
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
     there = gmsh.model.getDimension()
     if there < (dim or 2):
@@ -218,25 +218,27 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
     for d, tag in wanted:
         bodies = tuple(body for body, around in bounds.items() if d < dim and tag in around)
         if mesh is None:
-            measured: tuple[Any, ...] = (0.0, None, *(_facing_outward(gmsh, tag, bodies) if d == 2 else (None, None)))
+            measure, centre = 0.0, (0.0, 0.0, 0.0)
+            normal, radius = _facing_outward(gmsh, tag, bodies) if d == 2 else (None, None)
         else:
-            measured = _measured(mesh, d, tag, len(bodies))
+            measure, centre, normal, radius = _measured(mesh, d, tag, len(bodies))
         if (d, tag) in known:
-            measured = (gmsh.model.occ.getMass(d, tag), _triple(gmsh.model.occ.getCenterOfMass(d, tag)), *measured[2:])
-        kind = gmsh.model.getType(d, tag)
+            measure, centre = gmsh.model.occ.getMass(d, tag), _triple(gmsh.model.occ.getCenterOfMass(d, tag))
+        kind, box = gmsh.model.getType(d, tag), gmsh.model.getBoundingBox(d, tag)
         groups = [abs(int(g)) for g in gmsh.model.getPhysicalGroupsForEntity(d, tag)]
-        box = gmsh.model.getBoundingBox(d, tag)
         listed.append(
             CadShape(
-                d,
-                tag,
-                kind.removesuffix(" surface") if d == 2 and kind != "Discrete surface" else kind,
-                *measured[:2],
-                (_triple(box[:3]), _triple(box[3:])),
-                *measured[2:],
-                bodies,
-                tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
-                gmsh.model.getEntityName(d, tag).rpartition("/")[2],
+                dim=d,
+                tag=tag,
+                type=kind.removesuffix(" surface") if d == 2 and kind != "Discrete surface" else kind,
+                measure=measure,
+                centre=centre,
+                box=(_triple(box[:3]), _triple(box[3:])),
+                normal=normal,
+                radius=radius,
+                bodies=bodies,
+                groups=tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
+                name=gmsh.model.getEntityName(d, tag).rpartition("/")[2],
             )
         )
     return listed
@@ -288,7 +290,9 @@ def _fine_mesh(gmsh: Any, dim: int) -> Mesh:
     return reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == dim - 1)).to_flip)
 
 
-def _measured(mesh: Mesh, d: int, tag: int, n_bodies: int) -> tuple[Any, ...]:
+def _measured(
+    mesh: Mesh, d: int, tag: int, n_bodies: int
+) -> tuple[float, tuple[float, float, float], Any, float | None]:
     """Measure, centre, normal and radius of a shape from its cells; no normal between bodies."""
     cells = np.flatnonzero((mesh.cell_data["entity"] == [d, tag]).all(axis=1))
     plane = not np.ptp(mesh.points[:, 2]) > 0
@@ -306,7 +310,7 @@ def _measured(mesh: Mesh, d: int, tag: int, n_bodies: int) -> tuple[Any, ...]:
     x, w = np.concatenate(points), np.concatenate(weights)
     faces = n_bodies < 2 and (d == 2 or (d == 1 and plane))
     facing = _facing(x, np.concatenate(vectors)) if faces else (None, None)
-    return float(w.sum()), _triple(w @ x / w.sum()), *facing
+    return float(w.sum()), _triple(w @ x / w.sum()), facing[0], facing[1]
 
 
 def generate_mesh(gmsh: Any, dim: int) -> None:

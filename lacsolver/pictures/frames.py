@@ -204,10 +204,10 @@ def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[flo
 
 def _visible(mesh: Mesh) -> list[tuple[str, Ints, Ints]]:
     """Return the type, the nodes (f, k) and the cells (f,) of visible faces: outer ones in space, cells in a plane."""
-    shown = np.flatnonzero(bodies_of(mesh))
     if mesh.dim < 3:
-        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(shown)]
-    faces = outer_faces(grid_of(mesh).extract_cells(shown))
+        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(np.flatnonzero(mesh.cell_dim > 0))]
+    grid = grid_of(mesh)
+    faces = outer_faces(grid.extract_cells(bodies_of(mesh)[np.asarray(grid["cell"])]))
     node, cell = np.asarray(faces["node"]), np.asarray(faces["cell"])
     return [(FLAT[kind], node[nodes], cell[faces.celltypes == kind]) for kind, nodes in faces.cells_dict.items()]
 
