@@ -198,7 +198,7 @@ class Drawing:
         surface = part.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
         self._lines(surface.clean().extract_feature_edges(40, manifold_edges=False), CREASE, 3.2)
         bodies = np.unique(body).tolist()
-        if len(bodies) > 1 and self.body.max() < _NAMED:
+        if len(bodies) > 1 and self.body.max() < _NAMED and (values is None or values.on_skin):
             names = body_names(self.mesh, self.body, int(self.body.max()) + 1)
             named = [(f"body {names[k]}", BODIES[k % len(BODIES)]) for k in bodies if names[k].startswith("'")]
             self.legend += named[:4]
