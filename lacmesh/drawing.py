@@ -14,19 +14,29 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import ALL_CELLS
 from lacmesh.checks.findings import counted
 from lacmesh.cutting.cut import is_cut
-from lacmesh.errors import DataError, LacmeshWarning, RequestError, some
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
+from lacmesh.errors import LacmeshWarning, RequestError, some
+from lacmesh.grids import (
+    LINEAR,
+    PALETTE,
+    Groups,
+    Vector,
+    bodies_of,
+    edges_between,
+    grid_of,
+    kept_cells,
+    outer_faces,
+    painted,
+    skin_cells,
+    unit,
+)
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.body_names import body_names
 
-Groups = str | Sequence[str] | None
-Vector = tuple[float, float, float]
-#: colours of macro-elements, close to Paul Tol's light scheme: they differ in lightness as well as in hue
-PALETTE = ("#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#99ddff", "#44bb99", "#bbcc33", "#c3a5d9")
 BODIES = ("#eceae4", "#dbe1e6", "#e6e0ec", "#dfe8dc")
 MASTER, INK, CREASE, EDGE, DOT = "#8093b0", "#1b1f24", "#5c646c", "#8a929a", "#b3122f"
 SEVERITIES = {"error": "#cc1f1a", "warning": "#e87500", "info": "#5b6b7d"}
@@ -34,10 +44,6 @@ SEVERITIES = {"error": "#cc1f1a", "warning": "#e87500", "info": "#5b6b7d"}
 RAMP = ("#231a4c", "#34489b", "#2f7fb5", "#56b4b8", "#a9d9b2", "#f4f3d0")
 #: ways to draw bodies, and their opacity
 OPACITY = {"solid": 1.0, "ghost": 0.16, "hidden": 0.0}
-#: VTK's types of linear cells; of faces, with ours; the farthest coordinate whose square is finite
-_LINEAR = (1, 3, 5, 9, 10, 12, 13, 14)
-FLAT = {5: "TRIA3", 9: "QUAD4", 22: "TRIA6", 34: "TRIA7", 23: "QUAD8", 28: "QUAD9"}
-_FARTHEST = 1e150
 #: the eye by default; gap between bodies moved apart as a part of the diagonal, in space and in a plane with a master
 _OBLIQUE, _GAP, _PLANE_GAP = (1.0, -1.6, 0.9), 0.05, 0.03
 #: a skin whose mean normal is shorter than this faces every way; degrees from straight on at which a skin is well seen
@@ -59,7 +65,7 @@ class Drawing:
         """Choose the cells in sight. Raises RequestError, GroupNotFoundError, DataError for places too far away."""
         self.origin = origin_of_mesh(mesh)
         self.mesh = mesh = from_origin(mesh, self.origin)  # a graphics card counts with seven digits
-        kept = self.kept = _kept(mesh, cutaway)
+        kept = self.kept = kept_cells(mesh, cutaway)
         slaves, masters = skin_cells(mesh, slave), skin_cells(mesh, master if master else ())
         self.slaves, self.masters = slaves[kept[slaves]], np.setdiff1d(masters[kept[masters]], slaves)
         self.bodies = np.flatnonzero(kept & bodies_of(mesh))
@@ -72,7 +78,7 @@ class Drawing:
         self.whole, self.plane = cutaway is None, mesh.space_dim == 2
         self.span = float(np.linalg.norm(np.ptp(mesh.points[in_sight], axis=0))) if len(in_sight) else 1.0
         self.grid, self.size, self.unit = grid_of(mesh), size, min(size[1] / 1000, size[0] / 1200)
-        curved = np.count_nonzero(~np.isin(self.grid.celltypes, _LINEAR))
+        curved = np.count_nonzero(~np.isin(self.grid.celltypes, LINEAR))
         self.level = 3 if curved < 3_000 else 2 if curved < 100_000 else 1
         self.plot = import_module("pyvista").Plotter(off_screen=off_screen, window_size=list(size))
         self.plot.set_background("white")
@@ -111,15 +117,15 @@ class Drawing:
         if np.linalg.norm(mean) <= _ONE_WAY * np.linalg.norm(normal, axis=1).sum():
             return np.zeros(3)
         inside = x[self.of_slave].mean(axis=0)
-        return _unit(mean if mean @ (np.vstack(centres)[1:].mean(axis=0) - inside) >= 0 else -mean)
+        return unit(mean if mean @ (np.vstack(centres)[1:].mean(axis=0) - inside) >= 0 else -mean)
 
     def eye(self, camera: Vector | None) -> Floats:
         """Direction from the mesh towards the eye, (3,)."""
         if camera is not None:
-            return _unit(camera)
+            return unit(camera)
         if self.plane:
             return np.array([0.0, 0.0, 1.0])
-        return _unit((0 if self.hidden else self.outward()) + 0.6 * _unit(_OBLIQUE))
+        return unit((0 if self.hidden else self.outward()) + 0.6 * unit(_OBLIQUE))
 
     def arrange(self, eye: Floats, explode: float | None, tilt: float | None, bodies: str | None) -> tuple[str, str]:
         """Move the bodies with slave faces to show these; return what was moved, and how bodies are to be drawn.
@@ -152,7 +158,7 @@ class Drawing:
         if tilt == explode == 0:
             return ""
         x, mine = self.mesh.points, self.of_slave
-        centre, axis = (x[mine].min(axis=0) + x[mine].max(axis=0)) / 2, _unit(np.cross(outward, eye))
+        centre, axis = (x[mine].min(axis=0) + x[mine].max(axis=0)) / 2, unit(np.cross(outward, eye))
         r, angle = x[mine] - centre, np.radians(tilt)
         along = np.outer(r @ axis, axis)
         turned = centre + along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(axis, r)
@@ -387,98 +393,6 @@ def fit_camera(plot: Any, x: Floats, eye: Floats, size: tuple[int, int], low: fl
         plot.enable_anti_aliasing("ssaa")
 
 
-def skin_cells(mesh: Mesh, groups: Groups) -> Ints:
-    """Sorted faces of groups: cells of the highest dimension among theirs, 1 or 2; None: all slave faces of a cut."""
-    if groups is None:
-        cells = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0) if is_cut(mesh) else np.empty(0, np.int64)
-    else:
-        cells = np.unique(concatenated(map(mesh.cells_of, [groups] if isinstance(groups, str) else groups)))
-    dim = mesh.cell_dim[cells]
-    return cells[(dim == dim.max(initial=0)) & (dim > 0) & (dim < 3)]
-
-
-def _kept(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
-    """True for cells that are not cut away (n_cells,). Raises DataError for nodes too far away to be drawn."""
-    used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
-    far = np.flatnonzero(used & (np.abs(mesh.points) > _FARTHEST).any(axis=1))
-    if len(far):
-        names = some(mesh.node_number[far])
-        raise DataError(f"nodes {names} lie too far away for anything to be drawn; correct their coordinates")
-    if cutaway is None or not mesh.n_cells:
-        return np.ones(mesh.n_cells, bool)
-    along = np.concatenate([mesh.points[b.nodes].mean(axis=1) for b in mesh.blocks]) @ _unit(cutaway)
-    return np.asarray(along <= (along.min() + along.max()) / 2)
-
-
-def bodies_of(mesh: Mesh) -> NDArray[np.bool_]:
-    """True for cells of the mesh's dimension, and for surfaces, in a plane for lines, that lie on none (n_cells,)."""
-    solid = mask_of(mesh.n_nodes, *(b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim == mesh.dim))
-    free = np.concatenate([np.empty(0, bool), *(~solid[b.nodes].all(axis=1) for b in mesh.blocks)])
-    return np.asarray(((mesh.cell_dim == mesh.dim) | free) & (mesh.cell_dim > (0 if mesh.dim < 3 else 1)))
-
-
-def grid_of(mesh: Mesh) -> Any:
-    """Return a mesh as a grid of pyvista with the indices of each `cell` and `node`; PYRAM14 has its corners only."""
-    parts: dict[str, list[tuple[Ints, Ints]]] = {}
-    for k, (kind, nodes) in enumerate(mesh.blocks):
-        drawn = kind if kind in CELLS and kind != "PYRAM14" else ALL_CELLS[kind].linear
-        ids = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
-        parts.setdefault(drawn, []).append((nodes[:, : CELLS[drawn].n_nodes], ids))
-    blocks = [(kind, np.concatenate([nodes for nodes, _ in of_kind])) for kind, of_kind in parts.items()]
-    grid = Mesh.create(mesh.points, blocks).to_pyvista(groups=False, data=False)
-    grid.clear_data()
-    grid.point_data["node"] = np.arange(mesh.n_nodes)
-    grid.cell_data["cell"] = concatenated(ids for of_kind in parts.values() for _, ids in of_kind)
-    return grid
-
-
-def outer_faces(grid: Any) -> Any:
-    """Return the outer faces of a grid's solids, and its other cells, as a grid; quadratic faces stay so."""
-    if np.isin(grid.celltypes, _LINEAR).all():
-        return grid.extract_surface(algorithm="dataset_surface").cast_to_unstructured_grid()
-    faces = import_module("vtkmodules.vtkFiltersGeometry").vtkUnstructuredGridGeometryFilter()
-    faces.SetInputData(grid)
-    faces.Update()
-    return import_module("pyvista").wrap(faces.GetOutput())
-
-
-def edges_between(grid: Any, group: Ints) -> Ints:
-    """Edges (e, 3), ends and mid-node or -1, of a grid's faces between two groups (n,), and of one face only."""
-    ends, groups = [np.empty((0, 3), np.int64)], [group[:0]]
-    for kind, nodes in grid.cells_dict.items():
-        corners = CELLS[FLAT[kind]].n_corners if kind in FLAT else 0
-        for k in range(corners):
-            middle = nodes[:, corners + k] if nodes.shape[1] > corners else np.full(len(nodes), -1)
-            ends.append(np.stack([nodes[:, k], nodes[:, (k + 1) % corners], middle], axis=1))
-            groups.append(group[grid.celltypes == kind])
-    every, of = np.concatenate(ends), np.concatenate(groups)
-    key = np.sort(every[:, :2], axis=1) @ [grid.n_points, 1]
-    first, label, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)[1:]
-    lowest, highest = np.full(len(first), np.inf), np.full(len(first), -np.inf)
-    np.minimum.at(lowest, label, of)
-    np.maximum.at(highest, label, of)
-    return every[first[(count != 2) | (lowest != highest)]]
-
-
-def painted(grid: Any, macro: Ints) -> Ints:
-    """Index in PALETTE of each face of a grid (n,): one colour a macro-element (n,), others for those that touch it."""
-    coo = import_module("scipy.sparse").coo_array
-    if not len(macro):
-        return macro
-    names, member = np.unique(macro, return_inverse=True)
-    nodes, offset = grid.cell_connectivity, grid.cell_offsets
-    touched = coo((np.ones(len(nodes)), (np.repeat(member, np.diff(offset)), nodes))).tocsr()
-    near = (touched @ touched.T).tocsr()
-    colour, used = np.full(len(names), -1), np.zeros(len(PALETTE))
-    for k in range(len(names)):
-        row = slice(near.indptr[k], near.indptr[k + 1])
-        known = colour[near.indices[row]] >= 0
-        clash = np.bincount(colour[near.indices[row]][known], near.data[row][known], len(PALETTE))
-        colour[k] = np.lexsort((used, clash))[0]
-        used[colour[k]] += 1
-    return colour[member]
-
-
 def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
     """Colours in hexadecimal as numbers from 0 to 255, (n, 3).
 
@@ -491,11 +405,5 @@ def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
 def screen_axes(eye: Floats) -> Floats:
     """Columns (3, 3) right, up and towards the eye; upright is y if seen along z, else z."""
     upright = np.array([0.0, 1.0, 0.0] if abs(eye[2]) > 0.999 else [0.0, 0.0, 1.0])
-    right = _unit(np.cross(upright, eye))
+    right = unit(np.cross(upright, eye))
     return np.stack([right, np.cross(eye, right), eye], axis=1)
-
-
-def _unit(v: Any) -> Floats:
-    """Unit vector along `v`, of any length; zero stays zero."""
-    v = np.asarray(v, float) / (np.abs(v).max() or 1.0)
-    return np.asarray(v / (np.linalg.norm(v) or 1.0))

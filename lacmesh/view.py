@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.drawing import OPACITY, RAMP, Drawing, Groups, Vector
+from lacmesh.drawing import OPACITY, RAMP, Drawing
 from lacmesh.errors import LacmeshError, RequestError, WriteError, did_you_mean
 from lacmesh.formats.output import replace_file
+from lacmesh.grids import Groups, Vector
 from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
 
 PICTURES, PAGES = (".png",), (".html", ".htm")
