@@ -14,18 +14,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import ALL_CELLS
 from lacmesh.checks.findings import counted
 from lacmesh.cutting.cut import is_cut
-from lacmesh.errors import DataError, LacmeshWarning, RequestError, some
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
+from lacmesh.errors import LacmeshWarning, RequestError, some
+from lacmesh.grids import (
+    LINEAR,
+    PALETTE,
+    Groups,
+    Vector,
+    bodies_of,
+    edges_between,
+    grid_of,
+    kept_cells,
+    outer_faces,
+    painted,
+    skin_cells,
+    unit,
+)
+from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.topology.bodies import body_names, label_bodies
 
-Groups = str | Sequence[str] | None
-Vector = tuple[float, float, float]
-#: colours of macro-elements, close to Paul Tol's light scheme: they differ in lightness as well as in hue
-PALETTE = ("#77aadd", "#ee8866", "#eedd88", "#ffaabb", "#99ddff", "#44bb99", "#bbcc33", "#c3a5d9")
 BODIES = ("#eceae4", "#dbe1e6", "#e6e0ec", "#dfe8dc")
 MASTER, INK, CREASE, EDGE, DOT = "#8093b0", "#1b1f24", "#5c646c", "#8a929a", "#b3122f"
 SEVERITIES = {"error": "#cc1f1a", "warning": "#e87500", "info": "#5b6b7d"}
@@ -33,10 +43,6 @@ SEVERITIES = {"error": "#cc1f1a", "warning": "#e87500", "info": "#5b6b7d"}
 RAMP = ("#231a4c", "#34489b", "#2f7fb5", "#56b4b8", "#a9d9b2", "#f4f3d0")
 #: ways to draw bodies, and their opacity
 OPACITY = {"solid": 1.0, "ghost": 0.16, "hidden": 0.0}
-#: VTK's types of linear cells; of faces, with ours; the farthest coordinate whose square is finite
-_LINEAR = (1, 3, 5, 9, 10, 12, 13, 14)
-FLAT = {5: "TRIA3", 9: "QUAD4", 22: "TRIA6", 34: "TRIA7", 23: "QUAD8", 28: "QUAD9"}
-_FARTHEST = 1e150
 #: the eye by default; gap between bodies moved apart as a part of the diagonal, in space and in a plane with a master
 _OBLIQUE, _GAP, _PLANE_GAP = (1.0, -1.6, 0.9), 0.05, 0.03
 #: a skin whose mean normal is shorter than this faces every way; degrees from straight on at which a skin is well seen
@@ -58,7 +64,7 @@ class Drawing:
         """Choose the cells in sight. Raises RequestError, GroupNotFoundError, DataError for places too far away."""
         self.origin = origin_of_mesh(mesh)
         self.mesh = mesh = from_origin(mesh, self.origin)  # a graphics card counts with seven digits
-        kept = self.kept = _kept(mesh, cutaway)
+        kept = self.kept = kept_cells(mesh, cutaway)
         slaves, masters = skin_cells(mesh, slave), skin_cells(mesh, master if master else ())
         self.slaves, self.masters = slaves[kept[slaves]], np.setdiff1d(masters[kept[masters]], slaves)
         self.bodies = np.flatnonzero(kept & bodies_of(mesh))
@@ -71,7 +77,7 @@ class Drawing:
         self.whole, self.plane = cutaway is None, mesh.space_dim == 2
         self.span = float(np.linalg.norm(np.ptp(mesh.points[in_sight], axis=0))) if len(in_sight) else 1.0
         self.grid, self.size, self.unit = grid_of(mesh), size, min(size[1] / 1000, size[0] / 1200)
-        curved = np.count_nonzero(~np.isin(self.grid.celltypes, _LINEAR))
+        curved = np.count_nonzero(~np.isin(self.grid.celltypes, LINEAR))
         self.level = 3 if curved < 3_000 else 2 if curved < 100_000 else 1
         self.plot = import_module("pyvista").Plotter(off_screen=off_screen, window_size=list(size))
         self.plot.set_background("white")
@@ -98,7 +104,9 @@ class Drawing:
 
     def outward(self) -> Floats:
         """Mean unit normal (3,) of the slave skin, out of its bodies; 0 if the skin faces every way."""
-        x, normals, centres = self.mesh.points, [np.zeros((1, 3))], [np.zeros((1, 3))]
+        x = self.mesh.points
+        normals: list[Floats] = [np.zeros((1, 3))]
+        centres: list[Floats] = [np.zeros((1, 3))]
         for kind, _, nodes in self.mesh.select(self.slaves):
             a, b = x[nodes[:, 0]], x[nodes[:, 1]]
             normals.append(np.cross(b - a, x[nodes[:, 2]] - a if ALL_CELLS[kind].dim == 2 else [0.0, 0.0, 1.0]))
@@ -108,15 +116,15 @@ class Drawing:
         if np.linalg.norm(mean) <= _ONE_WAY * np.linalg.norm(normal, axis=1).sum():
             return np.zeros(3)
         inside = x[self.of_slave].mean(axis=0)
-        return _unit(mean if mean @ (np.vstack(centres)[1:].mean(axis=0) - inside) >= 0 else -mean)
+        return unit(mean if mean @ (np.vstack(centres)[1:].mean(axis=0) - inside) >= 0 else -mean)
 
     def eye(self, camera: Vector | None) -> Floats:
         """Direction from the mesh towards the eye, (3,)."""
         if camera is not None:
-            return _unit(camera)
+            return unit(camera)
         if self.plane:
             return np.array([0.0, 0.0, 1.0])
-        return _unit((0 if self.hidden else self.outward()) + 0.6 * _unit(_OBLIQUE))
+        return unit((0 if self.hidden else self.outward()) + 0.6 * unit(_OBLIQUE))
 
     def arrange(self, eye: Floats, explode: float | None, tilt: float | None, bodies: str | None) -> tuple[str, str]:
         """Move the bodies with slave faces to show these; return what was moved, and how bodies are to be drawn.
@@ -149,7 +157,7 @@ class Drawing:
         if tilt == explode == 0:
             return ""
         x, mine = self.mesh.points, self.of_slave
-        centre, axis = (x[mine].min(axis=0) + x[mine].max(axis=0)) / 2, _unit(np.cross(outward, eye))
+        centre, axis = (x[mine].min(axis=0) + x[mine].max(axis=0)) / 2, unit(np.cross(outward, eye))
         r, angle = x[mine] - centre, np.radians(tilt)
         along = np.outer(r @ axis, axis)
         turned = centre + along + np.cos(angle) * (r - along) + np.sin(angle) * np.cross(axis, r)
@@ -195,7 +203,7 @@ class Drawing:
         surface = part.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
         self._lines(surface.clean().extract_feature_edges(40, manifold_edges=False), CREASE, 3.2)
         bodies = np.unique(body).tolist()
-        if len(bodies) > 1 and self.body.max() < _NAMED:
+        if len(bodies) > 1 and self.body.max() < _NAMED and (values is None or values.on_skin):
             names = body_names(self.mesh, self.body, int(self.body.max()) + 1)
             named = [(f"body {names[k]}", BODIES[k % len(BODIES)]) for k in bodies if names[k].startswith("'")]
             self.legend += named[:4]
@@ -232,7 +240,7 @@ class Drawing:
         shown = self._nodes(self.slaves)
         owner = self.mesh.node_data.get("lac_internal", np.full(self.mesh.n_nodes, -1))
         internal = shown[owner[shown] >= 0]
-        self._dots(internal, INK if pale else DOT, min(0.008, 0.1 / np.sqrt(max(1, n_macros))))
+        self._dots(internal, INK if pale else DOT, 0.006)
         faces = counted(len(self.slaves), "slave face")
         words = f"{counted(n_macros, 'macro-element')}, made of {faces}" if len(internal) else faces
         self.legend += [(words, PALETTE[0] if values is None else INK)] if len(self.slaves) else []
@@ -281,6 +289,7 @@ class Drawing:
         """Add the cells of a grid in `colours` (n or 1, 3), or those of `values`, `before` faces that they lie on."""
         if not grid.n_cells:
             return
+        grid = grid.copy(deep=False)
         style: dict[str, Any] = {"rgb": True}
         if values is None:
             grid["colour"] = np.array(np.broadcast_to(colours, (grid.n_cells, 3)))
@@ -290,7 +299,8 @@ class Drawing:
             grid["colour"] = values.values[np.asarray(grid["cell"])]
             style = {"cmap": table, "clim": sorted((values.bad, values.good)), "nan_color": BODIES[0]}
         surface = grid.extract_surface(algorithm="dataset_surface", nonlinear_subdivision=self.level)
-        style |= {"ambient": 0.7, "diffuse": 0.4, "specular": 0.0, "line_width": 18 * self.unit}
+        style |= {"ambient": 0.7, "diffuse": 0.4, "specular": 0.0}
+        style["line_width"] = (18 if before else 4) * self.unit
         actor = self.plot.add_mesh(surface, scalars="colour", opacity=opacity, show_scalar_bar=False, **style)
         actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
         actor.mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(-before, -2 * before)
@@ -321,13 +331,15 @@ class Drawing:
         actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(-4.0, -20 - 4 * width)
 
     def _dots(self, nodes: Ints, colour: str, radius: float) -> None:
-        """Add balls at nodes, of a radius that is a part of the diagonal."""
+        """Add balls at nodes, of a radius that is a part of the diagonal, or less where they are close."""
         if not len(nodes):
             return
-        pyvista = import_module("pyvista")
+        pyvista, x = import_module("pyvista"), self.grid.points[nodes]
+        near = import_module("scipy.spatial").cKDTree(x).query(x, k=2)[0][:, 1]
+        radius = min(radius, 0.2 * float(np.quantile(near, 0.25)) / self.span)
         around = int(np.clip(np.sqrt(1e6 / len(nodes)), 6, 24))
         ball = pyvista.Sphere(radius=radius * self.span, theta_resolution=around, phi_resolution=around)
-        balls = pyvista.PolyData(self.grid.points[nodes]).glyph(geom=ball, scale=False, orient=False)
+        balls = pyvista.PolyData(x).glyph(geom=ball, scale=False, orient=False)
         self.plot.add_mesh(balls, color=colour, smooth_shading=True)
 
     def add_words(self, title: str) -> None:
@@ -380,98 +392,6 @@ def fit_camera(plot: Any, x: Floats, eye: Floats, size: tuple[int, int], low: fl
         plot.enable_anti_aliasing("ssaa")
 
 
-def skin_cells(mesh: Mesh, groups: Groups) -> Ints:
-    """Sorted faces of groups: cells of the highest dimension among theirs, 1 or 2; None: all slave faces of a cut."""
-    if groups is None:
-        cells = np.flatnonzero(mesh.cell_data["lac_macro"] >= 0) if is_cut(mesh) else np.empty(0, np.int64)
-    else:
-        cells = np.unique(concatenated(map(mesh.cells_of, [groups] if isinstance(groups, str) else groups)))
-    dim = mesh.cell_dim[cells]
-    return cells[(dim == dim.max(initial=0)) & (dim > 0) & (dim < 3)]
-
-
-def _kept(mesh: Mesh, cutaway: Vector | None) -> NDArray[np.bool_]:
-    """True for cells that are not cut away (n_cells,). Raises DataError for nodes too far away to be drawn."""
-    used = mask_of(mesh.n_nodes, *(block.nodes for block in mesh.blocks))
-    far = np.flatnonzero(used & (np.abs(mesh.points) > _FARTHEST).any(axis=1))
-    if len(far):
-        names = some(mesh.node_number[far])
-        raise DataError(f"nodes {names} lie too far away for anything to be drawn; correct their coordinates")
-    if cutaway is None or not mesh.n_cells:
-        return np.ones(mesh.n_cells, bool)
-    along = np.concatenate([mesh.points[b.nodes].mean(axis=1) for b in mesh.blocks]) @ _unit(cutaway)
-    return np.asarray(along <= (along.min() + along.max()) / 2)
-
-
-def bodies_of(mesh: Mesh) -> NDArray[np.bool_]:
-    """True for solids, surfaces on no solid, and lines where there are no solids (n_cells,)."""
-    solid = mask_of(mesh.n_nodes, *(b.nodes for b in mesh.blocks if ALL_CELLS[b.type].dim == 3))
-    free = concatenated(~solid[b.nodes].all(axis=1) for b in mesh.blocks).astype(bool)
-    return np.asarray(((mesh.cell_dim == 3) | free) & (mesh.cell_dim > (0 if mesh.dim < 3 else 1)))
-
-
-def grid_of(mesh: Mesh) -> Any:
-    """Return a mesh as a grid of pyvista with the indices of each `cell` and `node`; PYRAM14 has its corners only."""
-    parts: dict[str, list[tuple[Ints, Ints]]] = {}
-    for k, (kind, nodes) in enumerate(mesh.blocks):
-        drawn = kind if kind in CELLS and kind != "PYRAM14" else ALL_CELLS[kind].linear
-        ids = np.arange(mesh.offsets[k], mesh.offsets[k + 1])
-        parts.setdefault(drawn, []).append((nodes[:, : CELLS[drawn].n_nodes], ids))
-    blocks = [(kind, np.concatenate([nodes for nodes, _ in of_kind])) for kind, of_kind in parts.items()]
-    grid = Mesh.create(mesh.points, blocks).to_pyvista(groups=False, data=False)
-    grid.clear_data()
-    grid.point_data["node"] = np.arange(mesh.n_nodes)
-    grid.cell_data["cell"] = concatenated(ids for of_kind in parts.values() for _, ids in of_kind)
-    return grid
-
-
-def outer_faces(grid: Any) -> Any:
-    """Return the outer faces of a grid's solids, and its other cells, as a grid; quadratic faces stay so."""
-    if np.isin(grid.celltypes, _LINEAR).all():
-        return grid.extract_surface(algorithm="dataset_surface").cast_to_unstructured_grid()
-    faces = import_module("vtkmodules.vtkFiltersGeometry").vtkUnstructuredGridGeometryFilter()
-    faces.SetInputData(grid)
-    faces.Update()
-    return import_module("pyvista").wrap(faces.GetOutput())
-
-
-def edges_between(grid: Any, group: Ints) -> Ints:
-    """Edges (e, 3), ends and mid-node or -1, of a grid's faces between two groups (n,), and of one face only."""
-    ends, groups = [np.empty((0, 3), np.int64)], [group[:0]]
-    for kind, nodes in grid.cells_dict.items():
-        corners = CELLS[FLAT[kind]].n_corners if kind in FLAT else 0
-        for k in range(corners):
-            middle = nodes[:, corners + k] if nodes.shape[1] > corners else np.full(len(nodes), -1)
-            ends.append(np.stack([nodes[:, k], nodes[:, (k + 1) % corners], middle], axis=1))
-            groups.append(group[grid.celltypes == kind])
-    every, of = np.concatenate(ends), np.concatenate(groups)
-    key = np.sort(every[:, :2], axis=1) @ [grid.n_points, 1]
-    first, label, count = np.unique(key, return_index=True, return_inverse=True, return_counts=True)[1:]
-    lowest, highest = np.full(len(first), np.inf), np.full(len(first), -np.inf)
-    np.minimum.at(lowest, label, of)
-    np.maximum.at(highest, label, of)
-    return every[first[(count != 2) | (lowest != highest)]]
-
-
-def painted(grid: Any, macro: Ints) -> Ints:
-    """Index in PALETTE of each face of a grid (n,): one colour a macro-element (n,), others for those that touch it."""
-    coo = import_module("scipy.sparse").coo_array
-    if not len(macro):
-        return macro
-    names, member = np.unique(macro, return_inverse=True)
-    nodes, offset = grid.cell_connectivity, grid.cell_offsets
-    touched = coo((np.ones(len(nodes)), (np.repeat(member, np.diff(offset)), nodes))).tocsr()
-    near = (touched @ touched.T).tocsr()
-    colour, used = np.full(len(names), -1), np.zeros(len(PALETTE))
-    for k in range(len(names)):
-        row = slice(near.indptr[k], near.indptr[k + 1])
-        known = colour[near.indices[row]] >= 0
-        clash = np.bincount(colour[near.indices[row]][known], near.data[row][known], len(PALETTE))
-        colour[k] = np.lexsort((used, clash))[0]
-        used[colour[k]] += 1
-    return colour[member]
-
-
 def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
     """Colours in hexadecimal as numbers from 0 to 255, (n, 3).
 
@@ -484,11 +404,5 @@ def rgb(colours: Sequence[str]) -> NDArray[np.uint8]:
 def screen_axes(eye: Floats) -> Floats:
     """Columns (3, 3) right, up and towards the eye; upright is y if seen along z, else z."""
     upright = np.array([0.0, 1.0, 0.0] if abs(eye[2]) > 0.999 else [0.0, 0.0, 1.0])
-    right = _unit(np.cross(upright, eye))
+    right = unit(np.cross(upright, eye))
     return np.stack([right, np.cross(eye, right), eye], axis=1)
-
-
-def _unit(v: Any) -> Floats:
-    """Unit vector along `v`, of any length; zero stays zero."""
-    v = np.asarray(v, float) / (np.abs(v).max() or 1.0)
-    return np.asarray(v / (np.linalg.norm(v) or 1.0))

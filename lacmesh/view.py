@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.drawing import OPACITY, RAMP, Drawing, Groups, Vector
+from lacmesh.drawing import OPACITY, RAMP, Drawing
 from lacmesh.errors import LacmeshError, RequestError, WriteError, did_you_mean
 from lacmesh.formats.output import replace_file
+from lacmesh.grids import Groups, Vector
 from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
 
 PICTURES, PAGES = (".png",), (".html", ".htm")
@@ -172,7 +173,12 @@ def page(mesh: MeshLike, path: str | os.PathLike[str], **options: Any) -> None:
 
 
 def window(mesh: MeshLike, **options: Any) -> None:
-    """Show a mesh in a window until it is closed; `options`: those of `plotter`. Raises as it does."""
+    """Show a mesh in a window until it is closed; `options`: those of `plotter`.
+
+    Raises as it does, and RequestError without a display.
+    """
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise RequestError("there is no display for a window; -o FILE.png draws a picture without one")
     plotter(as_mesh(mesh), off_screen=False, **options).show()
 
 

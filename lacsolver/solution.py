@@ -240,7 +240,7 @@ class Solution(Described):
                 mesh, fields, sector_of({"cyclic": described(self._own("whole rings")[0].case)})
             )
         drawn = ContactPicture.of(mesh, fields, field, zone, self.units, zoom=zoom, title=title)
-        picture = Picture(drawn.png(target))
+        picture = Picture(drawn.png())
         if path is not None:
             replace_file(target, picture.png)
         return picture

@@ -14,7 +14,7 @@ import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
-from lacmesh.gmsh import cad
+from lacmesh.gmsh import CadShape, cad
 from lacmesh.gmsh.cad import EntitySelection, list_cad, mesh_cad, parse_group
 from lacmesh.reference.quadrature import measure, rule
 from lacmesh.reference.shapes import jacobian
@@ -181,7 +181,7 @@ def test_the_list_is_printed(files, capsys):
     assert main(["mesh", str(LUG), "--list", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["file"] == str(LUG) and len(found["shapes"]) == 22
-    assert set(found["shapes"][0]) == set(cad.CadShape.__dataclass_fields__)
+    assert set(found["shapes"][0]) == set(CadShape.__dataclass_fields__)
 
 
 # ---- meshing

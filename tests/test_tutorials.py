@@ -15,8 +15,9 @@ import pytest
 
 import lacmesh
 import lacsolver as ls
-from lacmesh.drawing import PALETTE, RAMP
+from lacmesh.drawing import RAMP
 from lacmesh.gmsh.cad import list_cad
+from lacmesh.grids import PALETTE
 from tests import REPOSITORY
 from tests.viewing import tones
 

@@ -5,15 +5,8 @@ of a mesh that gmsh's model has no place for are kept in its attribute `LacMesh`
 as the section that lacmesh reads; fields, the records of a cut among them, are views.
 """
 
-from lacmesh.gmsh.cad import (
-    SUFFIXES,
-    CadShape,
-    EntitySelection,
-    check_source,
-    list_cad,
-    mesh_cad,
-    parse_group,
-)
+from lacmesh.gmsh.cad import EntitySelection, check_source, list_cad, mesh_cad, parse_group
+from lacmesh.gmsh.geometry import SUFFIXES, CadShape
 from lacmesh.gmsh.model import cut_model, from_mesh, to_mesh
 
 __all__ = [

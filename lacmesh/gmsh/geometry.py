@@ -100,19 +100,26 @@ def _open(gmsh: Any, path: Path, dim: int | None) -> int:
     file_type = SUFFIXES[path.suffix.lower()]
     if path.suffix.lower() == ".geo" and path.read_bytes().rpartition(b"\n")[2].count(b";") > 1:
         warn(f"{path}: its last line has no end, and gmsh may leave out what stands on it; add a line end")
+    failed: ReadError | None = None
     with tempfile.TemporaryFile() as printed:  # gmsh's readers of STEP and IGES print their errors
-        with _printing_into(printed.fileno()):
-            _merge(gmsh, path, file_type)
-            if file_type == "IGES" and dim != 2 and gmsh.model.getDimension() == 2:
-                _sew(gmsh, path)
+        try:
+            with _printing_into(printed.fileno()):
+                _merge(gmsh, path, file_type)
+                if file_type == "IGES" and dim != 2 and gmsh.model.getDimension() == 2:
+                    _sew(gmsh, path)
+        except ReadError as error:
+            failed = error
         printed.seek(0)
         text = re.sub(r"\x1b\[[0-9;]*m", "", printed.read().decode(errors="replace"))
-    for complaint in dict.fromkeys(re.findall(r"\*\* ERR \w+ : (.*?)\s*\*\*", text)):
+    complaints = list(dict.fromkeys(re.findall(r"\*\* ERR \w+ : (.*?)\s*\*\*", text)))
+    if failed is not None:
+        raise ReadError(path, "; ".join([str(failed).removeprefix(f"{path}: "), *complaints[:1]]))
+    for complaint in complaints:
         warn(f"{path}: its reader says {complaint}; shapes may be missing")
     if not gmsh.model.getEntities():
         raise ReadError(path, f"there is no geometry in it; is it {file_type}?")
-    if failed := gmsh_errors(gmsh):
-        raise ReadError(path, f"gmsh reads it with errors ({failed[0]})")
+    if errors := gmsh_errors(gmsh):
+        raise ReadError(path, f"gmsh reads it with errors ({errors[0]})")
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
     there = gmsh.model.getDimension()
     if there < (dim or 2):
@@ -202,28 +209,36 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
     bounds = _boundary(gmsh, dim)
     wanted = [(d, int(t)) for d in (dim, dim - 1) for _, t in gmsh.model.getEntities(d)]
     try:
-        exact = dim == 3 and set(wanted) <= {(int(d), int(t)) for d, t in gmsh.model.occ.getEntities()}
+        known = {(int(d), int(t)) for d, t in gmsh.model.occ.getEntities()}
     except Exception:  # gmsh's own class: no such kernel in this model
-        exact = False
+        known = set()
+    exact = dim == 3 and set(wanted) <= known
     mesh = None if exact else _fine_mesh(gmsh, dim)
     listed = []
     for d, tag in wanted:
         bodies = tuple(body for body, around in bounds.items() if d < dim and tag in around)
-        measured = _exact(gmsh, d, tag, bodies) if mesh is None else _measured(mesh, d, tag, len(bodies))
-        kind = gmsh.model.getType(d, tag)
+        if mesh is None:
+            measure, centre = 0.0, (0.0, 0.0, 0.0)
+            normal, radius = _facing_outward(gmsh, tag, bodies) if d == 2 else (None, None)
+        else:
+            measure, centre, normal, radius = _measured(mesh, d, tag, len(bodies))
+        if (d, tag) in known:
+            measure, centre = gmsh.model.occ.getMass(d, tag), _triple(gmsh.model.occ.getCenterOfMass(d, tag))
+        kind, box = gmsh.model.getType(d, tag), gmsh.model.getBoundingBox(d, tag)
         groups = [abs(int(g)) for g in gmsh.model.getPhysicalGroupsForEntity(d, tag)]
-        box = gmsh.model.getBoundingBox(d, tag)
         listed.append(
             CadShape(
-                d,
-                tag,
-                kind.removesuffix(" surface") if d == 2 and kind != "Discrete surface" else kind,
-                *measured[:2],
-                (_triple(box[:3]), _triple(box[3:])),
-                *measured[2:],
-                bodies,
-                tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
-                gmsh.model.getEntityName(d, tag).rpartition("/")[2],
+                dim=d,
+                tag=tag,
+                type=kind.removesuffix(" surface") if d == 2 and kind != "Discrete surface" else kind,
+                measure=measure,
+                centre=centre,
+                box=(_triple(box[:3]), _triple(box[3:])),
+                normal=normal,
+                radius=radius,
+                bodies=bodies,
+                groups=tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
+                name=gmsh.model.getEntityName(d, tag).rpartition("/")[2],
             )
         )
     return listed
@@ -234,11 +249,8 @@ def _triple(values: Any) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _exact(gmsh: Any, d: int, tag: int, bodies: tuple[int, ...]) -> tuple[Any, ...]:
-    """Measure, centre, normal and radius of a shape of OpenCASCADE; the normal points out of its first body."""
-    measure, centre = gmsh.model.occ.getMass(d, tag), _triple(gmsh.model.occ.getCenterOfMass(d, tag))
-    if d == 3:
-        return measure, centre, None, None
+def _facing_outward(gmsh: Any, tag: int, bodies: tuple[int, ...]) -> tuple[Any, float | None]:
+    """Normal and radius of a surface of OpenCASCADE; the normal points out of its first body."""
     low, high = (np.array(p) for p in gmsh.model.getParametrizationBounds(2, tag))
     at = low + PLACES * (high - low)
     inside = np.array([gmsh.model.isInside(2, tag, p, parametric=True) for p in at], bool)
@@ -247,7 +259,7 @@ def _exact(gmsh: Any, d: int, tag: int, bodies: tuple[int, ...]) -> tuple[Any, .
     behind = points[0] - 1e-5 * diagonal(gmsh) * normals[0]
     if bodies and not gmsh.model.isInside(3, bodies[0], behind):
         normals = -normals
-    return measure, centre, *_facing(points, normals)
+    return _facing(points, normals)
 
 
 def _facing(points: Floats, normals: Floats) -> tuple[tuple[float, float, float] | None, float | None]:
@@ -278,7 +290,9 @@ def _fine_mesh(gmsh: Any, dim: int) -> Mesh:
     return reverse(mesh, analyse_orientation(mesh, np.flatnonzero(mesh.cell_dim == dim - 1)).to_flip)
 
 
-def _measured(mesh: Mesh, d: int, tag: int, n_bodies: int) -> tuple[Any, ...]:
+def _measured(
+    mesh: Mesh, d: int, tag: int, n_bodies: int
+) -> tuple[float, tuple[float, float, float], Any, float | None]:
     """Measure, centre, normal and radius of a shape from its cells; no normal between bodies."""
     cells = np.flatnonzero((mesh.cell_data["entity"] == [d, tag]).all(axis=1))
     plane = not np.ptp(mesh.points[:, 2]) > 0
@@ -296,7 +310,7 @@ def _measured(mesh: Mesh, d: int, tag: int, n_bodies: int) -> tuple[Any, ...]:
     x, w = np.concatenate(points), np.concatenate(weights)
     faces = n_bodies < 2 and (d == 2 or (d == 1 and plane))
     facing = _facing(x, np.concatenate(vectors)) if faces else (None, None)
-    return float(w.sum()), _triple(w @ x / w.sum()), *facing
+    return float(w.sum()), _triple(w @ x / w.sum()), facing[0], facing[1]
 
 
 def generate_mesh(gmsh: Any, dim: int) -> None:

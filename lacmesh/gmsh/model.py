@@ -201,7 +201,7 @@ def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
         for view in views:
             gmsh.view.write(view, str(path), append=True)
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*InterpolationScheme")
+            warnings.filterwarnings("ignore", ".*(InterpolationScheme|Parametrizations)")
             return read(path)
 
 

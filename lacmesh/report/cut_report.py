@@ -157,7 +157,8 @@ def children_quality(cut: Cut) -> ChildrenQuality | None:
     children = np.flatnonzero(cut.parent_of_cell >= 0)
     if not len(children):
         return None
-    ranked, invalid = [np.empty(0)], 0
+    ranked: list[Floats] = [np.empty(0)]
+    invalid = 0
     for kind, _, nodes in mesh.select(children):
         invalid += _invalid(measure_cells(kind, mesh.points, nodes, ["validity"]))
         if CELLS[kind].dim > 1:
@@ -285,6 +286,7 @@ def _paragraphs(report: CutReport, name: str) -> Iterator[str]:
 
     s = report.summary
     yield f"# {_plain(_title(name))}"
+    rows: list[tuple[str, ...]]
     rows = [(what, f"{a:,}", f"{b:,}", f"{b - a:+,}") for what, (a, b) in (("nodes", s.nodes), ("cells", s.cells))]
     rows += [(f"macro-elements of {_plain(zone)}", "", f"{n:,}", "") for zone, n in s.zones.items()]
     for kind in dict.fromkeys([*s.replaced, *s.children]):

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.drawing import FLAT, bodies_of, grid_of, outer_faces
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.ids import Index
 from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.grids import FLAT, bodies_of, grid_of, outer_faces
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacsolver.output.names import CONTACT, MODES_PVD, SOLID
 from lacsolver.pictures.quantities import QUANTITIES, ends_of
@@ -204,10 +204,10 @@ def _pressure(mesh: Mesh, folder: Path, time: float, zones: Iterable[Mapping[flo
 
 def _visible(mesh: Mesh) -> list[tuple[str, Ints, Ints]]:
     """Return the type, the nodes (f, k) and the cells (f,) of visible faces: outer ones in space, cells in a plane."""
-    shown = np.flatnonzero(bodies_of(mesh))
     if mesh.dim < 3:
-        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(shown)]
-    faces = outer_faces(grid_of(mesh).extract_cells(shown))
+        return [(kind, nodes, cells) for kind, cells, nodes in mesh.select(np.flatnonzero(mesh.cell_dim > 0))]
+    grid = grid_of(mesh)
+    faces = outer_faces(grid.extract_cells(bodies_of(mesh)[np.asarray(grid["cell"])]))
     node, cell = np.asarray(faces["node"]), np.asarray(faces["cell"])
     return [(FLAT[kind], node[nodes], cell[faces.celltypes == kind]) for kind, nodes in faces.cells_dict.items()]
 
