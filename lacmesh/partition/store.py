@@ -88,7 +88,7 @@ def _arrays(mesh: Mesh, owner: Ints) -> Iterator[tuple[str, NDArray]]:
     if others:
         warnings.warn(LacmeshWarning(f"data that are no numbers are left out: {', '.join(others)}"), stacklevel=2)
         data = {on: {k: v for k, v in values.items() if v.dtype.kind in "biufc"} for on, values in data.items()}
-    columns = {
+    columns: dict[str, dict[str, NDArray]] = {
         "node": {"points": mesh.points, "owner": owner, "body": body, "number": mesh.node_number},
         "cell": {"number": mesh.cell_number},
     }
