@@ -156,7 +156,10 @@ class _Rows:
 
     def column(self, name: str) -> NDArray:
         """Return the values (k, ...) of a column."""
-        return self._joined(f"{self._on}_{name}")[self._first]
+        values = self._joined(f"{self._on}_{name}")
+        if len(values) != len(self._read):
+            raise ValueError(f"{self._on}_{name} has {len(values)} rows, expected {len(self._read)}")
+        return values[self._first]
 
     def nodes(self, number: int, first: int, last: int) -> Ints:
         """Return the nodes of the cells of a type, whose indices are from `first` on and below `last`."""
