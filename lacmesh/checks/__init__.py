@@ -127,9 +127,9 @@ def _examined(request: Request, by_pair: Sequence[Request]) -> Findings:
                         )
                         continue
                     findings += [_of_pair(f, one) for f in more] if several and scope == "pair" else more
-    for error, names in failures.items():
-        message = f"the check of {', '.join(dict.fromkeys(names))} could not be finished ({error}); report it, with the"
-        findings.append(request.finding("not-checked", Place(f"{message} mesh")))
+    for failure, names in failures.items():
+        message = f"the check of {', '.join(dict.fromkeys(names))} could not be finished ({failure})"
+        findings.append(request.finding("not-checked", Place(f"{message}; report it, with the mesh")))
     return Findings.of(list(dict.fromkeys(findings)), figures)
 
 

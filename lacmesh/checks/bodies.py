@@ -60,7 +60,7 @@ def bodies(request: Request) -> Iterator[Place]:
     message += f" ({_named(request, np.arange(count))})" if count > 1 else ""
     of_sides = request.once(_bodies_of_sides)
     if len(of_sides) == 2 and all(map(len, of_sides.values())):
-        common = np.intersect1d(*of_sides.values())
+        common = np.intersect1d(of_sides["slave"], of_sides["master"])
         where = (
             f"the same body{f', {_named(request, common)}' if count > 1 else ''}" if len(common) else "different ones"
         )

@@ -205,8 +205,8 @@ def _dofs(request: Request) -> _Dofs:
     faults = macros.faults
     if (macros.number >= 0).any():
         faults += tuple(_internal_faults(Cut(request.mesh), macros.number, owner, internal, edge))
-    counts = (np.bincount(owner[nodes], minlength=macros.count) for nodes in kinds)
-    return _Dofs(*counts, faults, float(best.min()) if len(best) else None)
+    anywhere, inside, free, free_inside = (np.bincount(owner[nodes], minlength=macros.count) for nodes in kinds)
+    return _Dofs(anywhere, inside, free, free_inside, faults, float(best.min()) if len(best) else None)
 
 
 def _integrals(request: Request, macros: Macros) -> tuple[Floats, Floats, Ints]:

@@ -291,7 +291,7 @@ def _common(request: Request) -> Ints:
 def _closed(request: Request) -> Bools:
     """(f,): True for slave faces that have all their nodes on the master."""
     nodes = request.slave.faces.nodes
-    return (np.isin(nodes, _common(request)) | (nodes < 0)).all(axis=1)
+    return np.asarray((np.isin(nodes, _common(request)) | (nodes < 0)).all(axis=1))
 
 
 def _front(request: Request) -> Ints:

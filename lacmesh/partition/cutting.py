@@ -71,7 +71,7 @@ def _cells_of_whole(part: Part, new: Mesh, removed: Bools) -> tuple[Ints, tuple[
         rows, count = (slice(*old.offsets[k : k + 2]), part.types[k][1]) if k < len(old.blocks) else (slice(0), 0)
         cells, out = part.cell[rows], removed[rows]
         stay = cells[~out] - before - np.searchsorted(cells[out], cells[~out])
-        n_stay, n_children = count - np.count_nonzero(out), len(block.nodes) - len(stay)
+        n_stay, n_children = count - int(out.sum()), len(block.nodes) - len(stay)
         indices += [start + stay, start + n_stay + np.arange(n_children)]
         types.append((block.type, n_stay + n_children))
         start, before = start + n_stay + n_children, before + count

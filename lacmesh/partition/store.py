@@ -88,7 +88,7 @@ def _arrays(mesh: Mesh, owner: Ints) -> Iterator[tuple[str, NDArray]]:
     if others:
         warnings.warn(LacmeshWarning(f"data that are no numbers are left out: {', '.join(others)}"), stacklevel=2)
         data = {on: {k: v for k, v in values.items() if v.dtype.kind in "biufc"} for on, values in data.items()}
-    columns = {
+    columns: dict[str, dict[str, NDArray]] = {
         "node": {"points": mesh.points, "owner": owner, "body": body, "number": mesh.node_number},
         "cell": {"number": mesh.cell_number},
     }
@@ -156,7 +156,10 @@ class _Rows:
 
     def column(self, name: str) -> NDArray:
         """Return the values (k, ...) of a column."""
-        return self._joined(f"{self._on}_{name}")[self._first]
+        values = self._joined(f"{self._on}_{name}")
+        if len(values) != len(self._read):
+            raise ValueError(f"{self._on}_{name} has {len(values)} rows, expected {len(self._read)}")
+        return values[self._first]
 
     def nodes(self, number: int, first: int, last: int) -> Ints:
         """Return the nodes of the cells of a type, whose indices are from `first` on and below `last`."""

@@ -75,56 +75,31 @@ class Sought:
 
 def find_shapes(patches: SmoothPatches, crease_angle: float, given: tuple[FoundShape, ...] = ()) -> Sought:
     """Find the exact shapes in the patches besides those `given`, and fit the faces that are left locally."""
-    budget = [_ALL_FAILING]
-    patches, shapes, free = _with(patches, [], list(given))
-    patches, shapes, free = _with(patches, shapes, _planes(patches, free))
-    patches, shapes, free = _with(patches, shapes, _whole_patches(patches, free, crease_angle, budget))
-    whole, beyond = patches, free
-    fits, rings = _fits(patches, free, free, 2)
-    grown = list(_grown(patches, free, fits, rings, crease_angle, budget))
+    search = _Search(patches, crease_angle)
+    search.add(list(given))
+    search.add(search.planes())
+    search.add(search.whole_patches())
+    whole, beyond = search.patches, search.free
+    fits, rings = _fits(whole, beyond, beyond, 2)
+    grown = list(search.grown(fits, rings))
     if grown:
-        patches, shapes, free = _with(patches, shapes, grown)
-        more = [one for one in _planes(patches, free) if one.nodes > _ALWAYS_FLAT[patches.dim]]
-        patches, shapes, free = _with(patches, shapes, more)
-        patches, shapes, free = _with(patches, shapes, _whole_patches(patches, free, crease_angle, budget))
-    return Sought(patches, whole, tuple(shapes), _fits(whole, free, beyond, 4)[0], fits, free)
+        search.add(grown)
+        search.add([one for one in search.planes() if one.nodes > _ALWAYS_FLAT[patches.dim]])
+        search.add(search.whole_patches())
+    close = _fits(whole, search.free, beyond, 4)[0]
+    return Sought(search.patches, whole, tuple(search.shapes), close, fits, search.free)
 
 
 def shapes_at(patches: SmoothPatches, seeds: Bools, crease_angle: float) -> list[FoundShape]:
     """Find the shapes of whole patches, and those grown from the nodes `seeds` (n,), of which each is tried."""
-    left, budget = np.ones(len(patches.patch), bool), [_ALL_FAILING]
-    shapes = _whole_patches(patches, left, crease_angle, budget)
-    for one in shapes:
-        left[one.faces] = False
+    search = _Search(patches, crease_angle)
+    shapes = search.whole_patches()
+    left = numbers_of(shapes, len(patches.patch)) < 0
     fits, rings = _fits(patches, left, left, 2)
     rank = _unsteady(patches, fits, rings[0])
-    open_ = seeds & np.isfinite(rank)
-    for seed in np.flatnonzero(open_)[np.argsort(rank[open_], kind="stable")].tolist():
-        if not open_[seed] or budget[0] <= 0:
-            continue
-        one_more = _from_seed(patches, left, seed, fits, rings, crease_angle)
-        if one_more is None:
-            budget[0] -= 1
-            continue
-        shapes.append(one_more)
-        left[one_more.faces] = False
-        open_[_nodes(patches, one_more.faces)] = False
-    return shapes
-
-
-def _count(patches: SmoothPatches) -> int:
-    return int(patches.patch.max(initial=-1)) + 1
-
-
-def _with(
-    patches: SmoothPatches, shapes: list[FoundShape], more: list[FoundShape]
-) -> tuple[SmoothPatches, list[FoundShape], Bools]:
-    """Add `more` shapes; return the patches, split to have one shape or none, all shapes, and the free faces (f,)."""
-    shapes = shapes + more
-    shape_of = np.full(len(patches.patch), -1, np.int64)
-    for k, one in enumerate(shapes):
-        shape_of[one.faces] = k
-    return patches.split(shape_of), shapes, shape_of < 0
+    nodes = np.flatnonzero(seeds & np.isfinite(rank))
+    nodes = nodes[np.argsort(rank[nodes], kind="stable")]
+    return shapes + list(search.from_seeds(left, nodes, fits, rings, each=True))
 
 
 def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> tuple[Fits, tuple[Rings, Rings]]:
@@ -135,104 +110,6 @@ def _fits(patches: SmoothPatches, asked: Bools, beside: Bools, degree: int) -> t
     nodes = mask_of(len(patches.x), patches.node[asked][patches.node[asked] >= 0])
     rings = rings_of(patches.node[beside], len(patches.x), nodes, ENOUGH[patches.dim][degree])
     return local_fits(patches.x, patches.node_normal, rings[1], patches.dim, degree), rings
-
-
-# ---- whole patches
-
-
-def _planes(patches: SmoothPatches, free: Bools) -> list[FoundShape]:
-    """Find the flat patches of free faces (f,), all at once, because a faceted skin has as many patches as faces."""
-    n = _count(patches)
-    count = np.maximum(np.bincount(patches.owner, minlength=n), 1)[:, None]
-    centre = np.zeros((n, 3))
-    normal: Floats = np.zeros((n, 3))
-    np.add.at(centre, patches.owner, patches.x)
-    np.add.at(normal, patches.patch, patches.normal * patches.area[:, None])
-    centre /= count
-    normal = unit(normal)
-    d = patches.x - centre[patches.owner]
-    off, reach, far = np.zeros(n), np.zeros(n), np.zeros(n)
-    np.maximum.at(off, patches.owner, np.abs((d * normal[patches.owner]).sum(axis=1)))
-    np.maximum.at(reach, patches.owner, np.linalg.norm(d, axis=1))
-    np.maximum.at(far, patches.owner, np.abs(patches.x).max(axis=1))
-    flat = (off <= 2 * EXACT * reach + ROUNDED * far) & normal.any(axis=1)
-    np.logical_and.at(flat, patches.patch, free)
-    none, distance = np.zeros(0), np.maximum(off, _EPS * reach)
-    return [
-        FoundShape(Shape("plane", centre[k], normal[k], none), faces, int(count[k, 0]), float(distance[k]))
-        for k, faces in _by_patch(patches, np.flatnonzero(flat))
-    ]
-
-
-def _by_patch(patches: SmoothPatches, which: Ints) -> Iterator[tuple[int, Ints]]:
-    """Iterate over some patches and their faces, the largest first."""
-    order = np.argsort(patches.patch, kind="stable")
-    start = np.searchsorted(patches.patch[order], np.arange(_count(patches) + 1))
-    size = np.diff(start)
-    for k in which[np.argsort(-size[which], kind="stable")].tolist():
-        yield k, order[start[k] : start[k + 1]]
-
-
-def _whole_patches(patches: SmoothPatches, free: Bools, crease_angle: float, budget: list[int]) -> list[FoundShape]:
-    """Find the patches of free faces (f,) that are one shape as a whole, the largest patches first."""
-    shapes = []
-    enough = np.bincount(patches.owner, minlength=_count(patches)) >= least_nodes("sphere", patches.dim)
-    which = np.unique(patches.patch[free])
-    for _, faces in _by_patch(patches, which[enough[which]]):
-        if budget[0] <= 0:
-            break
-        nodes = _nodes(patches, faces)
-        shape = simplest(patches.x[nodes], patches.node_normal[nodes], patches.dim)
-        one = None if shape is None else _kept(patches, faces, shape, crease_angle)
-        if one is not None:
-            shapes.append(one)
-        else:
-            budget[0] -= 1
-    return shapes
-
-
-def _nodes(patches: SmoothPatches, faces: Ints) -> Ints:
-    node = patches.node[faces]
-    return np.unique(node[node >= 0])
-
-
-def _kept(patches: SmoothPatches, faces: Ints, shape: Shape, crease_angle: float) -> FoundShape | None:
-    """Return the shape with its faces if these are tangential to it, not transverse; else None."""
-    nodes = _nodes(patches, faces)
-    if not _along(patches, faces, shape, crease_angle).all():
-        return None
-    distance = float(np.abs(shape.distance(patches.x[nodes])[0]).max())
-    least = _EPS * float(np.ptp(patches.x[nodes], axis=0).max())  # what is less is rounding of the shape itself
-    return FoundShape(shape, faces, len(nodes), max(distance, least))
-
-
-def _along(patches: SmoothPatches, faces: Ints, shape: Shape, crease_angle: float) -> Bools:
-    """(f,): True for faces whose normal is that of the shape at their centre, within the crease angle."""
-    node = patches.node[faces]
-    there = node >= 0
-    middle = np.where(there[..., None], patches.x[node], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
-    normal = shape.distance(middle)[1]
-    out: Bools = np.abs((normal * patches.normal[faces]).sum(axis=1)) > np.cos(np.radians(min(crease_angle, 90.0)))
-    return out
-
-
-# ---- grown from seeds
-
-
-def _grown(
-    patches: SmoothPatches, free: Bools, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float, budget: list[int]
-) -> Iterator[FoundShape]:
-    """Find shapes inside the patches of free faces (f,), each grown from a seed; the largest patches first."""
-    rank = _unsteady(patches, fits, rings[0])
-    order = np.lexsort((rank, patches.owner))
-    start = np.searchsorted(patches.owner[order], np.arange(_count(patches) + 1))
-    for k, faces in _by_patch(patches, np.unique(patches.patch[free])):
-        seeds = order[start[k] : start[k + 1]]
-        seeds = seeds[np.isfinite(rank[seeds])]
-        if budget[0] <= 0:
-            return
-        if len(seeds) >= _LEAST[patches.dim]:
-            yield from _grown_in(patches, faces, seeds, fits, rings, crease_angle, budget)
 
 
 def _unsteady(patches: SmoothPatches, fits: Fits, one: Rings) -> Floats:
@@ -258,80 +135,176 @@ def _unsteady(patches: SmoothPatches, fits: Fits, one: Rings) -> Floats:
     return out
 
 
-def _grown_in(
-    patches: SmoothPatches, faces: Ints, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float,
-    budget: list[int],
-) -> Iterator[FoundShape]:  # fmt: skip
-    """Find shapes inside one patch with the given faces; `seeds`: its nodes, the most promising first."""
-    left = mask_of(len(patches.patch), faces)
-    open_ = mask_of(len(patches.x), seeds)
-    failing = 0
-    for seed in seeds:
-        if failing >= _FAILING or budget[0] <= 0:
-            return
-        if not open_[seed]:
-            continue
-        one = _from_seed(patches, left, int(seed), fits, rings, crease_angle)
-        if one is None:
-            failing += 1
-            budget[0] -= 1
-            open_[seed] = False
-            open_[rings[0].of(seed)] = False
-            continue
-        left[one.faces] = False
-        open_[_nodes(patches, one.faces)] = False
-        yield one
+class _Search:
+    """A search in `patches`, which are split to have one of the `shapes` or none; `free` (f,): faces of none.
 
+    `remaining`: seeds and patches without a shape after which all is of free form.
+    """
 
-def _from_seed(
-    patches: SmoothPatches, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings], crease_angle: float
-) -> FoundShape | None:
-    """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,); None if none."""
-    for ring in (rings[1], rings[0]):
-        nodes = np.append(ring.of(seed), seed)
-        shape = (
-            simplest(patches.x[nodes], fits.normal[nodes], patches.dim, _SLACK)
-            if len(nodes) >= _LEAST[patches.dim]
-            else None
-        )
-        if shape is not None:
-            return _grow(patches, left, seed, shape, crease_angle)
-    return None
+    def __init__(self, patches: SmoothPatches, crease_angle: float) -> None:
+        self.patches, self.crease_angle, self.remaining = patches, crease_angle, _ALL_FAILING
+        self.shapes: list[FoundShape] = []
+        self.free: Bools = np.ones(len(patches.patch), bool)
 
+    def add(self, more: list[FoundShape]) -> None:
+        """Add shapes."""
+        self.shapes += more
+        number = numbers_of(self.shapes, len(self.free))
+        self.patches, self.free = self.patches.split(number), number < 0
 
-def _grow(patches: SmoothPatches, left: Bools, seed: int, shape: Shape, crease_angle: float) -> FoundShape | None:
-    """Grow a shape from a seed over all connected faces that lie on it, and fit it to all of them; None if too few."""
-    mine = np.flatnonzero(left & (patches.patch == patches.owner[seed]))
-    tolerance, before = tolerance_of(patches.x[_nodes(patches, mine)]), 0
-    for _ in range(_GROWING):
-        faces = _on(patches, mine, seed, shape, tolerance, crease_angle)
-        better = nearest(shape, patches.x[_nodes(patches, faces)]) if len(faces) else None
-        if better is None:
+    @property
+    def _count(self) -> int:
+        return int(self.patches.patch.max(initial=-1)) + 1
+
+    def planes(self) -> list[FoundShape]:
+        """Find the flat patches of free faces, all at once, because a faceted skin has as many patches as faces."""
+        n = self._count
+        count = np.maximum(np.bincount(self.patches.owner, minlength=n), 1)[:, None]
+        centre = np.zeros((n, 3))
+        normal: Floats = np.zeros((n, 3))
+        np.add.at(centre, self.patches.owner, self.patches.x)
+        np.add.at(normal, self.patches.patch, self.patches.normal * self.patches.area[:, None])
+        centre /= count
+        normal = unit(normal)
+        d = self.patches.x - centre[self.patches.owner]
+        off, reach, far = np.zeros(n), np.zeros(n), np.zeros(n)
+        np.maximum.at(off, self.patches.owner, np.abs((d * normal[self.patches.owner]).sum(axis=1)))
+        np.maximum.at(reach, self.patches.owner, np.linalg.norm(d, axis=1))
+        np.maximum.at(far, self.patches.owner, np.abs(self.patches.x).max(axis=1))
+        flat = (off <= 2 * EXACT * reach + ROUNDED * far) & normal.any(axis=1)
+        np.logical_and.at(flat, self.patches.patch, self.free)
+        none, distance = np.zeros(0), np.maximum(off, _EPS * reach)
+        return [
+            FoundShape(Shape("plane", centre[k], normal[k], none), faces, int(count[k, 0]), float(distance[k]))
+            for k, faces in self._by_patch(np.flatnonzero(flat))
+        ]
+
+    def whole_patches(self) -> list[FoundShape]:
+        """Find the patches of free faces that are one shape as a whole, the largest patches first."""
+        shapes = []
+        enough = np.bincount(self.patches.owner, minlength=self._count) >= least_nodes("sphere", self.patches.dim)
+        which = np.unique(self.patches.patch[self.free])
+        for _, faces in self._by_patch(which[enough[which]]):
+            if self.remaining <= 0:
+                break
+            nodes = self._nodes(faces)
+            shape = simplest(self.patches.x[nodes], self.patches.node_normal[nodes], self.patches.dim)
+            one = None if shape is None else self._kept(faces, shape)
+            if one is not None:
+                shapes.append(one)
+            else:
+                self.remaining -= 1
+        return shapes
+
+    def _by_patch(self, which: Ints) -> Iterator[tuple[int, Ints]]:
+        """Iterate over some patches and their faces, the largest first."""
+        order = np.argsort(self.patches.patch, kind="stable")
+        start = np.searchsorted(self.patches.patch[order], np.arange(self._count + 1))
+        size = np.diff(start)
+        for k in which[np.argsort(-size[which], kind="stable")].tolist():
+            yield k, order[start[k] : start[k + 1]]
+
+    def _nodes(self, faces: Ints) -> Ints:
+        node = self.patches.node[faces]
+        return np.unique(node[node >= 0])
+
+    def _kept(self, faces: Ints, shape: Shape) -> FoundShape | None:
+        """Return the shape with its faces if these are tangential to it, not transverse; else None."""
+        nodes = self._nodes(faces)
+        if not self._along(faces, shape).all():
             return None
-        shape = better
-        if len(faces) == before:
-            break
-        before = len(faces)
-    faces = _on(patches, mine, seed, shape, tolerance_of(patches.x[_nodes(patches, faces)]), crease_angle)
-    if len(_nodes(patches, faces)) < max(least_nodes(shape.kind, patches.dim), _LEAST[patches.dim]):
+        distance = float(np.abs(shape.distance(self.patches.x[nodes])[0]).max())
+        rounding = _EPS * float(np.ptp(self.patches.x[nodes], axis=0).max())
+        return FoundShape(shape, faces, len(nodes), max(distance, rounding))
+
+    def _along(self, faces: Ints, shape: Shape) -> Bools:
+        """(f,): True for faces whose normal is that of the shape at their centre, within the crease angle."""
+        node = self.patches.node[faces]
+        there = node >= 0
+        middle = np.where(there[..., None], self.patches.x[node], 0.0).sum(axis=1) / there.sum(axis=1)[:, None]
+        normal = shape.distance(middle)[1]
+        cosine = np.abs((normal * self.patches.normal[faces]).sum(axis=1))
+        return np.asarray(cosine > np.cos(np.radians(min(self.crease_angle, 90.0))))
+
+    def grown(self, fits: Fits, rings: tuple[Rings, Rings]) -> Iterator[FoundShape]:
+        """Find shapes inside the patches of free faces, each grown from a seed; the largest patches first."""
+        rank = _unsteady(self.patches, fits, rings[0])
+        order = np.lexsort((rank, self.patches.owner))
+        start = np.searchsorted(self.patches.owner[order], np.arange(self._count + 1))
+        for k, faces in self._by_patch(np.unique(self.patches.patch[self.free])):
+            seeds = order[start[k] : start[k + 1]]
+            seeds = seeds[np.isfinite(rank[seeds])]
+            if self.remaining <= 0:
+                return
+            if len(seeds) >= _LEAST[self.patches.dim]:
+                yield from self.from_seeds(mask_of(len(self.patches.patch), faces), seeds, fits, rings)
+
+    def from_seeds(
+        self, left: Bools, seeds: Ints, fits: Fits, rings: tuple[Rings, Rings], *, each: bool = False
+    ) -> Iterator[FoundShape]:
+        """Find shapes on the faces `left` (f,), each grown from one of the nodes `seeds`, the most promising first.
+
+        `each`: every seed is tried; else none beside one without a shape, and the search ends after a few of these.
+        """
+        untried = mask_of(len(self.patches.x), seeds)
+        failing = 0
+        for seed in seeds.tolist():
+            if self.remaining <= 0 or (failing >= _FAILING and not each):
+                return
+            if not untried[seed]:
+                continue
+            one = self._from_seed(left, seed, fits, rings)
+            if one is None:
+                failing += 1
+                self.remaining -= 1
+                untried[rings[0].of(seed)] &= each
+                continue
+            left[one.faces] = False
+            untried[self._nodes(one.faces)] = False
+            yield one
+
+    def _from_seed(self, left: Bools, seed: int, fits: Fits, rings: tuple[Rings, Rings]) -> FoundShape | None:
+        """Fit a shape to the two rings of a seed, or else to one, and grow it over the faces `left` (f,), or None."""
+        for ring in (rings[1], rings[0]):
+            nodes = np.append(ring.of(seed), seed)
+            if len(nodes) >= _LEAST[self.patches.dim]:
+                shape = simplest(self.patches.x[nodes], fits.normal[nodes], self.patches.dim, _SLACK)
+                if shape is not None:
+                    return self._grow(left, seed, shape)
         return None
-    return _kept(patches, faces, shape, crease_angle)
 
+    def _grow(self, left: Bools, seed: int, shape: Shape) -> FoundShape | None:
+        """Grow a shape from a seed over all connected faces on it, and fit it to all of them; None if too few."""
+        mine = np.flatnonzero(left & (self.patches.patch == self.patches.owner[seed]))
+        tolerance, before = tolerance_of(self.patches.x[self._nodes(mine)]), 0
+        for _ in range(_GROWING):
+            faces = self._on(mine, seed, shape, tolerance)
+            better = nearest(shape, self.patches.x[self._nodes(faces)]) if len(faces) else None
+            if better is None:
+                return None
+            shape = better
+            if len(faces) == before:
+                break
+            before = len(faces)
+        faces = self._on(mine, seed, shape, tolerance_of(self.patches.x[self._nodes(faces)]))
+        if len(self._nodes(faces)) < max(least_nodes(shape.kind, self.patches.dim), _LEAST[self.patches.dim]):
+            return None
+        return self._kept(faces, shape)
 
-def _on(patches: SmoothPatches, faces: Ints, seed: int, shape: Shape, tolerance: float, crease_angle: float) -> Ints:
-    """Return the faces that lie on a shape and are connected to the node `seed` by such faces."""
-    node = patches.node[faces]
-    f = shape.distance(patches.x[node.ravel()])[0].reshape(node.shape)
-    on: Bools = np.all((np.abs(f) <= tolerance) | (node < 0), axis=1)
-    on[on] = _along(patches, faces[on], shape, crease_angle)
-    kept = mask_of(len(patches.patch), faces[on])
-    i, j = patches.joints.i, patches.joints.j
-    both = kept[i] & kept[j]
-    rows = np.flatnonzero(kept)
-    place = places_of(rows, len(kept))
-    label = label_components(place[i[both]], place[j[both]], len(rows)) if len(rows) else rows
-    at_seed = np.unique(label[(patches.node[rows] == seed).any(axis=1)])
-    return rows[np.isin(label, at_seed)]
+    def _on(self, faces: Ints, seed: int, shape: Shape, tolerance: float) -> Ints:
+        """Return the faces that lie on a shape and are connected to the node `seed` by such faces."""
+        node = self.patches.node[faces]
+        f = shape.distance(self.patches.x[node.ravel()])[0].reshape(node.shape)
+        on: Bools = np.all((np.abs(f) <= tolerance) | (node < 0), axis=1)
+        on[on] = self._along(faces[on], shape)
+        kept = mask_of(len(self.patches.patch), faces[on])
+        i, j = self.patches.joints.i, self.patches.joints.j
+        both = kept[i] & kept[j]
+        rows = np.flatnonzero(kept)
+        place = places_of(rows, len(kept))
+        label = label_components(place[i[both]], place[j[both]], len(rows)) if len(rows) else rows
+        at_seed = np.unique(label[(self.patches.node[rows] == seed).any(axis=1)])
+        return rows[np.isin(label, at_seed)]
 
 
 #: edges that turn by more (degrees) are sharp: between five faces to a circle (72) and four (90)

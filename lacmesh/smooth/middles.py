@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.smooth.find import numbers_of
 from lacmesh.smooth.heights import ROUNDING, Smooth, smooth_of
 from lacmesh.smooth.parents import Bools
 from lacmesh.surface.normals import CREASE_ANGLE
@@ -89,9 +90,7 @@ def _middles_of(smooth: Smooth) -> _Middles:
     """Return the middles of the edges of the linear faces, and of quadrangles themselves."""
     patches, height = smooth.sought.whole, smooth.heights[0]
     corner = smooth.parents.faces.faces.corners[smooth.rows]
-    shape = np.full(len(corner), -1)
-    for number, one in enumerate(smooth.sought.found):
-        shape[one.faces] = number
+    shape = numbers_of(smooth.sought.found, len(corner))
     face, k, i, j = patches.edges()
     quads = np.flatnonzero(corner[:, 3] >= 0)
     after = (k + 1) % np.maximum((corner[face] >= 0).sum(axis=1), 1)

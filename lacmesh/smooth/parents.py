@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import gradient, shape
+from lacmesh.surface.normals import unit
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces, edge_uses
@@ -287,8 +288,7 @@ class SmoothPatches:
         for k in range(MAX_CORNERS):
             rows = self.node[:, k] >= 0
             np.add.at(out, self.node[rows, k], weighted[rows])
-        size = np.linalg.norm(out, axis=1, keepdims=True)
-        return np.divide(out, size, out=out, where=size > 0)
+        return unit(out)
 
     @cached_property
     def edge_normal(self) -> Floats:
@@ -298,8 +298,7 @@ class SmoothPatches:
             i, j, a, b = self.joints
             out[i, a] += self.normal[j]
             out[j, b] += self.normal[i]
-        size = np.linalg.norm(out, axis=2, keepdims=True)
-        return np.divide(out, size, out=out, where=size > 0)
+        return unit(out)
 
     def edges(self) -> tuple[Ints, Ints, Ints, Ints]:
         """Faces, edge numbers, and the two nodes of each edge (e,): the edges whose midpoints have a height."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import CELLS, Cell
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import gradient, shape
-from lacmesh.surface.normals import normals_of
+from lacmesh.surface.normals import normals_of, unit
 from lacmesh.surface.record import Surface
 from lacmesh.topology.boxes import meeting
 from lacmesh.topology.skin import FACE_TYPES, N_NODES
@@ -98,14 +98,10 @@ class _Patches(NamedTuple):
         J = np.einsum("pns,pnd->psd", self.own, gradient(self.cell.name, xi))
         height = self.surface.height
         if height is not None:
-            n, padded = _unit(normals_of(J)), np.pad(xi, ((0, 0), (0, 2 - xi.shape[1])))
+            n, padded = unit(normals_of(J)), np.pad(xi, ((0, 0), (0, 2 - xi.shape[1])))
             x += height.at(self.face, padded)[:, None] * n
             J += n[:, :, None] * height.slope(self.face, padded)[:, None, : self.cell.dim]
         return x, J
-
-
-def _unit(v: Floats) -> NDArray[np.floating]:
-    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-300))
 
 
 def _ways(surface: Surface, face: Ints, x: Floats) -> tuple[Floats, Floats, Floats]:
@@ -121,7 +117,7 @@ def _ways(surface: Surface, face: Ints, x: Floats) -> tuple[Floats, Floats, Floa
         patches = _Patches(cell, surface, face[rows], own)
         xi = _closest(patches, x[rows])
         at, J = patches.at(xi)
-        way[rows], normal[rows] = at - x[rows], _unit(normals_of(J))
+        way[rows], normal[rows] = at - x[rows], unit(normals_of(J))
         sides = _inward(cell, xi) <= _ROUNDING
         sides &= surface.neighbours[face[rows], : sides.shape[1]] < 0
         beyond[rows] = _beyond(cell, J, normal[rows], sides, way[rows])
@@ -140,7 +136,7 @@ def _beyond(cell: Cell, J: Floats, n: Floats, boundary: NDArray[np.bool_], way: 
         else:
             ends = np.array(cell.reference)[list(cell.edges[k])]
             across = np.cross(J @ (ends[1] - ends[0]), n)
-        across = _unit(across)
+        across = unit(across)
         inward = np.minimum(((way + out) * across).sum(axis=1), 0.0)
         out -= np.where(boundary[:, k], inward, 0.0)[:, None] * across
     return out

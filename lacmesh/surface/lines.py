@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats, Ints, mask_of, places_of
+from lacmesh.surface.clip import FACING
 from lacmesh.surface.fit import correct
 from lacmesh.surface.maps import AFFINE, NEARLY_FLAT, NormalMaps
 from lacmesh.surface.patches import Bools, Pairs, Patches, Reach
@@ -19,7 +20,6 @@ from lacmesh.surface.rules import FITTED, Placed
 _LEAST = 1e-13
 #: neighbours on a slave patch may share this much of it
 _OVERLAP = 1e-12
-_FACING = 1e-6
 _STEPS = 60
 #: points of a fitted part: one for each function of both faces, and two more
 _FIT_POINTS = 7
@@ -44,7 +44,7 @@ def clip_lines(pairs: Pairs, slave: Patches, master: Patches, reach: Reach) -> I
     h = np.einsum("kcs,ks->kc", d, slave.e[s, 2])
     # a master that faces the slave runs against it
     width = t[:, 0] - t[:, 1]
-    facing = width * length > _FACING * master.area[m]
+    facing = width * length > FACING * master.area[m]
     low, high = np.maximum(t[:, 1], 0.0), np.minimum(t[:, 0], 1.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         slope = (h[:, 0] - h[:, 1]) / width

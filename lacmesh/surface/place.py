@@ -210,59 +210,67 @@ def _place_all(
         np.empty(_MOST_FUNCTIONS),
         np.empty((_MOST_FUNCTIONS, most)),
     )
-    # arrays by themselves: what is taken out of a tuple for each point costs more than the point
-    xi_slave, xi_master, weight, normal, gap, met = (
-        out.xi_slave, out.xi_master, out.weight, out.normal, out.gap, out.met,
-    )  # fmt: skip
     for row in range(begin, end):
         k = order[row]
         s, m = pieces.slave[k], pieces.master[k]
-        fs = slaves.face[s]
         polygon = pieces.vertices[pieces.start[k] : pieces.start[k + 1]]
         n = plane_rule(polygon, len(polygon), code[k], fans, p, area)
-        centre, e = slaves.centre[s], slaves.e[s]
-        project(masters.x[m], masters.n[m], centre, e, False, y_m)
+        project(masters.x[m], masters.n[m], slaves.centre[s], slaves.e[s], False, y_m)
         slave, master = _side(s, slaves, slaves.y[s], functions[k, 0]), _side(m, masters, y_m, functions[k, 1])
-        first, fitted = out.first[row], code[k] % AROUND >= FITTED
+        fitted = code[k] % AROUND >= FITTED
         straight = _is_straight(slave) and _is_straight(master)
-        flat = straight and _has_own_normals(H, fs) and slaves.warp[fs] == 0 and masters.warp[masters.face[m]] == 0
-        patch_s, patch_m = slave.patch, master.patch
-        unit = (e[2, 0], e[2, 1], e[2, 2])
-        _, c0, c1, c2 = mean_plane(y_m, masters.n[m])
-        for j in range(n):
-            i = first + j
-            u, v, ratio = in_face(patch_s, p[j, 0], p[j, 1])
-            um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
-            w = area[j]
-            if not straight:
-                um, vm, w = _in_plane(u, v, um, vm, w * abs(ratio), slave, master, e, fitted)
-            xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i] = u, v, um, vm, w
+        _in_faces(out, out.first[row], n, p, area, slave, master, slaves.e[s], straight, fitted)
         if fitted:
-            rows = slice(first, first + n)
+            rows = slice(out.first[row], out.first[row] + n)
             edges = pieces.edges[pieces.start[k] : pieces.start[k + 1]]
             fit(
-                polygon,
-                edges,
-                slave,
-                master,
-                centre,
-                e,
-                gauss,
-                xi_slave[rows],
-                xi_master[rows],
-                weight[rows],
-                _COUNTS * bend[k],
-                room,
-            )
-        for j in range(n):
-            i = first + j
-            if flat:
-                g, hit = c0 + c1 * p[j, 0] + c2 * p[j, 1], True
-            else:
-                um, vm, w, unit, g, hit = _raised(
-                    xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i], slave, master, e, H,
-                    fs, masters.face[m],
-                )  # fmt: skip
-                xi_master[i, 0], xi_master[i, 1], weight[i] = um, vm, w
-            gap[i], met[i] = g, hit and abs(weight[i]) < np.inf and abs(g) < np.inf  # a folded face has no fit
-            normal[i, 0], normal[i, 1], normal[i, 2] = unit
+                polygon, edges, slave, master, slaves.centre[s], slaves.e[s], gauss, out.xi_slave[rows],
+                out.xi_master[rows], out.weight[rows], _COUNTS * bend[k], room,
+            )  # fmt: skip
+        fs, fm = slaves.face[s], masters.face[m]
+        flat = straight and _has_own_normals(H, fs) and slaves.warp[fs] == 0 and masters.warp[fm] == 0
+        plane = mean_plane(y_m, masters.n[m])
+        _on_faces(out, out.first[row], n, p, slave, master, slaves.e[s], H, fs, fm, flat, plane)
+
+
+@kernel(borrows=True)
+def _in_faces(
+    out: Any, first: int, n: int, p: Any, area: Any, slave: Any, master: Any, e: Any, straight: bool, fitted: bool
+) -> None:
+    """Write the coordinates in both faces, and the weights in the plane, of the n points p of a piece."""
+    # arrays by themselves: what is taken out of a tuple for each point costs more than the point
+    xi_slave, xi_master, weight = out.xi_slave, out.xi_master, out.weight
+    patch_s, patch_m = slave.patch, master.patch
+    for j in range(n):
+        i = first + j
+        u, v, ratio = in_face(patch_s, p[j, 0], p[j, 1])
+        um, vm, _ = in_face(patch_m, p[j, 0], p[j, 1])
+        w = area[j]
+        if not straight:
+            um, vm, w = _in_plane(u, v, um, vm, w * abs(ratio), slave, master, e, fitted)
+        xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i] = u, v, um, vm, w
+
+
+@kernel(borrows=True)
+def _on_faces(
+    out: Any, first: int, n: int, p: Any, slave: Any, master: Any, e: Any, H: Any, fs: int, fm: int, flat: bool,
+    plane: Any,
+) -> None:  # fmt: skip
+    """Write the weights on the true slave face, the normals and the gaps of the n points p of a piece."""
+    xi_slave, xi_master, weight, normal, gap, met = (
+        out.xi_slave, out.xi_master, out.weight, out.normal, out.gap, out.met,
+    )  # fmt: skip
+    unit = (e[2, 0], e[2, 1], e[2, 2])
+    _, c0, c1, c2 = plane
+    for j in range(n):
+        i = first + j
+        if flat:
+            g, hit = c0 + c1 * p[j, 0] + c2 * p[j, 1], True
+        else:
+            um, vm, w, unit, g, hit = _raised(
+                xi_slave[i, 0], xi_slave[i, 1], xi_master[i, 0], xi_master[i, 1], weight[i], slave, master, e, H,
+                fs, fm,
+            )  # fmt: skip
+            xi_master[i, 0], xi_master[i, 1], weight[i] = um, vm, w
+        gap[i], met[i] = g, hit and abs(weight[i]) < np.inf and abs(g) < np.inf  # a folded face has no fit
+        normal[i, 0], normal[i, 1], normal[i, 2] = unit

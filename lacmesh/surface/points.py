@@ -232,7 +232,8 @@ def reaches(
     """
     if distance is None:
         distance = default_distance(slave, master, np.arange(len(slave)))
-    off_s, off_m = (_off(k)[p.face] for k, p in ((slave, s), (master, m)))
+    heights = (np.zeros((len(k), 1)) if k.height is None else np.abs(k.height.value) for k in (slave, master))
+    off_s, off_m = (height.max(axis=1)[p.face] for height, p in zip(heights, (s, m), strict=True))
     most = float(off_m.max(initial=0.0))
     ahead = distance + off_s + most
     if penetration is not None:
@@ -241,11 +242,6 @@ def reaches(
     return Reach(
         ahead, depth_s / 2 + off_s, depth_m / 2 + off_m, float(distance) + float(off_s.max(initial=0.0)) + most
     )
-
-
-def _off(surface: Surface) -> Floats:
-    """(f,): how far the smooth surface is off each face at most."""
-    return np.zeros(len(surface)) if surface.height is None else np.abs(surface.height.value).max(axis=1)
 
 
 def _on_faces(

@@ -68,9 +68,10 @@ class Surface(Described):
         cells = cells[first]
         parents = find_owners(faces, cells_of_dim(mesh, dim + 1), mesh.n_nodes)
         alone = np.bincount(parents.face, minlength=len(faces)) == 1
-        keep = alone[parents.face]
-        parents = FaceIncidence(parents.face[keep], parents.cell[keep], parents.facet[keep], parents.same[keep])
-        faces = _outward(mesh, faces, parents)
+        parents = parents.take(np.flatnonzero(alone[parents.face]))
+        inward = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
+        inward ^= is_inverted(mesh, parents.cell, plane=True)  # the normal points into the only cell behind
+        faces = turned_over(faces, parents.face[inward])
         surface = cls(mesh.points, faces, cells, dim, np.full(len(faces), np.nan))
         return replace(surface, depth=_depth(mesh, surface, parents))
 
@@ -153,13 +154,6 @@ def _dimension(mesh: Mesh, cells: Ints) -> int:
             message = f"segments {mesh.cell_names(which)} do not lie in a plane z = constant: their normal is unknown"
             raise DataError(message, mesh.cell_number[which])
     return int(dims[0])
-
-
-def _outward(mesh: Mesh, faces: Faces, parents: FaceIncidence) -> Faces:
-    """Flip the faces with a normal that points into the only cell behind them."""
-    back = relative_listing(facets_of(mesh, parents), faces.take(parents.face)) % 2 == 1
-    back ^= is_inverted(mesh, parents.cell, plane=True)
-    return turned_over(faces, parents.face[back])
 
 
 def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:

@@ -138,7 +138,7 @@ def header(**changes):
         ("header", b'{"version": 3}', r"damaged \('figures'\)"),
         ("header", b"[", "is damaged"),
         ("header", header(note="["), "is damaged"),
-        ("2/node_number", np.array([[1], [2]] * 999), "is damaged"),
+        ("2/node_number", np.array([[1], [2]] * 999), "rows, expected"),
         ("2/node", np.arange(10, dtype=np.int32), "is damaged"),
         ("2/type1", np.full((9999, 4), 10**6), "is damaged"),
         ("2/node_points", None, "2/node_points"),
