@@ -16,7 +16,7 @@ import pytest
 import lacmesh
 from lacmesh import Cut, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.earlier import recognise
+from lacmesh.cutting.recognition import recognise
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh, update_model
 from lacmesh.topology.orientation import reverse
