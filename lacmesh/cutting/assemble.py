@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of, places_of, positions
+from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of, positions
 from lacmesh.reference.shapes import shape
 
 
@@ -236,18 +236,9 @@ def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     """Order of the cells in the new file; None if it is that of the indices."""
-    count = np.ones(mesh.n_cells, np.int16)
-    count[layout.parent] = 0
-    np.add.at(count, layout.parent, 1)
-    in_file = count if mesh.file_order is None else count[mesh.file_order]
-    start = np.cumsum(in_file, dtype=np.int32)
-    start -= in_file
-    if mesh.file_order is not None:
-        start[mesh.file_order] = start.copy()
-    place = start[layout.origin]
-    del start, count, in_file
-    place[layout.child] += layout.child_index.astype(np.int32)
-    return None if (place[1:] > place[:-1]).all() else places_of(place, len(place), np.int32)
+    place = mesh.places_in_file(layout.origin) * np.int64(1 + layout.child_index.max(initial=0))
+    place[layout.child] += layout.child_index
+    return None if (place[1:] > place[:-1]).all() else np.argsort(place, kind="stable").astype(np.int32)
 
 
 def _group(members: Ints, layout: _Layout) -> Ints:

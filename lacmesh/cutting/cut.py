@@ -23,7 +23,7 @@ from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
 from lacmesh.cutting.recognition import earlier_cut
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, Origin, is_cut, with_records, without_records
 from lacmesh.cutting.select import Selection, select, slave_skin
-from lacmesh.cutting.subdivide import HEXA, WHOLE_CODE, CutFaces, choose_and_subdivide
+from lacmesh.cutting.subdivide import HEXA, WHOLE_CODE, CutFaces, subdivide
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, places_of, spec_list
 
@@ -84,7 +84,7 @@ def cut_skin(
     mesh, selection = select(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
-    subdivision = choose_and_subdivide(mesh, selection, hexa, skin_only, ring, depth)
+    subdivision = subdivide(mesh, selection, hexa, skin_only, ring, depth)
     _warn_of_periodic(mesh, selection, subdivision.cut.patterns)
     new, origin = assemble(mesh, subdivision.new_nodes.parts, subdivision.children, extend=node_groups == "extend")
     internal = _internal_nodes(subdivision.cut, new.n_nodes)

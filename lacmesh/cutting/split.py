@@ -1,7 +1,7 @@
 """The split: a mesh divided along interior faces into two skins that touch, with the nodes between them doubled.
 
     groups = the faces of each group, all of them once                   (_groups)
-    cell, facet = the cells on their sides a and b                       (_sides)
+    flipped = which of the two cells at each face is on its side a       (_second_is_a)
     division = the copies of nodes, and the corners of cells with them   (_divide)
     mesh = the cells with the copies, lower cells on them doubled        (_divided_mesh)
     the groups G_a, G_b, outward                                         (_with_skins)
@@ -83,17 +83,6 @@ class _Group(NamedTuple):
     face: Ints
 
 
-class _Sides(NamedTuple):
-    """The cells on the sides a and b of faces, (f, 2), and the number of the face among the facets of each, (f, 2)."""
-
-    cell: Ints
-    facet: Ints
-
-    def exchanged(self, where: Bools) -> _Sides:
-        """Exchange the sides of some faces (f,)."""
-        return _Sides(*(np.where(where[:, None], values[:, ::-1], values) for values in self))
-
-
 @dataclass(frozen=True)
 class _Division:
     """Nodes of faces as nodes of the cells around them, `solid`; one row each: `cell`, `column` in that, `node` (m,).
@@ -151,21 +140,31 @@ def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
     groups, faces = _groups(mesh, specs)
     owners = find_owners(faces, cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
     _check_owners(mesh, groups, faces, owners)
-    sides, exchanged = _sides(mesh, groups, faces, _Sides(owners.cell.reshape(-1, 2), owners.facet.reshape(-1, 2)))
-    division, opened = _divide(mesh, faces, sides)
+    known, flipped = (np.zeros(len(faces), bool) for _ in range(2))
+    by_group = []  # (m,) rows of faces and True where the second cell is on side a; a face's first group decides
+    for group in groups:
+        rows = np.unique(group.face)
+        try:
+            second = _second_is_a(mesh, faces.take(rows), owners.take((2 * rows[:, None] + [0, 1]).ravel()))
+        except DataError as error:
+            raise DataError(f"the group {group.name!r} {error}", error.cells) from None
+        by_group.append((rows, second))
+        flipped[rows] = np.where(known[rows], flipped[rows], second)
+        known[rows] = True
+    division, opened = _divide(mesh, faces, [_side(owners, flipped), _side(owners, ~flipped)])
     closed = _closed(mesh, groups, opened)
     if mesh.model is not None and mesh.model.periodic:
         message = "the mesh has periodic links: the copies of nodes on them have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=3)
     new = _divided_mesh(mesh, division)
     skins: dict[str, tuple[str, str]] = {}
-    for group, other in zip(groups, exchanged, strict=True):
+    for group, (rows, second) in zip(groups, by_group, strict=True):
         skins[group.name] = group.name + "_a", group.name + "_b"
-        rows = np.unique(group.face[opened[group.face]])
-        new = _with_skins(new, division, faces.take(rows), sides.exchanged(other).cell[rows], skins[group.name])
-    n_sides = (
-        1 + np.bincount(division.copied, minlength=mesh.n_nodes)[faces.take(np.flatnonzero(opened)).distinct_nodes]
-    )
+        at = opened[rows]
+        cells = [owners.cell[2 * rows[at] + side[at]] for side in (second, ~second)]
+        new = _with_skins(new, division, faces.take(rows[at]), cells, skins[group.name])
+    on = faces.take(np.flatnonzero(opened)).distinct_nodes
+    n_sides = 1 + np.bincount(division.copied, minlength=mesh.n_nodes)[on]
     bodies = [int(label_bodies([Solid.of(m).corners], m.n_nodes).max(initial=-1)) + 1 for m in (mesh, new)]
     return Split(new, skins, closed, n_sides, (bodies[0], bodies[1]))
 
@@ -182,26 +181,22 @@ def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
     taken = [name + end for name in names for end in ("_a", "_b") if name + end in mesh.cell_groups]
     if taken:
         raise RequestError(f"the mesh has a group {taken[0]!r} already, the name of a side; rename it")
-    cells = [_faces_of_group(mesh, name) for name in names]
-    faces, _ = distinct_faces(mesh, np.unique(np.concatenate(cells)))
-    groups = []
-    for name, members in zip(names, cells, strict=True):
-        parts = [(kind, nodes, some) for kind, some, nodes in mesh.select(members)]
-        on = find_repeats(faces, parts, mesh.n_nodes).by_cell()
+    groups, parts = [], []
+    for name in names:
+        if not len(mesh.cells_of(name)):
+            raise DataError(f"the group {name!r} is empty: it has no faces to split the mesh along")
+        parts.append(cells := skin_cells(mesh, name))
+        if (dim := int(mesh.cell_dim[cells[0]])) != mesh.dim - 1:
+            what = f"{('', 'lines', 'surfaces')[dim]} ({mesh.cell_names(cells)})"
+            message = (
+                f"the group {name!r} has {what}; a mesh of dimension {mesh.dim} is split along cells of dimension "
+            )
+            raise DataError(f"{message}{mesh.dim - 1}", mesh.cell_number[cells])
+    faces, _ = distinct_faces(mesh, np.unique(np.concatenate(parts)))
+    for name, cells in zip(names, parts, strict=True):
+        on = find_repeats(faces, [(k, nodes, some) for k, some, nodes in mesh.select(cells)], mesh.n_nodes).by_cell()
         groups.append(_Group(name, on.cell, on.face))
     return groups, faces
-
-
-def _faces_of_group(mesh: Mesh, name: str) -> Ints:
-    if not len(mesh.cells_of(name)):
-        raise DataError(f"the group {name!r} is empty: it has no faces to split the mesh along")
-    cells = skin_cells(mesh, name)
-    dim = int(mesh.cell_dim[cells[0]])
-    if dim != mesh.dim - 1:
-        what = ("", "lines", "surfaces")[dim]
-        message = f"the group {name!r} has {what} ({mesh.cell_names(cells)}); a mesh of dimension {mesh.dim} is split "
-        raise DataError(f"{message}along cells of dimension {mesh.dim - 1}", mesh.cell_number[cells])
-    return cells
 
 
 def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIncidence) -> None:
@@ -224,27 +219,12 @@ def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIn
                 raise DataError(message, mesh.cell_number[cells])
 
 
-# ---- sides of faces
+def _side(owners: FaceIncidence, second: Bools) -> FaceIncidence:
+    """Return one of the two cells of each face, (f,): the second ones where `second`."""
+    return owners.take(2 * np.arange(len(second)) + second)
 
 
-def _sides(mesh: Mesh, groups: list[_Group], faces: Faces, sides: _Sides) -> tuple[_Sides, list[Bools]]:
-    """Return the sides a and b of the faces, by the first group of each, and for each group (f,): its sides differ."""
-    known, flipped = (np.zeros(len(faces), bool) for _ in range(2))
-    by_group = []
-    for group in groups:
-        rows = np.unique(group.face)
-        second = np.zeros(len(faces), bool)
-        try:
-            second[rows] = _second_is_a(mesh, faces.take(rows), _Sides(*(values[rows] for values in sides)))
-        except DataError as error:
-            raise DataError(f"the group {group.name!r} {error}", error.cells) from None
-        new = rows[~known[rows]]
-        flipped[new], known[new] = second[new], True
-        by_group.append((mask_of(len(faces), rows), second))
-    return sides.exchanged(flipped), [(second != flipped) & of_group for of_group, second in by_group]
-
-
-def _second_is_a(mesh: Mesh, faces: Faces, sides: _Sides) -> Bools:
+def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
     """(f,): True for faces whose side a is their second cell: the normals of the faces point from side a to side b.
 
     Where faces of one sheet do not agree, most of them decide; a closed sheet has its side a inside. If as many faces
@@ -263,12 +243,12 @@ def _second_is_a(mesh: Mesh, faces: Faces, sides: _Sides) -> Bools:
     leading = np.take_along_axis(mean, (mean != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
     flip ^= (half & (leading < 0))[sheet]
     agrees = []
-    for cell, facet in zip(sides.cell.T, sides.facet.T, strict=True):
-        listed = facets_of(mesh, FaceIncidence(np.arange(len(faces)), cell, facet, np.ones(len(faces), bool)))
-        agrees.append((relative_listing(faces, listed) % 2 == 0) ^ is_inverted(mesh, cell, mesh.space_dim == 2) ^ flip)
+    for side in (_side(owners, np.full(len(faces), second)) for second in (False, True)):
+        listed = relative_listing(faces, facets_of(mesh, side)) % 2 == 0
+        agrees.append(listed ^ is_inverted(mesh, side.cell, mesh.space_dim == 2) ^ flip)
     alike = np.flatnonzero(agrees[0] == agrees[1])
     if len(alike):
-        cells = sides.cell[alike].T.ravel()
+        cells = owners.cell[np.concatenate([2 * alike, 2 * alike + 1])]
         message = f"has faces on whose two sides the cells list their nodes alike (cells {mesh.cell_names(cells)}), so "
         raise DataError(f"{message}that they overlap or have no common orientation: see lacmesh check", cells)
     return agrees[1]
@@ -277,7 +257,7 @@ def _second_is_a(mesh: Mesh, faces: Faces, sides: _Sides) -> Bools:
 # ---- sides of nodes
 
 
-def _divide(mesh: Mesh, faces: Faces, sides: _Sides) -> tuple[_Division, Bools]:
+def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Division, Bools]:
     """Divide a mesh along faces; return the nodes of the cells around them, and True for faces that open (f,).
 
     The cells on side a keep the nodes, the others take copies. A face that would have the same corners on both sides,
@@ -299,10 +279,9 @@ def _divide(mesh: Mesh, faces: Faces, sides: _Sides) -> tuple[_Division, Bools]:
     shared = (links >= 0).all(axis=0)  # mid-nodes that differ link nothing
     links, pair = links[:, shared], pair[shared]
     whole = label_components(*links, len(division.cell))
-    pair_of_face = np.searchsorted(
-        number, (np.searchsorted(solid.cells, sides.cell) * FACETS + sides.facet).min(axis=1)
-    )
-    of_sides = [division.rows(np.broadcast_to(c[:, None], faces.nodes.shape), faces.nodes) for c in sides.cell.T]
+    own_number = [np.searchsorted(solid.cells, side.cell) * FACETS + side.facet for side in sides]
+    pair_of_face = np.searchsorted(number, np.minimum(*own_number))
+    of_sides = [division.rows(np.broadcast_to(s.cell[:, None], faces.nodes.shape), faces.nodes) for s in sides]
     n_corners = faces.corners.shape[1]
     opened = np.ones(len(faces), bool)
     while True:
@@ -361,9 +340,7 @@ def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
             message = f"no face of the group {group.name!r} can open: the corners of each lie on the front, where the "
             message += "faces end inside the body and its nodes stay shared; refine the mesh there, or take more faces"
             raise DataError(message, mesh.cell_number[group.cells])
-    message = (
-        f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the front, "
-    )
+    message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the "
     message += "where the nodes are shared; refine the mesh there to open them"
     warnings.warn(message, LacmeshWarning, stacklevel=4)
     return cells
@@ -411,12 +388,12 @@ def _incidence(corners: Ints, n_nodes: int) -> csr_array:
     return csr_array((np.ones(len(row), np.int8), (row, corners[row, column])), shape=(len(corners), n_nodes))
 
 
-def _with_skins(mesh: Mesh, division: _Division, faces: Faces, cell: Ints, names: tuple[str, str]) -> Mesh:
-    """Return the divided mesh with the skins on both sides of faces, outward; `cell` (f, 2): the old cells there."""
+def _with_skins(mesh: Mesh, division: _Division, faces: Faces, cells: list[Ints], names: tuple[str, str]) -> Mesh:
+    """Return the divided mesh with the skins on both sides of faces, outward; `cells`: the cells there, (f,) each."""
     group = names[0].removesuffix("_a")
-    parts = [(kind, nodes, cells) for kind, cells, nodes in mesh.select(mesh.cells_of(group))]
+    parts = [(kind, nodes, members) for kind, members, nodes in mesh.select(mesh.cells_of(group))]
     skins = []
-    for beside in cell.T:
+    for beside in cells:
         on = find_repeats(Faces(faces.type, division.renamed(beside, faces.nodes)), parts, mesh.n_nodes)
         skins.append(np.sort(on.cell[np.unique(on.face, return_index=True)[1]]))
     turned = reverse(mesh, analyse_orientation(mesh, np.sort(np.concatenate(skins))).to_flip)

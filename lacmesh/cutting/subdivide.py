@@ -86,9 +86,7 @@ class Subdivision:
 # ---- the pattern of each face
 
 
-def choose_and_subdivide(
-    mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, ring: float, depth: float
-) -> Subdivision:
+def subdivide(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, ring: float, depth: float) -> Subdivision:
     """Choose the pattern of every face, and cut; `hexa` "auto" cuts both ways, and keeps for each set of faces that
     must be cut alike the variant with the higher minimum Jacobian, the ring on a tie.
     """
@@ -97,7 +95,7 @@ def choose_and_subdivide(
 
     def by(rows: Bools) -> Subdivision:
         patterns = np.where(_WHOLE_TYPES[faces.type], WHOLE_CODE, np.where(rows, RING_CODE, CONE_CODE))
-        return subdivide(mesh, selection, patterns, ring, depth)
+        return _subdivide(mesh, selection, patterns, ring, depth)
 
     if hexa != "auto" or not (skin_only or mesh.dim == 3):
         return by(able)
@@ -148,10 +146,8 @@ def _worst_of_sets(mesh: Mesh, selection: Selection, component: Ints, subdivisio
 # ---- new nodes and children
 
 
-def subdivide(
-    mesh: Mesh, selection: Selection, patterns: Ints, ring: float = 1 / 3, depth: float = 1 / 2
-) -> Subdivision:
-    """Cut the faces by their `patterns` (f,), codes of PATTERNS, the skin cells on them, and the parents behind them."""
+def _subdivide(mesh: Mesh, selection: Selection, patterns: Ints, ring: float, depth: float) -> Subdivision:
+    """Cut the faces by their `patterns` (f,), codes of PATTERNS, the skin cells on them, and the parents behind."""
     new_nodes = NodeList(mesh.n_nodes)
     faces = selection.faces
     cut = CutFaces(faces, patterns, np.empty((len(faces), 0), np.int64), ring, depth)
