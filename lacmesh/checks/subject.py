@@ -68,7 +68,7 @@ class CheckedSkin:
 class Subject:
     """The mesh and the request. `dim`: dimension of the skins. `fixed`: nodes of the Dirichlet groups.
 
-    `recognise`: treat a slave skin that looks cut and has no records as cut (`lacmesh.cut_skin`). The mesh's points are
+    `recognise`: treat a slave skin with the patterns of a cut and no records as cut (`lacmesh.cut_skin`). The mesh's points are
     relative to `origin` (3,); findings give positions in the coordinates of the file.
     """
 
@@ -266,9 +266,9 @@ def macros_of(mesh: Mesh, side: CheckedSkin, recognise: bool | None = None) -> M
         faults = []
     elif is_cut(mesh) and not faults:
         own = Cut(mesh).macro_of_face[side.cells].astype(np.int64)
-    elif (recognise or faults) and len(side):
+    elif recognise and len(side):
         recognised_cut = find_macros(mesh, slave_skin(mesh, side.names))
-        if recognised_cut.n_cut and (recognise or not recognised_cut.doubt):
+        if recognised_cut.n_cut:
             recognised = True
             own = as_cut(mesh, recognised_cut).macro_of_face[side.cells].astype(np.int64)
     whole = own >= 0
