@@ -25,7 +25,7 @@ from lacmesh.topology.facets import (
     pair_facets,
 )
 from lacmesh.topology.orientation import face_normals
-from lacmesh.topology.skin import label_rows, mixed_bits
+from lacmesh.topology.skin import label_rows
 from tests.meshes import box, pad, random_mesh
 
 # ---- facets
@@ -61,7 +61,7 @@ def cycle(listed):
 def test_pairs_of_facets_are_those_of_a_table(seed, keys, monkeypatch):
     """Of a conforming mixture, of the same three times over, and of cells of random nodes."""
     if keys == "few":  # most facets have the hash of another one
-        monkeypatch.setattr(skin, "mixed_bits", lambda numbers: mixed_bits(numbers) << np.uint64(58))
+        monkeypatch.setattr(skin, "_GOLDEN", 1 << 58)
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, dim=2 + seed % 2, twins=True)
     thrice = [(b.type, np.concatenate([b.nodes] * 3)) for b in mesh.blocks]
@@ -135,9 +135,9 @@ def test_components_are_those_of_scipy(n, edges):
     assert len(label_components(i, j, n)) == n
 
 
-@pytest.mark.parametrize("bits", [0, 62])
-def test_equal_rows_have_one_label_even_where_hashes_clash(bits, monkeypatch):
-    monkeypatch.setattr(skin, "mixed_bits", lambda numbers: mixed_bits(numbers) << np.uint64(bits))
+@pytest.mark.parametrize("factor", [skin._GOLDEN, 1 << 62])
+def test_equal_rows_have_one_label_even_where_hashes_clash(factor, monkeypatch):
+    monkeypatch.setattr(skin, "_GOLDEN", factor)
     rows = np.random.default_rng(3).integers(0, 4, (300, 3))
     labels, count = label_rows(rows)
     expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()

@@ -68,7 +68,7 @@ class CheckedSkin:
 class Subject:
     """The mesh and the request. `dim`: dimension of the skins. `fixed`: nodes of the Dirichlet groups.
 
-    `recognise`: treat a slave skin with the patterns of a cut and no records as cut (`lacmesh.cut_skin`). The mesh's points are
+    `recognise`: as in `lacmesh.cut_skin`, for a slave skin without records of a cut. The mesh's points are
     relative to `origin` (3,); findings give positions in the coordinates of the file.
     """
 

@@ -187,7 +187,7 @@ def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
         rows = _remaining(mesh.blocks[old[kind]].nodes, stays) if kind in old else []
         dtype = mesh.blocks[old.get(kind, 0)].nodes.dtype
         blocks.append(Block(kind, np.concatenate([*rows, mine.nodes], dtype=dtype)))
-        middle = start + np.count_nonzero(stays)
+        middle = start + int(np.count_nonzero(stays))
         np.add(np.flatnonzero(stays), first, out=origin[start:middle], casting="same_kind")
         start = middle + len(mine.parent)
         origin[middle:start] = mine.parent

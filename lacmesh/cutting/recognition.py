@@ -75,16 +75,6 @@ class RecognisedCut:
         """Number of faces that belong to macro-elements of several faces."""
         return sum(family.parts.size for family in self.families if family.kind != WHOLE)
 
-    @property
-    def complete(self) -> bool:
-        """True if the skin is cut and every face belongs to a macro-element."""
-        return self.n_cut > 0 and not len(self.left)
-
-    @property
-    def n_macros(self) -> int:
-        """Number of macro-elements."""
-        return sum(len(family.parts) for family in self.families)
-
 
 def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | None:
     """Return the cut that some slave faces have already, or None if they are to be cut.
@@ -99,7 +89,7 @@ def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | N
     if not recognise or not slave.names:
         return None
     recognised = find_macros(mesh, slave)
-    if not recognised.complete:
+    if len(recognised.left) or not recognised.n_cut:
         left = recognised.cells[recognised.left]
         message = (
             f"no earlier cut is recognised on {', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
@@ -129,7 +119,7 @@ def recognise(mesh: MeshLike, slave: str | int | Sequence[str | int]) -> Cut | N
     if not specs:
         raise RequestError("no slave group was given")
     recognised = find_macros(mesh, slave_skin(mesh, specs))
-    if recognised.n_macros and not len(recognised.left):
+    if recognised.families and not len(recognised.left):
         return as_cut(mesh, recognised)
     if recognised.n_cut:
         left = mesh.cell_names(recognised.cells[recognised.left])
@@ -161,8 +151,8 @@ def _recorded(mesh: Mesh, slave: SlaveSkin) -> Cut:
 def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
     """Recognise the macro-elements in some slave faces; none shares a face with another one."""
     cells, faces = slave.cells[slave.first], slave.faces
-    families = [family for family in _families(mesh, faces, mesh.places_in_file(cells)) if len(family.parts)]
-    count = np.bincount(np.concatenate([np.empty(0, int), *(f.parts.ravel() for f in families)]), minlength=len(faces))
+    families = list(_families(mesh, faces, mesh.places_in_file(cells)))
+    count = np.bincount(np.concatenate([family.parts.ravel() for family in families]), minlength=len(faces))
     families = [family.take((count[family.parts] == 1).all(axis=1)) for family in families]
     covered = mask_of(len(faces), *(family.parts for family in families))
     present = tuple(family for family in families if len(family.parts))
@@ -171,18 +161,15 @@ def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
 
 def as_cut(mesh: Mesh, recognised: RecognisedCut) -> Cut:
     """Return the recognised macro-elements as a cut, in which no cell is known to replace another."""
-    zone_of = [recognised.zone[family.parts[:, 0]] for family in recognised.families]
-    first = [recognised.cells[family.parts[:, 0]] for family in recognised.families]
-    order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
+    first = np.concatenate([family.parts[:, 0] for family in recognised.families])
+    order = np.lexsort((recognised.cells[first], recognised.zone[first]))
     number = places_of(order, len(order), np.int32)
     macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
     internal = np.full(mesh.n_nodes, -1, np.int32)
-    done = 0
-    for family, mine in zip(recognised.families, zone_of, strict=True):
-        ids = number[done : done + len(family.parts)]
-        done += len(ids)
+    for family in recognised.families:
+        ids, number = np.split(number, [len(family.parts)])
         cells = recognised.cells[family.parts]
-        macro[cells], zone[cells] = ids[:, None], mine[:, None]
+        macro[cells], zone[cells] = ids[:, None], recognised.zone[family.parts[:, :1]]
         child[cells] = np.arange(1, cells.shape[1] + 1)
         if family.kind == WHOLE:
             carriers = np.array([WHOLE_FACES[family.face]])
@@ -285,7 +272,13 @@ def _segments(mesh: Mesh, faces: Faces) -> list[MacroGroup]:
     following[~alike | (np.linalg.norm(way[following] - way, axis=1) > _TURN)] = -1
     chains = np.column_stack([np.arange(len(rows)), following, following[following]])
     chains[following < 0, 2] = -1
-    first = _places_in_chains(following) % size == 0
+    first = np.zeros(len(rows), bool)
+    after, sizes = following.tolist(), size.tolist()
+    for segment in np.setdiff1d(np.arange(len(rows)), following).tolist():  # the heads of chains
+        place = 0
+        while segment >= 0:
+            first[segment] = place % sizes[segment] == 0
+            segment, place = after[segment], place + 1
     pairs, triples = chains[first & (size == 2), :2], chains[first & (size == 3)]
     pairs, triples = (parts[(parts >= 0).all(axis=1)] for parts in (pairs, triples))
     frame = np.column_stack([start[pairs[:, 0]], stop[pairs[:, 1]], stop[pairs[:, 0]]])
@@ -294,18 +287,6 @@ def _segments(mesh: Mesh, faces: Faces) -> list[MacroGroup]:
     rings = _in_place(mesh, MacroGroup("SEG2", RING, triples, frame))
     cones, rings = _with_children(mesh, cones, behind[cones.parts[:, 0]], rings, owners)
     return [replace(family, parts=rows[family.parts]) for family in (cones, rings)]
-
-
-def _places_in_chains(following: Ints) -> Ints:
-    """(m,): the place of each segment in its chain, from 0; -1 in a closed one. `following` (m,): the next, or -1."""
-    after = following.tolist()
-    place = [-1] * len(after)
-    for head in np.setdiff1d(np.arange(len(after)), following).tolist():
-        k, segment = 0, head
-        while segment >= 0:
-            place[segment] = k
-            k, segment = k + 1, after[segment]
-    return np.array(place)
 
 
 def _with_children(

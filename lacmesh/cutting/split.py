@@ -26,7 +26,7 @@ from lacmesh.cutting.assemble import ChildCells, NewNodes, assemble, nodes_of
 from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.select import check_numbers
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, positions, spec_list
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, spec_list
 from lacmesh.topology.bodies import label_bodies, label_components
 from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
 from lacmesh.topology.orientation import (
@@ -83,31 +83,28 @@ class _Group(NamedTuple):
     face: Ints
 
 
-@dataclass(frozen=True)
-class _Division:
-    """Nodes of faces as nodes of the cells around them, `solid`; one row each: `cell`, `column` in that, `node` (m,).
+class _Division(NamedTuple):
+    """The cells `solid` around the faces with their nodes in the mesh and in the divided mesh, `old` and `new` (k, n).
 
-    `key` (m,), ascending, is made of cell and node. `new_node` (m,): index of the node in the divided mesh, where the
-    copies come after the `n_nodes` old nodes; `copied` (k,): the node that each copy repeats, ascending.
+    Both are padded with -1. In the divided mesh the copies come after the old nodes; `copied` (c,): the node that each
+    copy repeats, ascending.
     """
 
     solid: Solid
-    cell: Ints
-    column: Ints
-    node: Ints
-    key: Ints
-    n_nodes: int
-    new_node: Ints
+    old: Ints
+    new: Ints
     copied: Ints
 
-    def rows(self, cell: Ints, node: Ints) -> Ints:
-        """Row of each node of a cell, -1 where there is none; both of one shape."""
-        return np.where(node >= 0, positions(self.key, cell.astype(np.int64) * self.n_nodes + node), -1)
+    def places(self, cell: Ints, node: Ints) -> Ints:
+        """(p, c): places in `old`, flat, of nodes (p, c) in cells (p,); -1 where a cell does not have the node."""
+        row = np.searchsorted(self.solid.cells, cell)
+        here = (self.old[row][:, None] == node[:, :, None]) & (node >= 0)[:, :, None]
+        return np.where(here.any(axis=2), row[:, None] * self.old.shape[1] + here.argmax(axis=2), -1)
 
     def renamed(self, cell: Ints, node: Ints) -> Ints:
-        """Index in the divided mesh of nodes (p, c), each row as a cell (p,) has them."""
-        row = self.rows(np.broadcast_to(cell[:, None], node.shape), node)
-        return np.where(row >= 0, self.new_node[row], node)
+        """(p, c): nodes in the divided mesh of nodes (p, c), each row as a cell (p,) has them."""
+        place = self.places(cell, node)
+        return np.where(place >= 0, self.new.ravel()[place], node)
 
 
 def split(mesh: MeshLike, faces: str | int | Sequence[str | int]) -> Mesh:
@@ -265,69 +262,59 @@ def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Divi
     the faces.
     """
     touched = mask_of(mesh.n_nodes, faces.distinct_nodes)
-    division = _around(mesh, touched)
-    solid = division.solid
-    # the cells around each node are linked over each facet with this node that they share
-    opposite, _ = pair_facets(solid)
-    number = np.flatnonzero(opposite > np.maximum(np.arange(len(opposite)), ALONE))
-    pairs = np.stack([number, opposite[number]])
-    cell = solid.cells[pairs // FACETS].astype(np.int64)
-    first_cells = FaceIncidence(np.arange(len(number)), cell[0], pairs[0] % FACETS, np.ones(len(number), bool))
-    nodes = facets_of(mesh, first_cells).nodes
-    pair, column = np.nonzero(touched[nodes] & (nodes >= 0))
-    links = np.stack([division.rows(c[pair], nodes[pair, column]) for c in cell])
-    shared = (links >= 0).all(axis=0)  # mid-nodes that differ link nothing
-    links, pair = links[:, shared], pair[shared]
-    whole = label_components(*links, len(division.cell))
-    own_number = [np.searchsorted(solid.cells, side.cell) * FACETS + side.facet for side in sides]
-    pair_of_face = np.searchsorted(number, np.minimum(*own_number))
-    of_sides = [division.rows(np.broadcast_to(s.cell[:, None], faces.nodes.shape), faces.nodes) for s in sides]
-    n_corners = faces.corners.shape[1]
-    opened = np.ones(len(faces), bool)
-    while True:
-        linked = ~np.isin(pair, pair_of_face[opened])
-        part = label_components(*links[:, linked], len(division.cell))
-        keeps = of_sides[0][opened]
-        division = _with_copies(division, whole, part, np.unique(keeps[keeps >= 0]))
-        a, b = (division.new_node[rows[:, :n_corners]] for rows in of_sides)
-        closed = opened & ~((a != b) & (faces.corners >= 0)).any(axis=1)
-        if not closed.any():
-            return division, opened
-        opened &= ~closed
-
-
-def _around(mesh: Mesh, touched: Bools) -> _Division:
-    """Return the nodes `touched` of the cells that have one of them for a corner; none is copied yet."""
     solid = Solid.of(mesh)
     solid = solid.take(np.flatnonzero((touched[solid.corners] & (solid.corners >= 0)).any(axis=1)))
-    parts = []
-    for kind, cells, nodes in mesh.select(solid.cells):
+    listed = list(mesh.select(solid.cells))
+    old = np.full((len(solid.cells), max(nodes.shape[1] for *_, nodes in listed)), -1, np.int64)
+    for kind, cells, nodes in listed:
         if kind in CARRIED:
             message = f"has cells of type {kind} at it ({mesh.cell_names(cells)}): those of order 3 and higher are not "
             raise DataError(f"{message}split", mesh.cell_number[cells])
-        row, column = np.nonzero(touched[nodes])
-        parts.append((cells[row], column, nodes[row, column]))
-    cell, column, node = (np.concatenate(p).astype(np.int64) for p in zip(*parts, strict=True))
-    key = cell * mesh.n_nodes + node
-    order = np.argsort(key)
-    cell, column, node, key = (values[order] for values in (cell, column, node, key))
-    return _Division(solid, cell, column, node, key, mesh.n_nodes, node, np.empty(0, np.int64))
+        old[np.searchsorted(solid.cells, cells), : nodes.shape[1]] = nodes
+    division = _Division(solid, old, old, np.empty(0, np.int64))
+    # the cells around each node are linked over each facet with this node that they share
+    opposite, _ = pair_facets(solid)
+    number = np.flatnonzero(opposite > np.maximum(np.arange(len(opposite)), ALONE))
+    cell, facet = np.divmod(np.stack([number, opposite[number]]), FACETS)
+    cell = solid.cells[cell]
+    owners = FaceIncidence(np.arange(len(number)), cell[0].astype(np.int64), facet[0], np.ones(len(number), bool))
+    nodes = facets_of(mesh, owners).nodes
+    nodes = np.where(touched[nodes], nodes, -1)
+    links = np.stack([division.places(beside, nodes) for beside in cell])
+    pair, column = np.nonzero((links >= 0).all(axis=0))  # mid-nodes that differ link nothing
+    links = links[:, pair, column]
+    whole = label_components(*links, old.size)
+    numbers = [np.searchsorted(solid.cells, side.cell) * FACETS + side.facet for side in sides]
+    pair_of_face = np.searchsorted(number, np.minimum(*numbers))
+    a, b = (division.places(side.cell, faces.nodes) for side in sides)
+    corner = faces.corners >= 0
+    opened = np.ones(len(faces), bool)
+    while True:
+        linked = ~np.isin(pair, pair_of_face[opened])
+        part = label_components(*links[:, linked], old.size)
+        new, copied = _with_copies(old, mesh.n_nodes, whole, part, a[opened][a[opened] >= 0])
+        closed = opened & ~((new.ravel()[a] != new.ravel()[b])[:, : corner.shape[1]] & corner).any(axis=1)
+        if not closed.any():
+            return division._replace(new=new, copied=copied), opened
+        opened &= ~closed
 
 
-def _with_copies(division: _Division, whole: Ints, part: Ints, keeps: Ints) -> _Division:
-    """Number the copies: the parts (m,) of what was one around a node, `whole` (m,), have a node each.
+def _with_copies(old: Ints, n_nodes: int, whole: Ints, part: Ints, keeps: Ints) -> tuple[Ints, Ints]:
+    """Return the nodes of cells in the divided mesh, as `old`, and the node that each copy repeats.
 
-    The part with one of the rows `keeps` has the old node, or else the first.
+    The parts (m,) of what was one around a node, `whole` (m,), have a node each. The part with one of the places
+    `keeps` has the old node, or else the first.
     """
     first, label = np.unique(part, return_index=True, return_inverse=True)[1:]
     behind = np.ones(len(first), bool)
     behind[label[keeps]] = False
     order = np.lexsort((first, behind, whole[first]))
     copy = order[1:][whole[first[order[1:]]] == whole[first[order[:-1]]]]
-    copy = copy[np.argsort(division.node[first[copy]], kind="stable")]
-    node = division.node[first]
-    node[copy] = division.n_nodes + np.arange(len(copy))
-    return replace(division, new_node=node[label], copied=division.node[first[copy]])
+    node = old.ravel()[first]
+    copy = copy[np.argsort(node[copy], kind="stable")]
+    copied = node[copy]
+    node[copy] = n_nodes + np.arange(len(copy))
+    return node[label].reshape(old.shape), copied
 
 
 def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
@@ -355,18 +342,18 @@ def _divided_mesh(mesh: Mesh, division: _Division) -> Mesh:
     new_nodes = NewNodes("POI1", copied, np.empty((1, 0)), mesh.n_nodes + np.arange(len(copied))[:, None], copied)
     on_copies = mask_of(mesh.n_nodes, division.copied)
     around = _incidence(division.solid.corners, mesh.n_nodes).T.tocsr()
-    block = np.searchsorted(mesh.offsets, division.cell, side="right") - 1
+    cells = division.solid.cells
     blocks, children = [], []
     for k, (kind, listed) in enumerate(mesh.blocks):
         nodes = listed.copy()
         if ALL_CELLS[kind].dim == mesh.dim:
-            rows = np.flatnonzero(block == k)
-            nodes[division.cell[rows] - mesh.offsets[k], division.column[rows]] = division.new_node[rows]
+            rows = slice(*np.searchsorted(cells, mesh.offsets[k : k + 2]))
+            nodes[cells[rows] - mesh.offsets[k]] = division.new[rows, : nodes.shape[1]]
         elif len(lower := np.flatnonzero(on_copies[listed].any(axis=1))):
             corners = listed[lower][:, : ALL_CELLS[kind].n_corners]
             shared = (_incidence(corners, mesh.n_nodes) @ around).tocoo()  # number of corners in each cell around
             inside = shared.data == corners.shape[1]
-            row, beside = lower[shared.row[inside]], division.solid.cells[shared.col[inside]]
+            row, beside = lower[shared.row[inside]], cells[shared.col[inside]]
             variants = np.unique(np.column_stack([row, division.renamed(beside, listed[row])]), axis=0)
             first, count = np.unique(variants[:, 0], return_index=True, return_counts=True)[1:]
             index = np.arange(len(variants)) - np.repeat(first, count)

@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 MAX_NODES, MAX_CORNERS = 9, 4
 #: cells, or facets, that are treated at once
 PIECE = 1 << 16
+#: 2^64 over the golden ratio, odd
+_GOLDEN = 0x9E3779B97F4A7C15
 #: face types, in the order of the codes that `Faces.type` uses
 FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
@@ -99,7 +101,7 @@ def mixed_bits(numbers: Ints, seed: int = 1) -> NDArray[np.uint64]:
 
     The finalizer of splitmix64 (Steele, Lea, Flood, OOPSLA 2014).
     """
-    x = (numbers.astype(np.uint64) + np.uint64(seed)) * np.uint64(0x9E3779B97F4A7C15)
+    x = (numbers.astype(np.uint64) + np.uint64(seed)) * np.uint64(_GOLDEN)
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return x ^ (x >> np.uint64(31))
@@ -114,7 +116,8 @@ def sort_rows(rows: Ints) -> tuple[Ints, Bools]:
     bits = np.uint64(len(rows).bit_length())
     place = (np.uint64(1) << bits) - np.uint64(1)
     key = np.zeros(len(rows), np.uint64)
-    for column, weight in zip(rows.T, mixed_bits(np.arange(rows.shape[1])) | np.uint64(1), strict=True):
+    # multiplicative hash: powers of an odd constant (Knuth, The Art of Computer Programming 3, 6.4)
+    for column, weight in zip(rows.T, np.cumprod(np.full(rows.shape[1], _GOLDEN, np.uint64)), strict=True):
         key += column.astype(np.uint64) * weight
     key &= ~place
     key |= np.arange(len(rows), dtype=np.uint64)
