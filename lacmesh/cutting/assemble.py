@@ -34,6 +34,10 @@ class NewNodes:
     ids: Ints
     on: Ints
 
+    def values(self, old: NDArray) -> NDArray:
+        """(k, m, ...): node values `old` (n_nodes, ...) interpolated at the new nodes by the cells' shape functions."""
+        return np.einsum("mn,kn...->km...", shape(self.type, self.at), old[self.sources], optimize=True)
+
 
 @dataclass
 class NodeList:
@@ -131,8 +135,7 @@ def node_values(old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
     """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
     values = _with_room(old, new_nodes, 0)
     for nodes in new_nodes:
-        N = shape(nodes.type, nodes.at)
-        values[nodes.ids] = np.einsum("mn,kn...->km...", N, values[nodes.sources], optimize=True)
+        values[nodes.ids] = nodes.values(values)
     return values
 
 

@@ -142,7 +142,7 @@ def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
     for group in groups:
         rows = np.unique(group.face)
         try:
-            second = _second_is_a(mesh, faces.take(rows), owners.take((2 * rows[:, None] + [0, 1]).ravel()))
+            second = _second_is_a(mesh, faces.take(rows), owners.take((2 * rows[:, None] + np.arange(2)).ravel()))
         except DataError as error:
             raise DataError(f"the group {group.name!r} {error}", error.cells) from None
         by_group.append((rows, second))
@@ -283,7 +283,7 @@ def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Divi
     links = np.stack([division.places(beside, nodes) for beside in cell])
     pair, column = np.nonzero((links >= 0).all(axis=0))  # mid-nodes that differ link nothing
     links = links[:, pair, column]
-    whole = label_components(*links, old.size)
+    whole = label_components(links[0], links[1], old.size)
     numbers = [np.searchsorted(solid.cells, side.cell) * FACETS + side.facet for side in sides]
     pair_of_face = np.searchsorted(number, np.minimum(*numbers))
     a, b = (division.places(side.cell, faces.nodes) for side in sides)
@@ -291,7 +291,7 @@ def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Divi
     opened = np.ones(len(faces), bool)
     while True:
         linked = ~np.isin(pair, pair_of_face[opened])
-        part = label_components(*links[:, linked], old.size)
+        part = label_components(links[0, linked], links[1, linked], old.size)
         new, copied = _with_copies(old, mesh.n_nodes, whole, part, a[opened][a[opened] >= 0])
         closed = opened & ~((new.ravel()[a] != new.ravel()[b])[:, : corner.shape[1]] & corner).any(axis=1)
         if not closed.any():

@@ -43,9 +43,12 @@ def label_components(i: Ints, j: Ints, n: int) -> Ints:
     >>> label_components(np.array([0, 3]), np.array([2, 1]), 5)
     array([0, 1, 0, 1, 2])
     """
-    parent = np.arange(n)
-    _join(np.column_stack([i, j]).astype(np.int64, copy=False), parent)
-    return np.asarray(_number(parent))
+    first = np.arange(n)
+    while not np.array_equal(a := first[i], b := first[j]):
+        np.minimum.at(first, np.maximum(a, b), np.minimum(a, b))  # the first node of each component
+        while not np.array_equal(up := first[first], first):
+            first = up
+    return np.unique(first, return_inverse=True)[1]
 
 
 @kernel

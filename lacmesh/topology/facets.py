@@ -147,9 +147,8 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     >>> opposite.tolist(), bool(same.any())
     ([-1, 6, -1, -3, -3, -3, 1, -1, -1, -3, -3, -3], False)
     """
-    opposite = np.full((len(solid.cells), FACETS), ABSENT, solid.cells.dtype)
-    opposite[(FACET_TABLE[:, :, 0] >= 0)[solid.family]] = ALONE
-    opposite = opposite.ravel()
+    opposite = np.full(len(solid.cells) * FACETS, ABSENT, solid.cells.dtype)
+    opposite[(FACET_TABLE[:, :, 0] >= 0)[solid.family].ravel()] = ALONE
     same = np.zeros(len(opposite), bool)
     number = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
     rows = np.empty((len(number), MAX_CORNERS), solid.corners.dtype)
