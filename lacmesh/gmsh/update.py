@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.assemble import node_entities
+from lacmesh.cutting.assemble import with_node_entities
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.entities import Assignment, assign
@@ -96,13 +96,13 @@ def _in_parts(before: Read, mesh: Mesh) -> Mesh:
         return mesh
     parent = mesh.cell_data["lac_parent"]
     root = np.where(parent >= 0, parent, mesh.cell_number)
-    entity = before.raw.cell_data["entity"][Index(before.raw.cell_number).places(root)]
+    index = Index(before.raw.cell_number).places(root)
     nodes = np.zeros((mesh.n_nodes, 2), np.int32)
     nodes[: before.raw.n_nodes] = before.raw.node_data["entity"]
-    cells = zip(mesh.blocks, np.split(entity, mesh.offsets[1:-1]), strict=True)
-    nodes = node_entities(nodes, before.raw.n_nodes, ((b.type, b.nodes, own) for b, own in cells))
-    cell_data, node_data = {**mesh.cell_data, "entity": entity}, {**mesh.node_data, "entity": nodes}
-    return replace(mesh, cell_data=cell_data, node_data=node_data)
+    cell_data = {**mesh.cell_data, "entity": before.raw.cell_data["entity"][index]}
+    new = replace(mesh, cell_data=cell_data, node_data={**mesh.node_data, "entity": nodes})
+    cells = zip(mesh.blocks, np.split(index, mesh.offsets[1:-1]), strict=True)
+    return with_node_entities(new, before.raw, ((b.type, b.nodes, rows) for b, rows in cells))
 
 
 def _apply(gmsh: Any, before: Read, mesh: Mesh, left_out: tuple[str, ...]) -> None:
