@@ -17,7 +17,7 @@ _PUBLIC = {
     "cut_skin": "lacmesh.cutting.cut",
     "raise_order": "lacmesh.cutting.order",
     "split": "lacmesh.cutting.split",
-    "recognise": "lacmesh.cutting.earlier",
+    "recognise": "lacmesh.cutting.recognition",
     "orient": "lacmesh.topology.orientation",
     "check": "lacmesh.checks",
     "measure_quality": "lacmesh.quality",
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from lacmesh.checks import Findings as Findings
     from lacmesh.checks import check as check
     from lacmesh.cutting.cut import cut_skin as cut_skin
-    from lacmesh.cutting.earlier import recognise as recognise
     from lacmesh.cutting.order import raise_order as raise_order
+    from lacmesh.cutting.recognition import recognise as recognise
     from lacmesh.cutting.records import Cut as Cut
     from lacmesh.cutting.split import split as split
     from lacmesh.errors import LacmeshError as LacmeshError

@@ -16,7 +16,7 @@ import numpy as np
 from lacmesh.mesh import Ints, Mesh, fixed, positions
 
 if TYPE_CHECKING:
-    from lacmesh.cutting.subdivide import NewNodes
+    from lacmesh.cutting.assemble import NewNodes
 
 
 class DataLine(NamedTuple):

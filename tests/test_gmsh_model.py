@@ -15,7 +15,7 @@ import pytest
 import lacmesh
 from lacmesh import Cut, cut_skin
 from lacmesh.cells import CELLS
-from lacmesh.cutting.earlier import recognise
+from lacmesh.cutting.recognition import recognise
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.gmsh import cut_model, from_mesh, to_mesh
 from tests.checks.blocks import two_blocks

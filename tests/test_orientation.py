@@ -11,7 +11,7 @@ import lacmesh
 from lacmesh import Mesh, cut_skin, generate
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
-from lacmesh.cutting.earlier import recognise
+from lacmesh.cutting.recognition import recognise
 from lacmesh.errors import DataError, GroupNotFoundError
 from lacmesh.reference.quadrature import measure, rule, signed_area
 from lacmesh.reference.shapes import jacobian

@@ -11,8 +11,7 @@ import pytest
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.cutting.earlier import recognise
-from lacmesh.cutting.recognition import find_macros
+from lacmesh.cutting.recognition import find_macros, recognise
 from lacmesh.cutting.select import slave_skin
 from tests import properties
 from tests.checks.corpus import without_records

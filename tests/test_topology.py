@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 import lacmesh.topology.boxes as topology_boxes
 from lacmesh import Mesh
 from lacmesh.cells import CELLS
-from lacmesh.topology import facets, skin
+from lacmesh.topology import skin
 from lacmesh.topology.bodies import label_bodies, label_components
 from lacmesh.topology.boxes import meeting, meeting_each_other
 from lacmesh.topology.facets import (
@@ -25,7 +25,7 @@ from lacmesh.topology.facets import (
     pair_facets,
 )
 from lacmesh.topology.orientation import face_normals
-from lacmesh.topology.skin import label_rows, mixed_bits
+from lacmesh.topology.skin import label_rows
 from tests.meshes import box, pad, random_mesh
 
 # ---- facets
@@ -61,9 +61,7 @@ def cycle(listed):
 def test_pairs_of_facets_are_those_of_a_table(seed, keys, monkeypatch):
     """Of a conforming mixture, of the same three times over, and of cells of random nodes."""
     if keys == "few":  # most facets have the hash of another one
-        hashes = facets._hashes
-        monkeypatch.setattr(facets, "mixed_bits", lambda numbers: mixed_bits(numbers) >> np.uint64(61))
-        monkeypatch.setattr(facets, "_hashes", lambda *given: hashes(*given) << np.uint64(50))
+        monkeypatch.setattr(skin, "_GOLDEN", 1 << 58)
     rng = np.random.default_rng(seed)
     mesh = random_mesh(rng, dim=2 + seed % 2, twins=True)
     thrice = [(b.type, np.concatenate([b.nodes] * 3)) for b in mesh.blocks]
@@ -137,10 +135,9 @@ def test_components_are_those_of_scipy(n, edges):
     assert len(label_components(i, j, n)) == n
 
 
-@pytest.mark.parametrize("bits", [0, 62])
-def test_equal_rows_have_one_label_even_where_hashes_clash(bits, monkeypatch):
-    bits_of = mixed_bits
-    monkeypatch.setattr(skin, "mixed_bits", lambda numbers: bits_of(numbers) << np.uint64(bits))
+@pytest.mark.parametrize("factor", [skin._GOLDEN, 1 << 62])
+def test_equal_rows_have_one_label_even_where_hashes_clash(factor, monkeypatch):
+    monkeypatch.setattr(skin, "_GOLDEN", factor)
     rows = np.random.default_rng(3).integers(0, 4, (300, 3))
     labels, count = label_rows(rows)
     expected = np.unique(rows, axis=0, return_inverse=True)[1].ravel()

@@ -1,4 +1,4 @@
-"""The mesh after a cut: children replace their parents; numbers, groups and data are carried over.
+"""The mesh with new nodes and children: children replace their parents; numbers, groups and data are carried over.
 
 In a block the unchanged cells come first, in their old order, then the children, parent by parent; in the file the
 children take the place of their parent. The first child keeps the parent's number, the others follow the largest.
@@ -7,7 +7,8 @@ children take the place of their parent. The first child keeps the parent's numb
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,56 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import Origin
-from lacmesh.cutting.subdivide import ChildCells, NewNodes, n_added, node_values
 from lacmesh.errors import DataError
-from lacmesh.mesh import Block, Ints, Mesh, mask_of, places_of, positions
+from lacmesh.mesh import Block, Floats, Ints, Mesh, mask_of, positions
+from lacmesh.reference.shapes import shape
+
+
+@dataclass(frozen=True)
+class NewNodes:
+    """New nodes `ids` (k, m) in k cells of one type with nodes `sources` (k, n), at reference points `at` (m, dim).
+
+    `on` (k, c): the corners of the face, edge or cell on which they lie.
+    """
+
+    type: str
+    sources: Ints
+    at: Floats
+    ids: Ints
+    on: Ints
+
+    def values(self, old: NDArray) -> NDArray:
+        """(k, m, ...): node values `old` (n_nodes, ...) interpolated at the new nodes by the cells' shape functions."""
+        return np.einsum("mn,kn...->km...", shape(self.type, self.at), old[self.sources], optimize=True)
+
+
+@dataclass
+class NodeList:
+    """The `parts` of new nodes in the order of their ids, from that of the `following` node on."""
+
+    following: int
+    parts: list[NewNodes] = field(default_factory=list)
+
+    def add(self, kind: str, sources: Ints, at: Floats, on: Ints) -> Ints:
+        """Add nodes at the points `at` of some cells, numbered cell by cell; return their ids (k, m)."""
+        ids = self.following + np.arange(len(sources) * len(at)).reshape(len(sources), len(at))
+        self.following += ids.size
+        self.parts.append(NewNodes(kind, sources, at, ids, on))
+        return ids
+
+
+@dataclass(frozen=True)
+class ChildCells:
+    """Cells of one type that replace others: `nodes` (k, n), `parent` (k,), and `child_index` (k,) in that, from 0."""
+
+    type: str
+    nodes: Ints
+    parent: Ints
+    child_index: Ints
+
+    def take(self, rows: Ints) -> ChildCells:
+        """Some of the cells."""
+        return ChildCells(self.type, self.nodes[rows], self.parent[rows], self.child_index[rows])
 
 
 @dataclass(frozen=True)
@@ -46,65 +94,108 @@ def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
     layout = _lay_out(mesh, children)
-    numbers = _cell_numbers(mesh, layout)
     new = replace(
         mesh,
         blocks=layout.blocks,
-        cell_number=numbers,
+        cell_number=_cell_numbers(mesh, layout),
         file_order=_file_order(mesh, layout),
         cell_groups={name: _group(ids, layout) for name, ids in mesh.cell_groups.items()},
         cell_data={name: values[layout.origin] for name, values in mesh.cell_data.items()},
         **nodes_of(mesh, new_nodes, extend),
     )
-    if mesh.deck is not None:
-        deck = mesh.deck.followed(
-            numbers[layout.child], mesh.cell_number[layout.parent], tuple(new_nodes) if extend else ()
-        )
-        new = replace(new, deck=deck)
-    if "entity" in new.node_data and "entity" in mesh.cell_data:
-        cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in children)
-        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
-        new = replace(new, node_data={**new.node_data, "entity": entity})
-    return new, Origin(layout.origin, _node_origin(mesh, new_nodes), layout.child)
+    cells = ((block.type, block.nodes, block.parent) for block in children)
+    first = [np.repeat(nodes.sources.min(axis=1), nodes.ids.shape[1]) for nodes in new_nodes]
+    origin_of_node = np.concatenate([np.arange(mesh.n_nodes), *first], dtype=np.int32)
+    return with_node_entities(new, mesh, cells), Origin(layout.origin, origin_of_node, layout.child)
 
 
 def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Any]:
-    """Fields of a mesh with new nodes that concern nodes: points, numbers, groups and data, by name."""
-    return {
-        "points": node_values(mesh.points, new_nodes),
-        "node_number": _more_numbers(mesh.node_number, n_added(new_nodes)),
-        "node_groups": _node_groups(mesh, new_nodes, extend),
-        "node_data": _node_data(mesh, new_nodes),
+    """Fields of a mesh with new nodes that concern nodes: points, numbers, groups and data, by name.
+
+    Integer data of a new node is the value that all nodes of its source cell share, else -1; real data is interpolated.
+    """
+    size = mesh.n_nodes + sum(nodes.ids.size for nodes in new_nodes)
+    groups = dict(mesh.node_groups)
+    for name, members in mesh.node_groups.items() if extend else ():
+        inside = mask_of(size, members)
+        for nodes in new_nodes:
+            inside[nodes.ids[inside[nodes.on].all(axis=1)]] = True
+        groups[name] = np.flatnonzero(inside)
+    data = {
+        name: node_values(old, new_nodes) if old.dtype.kind in "fc" else _common_values(name, old, new_nodes)
+        for name, old in mesh.node_data.items()
     }
+    numbers = _following_numbers(mesh.node_number, size - mesh.n_nodes, "nodes")
+    number = np.concatenate([mesh.node_number, numbers], dtype=numbers.dtype)
+    points = node_values(mesh.points, new_nodes)
+    return {"points": points, "node_number": number, "node_groups": groups, "node_data": data}
 
 
-def _node_origin(mesh: Mesh, new_nodes: list[NewNodes]) -> Ints:
-    """(n_nodes,): each node itself, and for a new node the first of the face or cell that it was put into."""
-    first = [np.repeat(nodes.sources.min(axis=1), nodes.ids.shape[1]) for nodes in new_nodes]
-    return np.concatenate([np.arange(mesh.n_nodes), *first], dtype=np.int32)
+def node_values(old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
+    """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
+    values = _with_room(old, new_nodes, 0)
+    for nodes in new_nodes:
+        values[nodes.ids] = nodes.values(values)
+    return values
+
+
+def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
+    """Integer data of old and new nodes. Unsigned and boolean data become signed."""
+    if old.dtype.kind not in "iub":
+        raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
+    if old.dtype.kind in "ub":
+        old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
+    values = _with_room(old, new_nodes, -1)
+    for nodes in new_nodes:
+        around = values[nodes.sources]
+        values[nodes.ids] = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)[:, None]
+    return values
+
+
+def _with_room(old: NDArray, new_nodes: list[NewNodes], value: int) -> NDArray:
+    added = sum(nodes.ids.size for nodes in new_nodes)
+    return np.concatenate([old, np.full((added, *old.shape[1:]), value, old.dtype)])
+
+
+def with_node_entities(new: Mesh, mesh: Mesh, cells: Iterable[tuple[str, Ints, Ints]]) -> Mesh:
+    """Return the mesh `new` with entities of its new nodes: that of the lowest-dimensional of some cells with each.
+
+    `cells`: parts (type, nodes (k, m), indices (k,) in `mesh`, the mesh before). Nothing is done without entities.
+    """
+    if "entity" not in mesh.node_data or "entity" not in mesh.cell_data:
+        return new
+    values = new.node_data["entity"].copy()
+    for _, nodes, index in sorted(cells, key=lambda part: -ALL_CELLS[part[0]].dim):  # the lowest dimension writes last
+        rows, columns = np.nonzero(nodes >= mesh.n_nodes)
+        values[nodes[rows, columns]] = mesh.cell_data["entity"][index[rows]]
+    return replace(new, node_data={**new.node_data, "entity": values})
+
+
+# ---- cells
 
 
 def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
     gone = mask_of(mesh.n_cells, *(block.parent for block in children))
     old = {block.type: k for k, block in enumerate(mesh.blocks)}
-    n_children = sum(len(block.parent) for block in children)
-    origin = np.empty(mesh.n_cells - np.count_nonzero(gone) + n_children, np.int32)
+    origin = np.empty(mesh.n_cells - np.count_nonzero(gone) + sum(len(block.parent) for block in children), np.int32)
     new_index = np.empty(mesh.n_cells, np.int32)
     blocks, child, index = [], [], []
     start = 0
     for kind in dict.fromkeys([*old, *(block.type for block in children)]):
-        own = _joined(kind, [block for block in children if block.type == kind])
+        mine = _joined(kind, [block for block in children if block.type == kind])
         first, stop = mesh.offsets[old[kind] : old[kind] + 2] if kind in old else (0, 0)
-        kept = np.flatnonzero(~gone[first:stop])
-        np.cumsum(~gone[first:stop], out=new_index[first:stop])
+        stays = ~gone[first:stop]
+        np.cumsum(stays, out=new_index[first:stop])
         new_index[first:stop] += start - 1
-        blocks.append(Block(kind, _nodes(mesh, old.get(kind), gone[first:stop], len(kept), own)))
-        end = start + len(kept) + len(own.parent)
-        np.add(kept, first, out=origin[start : start + len(kept)], casting="same_kind")
-        origin[start + len(kept) : end] = own.parent
-        child.append(np.arange(start + len(kept), end, dtype=np.int32))
-        index.append(own.child_index)
-        start = end
+        rows = _remaining(mesh.blocks[old[kind]].nodes, stays) if kind in old else []
+        dtype = mesh.blocks[old.get(kind, 0)].nodes.dtype
+        blocks.append(Block(kind, np.concatenate([*rows, mine.nodes], dtype=dtype)))
+        middle = start + int(np.count_nonzero(stays))
+        np.add(np.flatnonzero(stays), first, out=origin[start:middle], casting="same_kind")
+        start = middle + len(mine.parent)
+        origin[middle:start] = mine.parent
+        child.append(np.arange(middle, start, dtype=np.int32))
+        index.append(mine.child_index)
     new_index[gone] = -1
     all_child, all_index = (np.concatenate([np.empty(0, np.int32), *parts]) for parts in (child, index))
     order = np.lexsort((all_index, origin[all_child]))
@@ -113,80 +204,44 @@ def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
 
 def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     """Join the children of one type, sorted by the cell they replace."""
-    empty = ChildCells(kind, np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), *(np.empty(0, np.int64),) * 2)
-    parts = [empty, *children]
-    joined = ChildCells(
-        kind, *(np.concatenate([getattr(p, f) for p in parts]) for f in ("nodes", "parent", "child_index"))
-    )
+    parts = [(c.nodes, c.parent, c.child_index) for c in children]
+    none = np.empty(0, np.int64)
+    columns = zip((np.empty((0, ALL_CELLS[kind].n_nodes), np.int64), none, none), *parts, strict=True)
+    joined = ChildCells(kind, *(np.concatenate(column) for column in columns))
     return joined.take(np.lexsort((joined.child_index, joined.parent)))
 
 
-def _nodes(mesh: Mesh, k: int | None, gone: NDArray[np.bool_], kept: int, own: ChildCells) -> Ints:
-    """Node lists of the cells of one type: first the cells that stay, then the children."""
-    if k is None:
-        return own.nodes.astype(mesh.blocks[0].nodes.dtype)
-    old = mesh.blocks[k].nodes
-    nodes = np.empty((kept + len(own.parent), old.shape[1]), old.dtype)
-    _copy_kept(old, gone, nodes[:kept])
-    nodes[kept:] = own.nodes
-    return nodes
-
-
-def _copy_kept(old: NDArray, gone: NDArray[np.bool_], target: NDArray) -> None:
-    """Copy the rows old[~gone] into `target`; run by run if these are few: several times faster."""
-    gaps = np.flatnonzero(gone)
-    if len(gaps) * 50 > len(old):
-        target[:] = old[~gone]
-        return
-    start = done = 0
-    for stop in (*gaps.tolist(), len(old)):
-        if stop > start:
-            target[done : done + stop - start] = old[start:stop]
-            done += stop - start
-        start = stop + 1
+def _remaining(rows: Ints, stays: NDArray[np.bool_]) -> list[Ints]:
+    """Return parts of the rows that stay: one by one between those that go if these are few, several times faster."""
+    gaps = np.flatnonzero(~stays)
+    if len(gaps) * 50 > len(rows):
+        return [rows[stays]]
+    return [rows[a + 1 : b] for a, b in pairwise([-1, *gaps.tolist(), len(rows)])]
 
 
 def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
-    numbers = mesh.cell_number[layout.origin]
-    first = _next_number(mesh.cell_number, len(layout.child), "cells")
-    if first + len(layout.child) > np.iinfo(numbers.dtype).max:
-        numbers = numbers.astype(np.int64)
+    following = _following_numbers(mesh.cell_number, len(layout.child), "cells")
+    numbers = mesh.cell_number[layout.origin].astype(following.dtype, copy=False)
     order = np.lexsort((layout.child_index, mesh.places_in_file(layout.parent)))  # new numbers grow along the file
     later = layout.child[order][layout.child_index[order] > 0]
-    numbers[later] = first + np.arange(len(later))
+    numbers[later] = following[: len(later)]
     return numbers
 
 
-def _more_numbers(numbers: Ints, added: int) -> Ints:
-    """Append `added` numbers that follow the largest one. Raises DataError if none are left."""
-    first = _next_number(numbers, added, "nodes")
-    dtype = numbers.dtype if first + added <= np.iinfo(numbers.dtype).max else np.dtype(np.int64)
-    return np.concatenate([numbers, np.arange(first, first + added, dtype=dtype)], dtype=dtype)
-
-
-def _next_number(numbers: Ints, added: int, what: str) -> int:
+def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
+    """(added,): the numbers that follow the largest one. Raises DataError if none are left."""
     largest = int(numbers.max(initial=0))
     if largest + added > np.iinfo(np.int64).max:
         raise DataError(f"no numbers are left for new {what} after {largest}: number them again")
-    return largest + 1
+    dtype = numbers.dtype if largest + 1 + added <= np.iinfo(numbers.dtype).max else np.int64
+    return (largest + np.arange(1, added + 1)).astype(dtype)
 
 
 def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
     """Order of the cells in the new file; None if it is that of the indices."""
-    count = np.ones(mesh.n_cells, np.int16)
-    count[layout.parent] = 0
-    np.add.at(count, layout.parent, 1)
-    in_file = count if mesh.file_order is None else count[mesh.file_order]
-    start = np.cumsum(in_file, dtype=np.int32)
-    start -= in_file
-    if mesh.file_order is not None:
-        start[mesh.file_order] = start.copy()
-    place = start[layout.origin]
-    del start, count, in_file
-    place[layout.child] += layout.child_index.astype(np.int32)
-    if (place[1:] > place[:-1]).all():
-        return None
-    return places_of(place, len(place), np.int32)
+    place = mesh.places_in_file(layout.origin) * np.int64(1 + layout.child_index.max(initial=0))
+    place[layout.child] += layout.child_index
+    return None if (place[1:] > place[:-1]).all() else np.argsort(place, kind="stable").astype(np.int32)
 
 
 def _group(members: Ints, layout: _Layout) -> Ints:
@@ -200,54 +255,3 @@ def _group(members: Ints, layout: _Layout) -> Ints:
         new = np.concatenate([new[new >= 0], layout.child[inside]])
         new.sort(kind="stable")
     return new.copy() if consecutive and not inside.any() else new
-
-
-def _node_data(mesh: Mesh, new_nodes: list[NewNodes]) -> dict[str, NDArray]:
-    """Node data of old and new nodes: interpolated; integer data by `_common_values`."""
-    return {
-        name: node_values(old, new_nodes) if old.dtype.kind in "fc" else _common_values(name, old, new_nodes)
-        for name, old in mesh.node_data.items()
-    }
-
-
-def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
-    """Integer data of old and new nodes: a new node takes the value that all nodes of its source cell share, else -1.
-
-    Unsigned and boolean data become signed.
-    """
-    if old.dtype.kind not in "iub":
-        raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
-    if old.dtype.kind in "ub":
-        old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
-    values = np.concatenate([old, np.full((n_added(new_nodes), *old.shape[1:]), -1, old.dtype)])
-    for nodes in new_nodes:
-        around = values[nodes.sources]
-        agreed = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)
-        values[nodes.ids] = agreed[:, None]
-    return values
-
-
-def node_entities(values: NDArray, first: int, cells: Iterable[tuple[str, Ints, NDArray]]) -> NDArray:
-    """Entities of nodes (n, 2); nodes from `first` on take that of the lowest-dimensional cell that contains them.
-
-    `cells`: parts (type, nodes (k, m), entities (k, 2)).
-    """
-    values = values.copy()
-    for _, nodes, entity in sorted(cells, key=lambda part: -ALL_CELLS[part[0]].dim):  # the lowest dimension writes last
-        rows, columns = np.nonzero(nodes >= first)
-        values[nodes[rows, columns]] = entity[rows]
-    return values
-
-
-def _node_groups(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Ints]:
-    """Node groups after the cut; with `extend`, a new node enters those with all corners of its edge, face or cell."""
-    if not extend:
-        return dict(mesh.node_groups)
-    size = mesh.n_nodes + n_added(new_nodes)
-    groups: dict[str, Ints] = {}
-    for name, members in mesh.node_groups.items():
-        inside = mask_of(size, members)
-        for nodes in new_nodes:
-            inside[nodes.ids[inside[nodes.on].all(axis=1)]] = True
-        groups[name] = np.flatnonzero(inside)
-    return groups

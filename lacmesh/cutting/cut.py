@@ -1,12 +1,11 @@
 """The cut: from a mesh and its slave skin to a mesh whose slave faces are macro-elements with an internal dof.
 
-    slave = the slave faces of some groups                                     (select)
-    earlier = the cut that they have already, by its records or recognised    (earlier)
-    selection = the slave faces, the cells on them and behind them             (select)
-    patterns = how each face is cut: whole, cone or ring                       (variants)
-    subdivision = new nodes, and the cells that replace others                 (subdivide)
-    new, origin = the mesh with the children, and what each cell comes from    (assemble)
-    cut = the same with the records of its macro-elements                      (macros)
+    slave = the slave faces of some groups                                              (select)
+    earlier = the cut that they have already, by its records or, on request, recognised (recognition)
+    selection = the slave faces, the cells on them and behind them                      (select)
+    subdivision = the pattern of each face, new nodes, and the cells that replace others (subdivide)
+    new, origin = the mesh with the children, and what each cell comes from             (assemble)
+    cut = the same with the records of its macro-elements                               (records)
 
 Method: Abbas, Drouet, Hild, Comput. Methods Appl. Mech. Engrg. 339, 2018, 488-513; code_aster R5.03.55, 3.1.
 `docs/cut.md` has the theory.
@@ -20,12 +19,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from lacmesh.cutting.assemble import assemble
-from lacmesh.cutting.earlier import earlier_cut
 from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
+from lacmesh.cutting.recognition import earlier_cut
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, Origin, is_cut, with_records, without_records
 from lacmesh.cutting.select import Selection, select, slave_skin
-from lacmesh.cutting.subdivide import WHOLE_CODE, CutFaces, Subdivision, subdivide
-from lacmesh.cutting.variants import HEXA, allowed_variants, compare_variants, with_ring
+from lacmesh.cutting.subdivide import HEXA, WHOLE_CODE, CutFaces, subdivide
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, places_of, spec_list
 
@@ -57,9 +55,9 @@ def cut_skin(
     in (0, 1).
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
-    faces all have the records of a cut is returned unchanged. `recognise`: None: faces without records are cut, and a
-    LacmeshWarning names those that look cut. True: they are a cut whose records are restored, if they have its pattern;
-    CutError if not. False: all faces are cut, whatever they look like, and existing records are replaced.
+    faces all have the records of a cut is returned unchanged. `recognise`: None: faces without records are cut. True:
+    they are a cut whose records are restored, if they have its pattern; CutError if not. False: all faces are cut, and
+    existing records are replaced.
     Raises CutError, GroupNotFoundError, RequestError.
 
     >>> cells = [("TRIA3", [[0, 2, 1]]), ("TETRA4", [[0, 1, 2, 3]])]
@@ -68,8 +66,14 @@ def cut_skin(
     >>> cut.n_macros, cut.mesh.n_nodes, [(block.type, len(block.nodes)) for block in cut.mesh.blocks]
     (1, 5, [('TRIA3', 3), ('TETRA4', 3)])
     """
-    _check_options(hexa=(hexa, HEXA), interface=(interface, ("both", "refuse")))
-    _check_options(orient=(orient, ("keep", "outward")), node_groups=(node_groups, ("extend", "keep")))
+    for name, value, allowed in (
+        ("hexa", hexa, HEXA),
+        ("interface", interface, ("both", "refuse")),
+        ("orient", orient, ("keep", "outward")),
+        ("node_groups", node_groups, ("extend", "keep")),
+    ):
+        if value not in allowed:
+            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
     if not (0 < ring < 1 and 0 < depth < 1):
         raise RequestError(f"ring ({ring}) and depth ({depth}) must lie between 0 and 1")
     mesh = as_mesh(mesh)
@@ -80,27 +84,12 @@ def cut_skin(
     mesh, selection = select(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
-    subdivision = _subdivide(mesh, selection, hexa, skin_only, (ring, depth))
+    subdivision = subdivide(mesh, selection, hexa, skin_only, ring, depth)
     _warn_of_periodic(mesh, selection, subdivision.cut.patterns)
-    new, origin = assemble(mesh, subdivision.new_nodes, subdivision.children, extend=node_groups == "extend")
-    internal = internal_nodes(subdivision.cut, new.n_nodes)
+    new, origin = assemble(mesh, subdivision.new_nodes.parts, subdivision.children, extend=node_groups == "extend")
+    internal = _internal_nodes(subdivision.cut, new.n_nodes)
     del subdivision  # a large mesh's records are about to need the room
-    return with_macros(mesh, new, origin, selection, internal)
-
-
-def _subdivide(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, shape: tuple[float, float]) -> Subdivision:
-    """Choose the pattern of every face, and cut; `auto` cuts both ways and keeps the better."""
-    ring, component = allowed_variants(mesh, selection, hexa, skin_only)
-    if hexa == "auto" and (skin_only or mesh.dim == 3):
-        return compare_variants(mesh, selection, ring, component, shape)
-    patterns = with_ring(selection.faces, ring)
-    return subdivide(mesh, selection.faces, patterns, selection.skin, selection.parents, *shape)
-
-
-def _check_options(**options: tuple[str, tuple[str, ...]]) -> None:
-    for name, (value, allowed) in options.items():
-        if value not in allowed:
-            raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
+    return _with_macros(mesh, new, origin, selection, internal)
 
 
 def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
@@ -115,11 +104,8 @@ def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
         warnings.warn(message, LacmeshWarning, stacklevel=3)
 
 
-# ---- the macro-elements of a cut: the records of its faces and of the nodes that carry an internal dof (`records`)
-
-
-def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, internal: Ints) -> Cut:
-    """Return the cut: the new mesh of `origin` in the old one, with its records; `internal`: `internal_nodes`."""
+def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, internal: Ints) -> Cut:
+    """Return the cut: the new mesh of `origin` in the old one, with its records; `internal`: `_internal_nodes`."""
     macro = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
     faces = np.flatnonzero(macro >= 0)
     zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(2))
@@ -134,7 +120,7 @@ def with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, int
     return Cut(with_records(new, records, internal, selection.zones), origin)
 
 
-def internal_nodes(cut: CutFaces, n_nodes: int) -> Ints:
+def _internal_nodes(cut: CutFaces, n_nodes: int) -> Ints:
     """(n_nodes,): the macro-element whose internal dof each node carries, or -1."""
     owner = np.full(n_nodes, -1, np.int32)
     for face, pattern, rows in cut.by_pattern():

@@ -8,17 +8,16 @@ faces are identified by their corners, so that the mesh stays conforming; an edg
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import CELLS, Cell
-from lacmesh.cutting.assemble import node_entities, nodes_of
+from lacmesh.cells import CELLS
+from lacmesh.cutting.assemble import NewNodes, NodeList, nodes_of, with_node_entities
 from lacmesh.cutting.records import is_cut
-from lacmesh.cutting.subdivide import NewNodes
 from lacmesh.errors import CutError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, places_of
+from lacmesh.mesh import Block, Mesh, MeshLike, as_mesh, places_of
 from lacmesh.quality import validity_of
 from lacmesh.smooth.heights import SURFACES
 from lacmesh.smooth.middles import ways_to_surface
@@ -39,16 +38,6 @@ ORDERS = ("2", "2-full")
 #: least Jacobian determinant of a cell, over its mean (`validity`), that curved edges may leave
 _LEAST = 0.2
 _ROUNDING = 1e-9
-
-
-@dataclass(frozen=True)
-class _Wanted:
-    """Nodes of order 2 that the cells of a block need: `corners` (m, c) sorted, and the column they go to."""
-
-    block: int
-    column: int
-    corners: Ints
-    known: Ints  # (m,) the node there already, or -1
 
 
 def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True, surface: str = "smooth") -> Mesh:
@@ -74,19 +63,12 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True, surfac
     if is_cut(mesh):
         raise CutError("this mesh carries a cut, whose macro-elements depend on the order; elevate the order, then cut")
     targets = [_target(block.type, ORDERS.index(order)) for block in mesh.blocks]
-    wanted = [w for k, target in enumerate(targets) for w in _wanted(mesh.blocks[k], k, target)]
-    raised = [_widen(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
-    new_nodes = _place(mesh, wanted, raised, targets)
-    blocks = tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True))
-    new = replace(mesh, blocks=blocks, **nodes_of(mesh, new_nodes, extend))
-    if mesh.deck is not None:
-        none = np.empty(0, np.int64)
-        new = replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes) if extend else ()))
-    if "entity" in new.node_data and "entity" in new.cell_data:
-        entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
-        cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))
-        entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)
-        new = replace(new, node_data={**new.node_data, "entity": entity})
+    raised = [_widened(block, target) for block, target in zip(mesh.blocks, targets, strict=True)]
+    new_nodes = _middles(mesh, raised).parts
+    new = replace(mesh, blocks=tuple(raised), **nodes_of(mesh, new_nodes, extend))
+    rows = np.split(np.arange(mesh.n_cells), mesh.offsets[1:-1])
+    cells = ((block.type, block.nodes, index) for block, index in zip(raised, rows, strict=True))
+    new = with_node_entities(new, mesh, cells)
     if new_nodes and mesh.model is not None and mesh.model.periodic:
         message = "the mesh has periodic links: the new nodes on them have no periodic partner"
         warnings.warn(message, LacmeshWarning, stacklevel=2)
@@ -132,55 +114,44 @@ def _target(name: str, full: int) -> str:
     return raised if CELLS[raised].n_nodes > cell.n_nodes else name
 
 
-def _wanted(block: Block, k: int, target: str) -> list[_Wanted]:
-    cell = CELLS.get(target)
-    if cell is None:
-        return []
-    has = block.nodes.shape[1]
-    out = []
-    for column in range(cell.n_corners, cell.n_nodes):
-        corners = np.sort(block.nodes[:, cell.corners_of_node[column]], axis=1)
-        known = block.nodes[:, column] if column < has else np.full(len(block.nodes), -1)
-        out.append(_Wanted(k, column, corners, known))
-    return out
-
-
-def _widen(block: Block, target: str) -> Ints:
+def _widened(block: Block, target: str) -> Block:
+    """Return the cells as those of another type, with -1 for the nodes that they lack."""
     if target == block.type:
-        return block.nodes
+        return block
     nodes = np.full((len(block.nodes), CELLS[target].n_nodes), -1, np.int64)
     nodes[:, : block.nodes.shape[1]] = block.nodes
-    return nodes
+    return Block(target, nodes)
 
 
-def _place(mesh: Mesh, wanted: list[_Wanted], raised: list[Ints], targets: list[str]) -> list[NewNodes]:
-    """Write the id of every wanted node into `raised`; the first cell that needs a missing node creates it."""
-    new_nodes: list[NewNodes] = []
-    next_id = mesh.n_nodes
-    for width in sorted({w.corners.shape[1] for w in wanted}):  # edges, then faces, then cells
-        alike = [w for w in wanted if w.corners.shape[1] == width]
-        labels, count = label_rows(np.vstack([w.corners for w in alike]))
-        known = np.concatenate([w.known for w in alike])
-        node = np.full(count, -1, np.int64)
-        node[labels[known >= 0]] = known[known >= 0]
-        for w, mine in zip(alike, np.split(labels, np.cumsum([len(w.known) for w in alike])[:-1]), strict=True):
-            absent = np.flatnonzero(node[mine] < 0)
-            _, first = np.unique(mine[absent], return_index=True)
-            rows = absent[np.sort(first)]
-            ids = next_id + np.arange(len(rows))
-            node[mine[rows]] = ids
-            next_id += len(rows)
+def _middles(mesh: Mesh, raised: list[Block]) -> NodeList:
+    """Write the index of every node that cells lack into `raised`; the first cell that needs a node creates it."""
+    # (block, column, corners (m, c) sorted, node (m,) that is there already or -1): nodes on edges, faces and in cells
+    places = [
+        (k, column, np.sort(block.nodes[:, corners], axis=1), block.nodes[:, column])
+        for k, block in enumerate(raised)
+        if block.type in CELLS
+        for column, corners in enumerate(CELLS[block.type].corners_of_node)
+        if column >= CELLS[block.type].n_corners
+    ]
+    new_nodes = NodeList(mesh.n_nodes)
+    for width in sorted({corners.shape[1] for _, _, corners, _ in places}):  # edges, then faces, then cells
+        alike = [place for place in places if place[2].shape[1] == width]
+        labels, count = label_rows(np.vstack([corners for _, _, corners, _ in alike]))
+        known = np.concatenate([node for *_, node in alike])
+        nodes = np.full(count, -1, np.int64)
+        nodes[labels[known >= 0]] = known[known >= 0]
+        splits = np.cumsum([len(node) for *_, node in alike])[:-1]
+        for (k, column, _, node), mine in zip(alike, np.split(labels, splits), strict=True):
+            absent = np.flatnonzero(nodes[mine] < 0)
+            rows = absent[np.sort(np.unique(mine[absent], return_index=True)[1])]
             if len(rows):
-                new_nodes.append(_nodes_at(mesh.blocks[w.block], CELLS[targets[w.block]], w.column, rows, ids))
-            if targets[w.block] != mesh.blocks[w.block].type:
-                raised[w.block][:, w.column] = np.where(w.known >= 0, w.known, node[mine])
+                target, sources = CELLS[raised[k].type], mesh.blocks[k].nodes[rows]
+                at, on = np.array([target.reference[column]]), sources[:, target.corners_of_node[column]]
+                nodes[mine[rows]] = new_nodes.add(mesh.blocks[k].type, sources, at, on)[:, 0]
+            lacks = node < 0
+            if lacks.any():
+                raised[k].nodes[lacks, column] = nodes[mine[lacks]]
     return new_nodes
-
-
-def _nodes_at(block: Block, target: Cell, column: int, rows: Ints, ids: Ints) -> NewNodes:
-    sources = block.nodes[rows]
-    on = sources[:, target.corners_of_node[column]]
-    return NewNodes(block.type, sources, np.array([target.reference[column]]), ids[:, None], on)
 
 
 def _merge_blocks(mesh: Mesh) -> Mesh:

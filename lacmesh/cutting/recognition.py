@@ -1,49 +1,45 @@
-"""Recognition of the macro-elements of a cut without records, from the faces alone, whatever program made the cut.
+"""The cut that slave faces have already: by the records of their mesh or, on request, by the patterns of its faces.
 
-A macro-element is recognised by its pattern: faces around a node (cone) or around a face (ring) of the skin that list
-their nodes as the pattern's children do, with the new nodes where the pattern puts them on the map of the outline.
-This is sufficient for the cone on a triangle and the ring on a quadrangle. The cone on a quadrangle also looks like a
-quadrangle that a mesher divided by its diagonals: it counts only if a pyramid lies behind it, or if nodes and faces are
-numbered as a cut numbers them. Segments are recognised from their parent cells (`regroup.py`). Faces that a cut leaves
-whole (SEG3, TRIA7, QUAD9) are macro-elements as they are.
-
-A mesh is recognised as cut if every slave face is part of a macro-element; its nodes must not have been moved since. A
-mesher may make similar faces (an O-grid, triangles split at their centroids), so that two marks of a cut are required
-as well: rings have the half-width 1/3, and the nodes that the cut made are the last of the mesh. If they are missing,
-`doubt` says so, and the faces are recognised only on request.
+A macro-element is recognised where faces list their nodes as the children of a pattern do (`patterns.face_pattern`),
+with the new nodes where the pattern puts them on the map of the outline, whatever program made the cut and numbered it.
+The position of a node on a line is no evidence: segments must also have the cells of a cut behind them. Faces that a
+cut leaves whole (SEG3, TRIA7, QUAD9) are macro-elements as they are. The nodes must not have been moved since the cut.
+A mesher may make such faces too: a mesh without records is uncut unless the user requests recognition.
 """
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
-from lacmesh.cutting.patterns import (
-    CONE,
-    RING,
-    RING_PARENTS,
-    WHOLE,
-    WHOLE_FACES,
-    face_pattern,
-    internal_points,
-    parent_pattern,
-)
-from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, with_records
-from lacmesh.cutting.regroup import regroup_segments
-from lacmesh.cutting.select import SlaveSkin
-from lacmesh.mesh import Ints, Mesh, mask_of, places_of
+from lacmesh.cutting.patterns import CONE, RING, WHOLE, WHOLE_FACES, face_pattern, internal_points
+from lacmesh.cutting.records import CELL_RECORDS, Cut, Origin, is_cut, with_records
+from lacmesh.cutting.select import SlaveSkin, slave_skin
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, concatenated, mask_of, places_of, spec_list
 from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, TYPE_CODE, Faces, cells_of_dim, distinct_faces, find_owners
+from lacmesh.topology.skin import (
+    TYPE_CODE,
+    Bools,
+    FaceIncidence,
+    Faces,
+    cells_of_dim,
+    distinct_edges,
+    find_owners,
+    find_repeats,
+    neighbours,
+)
 
 #: how far a node may stand from its place, as a part of the outline's size: files keep as few as seven digits
 PLACE = 1e-5
+#: how far two consecutive segments of one macro-element may turn
+_TURN = 20 * PLACE
 _THIRD = 1 / 3
-#: what is in doubt where the places are those of a cut and the numbers are not
-NOT_LAST = "the last nodes of the mesh are not those that a cut would have made"
+_PATTERNS = [(face, CONE) for face in ("TRIA3", "TRIA6", "QUAD4", "QUAD8")] + [("QUAD4", RING), ("QUAD8", RING)]
 
 
 @dataclass(frozen=True)
@@ -56,23 +52,16 @@ class MacroGroup:
     frame: Ints
     ring: float = _THIRD
 
-    @property
-    def outline(self) -> Ints:
-        """(m, n): the nodes of the faces that were cut."""
-        return self.frame[:, : CELLS[self.face].n_nodes]
-
-    @property
-    def new(self) -> Ints:
-        """(m, p): the nodes that the cut put on them."""
-        return self.frame[:, CELLS[self.face].n_nodes :]
+    def take(self, rows: Ints | Bools) -> MacroGroup:
+        """Some of the macro-elements."""
+        return replace(self, parts=self.parts[rows], frame=self.frame[rows])
 
 
 @dataclass(frozen=True)
 class RecognisedCut:
     """Recognised macro-elements of a slave skin: its faces, each once, as `cells` (f,), their `zone` (f,), `families`.
 
-    `left`: rows of `cells` that belong to no macro-element. `doubt`: a sentence on what contradicts a cut; empty if
-    nothing does.
+    `left`: rows of `cells` that belong to no macro-element.
     """
 
     names: tuple[str, ...]
@@ -80,348 +69,252 @@ class RecognisedCut:
     zone: Ints
     families: tuple[MacroGroup, ...]
     left: Ints
-    doubt: str = ""
 
     @property
     def n_cut(self) -> int:
         """Number of faces that belong to macro-elements of several faces."""
         return sum(family.parts.size for family in self.families if family.kind != WHOLE)
 
-    @property
-    def complete(self) -> bool:
-        """True if the skin is cut and every face belongs to a macro-element."""
-        return self.n_cut > 0 and not len(self.left)
 
-    @property
-    def mostly_cut(self) -> bool:
-        """True if at least half of the faces look cut; fewer may do so by chance."""
-        return self.n_cut > 0 and 2 * self.n_cut >= len(self.cells)
+def earlier_cut(mesh: Mesh, slave: SlaveSkin, recognise: bool | None) -> Cut | None:
+    """Return the cut that some slave faces have already, or None if they are to be cut.
 
-    @property
-    def n_macros(self) -> int:
-        """Number of macro-elements."""
-        return sum(len(family.parts) for family in self.families)
+    `recognise`: as in `cut_skin`. Raises CutError if they are cut in part, or if a requested cut is not recognised.
+    """
+    if is_cut(mesh):
+        if recognise is not False:
+            return _recorded(mesh, slave)
+        message = f"the mesh is cut already: its records (zones {', '.join(mesh.zones)}) are replaced"
+        warnings.warn(message, LacmeshWarning, stacklevel=3)
+    if not recognise or not slave.names:
+        return None
+    recognised = find_macros(mesh, slave)
+    if len(recognised.left) or not recognised.n_cut:
+        left = recognised.cells[recognised.left]
+        message = (
+            f"no earlier cut is recognised on {', '.join(slave.names)} (cells {mesh.cell_names(left)} are in none)"
+        )
+        raise CutError(message, mesh.cell_number[left])
+    return as_cut(mesh, recognised)
+
+
+def recognise(mesh: MeshLike, slave: str | int | Sequence[str | int]) -> Cut | None:
+    """Recognise the cut of the slave groups of a mesh; return it with its records, or None if they are not cut.
+
+    Existing records are used as they are; without them the macro-elements are recognised from the faces and numbered
+    zone by zone, in the order of their first faces. The cells that the children replaced are unknown: `lac_parent` is
+    left out. A skin that is only partly cut gives None and a LacmeshWarning with the remaining faces. Raises
+    GroupNotFoundError and RequestError.
+
+    >>> from dataclasses import replace
+    >>> from lacmesh import cut_skin, read
+    >>> mesh = read("data/two_blocks.msh")
+    >>> bare = replace(cut_skin(mesh, "slave").mesh, cell_data={}, node_data={})
+    >>> recognise(bare, "slave").n_macros, recognise(mesh, "slave")
+    (36, None)
+    """
+    mesh, specs = as_mesh(mesh), spec_list(slave)
+    if is_cut(mesh):
+        return Cut(mesh)
+    if not specs:
+        raise RequestError("no slave group was given")
+    recognised = find_macros(mesh, slave_skin(mesh, specs))
+    if recognised.families and not len(recognised.left):
+        return as_cut(mesh, recognised)
+    if recognised.n_cut:
+        left = mesh.cell_names(recognised.cells[recognised.left])
+        message = f"the slave skin is cut in part: cells {left} belong to no macro-element of it"
+        warnings.warn(message, LacmeshWarning, stacklevel=2)
+    return None
+
+
+def _recorded(mesh: Mesh, slave: SlaveSkin) -> Cut:
+    """Return the cut that a mesh has records of. Raises CutError if a slave group has faces that are not cut."""
+    cut = Cut(mesh)
+    macro = cut.macro_of_face
+    covered = np.flatnonzero(macro >= 0)
+    skin = Faces.join((kind, nodes) for kind, _, nodes in mesh.select(covered))
+    for name in slave.names:
+        faces = mesh.cells_of(name)
+        faces = faces[mesh.cell_dim[faces] == mesh.cell_dim[covered].max()]
+        others = [(kind, nodes, cells) for kind, cells, nodes in mesh.select(faces[macro[faces] < 0])]
+        left = np.setdiff1d(faces[macro[faces] < 0], find_repeats(skin, others, mesh.n_nodes).cell)
+        if len(left) or not len(faces):
+            raise CutError(
+                f"this mesh is cut already (zones {', '.join(mesh.zones)}), but not everywhere on {name!r} "
+                f"(cells {mesh.cell_names(left)}); cut the mesh it came from, with every --slave at once",
+                mesh.cell_number[left],
+            )
+    return cut
 
 
 def find_macros(mesh: Mesh, slave: SlaveSkin) -> RecognisedCut:
-    """Recognise the macro-elements in some slave faces."""
+    """Recognise the macro-elements in some slave faces; none shares a face with another one."""
     cells, faces = slave.cells[slave.first], slave.faces
-    families = _families(mesh, faces, mesh.places_in_file(cells)) if len(cells) else ()
+    families = list(_families(mesh, faces, mesh.places_in_file(cells)))
+    count = np.bincount(np.concatenate([family.parts.ravel() for family in families]), minlength=len(faces))
+    families = [family.take((count[family.parts] == 1).all(axis=1)) for family in families]
     covered = mask_of(len(faces), *(family.parts for family in families))
-    doubt = _doubt(mesh, families, faces, cells)
-    return RecognisedCut(slave.names, cells, slave.zone[slave.first], families, np.flatnonzero(~covered), doubt)
-
-
-def _families(mesh: Mesh, faces: Faces, place: Ints) -> tuple[MacroGroup, ...]:
-    """Recognise the macro-elements among distinct faces; `place` (f,): the position of each face in the file."""
-    families = _whole(faces)
-    if (N_CORNERS[faces.type] == 2).any():
-        families += [
-            MacroGroup("SEG2", kind, parts, nodes, ring)
-            for kind, parts, nodes, ring in regroup_segments(mesh, faces, place, PLACE)
-        ]
-    else:
-        families += _cones(mesh, faces, place) + _rings(mesh, faces, place)
-    return tuple(_without_conflicts([f for f in families if len(f.parts)], len(faces)))
+    present = tuple(family for family in families if len(family.parts))
+    return RecognisedCut(slave.names, cells, slave.zone[slave.first], present, np.flatnonzero(~covered))
 
 
 def as_cut(mesh: Mesh, recognised: RecognisedCut) -> Cut:
     """Return the recognised macro-elements as a cut, in which no cell is known to replace another."""
-    zone_of = [recognised.zone[family.parts[:, 0]] for family in recognised.families]
-    first = [recognised.cells[family.parts[:, 0]] for family in recognised.families]
-    order = np.lexsort((np.concatenate(first), np.concatenate(zone_of)))
+    first = np.concatenate([family.parts[:, 0] for family in recognised.families])
+    order = np.lexsort((recognised.cells[first], recognised.zone[first]))
     number = places_of(order, len(order), np.int32)
     macro, zone, child = (np.full(mesh.n_cells, -1, np.int32) for _ in range(3))
     internal = np.full(mesh.n_nodes, -1, np.int32)
-    done = 0
-    for family, mine in zip(recognised.families, zone_of, strict=True):
-        ids = number[done : done + len(family.parts)]
-        done += len(ids)
+    for family in recognised.families:
+        ids, number = np.split(number, [len(family.parts)])
         cells = recognised.cells[family.parts]
-        macro[cells], zone[cells] = ids[:, None], mine[:, None]
+        macro[cells], zone[cells] = ids[:, None], recognised.zone[family.parts[:, :1]]
         child[cells] = np.arange(1, cells.shape[1] + 1)
-        internal[family.frame[:, _carriers(family)]] = ids[:, None]
+        if family.kind == WHOLE:
+            carriers = np.array([WHOLE_FACES[family.face]])
+        else:
+            carriers = CELLS[family.face].n_nodes + internal_points(family.face, family.kind, family.ring)
+        internal[family.frame[:, carriers]] = ids[:, None]
     records = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
     origin = Origin(np.arange(mesh.n_cells), np.arange(mesh.n_nodes), np.empty(0, np.int64))
     return Cut(with_records(mesh, records, internal, recognised.names), origin)
 
 
-def _carriers(family: MacroGroup) -> list[int]:
-    """Positions in the frame of the nodes that carry an internal dof."""
-    if family.kind == WHOLE:
-        return [WHOLE_FACES[family.face]]
-    n = CELLS[family.face].n_nodes
-    return [n + int(p) for p in internal_points(family.face, family.kind, family.ring)]
+def _families(mesh: Mesh, faces: Faces, place: Ints) -> Iterator[MacroGroup]:
+    """Yield the macro-elements among distinct faces, by pattern; `place` (f,): the place of each face in the file."""
+    for face in WHOLE_FACES:
+        rows = np.flatnonzero(faces.type == TYPE_CODE[face])
+        yield MacroGroup(face, WHOLE, rows[:, None], faces.nodes[rows][:, : CELLS[face].n_nodes])
+    yield from _segments(mesh, faces)
+    across = neighbours(faces)
+    for face, kind in _PATTERNS:
+        family = _walked(faces, across, face, kind)
+        around = family.parts[:, : CELLS[face].n_corners]
+        family = family.take(place[around].argmin(axis=1) == 0)  # E1 is the first in the file
+        yield _in_place(mesh, family)
 
 
-def _whole(faces: Faces) -> list[MacroGroup]:
-    rows = {name: np.flatnonzero(faces.type == TYPE_CODE[name]) for name in WHOLE_FACES}
-    return [MacroGroup(n, WHOLE, r[:, None], faces.nodes[r][:, : CELLS[n].n_nodes]) for n, r in rows.items()]
+def _walked(faces: Faces, across: Ints, face: str, kind: str) -> MacroGroup:
+    """Return the faces that fit into the frame of a pattern, each macro-element once for every face it may start with.
 
-
-def _without_conflicts(families: list[MacroGroup], n_faces: int) -> list[MacroGroup]:
-    """Remove the macro-elements that share a face with another one."""
-    count = np.zeros(n_faces, np.int64)
-    for family in families:
-        np.add.at(count, family.parts.ravel(), 1)
-    kept = [(f, (count[f.parts] == 1).all(axis=1)) for f in families]
-    return [replace(f, parts=f.parts[ok], frame=f.frame[ok]) for f, ok in kept if ok.any()]
-
-
-# ---- what only a cut has
-
-
-def _doubt(mesh: Mesh, families: tuple[MacroGroup, ...], faces: Faces, cells: Ints) -> str:
-    """Reason to doubt that the faces were cut, as a sentence; "" if none. `families`: parts of `faces`, of `cells`."""
-    cut_groups = [family for family in families if family.kind != WHOLE]
-    if not cut_groups:
-        return ""
-    odd = [family.ring for family in cut_groups if family.kind == RING and family.ring != _THIRD]
-    if odd:
-        return f"their inner faces have a half-width of {odd[0]:.4g}, and those of a cut have 1/3"
-    if _new_nodes_last(mesh, cut_groups, faces, cells) or _new_nodes_last(mesh, *_all_made(mesh, faces)):
-        return ""
-    return NOT_LAST
-
-
-def _all_made(mesh: Mesh, faces: Faces) -> tuple[list[MacroGroup], Faces, Ints]:
-    """Recognise the macro-elements of the whole skin, whatever the group; return (families, faces, their cells).
-
-    The nodes made by the cuts of other groups may lie, in the numbering, among those of the groups asked for.
+    Each face is tried as the first child; the others follow across their common edges. `across`: `neighbours`.
     """
-    dim = CELLS[FACE_TYPES[faces.type[0]]].dim
-    cells = np.sort(np.concatenate([cells for kind, _, cells in cells_of_dim(mesh, dim) if kind in TYPE_CODE]))
-    skin, first = distinct_faces(mesh, cells)
-    families = _families(mesh, skin, mesh.places_in_file(cells[first]))
-    return [family for family in families if family.kind != WHOLE], skin, cells[first]
-
-
-def _new_nodes_last(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces, cells: Ints) -> bool:
-    """True if the new nodes are the last of the mesh, or of each entity of the skin (gmsh renumbers by entity)."""
-    return bool(cut_groups) and (_last_of_mesh(mesh, cut_groups, faces) or _last_of_entities(mesh, cut_groups, cells))
-
-
-def _last_of_mesh(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces) -> bool:
-    """True if the last of the nodes that cells use are those that the cut made on its faces and behind them.
-
-    Their number, and the number of cells with such nodes, must agree with the new nodes and children of the cut.
-    """
-    dim = CELLS[cut_groups[0].face].dim
-    used = mask_of(mesh.n_nodes, *(nodes for _, nodes, _ in (*cells_of_dim(mesh, dim), *cells_of_dim(mesh, dim + 1))))
-    least, most = _n_made(mesh, cut_groups, faces)
-    number = mesh.node_number
-    first_new = min(number[f.new].min() for f in cut_groups)
-    last_old = max(number[f.outline].max() for f in cut_groups)
-    first_made = min(first_new, np.sort(number[used])[-least[0] :][0])
-    young = used & (number >= first_made)
-    n_cells = sum(np.count_nonzero(young[nodes].any(axis=1)) for _, nodes, _ in cells_of_dim(mesh, dim + 1))
-    return bool(first_made > last_old and np.count_nonzero(young) <= most[0] and least[1] <= n_cells <= most[1])
-
-
-def _last_of_entities(mesh: Mesh, cut_groups: list[MacroGroup], cells: Ints) -> bool:
-    """True if each macro-element lies in one entity of msh, and the new nodes of an entity follow all its others."""
-    entity = mesh.entity_of_cell
-    if not len(entity) or any((np.ptp(entity[cells[f.parts], 1], axis=1) > 0).any() for f in cut_groups):
-        return False
-    new = mask_of(mesh.n_nodes, *(family.new for family in cut_groups))
-    skin = [(entity[cells, 1], nodes) for _, nodes, cells in cells_of_dim(mesh, CELLS[cut_groups[0].face].dim)]
-    tag = np.concatenate([np.repeat(tags, nodes.shape[1]) for tags, nodes in skin])
-    node = np.concatenate([nodes.ravel() for _, nodes in skin])
-    order = np.lexsort((mesh.node_number[node], tag))
-    tag, late = tag[order], new[node[order]]
-    return not (late[:-1] & ~late[1:] & (tag[:-1] == tag[1:])).any()
-
-
-def _n_made(mesh: Mesh, cut_groups: list[MacroGroup], faces: Faces) -> tuple[Ints, Ints]:
-    """Bounds (2,), (2,): least and largest numbers of new nodes, and of new cells behind the faces, that a cut made.
-
-    Each face replaces one cell by children: the first slave face of a parent replaces the parent, each further one
-    replaces one of the children.
-    """
-    least, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    for f in cut_groups:
-        first = faces.take(f.parts[:, 0])
-        behind = len(find_owners(first, cells_of_dim(mesh, CELLS[f.face].dim + 1), mesh.n_nodes).face)
-        counts = _n_behind(f.face, f.kind)
-        least += [f.new.size, min(behind, 1 - int(least[1] > 0))]
-        most += [f.new.size, 0]
-        least += behind * (counts.min(axis=0) - [0, 1])
-        most += behind * counts.max(axis=0)
-    return least, most
-
-
-@cache
-def _n_behind(face: str, kind: str) -> Ints:
-    """(p, 2): numbers of new nodes inside and of children, for each possible parent of a face with this cut."""
-    parents = [name for name in CELLS if kind != RING or name in RING_PARENTS]
-    facets = [(name, j) for name in parents for j, f in enumerate(CELLS[name].facets) if f.type == face]
-    patterns = [parent_pattern(name, j, kind) for name, j in facets]
-    return np.array([(len(p.inside), p.n_children) for p in patterns])
-
-
-# ---- cones: triangles around a node
-
-
-def _cones(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
-    """Recognise cones on triangles and quadrangles: nodes with exactly three or four triangles around them."""
-    valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
-    out = []
-    for name in ("TRIA3", "TRIA6"):
-        rows = np.flatnonzero(faces.type == TYPE_CODE[name])
-        if not len(rows):
-            continue
-        corners = faces.nodes[rows, :3]
-        few = (valence[corners] == 3) | (valence[corners] == 4)
-        if not few.any():
-            continue
-        at, corner = np.nonzero(few)
-        node = corners[at, corner]
-        order = np.lexsort((place[rows[at]], node))
-        node, face, corner = node[order], rows[at[order]], corner[order]
-        same_type = np.bincount(node, minlength=mesh.n_nodes)[node] == valence[node]
-        for n, outline in ((3, "TRIA"), (4, "QUAD")):
-            mine = same_type & (valence[node] == n)
-            parts, last = face[mine].reshape(-1, n), corner[mine].reshape(-1, n)
-            family = _fan(faces, parts, last, f"{outline}{n if name == 'TRIA3' else 2 * n}")
-            family = _in_place(mesh, family)
-            out.append(family if n == 3 else _take(family, _surely_cut(mesh, family, place)))
-    return out
-
-
-def _fan(faces: Faces, parts: Ints, last: Ints, face: str) -> MacroGroup:
-    """Keep the closed fans of triangles, sorted E1, E2, ... (E1 is the first in the file).
-
-    `parts` (m, n): the triangles around each centre; `last` (m, n): the corner of each that is the centre.
-    """
-    m, n = parts.shape
-    pattern = face_pattern(face, CONE)
-    children = pattern.children[0]
-    listed = _rolled(faces.nodes[parts], (last + 1) % 3, 3, children.nodes.shape[1])
-    order = np.zeros((m, n), np.int64)
-    good = np.ones(m, bool)
-    rows = np.arange(m)
-    for k in range(1, n):
-        follows = listed[:, :, 0] == listed[rows, order[:, k - 1], 1][:, None]
-        good &= follows.sum(axis=1) == 1
-        order[:, k] = follows.argmax(axis=1)
-    parts = np.take_along_axis(parts, order, axis=1)
-    listed = np.take_along_axis(listed, order[:, :, None], axis=1)
-    return _framed(face, CONE, parts[good], listed[good], _THIRD)
-
-
-def _rolled(nodes: Ints, start: Ints, n_corners: int, n_nodes: int) -> Ints:
-    """List the nodes of faces (m, k, 9) from another corner, `start` (m, k), and their mid-nodes accordingly."""
-    turn = (np.arange(n_corners) + start[..., None]) % n_corners
-    both = turn if n_nodes == n_corners else np.concatenate([turn, turn + n_corners], axis=-1)
-    return np.take_along_axis(nodes, both, axis=-1)
-
-
-def _framed(face: str, kind: str, parts: Ints, listed: Ints, ring: float) -> MacroGroup:
-    """Keep the macro-elements whose faces, with nodes `listed` (m, k, n) as in the pattern, fit into one frame."""
-    pattern = face_pattern(face, kind, ring)
-    children = pattern.children[0]
+    children = face_pattern(face, kind).children[0]
     places = children.nodes[np.argsort(children.rank)]
-    frame = np.full((len(parts), CELLS[face].n_nodes + len(pattern.on_face)), -1, np.int64)
-    frame[:, places.ravel()] = listed.reshape(len(parts), places.size)
-    fits = (frame[:, places] == listed).all(axis=(1, 2)) if len(parts) else np.zeros(0, bool)
-    return MacroGroup(face, kind, parts[fits], frame[fits], ring)
+    n, width = CELLS[children.type].n_corners, len(places[0])
+    rows, start = np.nonzero((faces.type == TYPE_CODE[children.type])[:, None] & np.ones(n, bool))
+    parts, starts = rows[:, None], start[:, None]
+    frame = np.full((len(rows), int(places.max()) + 1), -1, np.int64)
+    frame[:, places[0]] = _listed(faces.nodes[rows], start, n, width)
+    edges: dict[tuple[int, int], tuple[int, int]] = {}  # (from, to): the child that lists it so, and its place there
+    for c, corners in enumerate(places[:, :n].tolist()):
+        if c:
+            j, (p, i) = next((j, edges[e]) for j in range(n) if (e := (corners[(j + 1) % n], corners[j])) in edges)
+            row = across[parts[:, p], (starts[:, p] + i) % n]
+            start = ((faces.nodes[row, :n] == frame[:, corners[j]][:, None]).argmax(axis=1) - j) % n
+            nodes = _listed(faces.nodes[row], start, n, width)
+            known = frame[:, places[c]]
+            fits = (row >= 0) & (faces.type[row] == TYPE_CODE[children.type])
+            fits &= ((known == nodes) | (known < 0)).all(axis=1)
+            frame[:, places[c]] = nodes
+            parts, starts = np.column_stack([parts, row])[fits], np.column_stack([starts, start])[fits]
+            frame = frame[fits]
+        edges |= {(corners[i], corners[(i + 1) % n]): (c, i) for i in range(n)}
+    return MacroGroup(face, kind, parts, frame)
+
+
+def _listed(nodes: Ints, start: Ints, n: int, width: int) -> Ints:
+    """List the nodes of faces (m, 9) with n corners from another corner, `start` (m,), and their mid-nodes likewise."""
+    turned = (start[:, None] + np.arange(n)) % n
+    return np.take_along_axis(nodes, np.hstack([turned, turned + n])[:, :width], axis=1)
 
 
 def _in_place(mesh: Mesh, family: MacroGroup) -> MacroGroup:
     """Keep the macro-elements whose new nodes lie where the pattern puts them on the map of the outline."""
-    n = CELLS[family.face].n_nodes
-    at = face_pattern(family.face, family.kind, family.ring).on_face
+    cell = CELLS[family.face]
     x = mesh.points[family.frame]
-    expected = np.einsum("pn,mnd->mpd", shape(family.face, at), x[:, :n])
-    outline = x[:, : CELLS[family.face].n_corners]
+    if family.kind == RING:  # one half-width for the whole cut: the median of inner over outer diagonal or length
+        far, inner = cell.n_corners // 2, x[:, cell.n_nodes :]
+        outer = x[:, far] - x[:, 0]
+        size = (outer * outer).sum(axis=1)
+        ratio = ((inner[:, far] - inner[:, 0]) * outer).sum(axis=1) / np.where(size > 0, size, np.inf)
+        half = float(np.median(ratio)) if len(ratio) else _THIRD
+        family = replace(family, ring=_THIRD if not 0 < half < 1 or abs(half - _THIRD) < 1e-3 else round(half, 9))
+    at = face_pattern(family.face, family.kind, family.ring).on_face
+    expected = np.einsum("pn,mnd->mpd", shape(family.face, at), x[:, : cell.n_nodes])
+    outline = x[:, : cell.n_corners]
     size = np.linalg.norm(outline.max(axis=1) - outline.min(axis=1), axis=1)
-    off = np.linalg.norm(x[:, n:] - expected, axis=2).max(axis=1, initial=0)
-    return _take(family, off <= PLACE * size)
+    off = np.linalg.norm(x[:, cell.n_nodes :] - expected, axis=2).max(axis=1, initial=0)
+    return family.take(off <= PLACE * size)
 
 
-def _take(family: MacroGroup, rows: NDArray[np.bool_]) -> MacroGroup:
-    return replace(family, parts=family.parts[rows], frame=family.frame[rows])
+# ---- segments: two behind which a cut leaves triangles, or three behind which it leaves quadrangles
 
 
-def _surely_cut(mesh: Mesh, family: MacroGroup, place: Ints) -> NDArray[np.bool_]:
-    """True for fans of four triangles made by a cut, not by a mesher.
+def _segments(mesh: Mesh, faces: Faces) -> list[MacroGroup]:
+    """Recognise the macro-elements among SEG2: of each straight chain, the first two or three segments, and so on."""
+    rows = np.flatnonzero(faces.type == TYPE_CODE["SEG2"])
+    if not len(rows):
+        return []
+    segments = faces.take(rows)
+    start, stop = segments.nodes[:, :2].T
+    owners = find_owners(segments, cells_of_dim(mesh, 2), mesh.n_nodes)
+    quad = np.array([block.type == "QUAD4" for block in mesh.blocks])
+    quad = quad[np.searchsorted(mesh.offsets, owners.cell, side="right") - 1]
+    behind, quads = (np.bincount(of, minlength=len(rows)) for of in (owners.face, owners.face[quad]))
+    size = np.where((behind > 0) & (quads == behind), 3, 2)
+    way = mesh.points[stop] - mesh.points[start]
+    way /= np.maximum(np.linalg.norm(way, axis=1), 1e-300)[:, None]
+    passed = (np.bincount(start, minlength=mesh.n_nodes) == 1) & (np.bincount(stop, minlength=mesh.n_nodes) == 1)
+    following = np.where(passed[stop], places_of(start, mesh.n_nodes)[stop], -1)
+    alike = (size[following] == size) & (behind[following] == behind)
+    following[~alike | (np.linalg.norm(way[following] - way, axis=1) > _TURN)] = -1
+    chains = np.column_stack([np.arange(len(rows)), following, following[following]])
+    chains[following < 0, 2] = -1
+    first = np.zeros(len(rows), bool)
+    after, sizes = following.tolist(), size.tolist()
+    for segment in np.setdiff1d(np.arange(len(rows)), following).tolist():  # the heads of chains
+        place = 0
+        while segment >= 0:
+            first[segment] = place % sizes[segment] == 0
+            segment, place = after[segment], place + 1
+    pairs, triples = chains[first & (size == 2), :2], chains[first & (size == 3)]
+    pairs, triples = (parts[(parts >= 0).all(axis=1)] for parts in (pairs, triples))
+    frame = np.column_stack([start[pairs[:, 0]], stop[pairs[:, 1]], stop[pairs[:, 0]]])
+    cones = _in_place(mesh, MacroGroup("SEG2", CONE, pairs, frame))
+    frame = np.column_stack([start[triples[:, 0]], stop[triples[:, 2]], stop[triples[:, :2]]])
+    rings = _in_place(mesh, MacroGroup("SEG2", RING, triples, frame))
+    cones, rings = _with_children(mesh, cones, behind[cones.parts[:, 0]], rings, owners)
+    return [replace(family, parts=rows[family.parts]) for family in (cones, rings)]
 
-    Either the apex of a pyramid is at the centre, or the numbering is that of a cut, which numbers new nodes after all
-    old ones and puts the children of a face in its place in the file.
+
+def _with_children(
+    mesh: Mesh, cones: MacroGroup, behind: Ints, rings: MacroGroup, owners: FaceIncidence
+) -> tuple[MacroGroup, MacroGroup]:
+    """Keep the macro-elements with the cells of a cut behind them; `behind`: the number of cells behind each cone.
+
+    The new node of a cone has two triangles on each side, three in a quadrangle, which a cut divides so at an interface
+    or beside another cut. The two new nodes in a quadrangle behind a ring have three cells. Each new node nearby, of a
+    later cut of the same cell, adds one.
     """
-    n = CELLS[family.face].n_corners
-    centre = family.frame[:, CELLS[family.face].n_nodes]
-    apex = np.zeros(mesh.n_nodes, bool)
-    for block in mesh.blocks:
-        if CELLS[block.type].family == "PYRAM" if block.type in CELLS else False:
-            apex[block.nodes[:, 4]] = True
-    late = (centre[:, None] > family.frame[:, :n]).all(axis=1)
-    together = (np.diff(np.sort(place[family.parts], axis=1), axis=1) == 1).all(axis=1)
-    return apex[centre] | (late & together)
-
-
-# ---- rings: quadrangles around a quadrangle
-
-
-def _rings(mesh: Mesh, faces: Faces, place: Ints) -> list[MacroGroup]:
-    """Recognise rings around quadrangles: at each corner of the inner one, exactly three faces of the skin meet."""
-    valence = np.bincount(faces.corners[faces.corners >= 0], minlength=mesh.n_nodes)
-    out = []
-    for name in ("QUAD4", "QUAD8"):
-        rows = np.flatnonzero(faces.type == TYPE_CODE[name])
-        corners = faces.nodes[rows, :4]
-        centre = np.flatnonzero((valence[corners] == 3).all(axis=1))
-        if len(centre):
-            inner_and_sides = _sides(mesh, faces, rows, centre)
-            if inner_and_sides is not None:
-                out.append(_ring_family(mesh, faces, place, name, *inner_and_sides))
-    return out
-
-
-def _sides(mesh: Mesh, faces: Faces, rows: Ints, centre: Ints) -> tuple[Ints, Ints] | None:
-    """(centres (m,), sides (m, 4)), rows of `faces`: inner quadrangles, and the neighbours across their four edges."""
-    corners = faces.nodes[rows, :4]
-    near = mask_of(mesh.n_nodes, corners[centre])
-    at, corner = np.nonzero(near[corners])
-    node = corners[at, corner]
-    order = np.argsort(node, kind="stable")
-    node, at = node[order], at[order]
-    known, start, count = np.unique(node, return_index=True, return_counts=True)
-    three = np.flatnonzero(count == 3)  # else a face of another type is there
-    around = np.full((mesh.n_nodes, 3), -1, np.int64) if len(three) else np.empty((0, 3), np.int64)
-    if not len(three):
-        return None
-    around[known[three]] = at[start[three][:, None] + np.arange(3)]
-    there = around[corners[centre]]  # (m, 4, 3)
-    following = np.roll(there, -1, axis=1)
-    shared = (there[..., None] == following[:, :, None, :]).any(axis=3)
-    shared &= (there != centre[:, None, None]) & (there >= 0)
-    good = (shared.sum(axis=2) == 1).all(axis=1)
-    side = np.take_along_axis(there, shared.argmax(axis=2)[..., None], axis=2)[..., 0]
-    return rows[centre[good]], rows[side[good]]
-
-
-def _ring_family(mesh: Mesh, faces: Faces, place: Ints, face: str, centre: Ints, sides: Ints) -> MacroGroup:
-    n_nodes = CELLS[face].n_nodes
-    first = place[sides].argmin(axis=1)
-    turn = (first[:, None] + np.arange(4)) % 4
-    sides = np.take_along_axis(sides, turn, axis=1)
-    inner = np.take_along_axis(faces.nodes[centre, :4], turn, axis=1)
-    # a side lists two corners of the outline, then the inner ones backwards
-    at = (faces.nodes[sides][:, :, :4] == np.roll(inner, -1, axis=1)[:, :, None]).argmax(axis=2)
-    listed = _rolled(faces.nodes[sides], (at + 2) % 4, 4, n_nodes)
-    middle = _rolled(faces.nodes[centre][:, None], first[:, None], 4, n_nodes)
-    parts = np.column_stack([sides, centre])
-    nodes = np.concatenate([listed, middle], axis=1)
-    half = _half_width(mesh, listed[:, 0, 0], listed[:, 2, 0], inner[:, 0], inner[:, 2])
-    return _in_place(mesh, _framed(face, RING, parts, nodes, half))
-
-
-def _half_width(mesh: Mesh, v1: Ints, v3: Ints, n1: Ints, n3: Ints) -> float:
-    """Half-width of the rings, one value for the whole cut: inner over outer diagonal, the median."""
-    outer, inner = mesh.points[v3] - mesh.points[v1], mesh.points[n3] - mesh.points[n1]
-    size = (outer * outer).sum(axis=1)
-    ratio = float(np.median((inner * outer).sum(axis=1) / np.where(size > 0, size, np.inf))) if len(size) else _THIRD
-    if not 0 < ratio < 1 or abs(ratio - _THIRD) < 1e-3:
-        return _THIRD
-    return round(ratio, 9)
+    parts = [(kind, nodes, cells) for kind, nodes, cells in cells_of_dim(mesh, 2) if kind in TYPE_CODE]
+    corners = Faces.join((kind, nodes) for kind, nodes, _ in parts).corners
+    place = places_of(concatenated(cells for *_, cells in parts), mesh.n_cells)
+    ring = places_of(rings.parts[:, 1], int(max(rings.parts.max(initial=0), owners.face.max(initial=0))) + 1)
+    ring = ring[owners.face]
+    plugs, ring = corners[place[owners.cell[ring >= 0]]], ring[ring >= 0]
+    on_face = (plugs[:, :, None] == rings.frame[ring, None, 2:]).any(axis=2)
+    node = np.concatenate([cones.frame[:, 2], plugs[~on_face]])
+    macro = np.concatenate([np.arange(len(behind)), len(behind) + np.repeat(ring, 2)])
+    least = np.concatenate([2 * behind, np.full(2 * len(ring), 3)])
+    count = np.bincount(corners[corners >= 0], minlength=mesh.n_nodes)[node]
+    label = np.full(mesh.n_nodes + 1, -1)  # one more, for the padding's -1
+    label[node] = macro
+    edges, _ = distinct_edges(corners[(label[corners] >= 0).sum(axis=1) > 1])
+    one, other = label[edges.T]
+    nearby = np.bincount(edges[(one >= 0) & (other >= 0) & (one != other)].ravel(), minlength=mesh.n_nodes)[node]
+    most = least + np.where((macro < len(behind)) & ((least == 4) | (nearby > 0)), least // 2, 0)
+    good = (count >= least) & (count - nearby <= most) & (np.bincount(node)[node] == 1)
+    wrong = mask_of(len(behind) + len(rings.parts), macro[~good & (least > 0)])
+    return cones.take(~wrong[: len(behind)]), rings.take(~wrong[len(behind) :])

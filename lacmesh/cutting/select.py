@@ -9,13 +9,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
 from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, concatenated, distinct
+from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import (
     TYPE_CODE,
@@ -82,94 +81,66 @@ def slave_skin(mesh: Mesh, specs: Sequence[str], *, skin_only: bool = False) -> 
 
     They have dimension d - 1 or, without any and with `skin_only`, the highest of their group.
     """
-    names = tuple(_name(mesh, spec) for spec in specs)
-    dims = [_skin_dim(mesh, name, skin_only) for name in names]
+    names, dims = [], []
+    for spec in specs:
+        members = mesh.cells_of(spec)  # an entity of msh is named by its numbers
+        entity = spec.startswith("entity:") and spec not in mesh.cell_groups
+        names.append(":".join(["entity", *(str(int(n)) for n in spec.split(":")[1:])]) if entity else mesh.group(spec))
+        of_skin = not skin_only and (mesh.cell_dim[members] == mesh.dim - 1).any()
+        dims.append(mesh.dim - 1 if of_skin else int(mesh.cell_dim[members].max(initial=0)))
     highest = max((dim for dim in dims if dim < 3), default=0)
     cells, zone, faces, first = skin_faces(mesh, [np.asarray(mesh.cells_of(name)) for name in names], highest)
     refusals = tuple(_refusals(mesh, names, dims, skin_only))
-    remarks = [_lower(mesh, name, dim) for name, dim in zip(names, dims, strict=True)]
-    remarks += [_empty_zones(names, zone), _duplicates(mesh, cells, first)]
-    return SlaveSkin(names, cells, zone, faces, first, refusals, tuple(filter(None, remarks)))
+    remarks = [
+        f"the slave group {name!r} also holds cells of lower dimension: they are left as they are"
+        for name, dim in zip(names, dims, strict=True)
+        if (mesh.cell_dim[mesh.cells_of(name)] < dim).any()
+    ]
+    empty = [name for k, name in enumerate(names) if not (zone == k).any()]
+    if empty:
+        remarks.append(
+            f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
+        )
+    if len(first) != len(cells):
+        copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
+        message = (
+            f"slave faces stand twice in the slave groups (cells {copies} repeat others): one macro-element each, "
+        )
+        remarks.append(f"{message}both copies cut")
+    return SlaveSkin(tuple(names), cells, zone, faces, first, refusals, tuple(remarks))
 
 
-def _name(mesh: Mesh, spec: str) -> str:
-    """Name of a slave group, or of an entity of msh, in the records of a cut."""
-    if not spec.startswith("entity:") or spec in mesh.cell_groups:
-        return mesh.group(spec)
-    mesh.cells_of(spec)
-    return ":".join(["entity", *(str(int(part)) for part in spec.split(":")[1:])])
-
-
-def _skin_dim(mesh: Mesh, name: str, skin_only: bool) -> int:
-    """Dimension of the cells of a group that are taken for its skin faces."""
-    dims = mesh.cell_dim[mesh.cells_of(name)]
-    return mesh.dim - 1 if not skin_only and (dims == mesh.dim - 1).any() else int(dims.max(initial=0))
-
-
-def _refusals(mesh: Mesh, names: tuple[str, ...], dims: list[int], skin_only: bool) -> Iterator[LacmeshError]:
+def _refusals(mesh: Mesh, names: list[str], dims: list[int], skin_only: bool) -> Iterator[LacmeshError]:
     """Yield the reasons why groups whose faces have the dimensions `dims` cannot be cut."""
     if not names:
         yield RequestError("no slave group was given")
     if len(set(names)) < len(names):
         yield RequestError(f"a slave group is given twice: {', '.join(names)}")
     for name, dim in zip(names, dims, strict=True):
-        yield from _refusals_of_group(mesh, name, dim, skin_only)
+        cells = mesh.cells_of(name)
+        if not len(cells):
+            yield CutError(f"the slave group {name!r} is empty")
+            continue
+        of = mesh.cell_dim[cells]
+        wrong = cells[(of < 1) | (of > 2)] if skin_only else cells[of > mesh.dim - 1]
+        odd = wrong if len(wrong) or skin_only or dim == mesh.dim - 1 else cells
+        if len(odd) and (of == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
+            message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
+            yield CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
+        elif len(odd):
+            needed = "1 or 2" if skin_only else f"{max(mesh.dim - 1, 1)}, one less than the cells behind it"
+            message = f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
+            message += f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension {needed}"
+            yield CutError(message, mesh.cell_number[odd])
+        for kind, which, _ in mesh.select(cells[of == dim]):
+            if kind not in CELLS:
+                message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
+                yield CutError(message, mesh.cell_number[which])
     if mesh.dim < 2:
         yield CutError(f"{lacking(mesh, 2)}: there is no skin to cut")
     if len(set(dims)) > 1:
-        yield CutError(
-            f"the slave groups {', '.join(names)} have faces of dimensions {sorted(set(dims))}; cut them apart"
-        )
-
-
-def _refusals_of_group(mesh: Mesh, name: str, dim: int, skin_only: bool) -> Iterator[CutError]:
-    """Yield the reasons why a group whose faces have dimension `dim` cannot be cut."""
-    cells = mesh.cells_of(name)
-    if not len(cells):
-        yield CutError(f"the slave group {name!r} is empty")
-        return
-    dims = mesh.cell_dim[cells]
-    wrong = cells[(dims < 1) | (dims > 2)] if skin_only else cells[dims > mesh.dim - 1]
-    odd = wrong if len(wrong) or skin_only or dim == mesh.dim - 1 else cells
-    if len(odd) and (dims == mesh.dim).any() and mesh.dim < mesh.space_dim and not skin_only:
-        message = f"the slave group {name!r} has nothing behind it: {lacking(mesh, mesh.dim + 1)}"
-        yield CutError(f"{message}; --skin-only cuts a shell", mesh.cell_number[odd])
-    elif len(odd):
-        yield CutError(
-            f"the slave group {name!r} holds cells of dimension {int(mesh.cell_dim[odd].max())} "
-            f"({mesh.cell_names(odd)}); a slave skin is made of faces of dimension "
-            + ("1 or 2" if skin_only else f"{max(mesh.dim - 1, 1)}, one less than the cells behind it"),
-            mesh.cell_number[odd],
-        )
-    for kind, which, _ in mesh.select(cells[dims == dim]):
-        if kind not in CELLS:
-            message = f"slave faces of type {kind} ({mesh.cell_names(which)}) cannot be cut"
-            yield CutError(message, mesh.cell_number[which])
-
-
-def _lower(mesh: Mesh, name: str, dim: int) -> str:
-    if not (mesh.cell_dim[mesh.cells_of(name)] < dim).any():
-        return ""
-    return f"the slave group {name!r} also holds cells of lower dimension: they are left as they are"
-
-
-def _empty_zones(names: tuple[str, ...], zone: Ints) -> str:
-    empty = [name for k, name in enumerate(names) if not (zone == k).any()]
-    return (
-        f"every face of {', '.join(empty)} is in an earlier slave group: no macro-element is of that zone"
-        if empty
-        else ""
-    )
-
-
-def _duplicates(mesh: Mesh, cells: Ints, first: Ints) -> str:
-    if len(first) == len(cells):
-        return ""
-    copies = mesh.cell_names(np.setdiff1d(cells, cells[first]))
-    return (
-        f"slave faces stand twice in the slave groups (cells {copies} repeat others): one macro-element each, both "
-        "copies cut"
-    )
+        groups = f"the slave groups {', '.join(names)} have faces of dimensions {sorted(set(dims))}"
+        yield CutError(f"{groups}; cut them apart")
 
 
 def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_only: bool) -> tuple[Mesh, Selection]:
@@ -209,46 +180,36 @@ def check_numbers(mesh: Mesh) -> None:
 def _check_parents(
     mesh: Mesh, faces: Faces, slave: Ints, parents: FaceIncidence, interface: str, skin_only: bool
 ) -> None:
-    def fail(which: Ints, message: str) -> None:
-        names = mesh.cell_names(slave[which])
-        raise CutError(f"slave faces {names} {message}", mesh.cell_number[slave[which]])
-
     count = np.bincount(parents.face, minlength=len(faces))
-    if skin_only:
-        if (count > 0).any():
-            fail(np.flatnonzero(count), "have cells behind them, which a cut of the skin only would tear apart")
-        return
-    if (count == 0).any():
-        fail(
-            np.flatnonzero(count == 0),
-            "have no parent cell; gmsh saves the cells of physical groups alone: is their body in one? "
-            "--skin-only cuts a surface without parent cells (a shell)",
-        )
-    if (count > 2).any():
-        fail(np.flatnonzero(count > 2), "have more than two cells behind them: the mesh is not a manifold there")
-    if not parents.same.all():
-        odd = np.unique(parents.face[~parents.same])
-        behind = mesh.cell_names(parents.cell[~parents.same])
-        fail(
-            odd, f"and the cells behind them ({behind}) do not have the same mid-nodes: elevate the order of both alike"
-        )
-    if interface == "refuse" and (count == 2).any():
-        fail(np.flatnonzero(count == 2), "lie between two cells; --interface both cuts both sides")
+    differs = mask_of(len(faces), parents.face[~parents.same])
+    behind = mesh.cell_names(parents.cell[~parents.same])
+    for wrong, why in (
+        (skin_only & (count > 0), "have cells behind them, which a cut of the skin only would tear apart"),
+        ((not skin_only) & (count == 0), "have no parent cell; gmsh saves the cells of physical groups alone: is their "
+         "body in one? --skin-only cuts a surface without parent cells (a shell)"),
+        (count > 2, "have more than two cells behind them: the mesh is not a manifold there"),
+        (differs, f"and the cells behind them ({behind}) do not have the same mid-nodes: elevate the order of both "
+         "alike"),
+        ((interface == "refuse") & (count == 2), "lie between two cells; --interface both cuts both sides"),
+    ):  # fmt: skip
+        if wrong.any():
+            cells = slave[wrong]
+            raise CutError(f"slave faces {mesh.cell_names(cells)} {why}", mesh.cell_number[cells])
 
 
 def _refuse_higher_order(mesh: Mesh, faces: Faces, dim: int) -> None:
     """Raise an error if a cell of order 3 or higher has a slave face or lies on one: such cells are never cut."""
-    corners = None
-    for kind, nodes, cells in (
-        b for d in (dim, dim + 1) for b in cells_of_dim(mesh, d) if b[0] in CARRIED and len(b[1])
-    ):
-        if corners is None:
-            corners = {tuple(sorted(c for c in row if c >= 0)) for row in faces.corners.tolist()}
-        own = nodes[:, : CARRIED[kind].n_corners]
-        for row in np.flatnonzero(np.count_nonzero(np.isin(own, faces.corners), axis=1) > dim):
-            sets = (s for n in {len(c) for c in corners} for s in combinations(sorted(own[row].tolist()), n))
-            if not corners.isdisjoint(sets):
-                message = (
-                    f"the {kind} {mesh.cell_number[cells[row]]} has a slave face, and cells of its order are not cut"
-                )
-                raise CutError(message, [mesh.cell_number[cells[row]]])
+    on, behind = (
+        [
+            (CARRIED[kind].linear, nodes[:, : CARRIED[kind].n_corners], cells)
+            for kind, nodes, cells in cells_of_dim(mesh, d)
+            if kind in CARRIED
+        ]
+        for d in (dim, dim + 1)
+    )
+    for owners in (find_repeats(faces, on, mesh.n_nodes), find_owners(faces, behind, mesh.n_nodes)):
+        if len(owners.cell):
+            cell = owners.cell.min()
+            kind = mesh.blocks[int(np.searchsorted(mesh.offsets, cell, side="right")) - 1].type
+            number = mesh.cell_number[cell]
+            raise CutError(f"the {kind} {number} has a slave face, and cells of its order are not cut", [number])

@@ -1,35 +1,61 @@
 """The split: a mesh divided along interior faces into two skins that touch, with the nodes between them doubled.
 
-    groups = the faces of each group, all of them once        (_groups)
-    sides = the cells on their sides a and b                  (topology.division)
-    nodes, opened = the copies of nodes, and who takes them   (topology.division)
-    children = the faces, and lower cells on them, doubled    (_doubled)
-    mesh = the mesh with all this, and the groups G_a, G_b
+    groups = the faces of each group, all of them once                   (_groups)
+    flipped = which of the two cells at each face is on its side a       (_second_is_a)
+    division = the copies of nodes, and the corners of cells with them   (_divide)
+    mesh = the cells with the copies, lower cells on them doubled        (_divided_mesh)
+    the groups G_a, G_b, outward                                         (_with_skins)
 
+Around a node, cells that share a facet are on one side, unless the mesh is divided along this facet. A node in the
+middle of the faces has two sides; one where several sheets of faces meet has more; one on the front, where the faces
+end inside the body, has one and stays closed. Cells that met at a node without a common facet still meet there.
 `docs/split.md` says how front edges and junctions are treated.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from lacmesh.cells import ALL_CELLS
-from lacmesh.cutting.assemble import assemble, nodes_of
-from lacmesh.cutting.records import Origin, is_cut
+from lacmesh.cells import ALL_CELLS, CARRIED
+from lacmesh.cutting.assemble import ChildCells, NewNodes, assemble, nodes_of
+from lacmesh.cutting.records import is_cut
 from lacmesh.cutting.select import check_numbers
-from lacmesh.cutting.subdivide import ChildCells, NewNodes
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError
-from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, positions, spec_list
-from lacmesh.topology.bodies import label_bodies
-from lacmesh.topology.division import Bools, CellNodes, FaceSides, divide, second_is_a
-from lacmesh.topology.facets import Solid
-from lacmesh.topology.orientation import analyse_orientation, reverse, skin_cells
-from lacmesh.topology.skin import FaceIncidence, Faces, cells_of_dim, distinct_faces, find_owners, find_repeats
+from lacmesh.mesh import Block, Ints, Mesh, MeshLike, as_mesh, mask_of, spec_list
+from lacmesh.topology.bodies import label_bodies, label_components
+from lacmesh.topology.facets import ALONE, FACETS, Solid, pair_facets
+from lacmesh.topology.orientation import (
+    ONE_SIDED,
+    OPEN,
+    analyse_orientation,
+    consistent_windings,
+    face_normals,
+    is_inverted,
+    relative_listing,
+    reverse,
+    skin_cells,
+)
+from lacmesh.topology.skin import (
+    Bools,
+    FaceIncidence,
+    Faces,
+    cells_of_dim,
+    distinct_faces,
+    facets_of,
+    find_owners,
+    find_repeats,
+)
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+#: means of normals, relative to the faces' area, below which a component counts as zero
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True)
@@ -57,6 +83,30 @@ class _Group(NamedTuple):
     face: Ints
 
 
+class _Division(NamedTuple):
+    """The cells `solid` around the faces with their nodes in the mesh and in the divided mesh, `old` and `new` (k, n).
+
+    Both are padded with -1. In the divided mesh the copies come after the old nodes; `copied` (c,): the node that each
+    copy repeats, ascending.
+    """
+
+    solid: Solid
+    old: Ints
+    new: Ints
+    copied: Ints
+
+    def places(self, cell: Ints, node: Ints) -> Ints:
+        """(p, c): places in `old`, flat, of nodes (p, c) in cells (p,); -1 where a cell does not have the node."""
+        row = np.searchsorted(self.solid.cells, cell)
+        here = (self.old[row][:, None] == node[:, :, None]) & (node >= 0)[:, :, None]
+        return np.where(here.any(axis=2), row[:, None] * self.old.shape[1] + here.argmax(axis=2), -1)
+
+    def renamed(self, cell: Ints, node: Ints) -> Ints:
+        """(p, c): nodes in the divided mesh of nodes (p, c), each row as a cell (p,) has them."""
+        place = self.places(cell, node)
+        return np.where(place >= 0, self.new.ravel()[place], node)
+
+
 def split(mesh: MeshLike, faces: str | int | Sequence[str | int]) -> Mesh:
     """Divide a mesh along the interior faces of a group G (or several) into two skins, the groups `G_a` and `G_b`.
 
@@ -80,24 +130,40 @@ def split(mesh: MeshLike, faces: str | int | Sequence[str | int]) -> Mesh:
 
 
 def split_skins(mesh: Mesh, specs: Sequence[str]) -> Split:
-    """Divide a mesh as `split` does, and return it with what was found at its nodes."""
+    """Divide a mesh as `split` does, and return it with the sides at its nodes."""
     if is_cut(mesh):
         raise CutError("this mesh carries a cut, whose skins a split would change; split the mesh before it is cut")
     check_numbers(mesh)
     groups, faces = _groups(mesh, specs)
     owners = find_owners(faces, cells_of_dim(mesh, mesh.dim), mesh.n_nodes)
     _check_owners(mesh, groups, faces, owners)
-    sides, exchanged = _sides(mesh, groups, faces, FaceSides.of(owners))
-    nodes, opened = divide(mesh, faces, sides)
+    known, flipped = (np.zeros(len(faces), bool) for _ in range(2))
+    by_group = []  # (m,) rows of faces and True where the second cell is on side a; a face's first group decides
+    for group in groups:
+        rows = np.unique(group.face)
+        try:
+            second = _second_is_a(mesh, faces.take(rows), owners.take((2 * rows[:, None] + np.arange(2)).ravel()))
+        except DataError as error:
+            raise DataError(f"the group {group.name!r} {error}", error.cells) from None
+        by_group.append((rows, second))
+        flipped[rows] = np.where(known[rows], flipped[rows], second)
+        known[rows] = True
+    division, opened = _divide(mesh, faces, [_side(owners, flipped), _side(owners, ~flipped)])
     closed = _closed(mesh, groups, opened)
-    groups = [group._replace(face=np.where(opened[group.face], group.face, -1)) for group in groups]
-    new, places = _divided(mesh, nodes)
+    if mesh.model is not None and mesh.model.periodic:
+        message = "the mesh has periodic links: the copies of nodes on them have no periodic partner"
+        warnings.warn(message, LacmeshWarning, stacklevel=3)
+    new = _divided_mesh(mesh, division)
     skins: dict[str, tuple[str, str]] = {}
-    for group, other in zip(groups, exchanged, strict=True):
-        new, skins[group.name] = _with_skins(new, group, sides.exchanged(other), places)
+    for group, (rows, second) in zip(groups, by_group, strict=True):
+        skins[group.name] = group.name + "_a", group.name + "_b"
+        at = opened[rows]
+        cells = [owners.cell[2 * rows[at] + side[at]] for side in (second, ~second)]
+        new = _with_skins(new, division, faces.take(rows[at]), cells, skins[group.name])
     on = faces.take(np.flatnonzero(opened)).distinct_nodes
-    n_sides = 1 + np.bincount(nodes.copied, minlength=mesh.n_nodes)[on]
-    return Split(new, skins, closed, n_sides, (_n_bodies(mesh), _n_bodies(new)))
+    n_sides = 1 + np.bincount(division.copied, minlength=mesh.n_nodes)[on]
+    bodies = [int(label_bodies([Solid.of(m).corners], m.n_nodes).max(initial=-1)) + 1 for m in (mesh, new)]
+    return Split(new, skins, closed, n_sides, (bodies[0], bodies[1]))
 
 
 def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
@@ -112,28 +178,22 @@ def _groups(mesh: Mesh, specs: Sequence[str]) -> tuple[list[_Group], Faces]:
     taken = [name + end for name in names for end in ("_a", "_b") if name + end in mesh.cell_groups]
     if taken:
         raise RequestError(f"the mesh has a group {taken[0]!r} already, the name of a side; rename it")
-    cells = [_faces_of_group(mesh, name) for name in names]
-    faces, _ = distinct_faces(mesh, np.unique(np.concatenate(cells)))
-    groups = []
-    for name, own in zip(names, cells, strict=True):
-        on = find_repeats(
-            faces, [(kind, nodes, some) for kind, some, nodes in mesh.select(own)], mesh.n_nodes
-        ).by_cell()
+    groups, parts = [], []
+    for name in names:
+        if not len(mesh.cells_of(name)):
+            raise DataError(f"the group {name!r} is empty: it has no faces to split the mesh along")
+        parts.append(cells := skin_cells(mesh, name))
+        if (dim := int(mesh.cell_dim[cells[0]])) != mesh.dim - 1:
+            what = f"{('', 'lines', 'surfaces')[dim]} ({mesh.cell_names(cells)})"
+            message = (
+                f"the group {name!r} has {what}; a mesh of dimension {mesh.dim} is split along cells of dimension "
+            )
+            raise DataError(f"{message}{mesh.dim - 1}", mesh.cell_number[cells])
+    faces, _ = distinct_faces(mesh, np.unique(np.concatenate(parts)))
+    for name, cells in zip(names, parts, strict=True):
+        on = find_repeats(faces, [(k, nodes, some) for k, some, nodes in mesh.select(cells)], mesh.n_nodes).by_cell()
         groups.append(_Group(name, on.cell, on.face))
     return groups, faces
-
-
-def _faces_of_group(mesh: Mesh, name: str) -> Ints:
-    cells = mesh.cells_of(name)
-    if not len(cells):
-        raise DataError(f"the group {name!r} is empty: it has no faces to split the mesh along")
-    cells = skin_cells(mesh, name)
-    dim = int(mesh.cell_dim[cells[0]])
-    if dim != mesh.dim - 1:
-        what = ("", "lines", "surfaces")[dim]
-        message = f"the group {name!r} has {what} ({mesh.cell_names(cells)}); a mesh of dimension {mesh.dim} is split "
-        raise DataError(f"{message}along cells of dimension {mesh.dim - 1}", mesh.cell_number[cells])
-    return cells
 
 
 def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIncidence) -> None:
@@ -141,12 +201,12 @@ def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIn
     count = np.bincount(owners.face, minlength=len(faces))
     differs = mask_of(len(faces), owners.face[~owners.same])
     for group in groups:
-        own = count[group.face]
+        behind = count[group.face]
         for wrong, why in (
-            (own == 0, "are no facets of cells, so that there is nothing to split; gmsh saves the cells of physical "
+            (behind == 0, "are no facets of cells, so that there is nothing to split; gmsh saves the cells of physical "
              "groups alone: is the body in one, and were the faces embedded in it?"),
-            (own == 1, "lie on the surface already; name faces inside the body, between two cells"),
-            (own > 2, "have more than two cells on them: the mesh is not a manifold there"),
+            (behind == 1, "lie on the surface already; name faces inside the body, between two cells"),
+            (behind > 2, "have more than two cells on them: the mesh is not a manifold there"),
             (differs[group.face], "and the cells on them do not have the same mid-nodes: elevate the order of both "
              "alike"),
         ):  # fmt: skip
@@ -156,27 +216,105 @@ def _check_owners(mesh: Mesh, groups: list[_Group], faces: Faces, owners: FaceIn
                 raise DataError(message, mesh.cell_number[cells])
 
 
-def _sides(mesh: Mesh, groups: list[_Group], faces: Faces, sides: FaceSides) -> tuple[FaceSides, list[Bools]]:
-    """Return the sides a and b of the faces, by the first group of each, and for each group (f,): its sides differ."""
-    known = np.zeros(len(faces), bool)
-    flipped = np.zeros(len(faces), bool)
-    by_group = []
-    for group in groups:
-        rows = np.unique(group.face)
-        own = np.zeros(len(faces), bool)
-        try:
-            own[rows] = second_is_a(mesh, faces.take(rows), sides.take(rows))
-        except DataError as error:
-            raise DataError(f"the group {group.name!r} {error}", error.cells) from None
-        new = rows[~known[rows]]
-        flipped[new], known[new] = own[new], True
-        by_group.append((rows, own))
-    exchanged = []
-    for rows, own in by_group:
-        differs = np.zeros(len(faces), bool)
-        differs[rows] = own[rows] != flipped[rows]
-        exchanged.append(differs)
-    return sides.exchanged(flipped), exchanged
+def _side(owners: FaceIncidence, second: Bools) -> FaceIncidence:
+    """Return one of the two cells of each face, (f,): the second ones where `second`."""
+    return owners.take(2 * np.arange(len(second)) + second)
+
+
+def _second_is_a(mesh: Mesh, faces: Faces, owners: FaceIncidence) -> Bools:
+    """(f,): True for faces whose side a is their second cell: the normals of the faces point from side a to side b.
+
+    Where faces of one sheet do not agree, most of them decide; a closed sheet has its side a inside. If as many faces
+    point one way as the other, side b is where x grows along the mean normal, or else y, or z.
+    Raises DataError for a sheet with one side only, and for faces that their two cells list alike.
+    """
+    flip, kind, sheet = consistent_windings(mesh, faces)
+    if (kind == ONE_SIDED).any():
+        raise DataError("has one side only, as a Moebius strip: its two sides cannot be told apart")
+    n = np.bincount(sheet)
+    half = (2 * np.bincount(sheet, flip) == n) & (np.bincount(sheet, kind == OPEN) == n)
+    normal = face_normals(mesh, faces) * np.where(flip, -1.0, 1.0)[:, None]
+    size = np.bincount(sheet, np.linalg.norm(normal, axis=1))
+    mean = np.stack([np.bincount(sheet, normal[:, k]) for k in range(3)], axis=1)
+    mean[np.abs(mean) <= _FLAT * size[:, None]] = 0
+    leading = np.take_along_axis(mean, (mean != 0).argmax(axis=1)[:, None], axis=1)[:, 0]
+    flip ^= (half & (leading < 0))[sheet]
+    agrees = []
+    for side in (_side(owners, np.full(len(faces), second)) for second in (False, True)):
+        listed = relative_listing(faces, facets_of(mesh, side)) % 2 == 0
+        agrees.append(listed ^ is_inverted(mesh, side.cell, mesh.space_dim == 2) ^ flip)
+    alike = np.flatnonzero(agrees[0] == agrees[1])
+    if len(alike):
+        cells = owners.cell[np.concatenate([2 * alike, 2 * alike + 1])]
+        message = f"has faces on whose two sides the cells list their nodes alike (cells {mesh.cell_names(cells)}), so "
+        raise DataError(f"{message}that they overlap or have no common orientation: see lacmesh check", cells)
+    return agrees[1]
+
+
+# ---- sides of nodes
+
+
+def _divide(mesh: Mesh, faces: Faces, sides: list[FaceIncidence]) -> tuple[_Division, Bools]:
+    """Divide a mesh along faces; return the nodes of the cells around them, and True for faces that open (f,).
+
+    The cells on side a keep the nodes, the others take copies. A face that would have the same corners on both sides,
+    all of them on the front, is not opened, which moves the front. Raises DataError for cells of order 3 and higher at
+    the faces.
+    """
+    touched = mask_of(mesh.n_nodes, faces.distinct_nodes)
+    solid = Solid.of(mesh)
+    solid = solid.take(np.flatnonzero((touched[solid.corners] & (solid.corners >= 0)).any(axis=1)))
+    listed = list(mesh.select(solid.cells))
+    old = np.full((len(solid.cells), max(nodes.shape[1] for *_, nodes in listed)), -1, np.int64)
+    for kind, cells, nodes in listed:
+        if kind in CARRIED:
+            message = f"has cells of type {kind} at it ({mesh.cell_names(cells)}): those of order 3 and higher are not "
+            raise DataError(f"{message}split", mesh.cell_number[cells])
+        old[np.searchsorted(solid.cells, cells), : nodes.shape[1]] = nodes
+    division = _Division(solid, old, old, np.empty(0, np.int64))
+    # the cells around each node are linked over each facet with this node that they share
+    opposite, _ = pair_facets(solid)
+    number = np.flatnonzero(opposite > np.maximum(np.arange(len(opposite)), ALONE))
+    cell, facet = np.divmod(np.stack([number, opposite[number]]), FACETS)
+    cell = solid.cells[cell]
+    owners = FaceIncidence(np.arange(len(number)), cell[0].astype(np.int64), facet[0], np.ones(len(number), bool))
+    nodes = facets_of(mesh, owners).nodes
+    nodes = np.where(touched[nodes], nodes, -1)
+    links = np.stack([division.places(beside, nodes) for beside in cell])
+    pair, column = np.nonzero((links >= 0).all(axis=0))  # mid-nodes that differ link nothing
+    links = links[:, pair, column]
+    whole = label_components(links[0], links[1], old.size)
+    numbers = [np.searchsorted(solid.cells, side.cell) * FACETS + side.facet for side in sides]
+    pair_of_face = np.searchsorted(number, np.minimum(*numbers))
+    a, b = (division.places(side.cell, faces.nodes) for side in sides)
+    corner = faces.corners >= 0
+    opened = np.ones(len(faces), bool)
+    while True:
+        linked = ~np.isin(pair, pair_of_face[opened])
+        part = label_components(links[0, linked], links[1, linked], old.size)
+        new, copied = _with_copies(old, mesh.n_nodes, whole, part, a[opened][a[opened] >= 0])
+        closed = opened & ~((new.ravel()[a] != new.ravel()[b])[:, : corner.shape[1]] & corner).any(axis=1)
+        if not closed.any():
+            return division._replace(new=new, copied=copied), opened
+        opened &= ~closed
+
+
+def _with_copies(old: Ints, n_nodes: int, whole: Ints, part: Ints, keeps: Ints) -> tuple[Ints, Ints]:
+    """Return the nodes of cells in the divided mesh, as `old`, and the node that each copy repeats.
+
+    The parts (m,) of what was one around a node, `whole` (m,), have a node each. The part with one of the places
+    `keeps` has the old node, or else the first.
+    """
+    first, label = np.unique(part, return_index=True, return_inverse=True)[1:]
+    behind = np.ones(len(first), bool)
+    behind[label[keeps]] = False
+    order = np.lexsort((first, behind, whole[first]))
+    copy = order[1:][whole[first[order[1:]]] == whole[first[order[:-1]]]]
+    node = old.ravel()[first]
+    copy = copy[np.argsort(node[copy], kind="stable")]
+    copied = node[copy]
+    node[copy] = n_nodes + np.arange(len(copy))
+    return node[label].reshape(old.shape), copied
 
 
 def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
@@ -189,130 +327,61 @@ def _closed(mesh: Mesh, groups: list[_Group], opened: Bools) -> Ints:
             message = f"no face of the group {group.name!r} can open: the corners of each lie on the front, where the "
             message += "faces end inside the body and its nodes stay shared; refine the mesh there, or take more faces"
             raise DataError(message, mesh.cell_number[group.cells])
-    message = (
-        f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the front, "
-    )
-    warnings.warn(
-        f"{message}where the nodes are shared; refine the mesh there to open them", LacmeshWarning, stacklevel=4
-    )
+    message = f"faces {mesh.cell_names(cells)} stay closed and are in neither skin: all their corners lie on the "
+    message += "where the nodes are shared; refine the mesh there to open them"
+    warnings.warn(message, LacmeshWarning, stacklevel=4)
     return cells
 
 
-class _Places(NamedTuple):
-    """Doubled cells in the new mesh, `new` (p,), by the old cell and a cell beside it, of which `key` (p,) is made."""
-
-    key: Ints
-    new: Ints
-    n_cells: int
-
-    def find(self, cell: Ints, beside: Ints) -> Ints:
-        """(q,): the new cell that took the place of a cell and belongs to the cell beside it."""
-        return self.new[np.searchsorted(self.key, cell.astype(np.int64) * self.n_cells + beside)]
+# ---- the mesh
 
 
-def _divided(mesh: Mesh, nodes: CellNodes) -> tuple[Mesh, _Places]:
-    """Return the mesh with its nodes copied and the lower cells on them doubled, and the places of these."""
-    if mesh.model is not None and mesh.model.periodic:
-        message = "the mesh has periodic links: the copies of nodes on them have no periodic partner"
-        warnings.warn(message, LacmeshWarning, stacklevel=4)
-    new = _with_copies(mesh, nodes)
-    blocks = list(new.blocks)
-    children, pairs, indices = [], [], []
-    for kind, pair, seen in _seen_by_cells(mesh, nodes):
-        k = next(j for j, block in enumerate(blocks) if block.type == kind)
-        variants, which = np.unique(np.column_stack([pair[0], seen]), axis=0, return_inverse=True)
-        first, count = np.unique(variants[:, 0], return_index=True, return_counts=True)[1:]
-        index = np.arange(len(variants)) - np.repeat(first, count)
-        moved = variants[first[count == 1]]
-        listed = blocks[k].nodes.copy()
-        listed[moved[:, 0] - mesh.offsets[k]] = moved[:, 1:]
-        blocks[k] = Block(kind, listed)
-        several = np.flatnonzero(np.repeat(count, count) > 1)
-        children.append(ChildCells(kind, variants[several, 1:], variants[several, 0], index[several]))
-        pairs.append(np.stack(pair))
-        indices.append(index[which.ravel()])
-    new, origin = assemble(replace(new, blocks=tuple(blocks)), [], children, extend=True)
-    return new, _places(mesh.n_cells, np.concatenate(pairs, axis=1), np.concatenate(indices), origin)
-
-
-def _with_copies(mesh: Mesh, nodes: CellNodes) -> Mesh:
-    """Return the mesh with the copies of nodes, which the cells of its dimension have taken."""
-    copied = nodes.copied[:, None]
-    ids = mesh.n_nodes + np.arange(len(copied))[:, None]
-    new_nodes = [NewNodes("POI1", copied, np.empty((1, 0)), ids, copied)]
-    block = np.searchsorted(mesh.offsets, nodes.cell, side="right") - 1
-    blocks = []
+def _divided_mesh(mesh: Mesh, division: _Division) -> Mesh:
+    """Return the mesh with its nodes copied and the lower cells on them doubled, one for each side at their nodes."""
+    copied = division.copied[:, None]
+    new_nodes = NewNodes("POI1", copied, np.empty((1, 0)), mesh.n_nodes + np.arange(len(copied))[:, None], copied)
+    on_copies = mask_of(mesh.n_nodes, division.copied)
+    around = _incidence(division.solid.corners, mesh.n_nodes).T.tocsr()
+    cells = division.solid.cells
+    blocks, children = [], []
     for k, (kind, listed) in enumerate(mesh.blocks):
-        rows = np.flatnonzero((block == k) & (nodes.new_node != nodes.node))
-        if len(rows):
-            listed = listed.copy()
-            listed[nodes.cell[rows] - mesh.offsets[k], nodes.column[rows]] = nodes.new_node[rows]
-        blocks.append(Block(kind, listed))
-    new = replace(mesh, blocks=tuple(blocks), **nodes_of(mesh, new_nodes, True))
-    if mesh.deck is None:
-        return new
-    none = np.empty(0, np.int64)
-    return replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes)))
+        nodes = listed.copy()
+        if ALL_CELLS[kind].dim == mesh.dim:
+            rows = slice(*np.searchsorted(cells, mesh.offsets[k : k + 2]))
+            nodes[cells[rows] - mesh.offsets[k]] = division.new[rows, : nodes.shape[1]]
+        elif len(lower := np.flatnonzero(on_copies[listed].any(axis=1))):
+            corners = listed[lower][:, : ALL_CELLS[kind].n_corners]
+            shared = (_incidence(corners, mesh.n_nodes) @ around).tocoo()  # number of corners in each cell around
+            inside = shared.data == corners.shape[1]
+            row, beside = lower[shared.row[inside]], cells[shared.col[inside]]
+            variants = np.unique(np.column_stack([row, division.renamed(beside, listed[row])]), axis=0)
+            first, count = np.unique(variants[:, 0], return_index=True, return_counts=True)[1:]
+            index = np.arange(len(variants)) - np.repeat(first, count)
+            single = variants[first[count == 1]]
+            nodes[single[:, 0]] = single[:, 1:]
+            several = variants[np.repeat(count, count) > 1]
+            index = index[np.repeat(count, count) > 1]
+            children.append(ChildCells(kind, several[:, 1:], mesh.offsets[k] + several[:, 0], index))
+        blocks.append(Block(kind, nodes))
+    new = replace(mesh, blocks=tuple(blocks), **nodes_of(mesh, [new_nodes], True))
+    return assemble(new, [], children, extend=True)[0]
 
 
-def _seen_by_cells(mesh: Mesh, nodes: CellNodes) -> Iterator[tuple[str, tuple[Ints, Ints], Ints]]:
-    """Yield cells below the mesh's dimension that have a copied node, type by type, once for each cell beside them.
+def _incidence(corners: Ints, n_nodes: int) -> csr_array:
+    """(k, n_nodes): 1 where a cell has a node for a corner; `corners` (k, c), padded with -1."""
+    from scipy.sparse import csr_array
 
-    (type, their indices and those of the cells beside (p,) each, their nodes in the divided mesh as these have them).
-    """
-    start = np.full(mesh.n_nodes + 1, 0)
-    np.cumsum(np.bincount(nodes.node, minlength=mesh.n_nodes), out=start[1:])
-    around = nodes.cell[np.argsort(nodes.node, kind="stable")]
-    copied = mask_of(mesh.n_nodes, nodes.copied)
-    for block, first in zip(mesh.blocks, mesh.offsets[:-1], strict=True):
-        cell = ALL_CELLS[block.type]
-        rows = np.flatnonzero(copied[block.nodes].any(axis=1)) if cell.dim < mesh.dim else np.empty(0, np.int64)
-        if not len(rows):
-            continue
-        own = block.nodes[rows]
-        pivot = own[np.arange(len(rows)), copied[own].argmax(axis=1)]
-        many = start[pivot + 1] - start[pivot]
-        row = np.repeat(np.arange(len(rows)), many)
-        beside = around[np.repeat(start[pivot], many) + np.arange(len(row)) - np.repeat(np.cumsum(many) - many, many)]
-        inside = _has_nodes(mesh, beside, own[row][:, : cell.n_corners])
-        row, beside = row[inside], beside[inside]
-        seen = nodes.in_divided_mesh(np.broadcast_to(beside[:, None], own[row].shape), own[row])
-        yield block.type, (first + rows[row], beside), seen
+    row, column = np.nonzero(corners >= 0)
+    return csr_array((np.ones(len(row), np.int8), (row, corners[row, column])), shape=(len(corners), n_nodes))
 
 
-def _has_nodes(mesh: Mesh, cells: Ints, wanted: Ints) -> Bools:
-    """(p,): True for cells that have all nodes of their row of `wanted` (p, c)."""
-    distinct, which = np.unique(cells, return_inverse=True)
-    listed = np.full((len(distinct), 27), -1)
-    done = 0
-    for _, chosen, nodes in mesh.select(distinct):
-        listed[done : done + len(chosen), : nodes.shape[1]] = nodes
-        done += len(chosen)
-    own = listed[which.ravel()]
-    return np.asarray(np.all([(own == column[:, None]).any(axis=1) for column in wanted.T], axis=0))
-
-
-def _places(n_cells: int, pairs: Ints, index: Ints, origin: Origin) -> _Places:
-    """Return the places of doubled cells: of the pairs (2, p) of a cell and one beside it, the child `index` (p,)."""
-    cell, beside = pairs
-    first = positions(origin.cell[origin.children], cell)
-    doubled = first >= 0
-    key = (cell.astype(np.int64) * n_cells + beside)[doubled]
-    order = np.argsort(key)
-    return _Places(key[order], origin.children[(first + index)[doubled]][order], n_cells)
-
-
-def _with_skins(mesh: Mesh, group: _Group, sides: FaceSides, places: _Places) -> tuple[Mesh, tuple[str, str]]:
-    """Return the divided mesh with the skins of a group, outward, and their names."""
-    face, first = np.unique(group.face, return_index=True)
-    face, first = face[face >= 0], first[face >= 0]
-    names = group.name + "_a", group.name + "_b"
-    skins = [np.sort(places.find(group.cells[first], cell[face])) for cell in sides.cell]
-    inward = analyse_orientation(mesh, np.sort(np.concatenate(skins))).to_flip
-    turned = reverse(mesh, inward)
-    groups = {**turned.cell_groups, **dict(zip(names, skins, strict=True))}
-    return replace(turned, cell_groups=groups), names
-
-
-def _n_bodies(mesh: Mesh) -> int:
-    return int(label_bodies([Solid.of(mesh).corners], mesh.n_nodes).max(initial=-1)) + 1
+def _with_skins(mesh: Mesh, division: _Division, faces: Faces, cells: list[Ints], names: tuple[str, str]) -> Mesh:
+    """Return the divided mesh with the skins on both sides of faces, outward; `cells`: the cells there, (f,) each."""
+    group = names[0].removesuffix("_a")
+    parts = [(kind, nodes, members) for kind, members, nodes in mesh.select(mesh.cells_of(group))]
+    skins = []
+    for beside in cells:
+        on = find_repeats(Faces(faces.type, division.renamed(beside, faces.nodes)), parts, mesh.n_nodes)
+        skins.append(np.sort(on.cell[np.unique(on.face, return_index=True)[1]]))
+    turned = reverse(mesh, analyse_orientation(mesh, np.sort(np.concatenate(skins))).to_flip)
+    return replace(turned, cell_groups={**turned.cell_groups, **dict(zip(names, skins, strict=True))})

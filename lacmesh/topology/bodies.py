@@ -43,9 +43,12 @@ def label_components(i: Ints, j: Ints, n: int) -> Ints:
     >>> label_components(np.array([0, 3]), np.array([2, 1]), 5)
     array([0, 1, 0, 1, 2])
     """
-    parent = np.arange(n)
-    _join(np.column_stack([i, j]).astype(np.int64, copy=False), parent)
-    return np.asarray(_number(parent))
+    first = np.arange(n)
+    while not np.array_equal(a := first[i], b := first[j]):
+        np.minimum.at(first, np.maximum(a, b), np.minimum(a, b))  # the first node of each component
+        while not np.array_equal(up := first[first], first):
+            first = up
+    return np.unique(first, return_inverse=True)[1]
 
 
 @kernel
@@ -123,13 +126,31 @@ def body_names(
     >>> body_names(mesh, np.repeat([0, 1], 4), 2)
     ["'left'", "the body of 'all' with 'foot'"]
     """
-    solid, skin = _bodies_of_cells(mesh, of_node, own)
     node = of_node if own is None else np.where(own, of_node, -1)
-    names, among = _by_cells(mesh.cell_groups, solid, n, total)
+    of_cell = np.full(mesh.n_cells, -1)
+    for _, cells, nodes in mesh.select(np.arange(mesh.n_cells)):
+        of_cell[cells] = node[nodes[:, 0]]
+    full = mesh.cell_dim == mesh.dim
+    solid, skin = np.where(full, of_cell, -1), np.where(full, -1, of_cell)
+
+    def counts(groups: Mapping[str, Ints], body: Ints) -> tuple[Ints, Ints]:
+        """(groups, n): the number of items of each body in each group; (groups,): the sizes of the groups."""
+        rows = [[*np.bincount(body[items][body[items] >= 0], minlength=n), len(items)] for items in groups.values()]
+        table = total(np.array(rows, np.int64).reshape(len(groups), n + 1))
+        return table[:, :-1], table[:, -1]
+
+    whole = total(np.bincount(solid[solid >= 0], minlength=n))
+    count, size = counts(mesh.cell_groups, solid)
+    by_cells = [_by_cells(list(mesh.cell_groups), count, size, k, int(whole[k])) for k in range(n)]
+    names = [name for name, _ in by_cells]
     if n == 1 or all(names):
         return [name or "the body" for name in names]
-    on = _alone_on(mesh.node_groups, node, n, total) | _alone_on(mesh.cell_groups, skin, n, total)
-    of = [f"the body of {name!r}" if name else "the body" for name in among]
+    on: dict[int, str] = {}  # the largest group whose items belong to the body alone
+    for groups, body in ((mesh.node_groups, node), (mesh.cell_groups, skin)):
+        count, _ = counts(groups, body)
+        alone = np.where(((count > 0).sum(axis=1) == 1)[:, None], count, 0)
+        on |= {k: list(groups)[alone[:, k].argmax()] for k in range(n) if alone[:, k].any()}
+    of = [f"the body of {group!r}" if group else "the body" for _, group in by_cells]
     names = [name or (f"{of[k]} with {on[k]!r}" if k in on else "") for k, name in enumerate(names)]
     often = Counter(names)
     if all(name and often[name] == 1 for name in names):
@@ -141,62 +162,23 @@ def body_names(
     ]
 
 
-def _bodies_of_cells(mesh: Mesh, of_node: Ints, own: Array | None) -> tuple[Ints, Ints]:
-    """Return the body (n_cells,) of each cell of the mesh's dimension, and that of each other; -1 for none."""
-    body = np.full(mesh.n_cells, -1)
-    for _, cells, nodes in mesh.select(np.arange(mesh.n_cells)):
-        first = nodes[:, 0]
-        body[cells] = of_node[first] if own is None else np.where(own[first], of_node[first], -1)
-    full = mesh.cell_dim == mesh.dim
-    return np.where(full, body, -1), np.where(full, -1, body)
+def _by_cells(groups: list[str], count: Ints, size: Ints, k: int, whole: int) -> tuple[str, str]:
+    """Return the name that groups of cells give body k of `whole` cells, and the smallest group that has all its cells.
 
-
-def _counts(groups: Mapping[str, Ints], body: Ints, n: int, total: OverAll) -> Iterator[tuple[str, Ints, Ints]]:
-    """Yield each group, the bodies (k,) that its items belong to, and the number (n,) of its items of each body."""
-    for name, items in groups.items():
-        at = body[items]
-        count = total(np.bincount(at[at >= 0], minlength=n))
-        yield name, np.flatnonzero(count), count
-
-
-def _by_cells(groups: Mapping[str, Ints], solid: Ints, n: int, total: OverAll) -> tuple[list[str], list[str]]:
-    """Return the names that groups of cells give the bodies, and the smallest group that has all cells of each.
-
-    Both are empty where there is none.
+    Both are empty where there is none. `count` (groups, n): cells of each body; `size` (groups,): those of all.
     """
-    whole = total(np.bincount(solid[solid >= 0], minlength=n))
-    names, among = [""] * n, [""] * n
-    least, size = (np.full(n, np.iinfo(np.int64).max) for _ in range(2))
-    parts: dict[int, list[tuple[int, str]]] = {}
-    for name, there, count in _counts(groups, solid, n, total):
-        length = int(total(np.array([len(groups[name])]))[0])
-        for k in there[(count[there] == whole[there]) & (length < size[there])].tolist():
-            among[k], size[k] = name, length
-        if len(there) == 1:
-            k = int(there[0])
-            parts.setdefault(k, []).append((int(count[k]), name))
-            if count[k] == whole[k] and length < least[k]:
-                names[k], least[k] = repr(name), length
-    for k, own in parts.items():
-        names[k] = names[k] or f"the body of {_most(own, int(whole[k]))}"
-    return names, among
-
-
-def _most(parts: list[tuple[int, str]], whole: int) -> str:
-    """Return the largest groups, as many as have all cells of a body, if these are few."""
-    parts = sorted(parts, key=lambda part: -part[0])
-    enough = int(np.searchsorted(np.cumsum([count for count, _ in parts]), whole)) + 1
-    return listed([repr(name) for _, name in parts[: min(enough, _SHOWN)]], "and")
-
-
-def _alone_on(groups: Mapping[str, Ints], body: Ints, n: int, total: OverAll) -> dict[int, str]:
-    """Return, for each body, the largest group whose items belong to it alone."""
-    name_of: dict[int, str] = {}
-    size = np.zeros(n, np.int64)
-    for name, there, count in _counts(groups, body, n, total):
-        if len(there) == 1 and count[there[0]] > size[there[0]]:
-            name_of[int(there[0])], size[there[0]] = name, count[there[0]]
-    return name_of
+    with_all = np.flatnonzero((count[:, k] == whole) & (count[:, k] > 0))
+    alone = (count > 0).sum(axis=1) == 1
+    around = groups[with_all[size[with_all].argmin()]] if len(with_all) else ""
+    itself = with_all[alone[with_all]]
+    if len(itself):
+        return repr(groups[itself[size[itself].argmin()]]), around
+    parts = np.flatnonzero(alone & (count[:, k] > 0))
+    if not len(parts):
+        return "", around
+    parts = parts[np.argsort(-count[parts, k], kind="stable")]
+    enough = int(np.searchsorted(np.cumsum(count[parts, k]), whole)) + 1
+    return f"the body of {listed([repr(groups[p]) for p in parts[: min(enough, _SHOWN)]], 'and')}", around
 
 
 def _boxes(mesh: Mesh, node: Ints, n: int, largest: OverAll) -> Iterator[str]:

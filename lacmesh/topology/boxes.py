@@ -23,8 +23,6 @@ def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) ->
 
     Boxes that only touch intersect. A box with a NaN coordinate intersects nothing.
     """
-    if not len(low) or not len(other_low):
-        return np.empty(0, np.int64), np.empty(0, np.int64)
     if len(low) * len(other_low) <= _FEW:
         return _compared(low, high, other_low, other_high)
     # both along one curve, so that what is near is near in memory
@@ -36,15 +34,12 @@ def meeting(low: Floats, high: Floats, other_low: Floats, other_high: Floats) ->
 
 def meeting_each_other(low: Floats, high: Floats) -> tuple[Ints, Ints]:
     """(i, j), i < j: all pairs of intersecting boxes (low, high (n, 3)) of one set, as in `meeting`."""
-    if not len(low):
-        return np.empty(0, np.int64), np.empty(0, np.int64)
     if len(low) ** 2 <= _FEW:
         i, j = _compared(low, high, low, high)
         return i[i < j], j[i < j]
     order = along_curve(low, high)
     low, high = low[order], high[order]
-    i, j = _query(low, high, low, high, *bounding_tree(low, high), True)
-    i, j = order[i], order[j]
+    i, j = (order[rows] for rows in _query(low, high, low, high, *bounding_tree(low, high), True))
     return np.minimum(i, j), np.maximum(i, j)
 
 
@@ -59,7 +54,21 @@ def _compared(low: Floats, high: Floats, other_low: Floats, other_high: Floats) 
 
 def along_curve(low: Floats, high: Floats) -> Ints:
     """(n,): the order of boxes along a Morton curve through their centres: neighbours are near each other."""
-    return np.argsort(_morton((low + high) / 2), kind="stable")
+    x = np.nan_to_num((low + high) / 2, nan=0.0, posinf=0.0, neginf=0.0)
+    extent = np.ptp(x, axis=0).max()
+    cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.uint64)
+    code = np.zeros(len(x), np.uint64)
+    for axis, spread in enumerate(cell.T):
+        for shift, mask in (
+            (32, 0x1F00000000FFFF),
+            (16, 0x1F0000FF0000FF),
+            (8, 0x100F00F00F00F00F),
+            (4, 0x10C30C30C30C30C3),
+            (2, 0x1249249249249249),
+        ):
+            spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
+        code |= spread << np.uint64(axis)
+    return np.argsort(code.astype(np.int64), kind="stable")
 
 
 def bounding_tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
@@ -78,26 +87,6 @@ def bounding_tree(low: Floats, high: Floats) -> tuple[Floats, Floats, Ints]:
         lows.insert(0, np.fmin(lows[0][::2], lows[0][1::2]))
         highs.insert(0, np.fmax(highs[0][::2], highs[0][1::2]))
     return np.concatenate(lows), np.concatenate(highs), np.concatenate(last)
-
-
-def _morton(x: Floats) -> Ints:
-    """(n,): positions of points (n, 3) along a Morton curve."""
-    x = np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)
-    extent = np.ptp(x, axis=0).max()
-    cell = ((x - x.min(axis=0)) / (extent if extent > 0 else 1.0) * (2**_BITS - 1)).astype(np.uint64)
-    code = np.zeros(len(x), np.uint64)
-    for axis in range(3):
-        spread = cell[:, axis]
-        for shift, mask in (
-            (32, 0x1F00000000FFFF),
-            (16, 0x1F0000FF0000FF),
-            (8, 0x100F00F00F00F00F),
-            (4, 0x10C30C30C30C30C3),
-            (2, 0x1249249249249249),
-        ):
-            spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
-        code |= spread << np.uint64(axis)
-    return code.astype(np.int64)
 
 
 @kernel

@@ -6,14 +6,14 @@ cost is one pass over the mesh's nodes and then grows with the faces (no table o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS, CELLS
+from lacmesh.cells import ALL_CELLS, CELLS, Cell, Facet
 from lacmesh.mesh import Ints, Mesh, codes, concatenated, places_of
 
 Bools = NDArray[np.bool_]
@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 MAX_NODES, MAX_CORNERS = 9, 4
 #: cells, or facets, that are treated at once
 PIECE = 1 << 16
+#: 2^64 over the golden ratio, odd
+_GOLDEN = 0x9E3779B97F4A7C15
 #: face types, in the order of the codes that `Faces.type` uses
 FACE_TYPES = ("POI1", "SEG2", "SEG3", "TRIA3", "TRIA6", "TRIA7", "QUAD4", "QUAD8", "QUAD9")
 TYPE_CODE = {name: code for code, name in enumerate(FACE_TYPES)}
@@ -99,59 +101,54 @@ def mixed_bits(numbers: Ints, seed: int = 1) -> NDArray[np.uint64]:
 
     The finalizer of splitmix64 (Steele, Lea, Flood, OOPSLA 2014).
     """
-    x = (numbers.astype(np.uint64) + np.uint64(seed)) * np.uint64(0x9E3779B97F4A7C15)
+    x = (numbers.astype(np.uint64) + np.uint64(seed)) * np.uint64(_GOLDEN)
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return x ^ (x >> np.uint64(31))
 
 
-def sort_hashes(key: NDArray[np.uint64]) -> tuple[Ints, Bools]:
-    """Sort hashes (m,), which are overwritten: the place of each among them, and True where it differs from the last.
+def sort_rows(rows: Ints) -> tuple[Ints, Bools]:
+    """Sort rows (k, n) so that equal ones follow each other: (order (k,), True where a row differs from the last (k,)).
 
-    Hash and place share 64 bits: whole numbers are sorted several times faster than places. What is equal is alike in
-    the end; what is alike may differ, a few of millions.
+    Exact, and faster than sorting whole rows: a hash and the place of each row share 64 bits. Different rows with one
+    hash, a few of millions, are sorted row by row.
     """
-    bits = np.uint64(len(key).bit_length())
+    bits = np.uint64(len(rows).bit_length())
     place = (np.uint64(1) << bits) - np.uint64(1)
-    for k in range(0, len(key), PIECE):
-        piece = key[k : k + PIECE]
-        piece[:] = piece & ~place | np.arange(k, k + len(piece), dtype=np.uint64)
+    key = np.zeros(len(rows), np.uint64)
+    # multiplicative hash: powers of an odd constant (Knuth, The Art of Computer Programming 3, 6.4)
+    for column, weight in zip(rows.T, np.cumprod(np.full(rows.shape[1], _GOLDEN, np.uint64)), strict=True):
+        key += column.astype(np.uint64) * weight
+    key &= ~place
+    key |= np.arange(len(rows), dtype=np.uint64)
     key.sort()
-    new = np.ones(len(key), bool)
-    for k in range(1, len(key), PIECE):
-        new[k : k + PIECE] = (key[k : k + PIECE] ^ key[k - 1 : k - 1 + PIECE][: len(key) - k]) >> bits
-    key &= place
-    return key.view(np.int64), new
+    order = (key & place).view(np.int64)
+    clash = np.flatnonzero((differs := _differ_from_last(rows[order]))[1:] & (key[1:] ^ key[:-1] <= place)) + 1
+    if len(clash):
+        hashes = key >> bits
+        at = np.flatnonzero(np.isin(hashes, hashes[clash]))
+        order[at] = order[at[np.lexsort((*rows[order[at]].T, hashes[at]))]]
+        differs = _differ_from_last(rows[order])
+    return order, differs
+
+
+def _differ_from_last(rows: Ints) -> Bools:
+    differs = np.ones(len(rows), bool)
+    differs[1:] = (rows[1:] != rows[:-1]).any(axis=1)
+    return differs
 
 
 def label_rows(rows: Ints) -> tuple[Ints, int]:
     """Label rows so that equal rows get the same label; return (labels (k,), number of labels).
 
-    Exact, and faster than sorting whole rows.
-
     >>> labels, count = label_rows(np.array([[2, 3], [7, 0], [2, 3]]))
     >>> bool(labels[0] == labels[2] != labels[1]), count
     (True, 2)
     """
-    weights = mixed_bits(np.arange(rows.shape[1])) | np.uint64(1)
-    order, new = sort_hashes((rows.astype(np.uint64) * weights).sum(axis=1, dtype=np.uint64))
-    differs = _differ_from_last(rows[order])
-    clash = differs & ~new
-    if clash.any():  # different rows with one hash: these runs are sorted row by row
-        run = np.cumsum(new)
-        at = np.flatnonzero(np.isin(run, run[clash]))
-        order[at] = order[at[np.lexsort((*rows[order[at]].T, run[at]))]]
-        differs = _differ_from_last(rows[order])
+    order, differs = sort_rows(rows)
     labels = np.empty(len(rows), np.int64)
     labels[order] = np.cumsum(differs) - 1
     return labels, int(np.count_nonzero(differs))
-
-
-def _differ_from_last(rows: Ints) -> Bools:
-    """(k,): True for rows that differ from the row before, and for the first."""
-    differs = np.ones(len(rows), bool)
-    differs[1:] = (rows[1:] != rows[:-1]).any(axis=1)
-    return differs
 
 
 def first_of_each(labels: Ints, count: int) -> tuple[Ints, Ints]:
@@ -178,53 +175,35 @@ def find_owners(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: 
     >>> owners.cell, owners.facet
     (array([7]), array([1]))
     """
-    touched = _touched(faces, n_nodes)
-    parts = []
-    for kind, nodes, ids in cells:
-        cell = CELLS.get(kind)
-        if cell is None or not cell.facets or not len(nodes):
-            continue
-        near = _near(touched, nodes, cell.n_corners, cell.dim)
-        close = nodes[near]
-        for j, facet in enumerate(cell.facets):
-            corners = facet.nodes[: CELLS[facet.type].n_corners]
-            hit = np.flatnonzero(touched[close[:, corners]].all(axis=1))
-            parts.append((facet.type, close[hit][:, facet.nodes], ids[near[hit]], j))
-    return _match(faces, parts)
+    return _match(faces, cells, n_nodes, lambda cell: cell.facets)
 
 
 def find_repeats(faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int) -> FaceIncidence:
     """Find the cells that lie on one of `faces`: same corners, any order (`facet` is 0). `cells`: as `find_owners`."""
-    touched = _touched(faces, n_nodes)
-    parts = []
-    for kind, nodes, ids in cells:
-        if kind in TYPE_CODE and len(nodes):
-            hit = np.flatnonzero(touched[nodes[:, : CELLS[kind].n_corners]].all(axis=1))
-            parts.append((kind, nodes[hit], ids[hit], 0))
-    return _match(faces, parts)
+    whole = {kind: (Facet(kind, tuple(range(CELLS[kind].n_nodes))),) for kind in FACE_TYPES}
+    return _match(faces, cells, n_nodes, lambda cell: whole.get(cell.name, ()))
 
 
-def _touched(faces: Faces, n_nodes: int) -> Bools:
+def _match(
+    faces: Faces, cells: Iterable[tuple[str, Ints, Ints]], n_nodes: int, sides: Callable[[Cell], tuple[Facet, ...]]
+) -> FaceIncidence:
+    """Pair faces with the `sides` of cells that have the same corners, of the cells near the faces."""
     touched = np.zeros(n_nodes + 1, bool)  # one more, for the padding's -1
     touched[faces.corners] = True
     touched[-1] = False
-    return touched
-
-
-def _near(touched: Bools, nodes: Ints, n_corners: int, least: int) -> Ints:
-    """Rows of `nodes` with at least `least` touched corners, in pieces that stay in the cache."""
-    rows = []
-    for start in range(0, len(nodes), PIECE):
-        piece = nodes[start : start + PIECE]
-        count = np.zeros(len(piece), np.uint8)
-        for corner in range(n_corners):
-            count += touched[piece[:, corner]]
-        rows.append(start + np.flatnonzero(count >= least))
-    return concatenated(rows)
-
-
-def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncidence:
-    """Pair faces with candidates (type, nodes, ids, facet number) that have the same corners."""
+    parts = []  # type, nodes, ids, number of the side
+    for kind, nodes, ids in cells:
+        if kind not in CELLS or not (of_cell := sides(CELLS[kind])):
+            continue
+        least = min(CELLS[side.type].n_corners for side in of_cell)
+        near = concatenated(  # in pieces that stay in the cache
+            start + np.flatnonzero(_count(touched, nodes[start : start + PIECE, : CELLS[kind].n_corners]) >= least)
+            for start in range(0, len(nodes), PIECE)
+        )
+        close = nodes[near]
+        for j, side in enumerate(of_cell):
+            hit = np.flatnonzero(touched[close[:, side.nodes[: CELLS[side.type].n_corners]]].all(axis=1))
+            parts.append((side.type, close[hit][:, side.nodes], ids[near[hit]], j))
     candidates = Faces.join((kind, nodes) for kind, nodes, _, _ in parts)
     ids = concatenated(i for _, _, i, _ in parts)
     facet = concatenated(np.full(len(i), j) for _, _, i, j in parts)
@@ -235,6 +214,13 @@ def _match(faces: Faces, parts: list[tuple[str, Ints, Ints, int]]) -> FaceIncide
     same = candidates.type[hits] == faces.type[face[hits]]
     same &= (np.sort(candidates.nodes[hits], axis=1) == np.sort(faces.nodes[face[hits]], axis=1)).all(axis=1)
     return FaceIncidence(face[hits], ids[hits], facet[hits], same)
+
+
+def _count(touched: Bools, corners: Ints) -> NDArray[np.uint8]:
+    count = np.zeros(len(corners), np.uint8)
+    for column in corners.T:
+        count += touched[column]
+    return count
 
 
 # ---- cells of a mesh as faces
