@@ -32,26 +32,25 @@ def run(args: argparse.Namespace) -> None:
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
+    from lacmesh.compiled_kernels import compile_listed, listed
     from lacmesh.errors import WriteError
-    from lacmesh.kernels.kept import folders, writable
-    from lacmesh.kernels.signatures import compile_signature, declared
+    from lacmesh.kernels import cache_folder, writable
 
-    start, signatures = time.perf_counter(), declared()
-    folder = writable()
-    if folder is None:
-        raise WriteError(folders()[-1], "cannot be written; name another folder by NUMBA_CACHE_DIR")
+    start, names, folder = time.perf_counter(), list(listed()), cache_folder()
+    if not writable(folder):
+        raise WriteError(folder, "cannot be written; name another folder by NUMBA_CACHE_DIR")
     workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, _MOST)
     with ProcessPoolExecutor(workers, get_context("spawn"), _start) as pool:
-        under_way = [pool.submit(compile_signature, one) for one in signatures]
+        under_way = [pool.submit(compile_listed, name) for name in names]
         try:
             for count, done in enumerate(as_completed(under_way), 1):
                 done.result()
-                _tell(args, count, len(signatures))
+                _tell(args, count, len(names))
         except BaseException:  # interrupted: what is compiled is kept
             pool.shutdown(cancel_futures=True)
             raise
     if not args.quiet:
-        print(f"compiled {len(signatures)} kernels in {time.perf_counter() - start:.0f} s; kept in {folder}")
+        print(f"compiled {len(names)} kernels in {time.perf_counter() - start:.0f} s; kept in {folder}")
 
 
 def _start() -> None:

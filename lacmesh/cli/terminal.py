@@ -117,7 +117,7 @@ def as_json(data: Any) -> str:
 
 def memory() -> str:
     """End of a sentence: the peak memory of this process; empty if the system does not tell."""
-    from lacmesh.kernels.threads import peak_memory
+    from lacmesh.threads import peak_memory
 
     peak = peak_memory()
     return f"; peak memory {peak / 1e6:.0f} MB" if peak else ""

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import DataError, RequestError
-from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.surface.clip import FACING, clip
@@ -21,6 +20,7 @@ from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
 from lacmesh.surface.search import Pairs, Reach, candidates
+from lacmesh.threads import side_by_side
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
 NORMALS = ("facet", "smoothed", "master")

@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from lacmesh.kernels import kernel
-from lacmesh.kernels.threads import in_threads
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.patches import Patches
+from lacmesh.threads import in_threads
 from lacmesh.topology.boxes import LEAF, along_curve, bounding_tree
 
 T = TypeVar("T")
