@@ -260,14 +260,14 @@ def test_a_cut_that_is_checked_reports_the_findings(tmp_path):
     assert json.loads(told.read_text())["findings"] is None and json.loads(told.read_text())["name"] == "two_blocks.msh"
 
 
-def test_a_cut_loads_neither_compiler_nor_measures(tmp_path):
+def test_a_cut_loads_neither_compiler_nor_pictures(tmp_path):
     """Unless a report is asked for; so that it starts quickly."""
     asked = ["cut", BLOCKS, "--slave", "slave", "-o", str(tmp_path / "out.msh")]
     code = "import sys; from lacmesh.cli import main; main(sys.argv[1:]); print(*sorted(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code, *asked], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
-    assert "lacmesh.quality.corner" in loaded
-    assert not {"numba", "scipy", "matplotlib", "lacmesh.quality.measures", "lacmesh.report.compare"} & loaded
+    assert "lacmesh.quality.geometry" in loaded
+    assert not {"numba", "scipy", "matplotlib", "pyvista", "lacmesh.report.compare"} & loaded
 
 
 # ---- the command: programs and masters

@@ -103,8 +103,7 @@ def _print(args: argparse.Namespace, quality: Quality, children: ChildrenQuality
 
 
 def _print_type(of_type: TypeQuality) -> None:
-    from lacmesh.quality.measures import primary_metric
-    from lacmesh.quality.verdict import ACCEPTED
+    from lacmesh.quality.measures import ACCEPTED, primary_metric
     from lacmesh.report.outline import number
 
     rank = primary_metric(of_type.type) or ""

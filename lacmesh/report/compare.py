@@ -15,10 +15,9 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.cutting.cut import Cut
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quality.measures import measure_cells, measures_of
+from lacmesh.quality.measures import ACCEPTED, measure_cells, measures_of
 from lacmesh.quality.statistics import Statistics, statistics
 from lacmesh.quality.summary import Quality, groups_of, quality_of
-from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.reference.quadrature import measure
 from lacmesh.report.records import CutSummary, summarise
 from lacmesh.report.touched import Touched, hexahedra, touched, variants

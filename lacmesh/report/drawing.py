@@ -13,10 +13,9 @@ import numpy as np
 
 from lacmesh.errors import RequestError, check_installed
 from lacmesh.formats.output import check_place, replace_file
-from lacmesh.quality.measures import SCALES, primary_metric
+from lacmesh.quality.measures import ACCEPTED, SCALES, primary_metric
 from lacmesh.quality.statistics import Histogram, Statistics
 from lacmesh.quality.summary import Quality, TypeQuality
-from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report.histograms import outer, window
 
 _INK, _SOFT, _LINE, _GOOD, _POOR, _BAD = "#1d2733", "#5c6b7a", "#dde3ea", "#2563b8", "#e0982c", "#b3261e"

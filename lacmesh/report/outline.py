@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lacmesh.quality.measures import SCALES
+from lacmesh.quality.measures import ACCEPTED, SCALES
 from lacmesh.quality.statistics import PERCENTS, Statistics
 from lacmesh.quality.summary import TypeQuality
-from lacmesh.quality.verdict import ACCEPTED
 from lacmesh.report import histograms
 from lacmesh.report.blocks import ReportBlock, TableRow, Verdict, fact, facts, prose, sentence, table, title
 from lacmesh.report.compare import Comparison, CutReport
