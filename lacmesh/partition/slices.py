@@ -23,7 +23,8 @@ from lacmesh.communicator import Communicator
 from lacmesh.errors import GroupNotFoundError, LacmeshWarning, RequestError
 from lacmesh.formats import detect_format, med, msh
 from lacmesh.formats.slices import MeshSlice
-from lacmesh.mesh import Floats, Ints, Mesh, concatenated, entity_rows, entity_tag, mask_of
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated, mask_of
+from lacmesh.model import entity_rows, entity_tag
 from lacmesh.origin import bounds_of
 from lacmesh.partition import Part
 from lacmesh.partition.bisection import distribute_points

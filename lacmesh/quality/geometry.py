@@ -147,8 +147,8 @@ class Shapes:
         return np.clip(np.stack([np.fmin.reduce(cosines), np.fmax.reduce(cosines)]), -1.0, 1.0)
 
     @cached_property
-    def areas(self) -> Floats:
-        """(3, facets, k): twice the area of each facet of a linear cell, of a surface its own, along the normal."""
+    def facet_normals(self) -> Floats:
+        """(3, facets, k): normal of each facet of a linear cell, of a surface its own, as long as twice the area."""
         a, b, c, d = (self.x[:, nodes] for nodes in self.corners.facets.T)
         return cross(c - a, d - b)
 
@@ -211,7 +211,7 @@ def _edge_ratio(cells: Shapes) -> Floats:
 
 def _scaled_triangle(cells: Shapes) -> Floats:
     """Area over the largest product of two edges."""
-    twice, (a, b, c) = norm(cells.areas[:, 0]), cells.lengths
+    twice, (a, b, c) = norm(cells.facet_normals[:, 0]), cells.lengths
     twice = np.where(twice > ROUND_OFF * cells.lengths.max(axis=0) ** 2, twice, 0.0)
     return over(2 / _ROOT_3 * twice, np.maximum(np.maximum(a * b, b * c), c * a))
 
@@ -221,7 +221,7 @@ def _scaled_quadrangle(cells: Shapes) -> Floats:
 
     Where the last two nodes coincide, that of the triangle.
     """
-    edges, lengths, centre = cells.tangents[0], cells.lengths, cells.areas[:, 0]
+    edges, lengths, centre = cells.tangents[0], cells.lengths, cells.facet_normals[:, 0]
     centre = over(centre, norm(centre))  # before the product, as in Verdict: at 180 degrees round-off decides
     alpha = dot(centre[:, None], cross(np.roll(edges, 1, axis=1), edges))
     least = over(alpha, np.roll(lengths, 1, axis=0) * lengths).min(axis=0)
@@ -272,20 +272,20 @@ def _aspect_ratio(cells: Shapes) -> Floats:
     """Longest edge times the sum of the edges over the area; of a tetrahedron, times the area over the volume."""
     solid, (ideal, box) = cells.cell.dim == 3, _ASPECT[cells.name]
     longest, size = cells.lengths.max(axis=0), np.abs(_volume(cells)) if solid else _area(cells)
-    around = (norm(cells.areas) / 2 if solid else cells.lengths).sum(axis=0)
+    around = (norm(cells.facet_normals) / 2 if solid else cells.lengths).sum(axis=0)
     size = np.where(box * size > ROUND_OFF * longest**cells.cell.dim, size, 0.0)
     aspect = longest * around / (ideal * size)
     return np.where(np.isnan(aspect), -LARGEST, aspect) if cells.name == "QUAD4" else aspect  # a point: 0 / 0
 
 
 def _area(cells: Shapes) -> Floats:
-    return norm(cells.areas[:, 0]) / 2
+    return norm(cells.facet_normals[:, 0]) / 2
 
 
 def _volume(cells: Shapes) -> Floats:
     """Volume of the map of a linear solid cell: cones from node 0 over triangles around the centres of its facets."""
     x = cells.x - cells.x[:, :1]
-    return np.asarray(dot(cells.areas, x[:, cells.corners.facets].mean(axis=2)).sum(axis=0) / 6)
+    return np.asarray(dot(cells.facet_normals, x[:, cells.corners.facets].mean(axis=2)).sum(axis=0) / 6)
 
 
 def _bounded(value: Floats) -> Floats:
