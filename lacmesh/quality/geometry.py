@@ -138,9 +138,9 @@ class Shapes:
     def cosines(self) -> Floats:
         """(2, k): least and largest cosine of an angle, within [-1, 1]; NaN without any."""
         if self.cell.dim == 3:
-            unit = self.normals / norm(self.normals)
             one, other = self.corners.angles.T
-            cosines = -dot(unit[:, one], unit[:, other])
+            length = norm(self.normals)
+            cosines = -dot(self.normals[:, one], self.normals[:, other]) / (length[one] * length[other])
         else:
             a, b = (self.directions[:, ways] for ways in self.corners.planes.T)
             cosines = np.where(dot(a, a) * dot(b, b) > 0, dot(a, b), np.nan)
