@@ -22,8 +22,7 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Mesh
 from lacmesh.quality import measure_cells, measure_quality
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import default_measures
-from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.quality.measures import ACCEPTED, default_measures
 from lacmesh.report import cut_report
 
 #: linear type -> VTK's name of it

@@ -29,22 +29,12 @@ class LacmeshError(Exception):
 class LacmeshWarning(UserWarning):
     """Warning: something was left out or looks wrong, but the work went on.
 
-    >>> import warnings
-    >>> from lacmesh import read
-    >>> with warnings.catch_warnings():
-    ...     warnings.simplefilter("error", LacmeshWarning)  # stop where something is left out
-    ...     mesh = read("data/two_blocks.msh")
+    `warnings.simplefilter("error", LacmeshWarning)` stops where something is left out.
     """
 
 
 class DataError(LacmeshError):
-    """The mesh does not allow the requested operation; `cells` holds the ids in the file of the cells at fault.
-
-    >>> from lacmesh import fit_surface, read
-    >>> fit_surface(read("data/two_blocks.msh"), "upper")
-    Traceback (most recent call last):
-    lacmesh.errors.DataError: the group 'upper' holds no skin of lines or of linear or quadratic surface cells, but ...
-    """
+    """The mesh does not allow the requested operation; `cells` holds the ids in the file of the cells at fault."""
 
     def __init__(self, message: str, cells: Iterable[int] = ()) -> None:
         super().__init__(message)
@@ -52,23 +42,11 @@ class DataError(LacmeshError):
 
 
 class CutError(DataError):
-    """The slave skin cannot be cut; `cells` holds the file's numbers of the faces or cells concerned.
-
-    >>> from lacmesh import cut_skin, raise_order, read
-    >>> raise_order(cut_skin(read("data/two_blocks.msh"), "slave").mesh)
-    Traceback (most recent call last):
-    lacmesh.errors.CutError: this mesh carries a cut, whose macro-elements depend on the order; ...
-    """
+    """The slave skin cannot be cut; `cells` holds the file's numbers of the faces or cells concerned."""
 
 
 class RequestError(LacmeshError):
-    """The request itself is wrong: an option, or a group that the file lacks.
-
-    >>> from lacmesh import read
-    >>> read("data/two_blocks.msh", mesh="second")
-    Traceback (most recent call last):
-    lacmesh.errors.RequestError: data/two_blocks.msh is a msh file, which holds one mesh: leave out the name 'second'
-    """
+    """The request itself is wrong: an option, or a group that the file lacks."""
 
     status = 2
 
@@ -106,11 +84,7 @@ class ReadError(LacmeshError):
 
 
 class WriteError(LacmeshError):
-    """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind.
-
-    >>> WriteError("part.med", "the disk is full")
-    WriteError('part.med: the disk is full')
-    """
+    """A file that cannot be written, or a mesh that the format cannot hold; nothing was left behind."""
 
     status = 3
 

@@ -7,9 +7,8 @@ from dataclasses import fields
 from html import escape
 from typing import Any, NoReturn
 
-#: most lines of a description, its title included
-_LINES = 10
-_WIDTH = 110
+#: most lines of a description, its title included, and their width
+_LINES, _WIDTH = 10, 110
 #: longest collection whose members are shown
 _SHORT = 6
 
@@ -30,10 +29,19 @@ class Described:
         return {one.name: brief(getattr(self, one.name)) for one in fields(shown) if one.repr}
 
     def __repr__(self) -> str:
-        return facts_text(self._title(), self._facts())
+        facts = self._facts()
+        wide = max(map(len, facts), default=0)
+        rows = [f"  {name:<{wide}}  {fact}" for name, fact in facts.items()]
+        if len(rows) >= _LINES:
+            rows = [*rows[: _LINES - 2], f"  and {len(rows) - _LINES + 2} more"]
+        return "\n".join([self._title(), *(r if len(r) <= _WIDTH else r[: _WIDTH - 3] + "..." for r in rows)])
 
-    def _repr_html_(self) -> str:
-        return facts_html(self._title(), self._facts())
+    def _repr_html_(self, picture: str = "") -> str:
+        """Return a small table of the facts; `picture`: HTML that is put below it."""
+        cells = ('<th style="text-align:left">', '<td style="text-align:left">')
+        rows = (f"{cells[0]}{escape(k)}</th>{cells[1]}{escape(v)}</td>" for k, v in self._facts().items())
+        table = "".join(f"<tr>{row}</tr>" for row in rows)
+        return f"<div><b>{escape(self._title())}</b><table>{table}</table>{picture}</div>"
 
 
 class ByName(dict[str, Any]):
@@ -58,42 +66,17 @@ def brief(value: Any) -> str:
         if value.shape:
             return f"{value.dtype} {value.shape}"
         value = value.item()
-    if isinstance(value, (bool, int, str)) or value is None:
-        return str(value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
+    if isinstance(value, (str, float)):
+        return value if isinstance(value, str) else f"{value:.6g}"
     if isinstance(value, Mapping):
         return listed(map(str, value)) or "none"
     if isinstance(value, Described):
         return value._title()
-    words = "" if isinstance(value, Sized) and len(value) > _SHORT else repr(value)
-    if words and len(words) <= _WIDTH // 2 and "\n" not in words:
+    size = len(value) if isinstance(value, Sized) else None
+    words = repr(value) if size is None or size <= _SHORT else ""
+    if 0 < len(words) <= _WIDTH // 2 and "\n" not in words:
         return words
-    return f"{type(value).__name__} of {len(value):,}" if isinstance(value, Sized) else type(value).__name__
-
-
-def facts_text(title: str, facts: Mapping[str, str]) -> str:
-    """Return the title, and a line for each fact, ten lines at most.
-
-    >>> print(facts_text("Mesh", {"nodes": "4", "cells": "1 QUAD4"}))
-    Mesh
-      nodes  4
-      cells  1 QUAD4
-    """
-    wide = max(map(len, facts), default=0)
-    rows = [_cut(f"  {name:<{wide}}  {fact}") for name, fact in facts.items()]
-    if len(rows) >= _LINES:
-        rows = [*rows[: _LINES - 2], f"  and {len(rows) - _LINES + 2} more"]
-    return "\n".join([title, *rows])
-
-
-def facts_html(title: str, facts: Mapping[str, str], picture: str = "") -> str:
-    """Return a small table of the facts; `picture`: HTML that is put below it."""
-    rows = "".join(
-        f'<tr><th style="text-align:left">{escape(name)}</th><td style="text-align:left">{escape(fact)}</td></tr>'
-        for name, fact in facts.items()
-    )
-    return f"<div><b>{escape(title)}</b><table>{rows}</table>{picture}</div>"
+    return type(value).__name__ + ("" if size is None else f" of {size:,}")
 
 
 def listed(names: Iterable[str], most: int = 6) -> str:
@@ -105,7 +88,3 @@ def listed(names: Iterable[str], most: int = 6) -> str:
     names = list(names)
     left = len(names) - most
     return ", ".join(names) if left <= 0 else f"{', '.join(names[:most])} and {left} more"
-
-
-def _cut(line: str) -> str:
-    return line if len(line) <= _WIDTH else line[: _WIDTH - 3] + "..."

@@ -11,56 +11,40 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
-from numbers import Integral
 from os import PathLike
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import GroupNotFoundError, RequestError, some
-from lacmesh.facts import Described, facts_html, listed
+from lacmesh.facts import Described, listed
+from lacmesh.indices import Ints as Ints
+from lacmesh.indices import codes as codes
+from lacmesh.indices import concatenated as concatenated
+from lacmesh.indices import distinct as distinct
+from lacmesh.indices import mask_of as mask_of
+from lacmesh.indices import places_of as places_of
+from lacmesh.indices import positions as positions
+from lacmesh.model import Fixed, entity_rows, entity_tag, fixed_mapping
+from lacmesh.model import Model as Model
+from lacmesh.model import Periodic as Periodic
+from lacmesh.model import Step as Step
+from lacmesh.model import Tag as Tag
+from lacmesh.model import fixed as fixed
 
 if TYPE_CHECKING:
     from lacmesh.deck import Deck
 
-Ints = NDArray[np.integer]
 Floats = NDArray[np.floating]
-Tag = tuple[int, int]  # (dimension, tag), gmsh's way to name a physical group or an entity
 Spec = str | int | Tag  # what names a group of cells
 #: makes one number of a dimension and a tag (of 32 bits), in the order of both
 ENTITY_CODE = np.array([1 << 32, 1])
+_NOTHING: Mapping[str, Any] = Fixed()
 _MAPPINGS = ("cell_groups", "node_groups", "cell_data", "node_data", "group_tags", "steps")
-
-
-class Fixed(dict):
-    """A dictionary that cannot be changed."""
-
-    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
-        raise TypeError("groups and data of a mesh are not changed; dataclasses.replace makes another mesh")
-
-    __setitem__ = __delitem__ = __ior__ = _refuse
-    update = setdefault = pop = popitem = clear = _refuse
-
-    def __reduce__(self) -> tuple[type, tuple[dict]]:
-        return type(self), (dict(self),)
-
-
-def fixed(array: Any) -> NDArray:
-    """Return a read-only view of an array."""
-    array = np.asarray(array)
-    if array.flags.writeable:
-        array = array.view()
-        array.flags.writeable = False
-    return array
-
-
-def _fixed_mapping(mapping: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a read-only copy of a mapping, with read-only arrays."""
-    return Fixed({name: fixed(v) if isinstance(v, np.ndarray) else v for name, v in mapping.items()})
 
 
 class Block(NamedTuple):
@@ -68,40 +52,6 @@ class Block(NamedTuple):
 
     type: str
     nodes: Ints
-
-
-@dataclass(frozen=True)
-class Step:
-    """Position of an array of `cell_data` or `node_data` in a field of several time steps."""
-
-    field: str
-    number: int = -1
-    order: int = -1
-    time: float = 0.0
-
-
-@dataclass(frozen=True)
-class Periodic:
-    """A periodic link of msh: entity `slave` repeats `master`; `nodes` (n, 2) are slave and master nodes."""
-
-    slave: Tag
-    master: Tag
-    affine: tuple[float, ...]
-    nodes: Ints
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", fixed(self.nodes))
-
-
-@dataclass(frozen=True)
-class Model:
-    """Geometry behind a mesh, from msh: the signed entities that bound each entity, and the periodic links.
-
-    A bound with a tag beyond the largest of its dimension is gmsh's way to write an entity embedded in another.
-    """
-
-    boundary: Mapping[Tag, tuple[int, ...]] = field(default_factory=dict)
-    periodic: tuple[Periodic, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -138,21 +88,41 @@ class Mesh(Described):
     def __post_init__(self) -> None:
         values: dict[str, Any] = {"blocks": tuple(Block(kind, fixed(nodes)) for kind, nodes in self.blocks)}
         values |= {name: fixed(getattr(self, name)) for name in ("points", "node_number", "cell_number")}
-        values |= {name: _fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
+        values |= {name: fixed_mapping(getattr(self, name)) for name in _MAPPINGS}
         if self.file_order is not None:
             values["file_order"] = fixed(self.file_order)
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle through `_remade`, so that copies and unpickled meshes are read-only too."""
-        return _remade, ({f.name: getattr(self, f.name) for f in fields(self)},)
+        """Pickle as a call of the class, so that copies and unpickled meshes are read-only too."""
+        return partial(Mesh, **{f.name: getattr(self, f.name) for f in fields(self)}), ()
 
     @classmethod
-    def create(cls, points: Any, blocks: Iterable[tuple[str, Any]], **rest: Any) -> Mesh:
+    def create(
+        cls,
+        points: Any,
+        blocks: Iterable[tuple[str, Any]],
+        *,
+        space_dim: int | None = None,
+        node_number: Any = None,
+        cell_number: Any = None,
+        file_order: Any = None,
+        cell_groups: Mapping[str, Any] = _NOTHING,
+        node_groups: Mapping[str, Any] = _NOTHING,
+        cell_data: Mapping[str, Any] = _NOTHING,
+        node_data: Mapping[str, Any] = _NOTHING,
+        group_tags: Mapping[str, tuple[Tag, ...]] = _NOTHING,
+        steps: Mapping[str, Step] = _NOTHING,
+        zones: tuple[str, ...] = (),
+        model: Model | None = None,
+        name: str = "mesh",
+        plane: str = "",
+        deck: Deck | None = None,
+    ) -> Mesh:
         """Make a mesh from points (n, 2 or 3) and (type, nodes) pairs; numbers default to 1, 2, ...
 
-        Raises ValueError for a wrong type, shape or range. `rest`: any other field of the class.
+        The other arguments are fields of the class. Raises ValueError for a wrong type, shape or range.
 
         >>> square = Mesh.create([[0, 0], [1, 0], [1, 1], [0, 1]], [("QUAD4", [[0, 1, 2, 3]])])
         >>> square.space_dim, square.n_cells, square.cells_by_type
@@ -161,59 +131,50 @@ class Mesh(Described):
         points = np.asarray(points, dtype=float)
         if points.ndim != 2 or points.shape[1] not in (1, 2, 3):
             raise ValueError(f"points must be (n, 2) or (n, 3), not {points.shape}")
-        space_dim = rest.pop("space_dim", None)
         if points.shape[1] < 3:
             points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
         typed = tuple(_block(kind, nodes, len(points)) for kind, nodes in blocks)
-        names = [b.type for b in typed]
-        if len(set(names)) < len(names):
-            raise ValueError(f"one block a cell type, not {names}")
-        if rest.get("file_order") is not None:
-            rest["file_order"] = np.asarray(rest["file_order"])
+        if len({b.type for b in typed}) < len(typed):
+            raise ValueError(f"one block a cell type, not {[b.type for b in typed]}")
         if space_dim is None:
             solid = any(ALL_CELLS[b.type].dim == 3 and len(b.nodes) for b in typed)
             space_dim = 3 if solid or np.any(points[:, 2]) else 2
         n_cells = sum(len(b.nodes) for b in typed)
-        for key, size in (("node_number", len(points)), ("cell_number", n_cells)):
-            rest[key] = np.asarray(rest[key] if size and key in rest else np.arange(1, size + 1))
-        for key in ("cell_groups", "node_groups"):
-            size = n_cells if key == "cell_groups" else len(points)
-            rest[key] = {name: _members(name, ids, size) for name, ids in rest.get(key, {}).items()}
-        for key in ("cell_data", "node_data"):
-            rest[key] = {name: np.asarray(values) for name, values in rest.get(key, {}).items()}
-        mesh = cls(points=points, blocks=typed, space_dim=space_dim, **rest)
-        mesh._check_sizes()
-        return mesh
-
-    def _check_sizes(self) -> None:
-        sizes = {"node_number": self.n_nodes, "cell_number": self.n_cells}
-        if self.file_order is not None:
-            sizes["file_order"] = self.n_cells
-        for name, size in sizes.items():
-            values = getattr(self, name)
-            if values.shape != (size,) or values.dtype.kind not in "iu":
-                raise ValueError(f"{name} must be integers ({size},), not {values.dtype} {values.shape}")
-        for what, data, size in (("cell", self.cell_data, self.n_cells), ("node", self.node_data, self.n_nodes)):
-            for name, values in data.items():
-                if len(values) != size:
-                    raise ValueError(f"{what} data {name!r} has {len(values)} rows, expected {size}")
+        return cls(
+            points=points,
+            blocks=typed,
+            space_dim=space_dim,
+            node_number=_numbers("node_number", node_number if len(points) else None, len(points)),
+            cell_number=_numbers("cell_number", cell_number if n_cells else None, n_cells),
+            file_order=None if file_order is None else _numbers("file_order", file_order, n_cells),
+            cell_groups={key: _members(key, ids, n_cells) for key, ids in cell_groups.items()},
+            node_groups={key: _members(key, ids, len(points)) for key, ids in node_groups.items()},
+            cell_data={key: _rows(f"cell data {key!r}", values, n_cells) for key, values in cell_data.items()},
+            node_data={key: _rows(f"node data {key!r}", values, len(points)) for key, values in node_data.items()},
+            group_tags=group_tags,
+            steps=steps,
+            zones=zones,
+            model=model,
+            name=name,
+            plane=plane,
+            deck=deck,
+        )
 
     def to_meshio(self) -> Any:
         """Return the mesh as a `meshio.Mesh`, see `lacmesh.exchange.libraries.to_meshio`. Raises RequestError."""
-        return _library().to_meshio(self)
+        return _later("exchange.libraries").to_meshio(self)
 
     def to_pyvista(self, *, groups: bool = True, data: bool = True) -> Any:
         """Return the mesh as a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.to_pyvista`.
 
         `groups`, `data`: whether groups and data are carried. Raises RequestError, DataError.
         """
-        return _library().to_pyvista(self, groups=groups, data=data)
+        return _later("exchange.libraries").to_pyvista(self, groups=groups, data=data)
 
     @classmethod
     def from_pyvista(cls, grid: Any) -> Mesh:
         """Return the mesh of a `pyvista.UnstructuredGrid`, see `lacmesh.exchange.libraries.from_pyvista`."""
-        mesh: Mesh = _library().from_pyvista(grid)
-        return mesh
+        return _later("exchange.libraries").from_pyvista(grid)
 
     def moved(self, to: Any) -> Mesh:
         """Return the mesh with its nodes elsewhere: `to` is a shift (2,) or (3,), or a function of the points.
@@ -247,8 +208,7 @@ class Mesh(Described):
         >>> len(mesh.cell_groups["foot"]), len(mesh.cell_groups["soft"])
         (8, 32)
         """
-        mesh: Mesh = import_module("lacmesh.joining").with_groups(self, on, where)
-        return mesh
+        return _later("joining").with_groups(self, on, where)
 
     def renamed(self, /, **names: str) -> Mesh:
         """Return the mesh with other names of groups, old=new; groups that get one name are one, "" removes a group.
@@ -259,8 +219,7 @@ class Mesh(Described):
         >>> list(rectangle(2).renamed(left="ends", right="ends", bottom="").cell_groups)
         ['body', 'ends', 'top']
         """
-        mesh: Mesh = import_module("lacmesh.joining").renamed(self, names)
-        return mesh
+        return _later("joining").renamed(self, names)
 
     def only(self, *groups: Spec) -> Mesh:
         """Return the cells of some groups alone, and their nodes; numbers and data stay. Raises GroupNotFoundError.
@@ -269,8 +228,7 @@ class Mesh(Described):
         >>> box(2).only("top").cells_by_type
         {'QUAD4': 4}
         """
-        mesh: Mesh = import_module("lacmesh.joining").only(self, groups)
-        return mesh
+        return _later("joining").only(self, groups)
 
     def _title(self) -> str:
         return "Mesh in the plane" if self.space_dim == 2 else "Mesh"
@@ -291,9 +249,8 @@ class Mesh(Described):
                 facts[what] = listed(data)
         return facts
 
-    def _repr_html_(self) -> str:
-        picture = import_module("lacmesh.view").thumbnail(self)
-        return facts_html(self._title(), self._facts(), picture)
+    def _repr_html_(self, picture: str = "") -> str:
+        return super()._repr_html_(picture or _later("view").thumbnail(self))
 
     @property
     def n_nodes(self) -> int:
@@ -400,11 +357,8 @@ class Mesh(Described):
     def cells_of(self, spec: Spec) -> Ints:
         """Sorted indices of the cells that `spec` names: a group (see `group`), or `entity:2:17`, an entity of msh."""
         spec = spec_text(spec)
-        if spec.startswith("entity:") and spec not in self.cell_groups:
-            return self._cells_of_entity(spec)
-        return self.cell_groups[self.group(spec)]
-
-    def _cells_of_entity(self, spec: str) -> Ints:
+        if not spec.startswith("entity:") or spec in self.cell_groups:
+            return self.cell_groups[self.group(spec)]
         cells = np.flatnonzero((self.entity_of_cell == entity_tag(spec)).all(axis=1))
         if not len(cells):
             known = [f"entity:{dim}:{tag}" for dim, tag in self.entities]
@@ -416,8 +370,7 @@ class Mesh(Described):
         return some(self.cell_number[np.asarray(list(cells), dtype=int)])
 
 
-#: a mesh, or the path of its file
-MeshLike = Mesh | str | PathLike[str]
+MeshLike = Mesh | str | PathLike[str]  # a mesh, or the path of its file
 
 
 def as_mesh(mesh: MeshLike) -> Mesh:
@@ -425,40 +378,15 @@ def as_mesh(mesh: MeshLike) -> Mesh:
     if isinstance(mesh, Mesh):
         return mesh
     if isinstance(mesh, (str, PathLike)):
-        read: Mesh = import_module("lacmesh.formats").read(mesh)  # a later stage, which reads and never writes back
-        return read
+        return _later("formats").read(mesh)
     has_mesh = isinstance(getattr(mesh, "mesh", None), Mesh)
     advice = "give its .mesh" if has_mesh else "lacmesh.from_meshio and Mesh.from_pyvista take those of other libraries"
     raise RequestError(f"a mesh is a lacmesh.Mesh or the path of a mesh file, not {type(mesh).__name__}; {advice}")
 
 
-def _library() -> Any:
-    """Return the module that knows the meshes of other libraries: a later stage, loaded when it is asked for."""
-    return import_module("lacmesh.exchange.libraries")
-
-
-def _remade(values: dict[str, Any]) -> Mesh:
-    return Mesh(**values)
-
-
-def entity_rows(cell_data: Mapping[str, NDArray], n_cells: int) -> Ints:
-    """Return the dimension and tag (n_cells, 2) of each cell's entity from the data of cells; no rows without any."""
-    entity = cell_data.get("entity")
-    if entity is None or entity.shape != (n_cells, 2) or entity.dtype.kind not in "iu":  # of that name only
-        return np.empty((0, 2), np.int64)
-    return entity
-
-
-def entity_tag(spec: str) -> Tag:
-    """Return the dimension and tag of an entity of msh. Raises RequestError.
-
-    >>> entity_tag("entity:2:17")
-    (2, 17)
-    """
-    parts = spec.split(":")[1:]
-    if len(parts) != 2 or not all(p.isdigit() for p in parts):
-        raise RequestError(f"{spec!r} is no entity; write entity:DIM:TAG, as entity:2:17")
-    return int(parts[0]), int(parts[1])
+def _later(module: str) -> Any:
+    """Return a module of a later stage, which imports this one; it is loaded when it is used."""
+    return import_module(f"lacmesh.{module}")
 
 
 def spec_text(spec: Spec) -> str:
@@ -476,72 +404,22 @@ def spec_list(specs: str | int | Iterable[str | int]) -> list[str]:
     >>> spec_list("slave"), spec_list(5), spec_list(["slave", 5])
     (['slave'], ['5'], ['slave', '5'])
     """
-    return [str(s) for s in ([specs] if isinstance(specs, (str, Integral)) else specs)]  # type: ignore[union-attr]
+    return [str(s) for s in ([specs] if isinstance(specs, (str, int, np.integer)) else specs)]
 
 
-def codes(values: Ints) -> Ints:
-    """Distinct values of small integers >= 0, ascending; quicker to start than np.unique, which loads numpy.ma.
-
-    >>> codes(np.array([5, 2, 5])).tolist()
-    [2, 5]
-    """
-    return np.flatnonzero(np.bincount(values))
-
-
-def concatenated(parts: Iterable[Ints]) -> Ints:
-    """Return arrays of integers one after the other; an empty one of no arrays."""
-    return np.concatenate([np.empty(0, np.int64), *parts])
+def _numbers(name: str, values: Any, size: int) -> Ints:
+    """Return integers (size,), by default 1, 2, ...; raise ValueError for others."""
+    values = np.arange(1, size + 1) if values is None else np.asarray(values)
+    if values.shape != (size,) or values.dtype.kind not in "iu":
+        raise ValueError(f"{name} must be integers ({size},), not {values.dtype} {values.shape}")
+    return values
 
 
-def mask_of(size: int, *indices: Any) -> NDArray[np.bool_]:
-    """Return a mask (size,), True at some indices: arrays, numbers or slices.
-
-    >>> mask_of(4, np.array([0, 3]), 2).tolist()
-    [True, False, True, True]
-    """
-    mask = np.zeros(size, bool)
-    for index in indices:
-        mask[index] = True
-    return mask
-
-
-def places_of(members: Ints, size: int, dtype: type[np.integer] = np.int64) -> Ints:
-    """Return the place (size,) of each index in an array of indices, -1 of those that are not in it.
-
-    >>> places_of(np.array([3, 0]), 4).tolist()
-    [1, -1, -1, 0]
-    """
-    places = np.full(size, -1, dtype)
-    places[members] = np.arange(len(members), dtype=dtype)
-    return places
-
-
-def positions(index: Ints, members: Ints) -> Ints:
-    """Return the position in `index` (k,), ascending, of each member, in the shape of `members`; -1 if it is not there.
-
-    >>> positions(np.array([2, 5, 7]), np.array([[7, 2], [3, 9]])).tolist()
-    [[2, 0], [-1, -1]]
-    """
-    if not len(index):
-        return np.full(members.shape, -1)
-    place = np.minimum(np.searchsorted(index, members), len(index) - 1)
-    return np.where(index[place] == members, place, -1)
-
-
-def distinct(numbers: Ints) -> bool:
-    """True if no number occurs twice. Ids as in files, a few millions in any order, are marked off in a table.
-
-    >>> distinct(np.array([7, 5, 6])), distinct(np.array([7, 5, 7])), distinct(np.array([10**18, 0, 10**18]))
-    (True, False, False)
-    """
-    if (numbers[1:] > numbers[:-1]).all():
-        return True
-    low, high = int(numbers.min()), int(numbers.max())
-    if high - low >= 4 * len(numbers):
-        ascending = np.sort(numbers)  # np.unique hashes, at a tenth of the speed
-        return bool((ascending[1:] > ascending[:-1]).all())
-    seen = mask_of(high - low + 1, numbers - low if low else numbers)
-    return int(np.count_nonzero(seen)) == len(numbers)
+def _rows(what: str, values: Any, size: int) -> NDArray:
+    values = np.asarray(values)
+    if len(values) != size:
+        raise ValueError(f"{what} has {len(values)} rows, expected {size}")
+    return values
 
 
 def _block(kind: str, nodes: Any, n_nodes: int) -> Block:

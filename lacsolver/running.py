@@ -16,8 +16,8 @@ import numpy as np
 from lacmesh import __version__
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats.output import signals_wait
-from lacmesh.kernels.threads import peak_memory
 from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
+from lacmesh.threads import peak_memory
 from lacsolver.case import Case, as_case, fingerprint
 from lacsolver.contact import Interface
 from lacsolver.distributed.share import UNDIVIDED, Distribution

@@ -124,7 +124,7 @@ def shared():
 @pytest.fixture
 def every_thread(monkeypatch):
     """Take as many threads as are asked for, however few rows or cells there are."""
-    monkeypatch.setattr("lacmesh.kernels.threads._WORTH", 1)
+    monkeypatch.setattr("lacmesh.threads._WORTH", 1)
 
 
 @pytest.fixture

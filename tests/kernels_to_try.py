@@ -11,13 +11,10 @@ import numpy as np
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.cells import CELLS
 from lacmesh.formats.mail.names import scanned
 from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.formats.vtu.lz4 import expand
 from lacmesh.formats.xdmf.mixed import starts
-from lacmesh.quality import corner, determinant
-from lacmesh.quality.linear import LINEAR
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.bodies.mass import KINDS, assemble_mass
@@ -37,7 +34,6 @@ from tests.lacsolver.bodies import cube
 from tests.lacsolver.contact_cases import held
 from tests.lacsolver.patch_meshes import stack
 from tests.lacsolver.systems import above, rigid_modes, stiffness
-from tests.quality_cells import distorted
 from tests.surface.surfaces import sheet, whole
 
 DATA = Path(__file__).parent.parent / "data"
@@ -46,7 +42,6 @@ DATA = Path(__file__).parent.parent / "data"
 def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     """Work by its name, with a folder for its files. Each takes seconds where kernels run as they stand."""
     yield "formats", _formats
-    yield "quality", _quality
     for name in ("two_blocks", "sliding/ironing_2d"):
         yield f"check of {name}", partial(lacmesh.check, lacmesh.read(DATA / f"{name}.msh"), ["slave"], ["master"])
     yield "surfaces", _surfaces
@@ -99,18 +94,6 @@ def _formats() -> None:
     for data in (b"\x40abcd", b"\x44abcd\x02\x00\x00"):
         expand(np.frombuffer(data, np.uint8), np.empty(12, np.uint8))
     starts(np.array([4, 0, 1, 2, 4, 1, 2, 3]), np.array([0, 0, 0, 0, 4]), np.empty(2, np.int64))
-
-
-def _quality() -> None:
-    for name, cell in CELLS.items():
-        if cell.dim > 1 and cell.order < 3:
-            x = distorted(name, k=5)
-            points, nodes = x.reshape(-1, 3), np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
-            corner._corners(points, nodes, *corner.corners_of(name), np.empty((len(nodes), 4)))
-            if name in LINEAR:
-                fill, columns = LINEAR[name]
-                fill(points, nodes, np.empty((len(nodes), len(columns))))
-            determinant._compiled(*determinant._samples(name), points, nodes, False)
 
 
 def _surfaces() -> None:

@@ -1,4 +1,4 @@
-"""Kernels: when they are compiled, that both forms give the same, where they are kept, and what is said of it."""
+"""Kernels: when they are compiled, that both forms give the same, where they are cached, and what is logged."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ import numpy as np
 import pytest
 
 from lacmesh import kernels
-from lacmesh.kernels import Kernel, kept
-from lacmesh.kernels.signatures import FILE, compile_signature, declared, described
-from lacmesh.kernels.threads import in_threads, worthwhile
+from lacmesh.compiled_kernels import FILE, listed
+from lacmesh.kernels import Kernel
+from lacmesh.threads import in_threads, worthwhile
 from tests import REPOSITORY
 from tests.kernels_to_try import DATA
 from tests.samples import each_option, samples
 from tests.small_kernels import double, fractions
-from tools.record_kernels import recorded
+from tools.record_kernels import described, recorded
 
 
 def ran(*words, folder, **variables):
@@ -40,22 +40,25 @@ if {full}:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (16, resource.RLIM_INFINITY))
 from tests.small_kernels import double
-print(double.compile()(2.0), double.compiled.stats.cache_misses.total(), file=__import__("sys").stderr)
+print(double.fast(2.0), double.compiled.stats.cache_misses.total(), file=__import__("sys").stderr)
 """
 
 
 def compiled(folder, full=False):
-    """What a process says in which a kernel is compiled or taken from a folder, on a full disk or not."""
+    """What a process prints in which a kernel is compiled or taken from a folder, on a full disk or not; its log."""
     *log, last = ran("-c", COMPILED.format(full=full), folder=folder).stderr.splitlines()
     return last, any("compiling" in line for line in log)
 
 
-def test_a_kernel_is_kept_and_said_to_be_compiled_at_first_and_where_it_is_damaged(tmp_path):
+@pytest.mark.parametrize("damaged", ["*.nbc", "*.nbi"])
+def test_a_kernel_is_cached_and_its_compilation_is_logged_and_a_damaged_cache_is_made_again(tmp_path, damaged):
     assert compiled(tmp_path) == ("4.0 1", True)
     assert compiled(tmp_path) == ("4.0 0", False)
-    for path in tmp_path.rglob("*.nbc"):
+    for path in tmp_path.rglob(damaged):
         path.write_bytes(path.read_bytes()[:100])
-    assert compiled(tmp_path)[0].startswith("4.0") and not compiled(tmp_path)[1]
+    assert compiled(tmp_path)[0].startswith("4.0")
+    assert compiled(tmp_path) == ("4.0 1", True)
+    assert compiled(tmp_path) == ("4.0 0", False)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of files as Linux has them")
@@ -103,10 +106,10 @@ def test_every_kernel_gives_the_same_compiled_and_as_it_stands_and_is_listed(tmp
             form = kernel, str(described(arguments))
             calls[form] += 1
             if calls[form] > most:
-                return kernel.compile()(*arguments)
+                return kernel.fast(*arguments)
             mine = copy.deepcopy(arguments)
             plain = kernel.py_func(*mine)
-            made = kernel.compile()(*arguments)
+            made = kernel.fast(*arguments)
             if not (same(made, plain) and same(arguments, mine)):
                 different.append(kernel.__name__)
         return made
@@ -114,7 +117,8 @@ def test_every_kernel_gives_the_same_compiled_and_as_it_stands_and_is_listed(tmp
     compared = recorded(tmp_path, both)
     assert not different
     assert compared == json.loads(FILE.read_text())
-    inside = {value for one in Kernel.known for _, value in one.named() if isinstance(value, Kernel)}
+    inside = {value for one in Kernel.known for name in one.function.__code__.co_names
+              if isinstance(value := one.function.__globals__.get(name), Kernel)}  # fmt: skip
     own = {f"{k.__module__}.{k.__qualname__}" for k in Kernel.known if k not in inside}
     assert {name for name in own if not name.startswith(("tests.", "test_", "benchmarks."))} <= set(compared)
 
@@ -122,34 +126,33 @@ def test_every_kernel_gives_the_same_compiled_and_as_it_stands_and_is_listed(tmp
 @pytest.mark.parametrize("by", [2.0, 0.0, np.float64(0.0)])
 def test_numbers_are_divided_by_zero_as_numpy_does_it(by):
     a = np.array([1.0, 0.0, -1.0])
-    plain, made = fractions.py_func(a, by), fractions.compile()(a, by)
+    plain, made = fractions.py_func(a, by), fractions.fast(a, by)
     assert np.array_equal(plain, made, equal_nan=True)
     assert math.isnan(plain[3]) and plain[2] == np.inf
 
 
 @pytest.fixture
-def fresh(monkeypatch):
-    """Kernels that nothing was asked of yet: one, one that is kept, one that takes long to compile."""
+def fresh(monkeypatch, tmp_path):
+    """Kernels before their first call: one, one that is cached, one that takes long to compile."""
     monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
-    monkeypatch.setattr(kernels, "has", lambda key: "is_kept" in key)
+    monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path)
 
     def twice(x):
         return 2 * x
 
-    def is_kept(x):
-        return 2 * x
-
     monkeypatch.setattr(Kernel, "known", [])
-    return {"": Kernel(twice), "kept": Kernel(is_kept), "costly": Kernel(twice, costly=3)}
+    one = {"": Kernel(twice), "cached": Kernel(twice, borrows=True), "costly": Kernel(twice, costly=3)}
+    one["cached"].folder.mkdir()
+    return one
 
 
 @pytest.mark.parametrize(
     ("kind", "sizes", "compiled"),
     [
-        ("", (kernels.KEPT_FROM - 1, kernels.COMPILED_FROM - 1), False),
+        ("", (kernels.CACHED_FROM - 1, kernels.COMPILED_FROM - 1), False),
         ("", (kernels.COMPILED_FROM,), True),
-        ("kept", (kernels.KEPT_FROM - 1,), False),
-        ("kept", (kernels.KEPT_FROM,), True),
+        ("cached", (kernels.CACHED_FROM - 1,), False),
+        ("cached", (kernels.CACHED_FROM,), True),
         ("costly", (3 * kernels.COMPILED_FROM - 1,), False),
         ("costly", (3 * kernels.COMPILED_FROM,), True),
     ],
@@ -161,21 +164,20 @@ def test_small_work_is_done_as_it_stands_and_large_work_compiled(fresh, kind, si
 
 def test_the_form_of_a_call_does_not_depend_on_earlier_calls(fresh, monkeypatch):
     """Small calls are done as they stand, whatever their sum, also after a large one for which it was compiled."""
-    monkeypatch.setattr(kernels, "save", lambda *_: None)
     one, small, large = fresh[""], np.ones(kernels.COMPILED_FROM - 1), np.ones(kernels.COMPILED_FROM)
-    for _ in range(kernels.WORTH_KEEPING // len(small) + 2):
+    for _ in range(kernels.WORTH_CACHING // len(small) + 2):
         one(small)
-    assert one.compiled is None
+    assert one.compiled is None and one.folder.is_dir()  # for the next process
     one(large)
     monkeypatch.setattr(one, "compiled", lambda x: "compiled")
     assert one(large) == "compiled" and (one(small) == 2).all()
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")  # where people debug
-    assert len(fresh["kept"](large)) and fresh["kept"].compiled is None
+    assert len(fresh["cached"](large)) and fresh["cached"].compiled is None
 
 
 def test_a_kernel_that_had_much_work_is_compiled_by_the_next_process(tmp_path):
     code = "import numpy as np\nfrom lacmesh import kernels\nfrom tests.small_kernels import double\n"
-    code += "for _ in range(2 * kernels.WORTH_KEEPING // kernels.COMPILED_FROM):\n"
+    code += "for _ in range(2 * kernels.WORTH_CACHING // kernels.COMPILED_FROM):\n"
     code += "    double(np.ones(kernels.COMPILED_FROM // 2))\nprint(double.compiled is not None)"
     said = [ran("-c", code, folder=tmp_path, NUMBA_DISABLE_JIT="0").stdout.strip() for _ in range(2)]
     assert said == ["False", "True"]
@@ -199,7 +201,7 @@ def test_a_first_command_on_a_small_model_compiles_nothing(name, debug, tmp_path
     assert not list(tmp_path.rglob("*.nbc"))
 
 
-# ---- what is kept, and where
+# ---- what is cached, and where
 
 
 def of_code(code, name):
@@ -211,39 +213,47 @@ def of_code(code, name):
     return space[name]
 
 
-def test_the_key_of_a_kernel_is_that_of_its_code_and_of_the_kernels_and_constants_that_it_names():
+def test_the_folder_of_a_kernel_is_named_by_its_code_and_by_the_kernels_and_constants_that_it_names():
     text = "LEAST = {}\n@kernel\ndef inner(x):\n    return x + {} * LEAST\n"
     text += "@kernel\ndef outer(x):\n    '{}'\n    return inner(x)\n"
     rows = [(1, 1, "one word"), (1, 1, "another"), (2, 1, ""), (1, 2, ""), ("np.ones(2)", 1, "")]
-    keys = [of_code(text.format(*row), "outer").key for row in rows]
-    assert keys[0] == keys[1] and len(set(keys)) == 4
+    folders = [of_code(text.format(*row), "outer").folder for row in rows]
+    assert folders[0] == folders[1] and len(set(folders)) == 4
 
 
-def test_what_cannot_be_kept_beside_the_package_is_kept_for_the_user(tmp_path, monkeypatch):
+def test_what_cannot_be_cached_beside_the_package_is_cached_for_the_user(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
-    monkeypatch.setattr(kept, "_PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(kernels, "__file__", str(tmp_path / "package" / "kernels.py"))
+    folder = kernels.cache_folder.__wrapped__
+    assert folder().parent == tmp_path / "mine"  # there is no such package
     (tmp_path / "package").mkdir()
-    (tmp_path / "package" / "__pycache__").write_text("not a folder: nobody can write into it")
-    monkeypatch.setattr(kept, "folders", kept.folders.__wrapped__)
-    kept.save("some.kernel.py.old", "some.kernel.py.old.types", b"older")
-    kept.save("some.kernel.py.new", "some.kernel.py.new.types", b"newer")
-    assert kept.read("some.kernel.py.new.types") == b"newer"
-    assert kept.read("some.kernel.py.old.types") is None  # of sources that are gone
-    assert kept.writable() in list((tmp_path / "mine").iterdir())
-    (tmp_path / "package" / "__pycache__").unlink()
-    assert kept.writable() == tmp_path / "package" / "__pycache__"
-    assert kept.read("some.kernel.py.new.types") == b"newer"  # read from both
+    assert folder() == tmp_path / "package" / "__pycache__" / "kernels"
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "chosen"))
+    assert folder().parent == tmp_path / "chosen"
+
+
+def test_the_cache_of_earlier_sources_is_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernels, "cache_folder", lambda: tmp_path)
+    now = Kernel(double.function)
+    Kernel.known.remove(now)
+    earlier, other = now.folder.with_suffix(".earlier"), tmp_path / "tests.small_kernels.other.cpython.digest"
+    earlier.mkdir()
+    other.mkdir()
+    assert now.fast(2.0) == 4.0 and sorted(tmp_path.iterdir()) == sorted([now.folder, other])
 
 
 def test_compile_compiles_all_that_is_listed_or_says_where_it_cannot(tmp_path):
     words, env = [sys.executable, "-m", "lacmesh", "compile"], {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
-    assert done.returncode == 0 and f"compiling: {len(declared())} of {len(declared())}\ncompiled" in done.stdout
-    kept._names.cache_clear()
-    for one in declared():
-        compile_signature(one)
-    assert double.compiled is None or not double.compiled.stats.cache_misses
+    assert done.returncode == 0 and f"compiling: {len(listed())} of {len(listed())}\ncompiled" in done.stdout
+    code = (
+        "import sys\nfrom lacmesh.compiled_kernels import compile_listed, listed\nfrom lacmesh.kernels import Kernel\n"
+    )
+    code += "for name in listed():\n    compile_listed(name)\n"
+    code += "print(sum(k.compiled.stats.cache_misses.total() for k in Kernel.known if k.compiled))"
+    again = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert again.stdout == "0\n"
     (tmp_path / "file").write_text("")
     done = subprocess.run(words, env=env | {"NUMBA_CACHE_DIR": str(tmp_path / "file")}, capture_output=True, text=True)
     assert done.returncode == 3 and "by NUMBA_CACHE_DIR" in done.stderr
@@ -257,7 +267,7 @@ def test_a_part_that_borrows_arrays_makes_none_and_returns_none(part, refused, t
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     code = f"@kernel(borrows=True)\ndef part(x):\n    return {part}\n@kernel\ndef whole(x):\n    return part(x)\n"
     if not refused:
-        assert of_code(code, "whole").compile()(np.ones(3)) == 2.0
+        assert of_code(code, "whole").fast(np.ones(3)) == 2.0
         return
     with pytest.raises(Exception, match=r"borrows arrays|NRT required|returning of array"):
-        of_code(code, "whole").compile()(np.ones(3))
+        of_code(code, "whole").fast(np.ones(3))

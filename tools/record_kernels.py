@@ -1,4 +1,4 @@
-"""Make lacmesh/kernels/signatures.json again: what every kernel is called with, in the work of tests/kernels_to_try.py.
+"""Make lacmesh/kernel_signatures.json again: what every kernel is called with, in the work of tests/kernels_to_try.py.
 
     python -m tools.record_kernels
 
@@ -14,8 +14,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
+from lacmesh.compiled_kernels import FILE, compile_listed
 from lacmesh.kernels import Kernel
-from lacmesh.kernels.signatures import FILE, Signature, compile_signature, described
 
 
 def as_it_stands(kernel: Kernel, *arguments: Any) -> Any:
@@ -46,19 +48,34 @@ def recorded(folder: Path, how: Callable[..., Any] = as_it_stands) -> dict[str, 
     return found
 
 
+def described(value: Any) -> Any:
+    """Describe an argument, or a tuple of them, as text."""
+    if isinstance(value, np.ndarray):
+        layout = "C" if value.flags.c_contiguous else "F" if value.flags.f_contiguous else "A"
+        return f"{value.dtype}[{value.ndim},{layout}{'' if value.flags.writeable else ',fixed'}]"
+    if isinstance(value, tuple):
+        fields, kind = [described(v) for v in value], type(value)
+        return fields if kind is tuple else {f"{kind.__module__}.{kind.__qualname__}": fields}
+    return str(value.dtype) if isinstance(value, np.generic) else type(value).__name__
+
+
+def written(forms: dict[str, list[Any]]) -> str:
+    """The text of the file, a kernel a line."""
+    return "{\n" + ",\n".join(f"{json.dumps(key)}: {json.dumps(forms[key])}" for key in forms) + "\n}\n"
+
+
 def main() -> None:
     """Record, compile to see how long each takes, and write."""
     with TemporaryDirectory() as folder:
         found = recorded(Path(folder))
+    FILE.write_text(written(found))
     took = {}
-    for key, forms in found.items():
+    for key in found:
         start = time.process_time()
-        for form in forms:
-            compile_signature(Signature.of(key, form))
+        compile_listed(key)
         took[key] = time.process_time() - start
     order = sorted(found, key=lambda key: -took[key])
-    lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(found[key])}" for key in order)
-    FILE.write_text("{\n" + lines + "\n}\n")
+    FILE.write_text(written({key: found[key] for key in order}))
     print(f"{sum(map(len, found.values()))} forms of {len(found)} kernels, compiled in {sum(took.values()):.0f} s:")
     for key in order:
         print(f"{took[key]:6.2f} s  {len(found[key])}  {key}")

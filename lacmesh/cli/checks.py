@@ -182,8 +182,7 @@ def _values(s: Any) -> list[str]:
 
 def _print_type(cells: Any) -> None:
     """Print the quality of the cells of a type."""
-    from lacmesh.quality.measures import POOR, primary_metric
-    from lacmesh.quality.verdict import ACCEPTED
+    from lacmesh.quality.measures import ACCEPTED, POOR, primary_metric
 
     rank, accepted = primary_metric(cells.type) or "", ACCEPTED.get(cells.type, {})
     places = ", ".join(f"{n:,} at {'an' if k[0] == 'i' else 'a'} {k}" for k, n in cells.invalid_at.items() if n)

@@ -219,23 +219,22 @@ def compile_(*, run: Run) -> None:
     from multiprocessing import get_context
 
     from lacmesh.errors import WriteError
-    from lacmesh.kernels.kept import folders, writable
-    from lacmesh.kernels.signatures import compile_signature, declared
+    from lacmesh.compiled_kernels import compile_listed, listed
+    from lacmesh.kernels import cache_folder, writable
 
-    start, signatures = time.perf_counter(), declared()
-    folder = writable()
-    if folder is None:
-        raise WriteError(folders()[-1], "cannot be written; name another folder by NUMBA_CACHE_DIR")
+    start, names, folder = time.perf_counter(), list(listed()), cache_folder()
+    if not writable(folder):
+        raise WriteError(folder, "cannot be written; name another folder by NUMBA_CACHE_DIR")
     workers = min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 4)
     # the terminal sends an interrupt to all processes: workers leave it to this one, which ends them
     ignore = (signal.SIGINT, signal.SIG_IGN)
     with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, ignore) as pool:
         try:
-            for count, done in enumerate(as_completed([pool.submit(compile_signature, s) for s in signatures]), 1):
+            for count, done in enumerate(as_completed([pool.submit(compile_listed, name) for name in names]), 1):
                 done.result()
-                if count * 10 // len(signatures) > (count - 1) * 10 // len(signatures):
-                    print(f"compiling: {count} of {len(signatures)}", flush=True)
+                if count * 10 // len(names) > (count - 1) * 10 // len(names):
+                    print(f"compiling: {count} of {len(names)}", flush=True)
         except BaseException:  # interrupted: what is compiled is kept
             pool.shutdown(cancel_futures=True)
             raise
-    print(f"compiled {len(signatures)} kernels in {time.perf_counter() - start:.0f} s; kept in {folder}")
+    print(f"compiled {len(names)} kernels in {time.perf_counter() - start:.0f} s; kept in {folder}")

@@ -43,7 +43,7 @@ class Stages:
 
     def spent(self) -> str:
         """Return the seconds of each stage, and the peak memory if the system knows it."""
-        from lacmesh.kernels.threads import peak_memory
+        from lacmesh.threads import peak_memory
 
         peak = peak_memory()
         seconds = ", ".join(f"{name} {seconds:.2f} s" for name, seconds in self.seconds.items())

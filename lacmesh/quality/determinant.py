@@ -11,24 +11,25 @@ At a pyramid's apex the gradient depends on the direction of approach; its limit
 are used. On a ray x = u w, y = v w, w = 1 - z the gradient is linear in w (constant for PYRAM5, whose base corners
 therefore give the same value), so that the limit is exactly 2 g(w) - g(2 w).
 
-Notation: dN (p, n, dim) gradients of the shape functions at p samples, J Jacobian matrix, det its determinant.
+Notation: dN (p, n, dim) gradients of the shape functions at p samples.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh
-from lacmesh.quality import vectors
-from lacmesh.quality.vectors import PIECE, nodes_first
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient
+from lacmesh.reference.vectors import determinants
+from lacmesh.threads import in_threads
 
 #: (family, order) -> degrees of the rules in use; 3 points a direction integrate to degree 5, 2 to degree 3
 _DEGREES = {
@@ -41,6 +42,8 @@ _DEGREES = {
 }
 #: round-off of a determinant, in units of the largest coordinate times the cell's extent to the power dim - 1
 _ROUND_OFF = 32 * np.finfo(float).eps
+#: numbers of nodes at a time, so that what is computed of a piece of the cells stays in the cache
+_PIECE = 1 << 11
 
 
 class Validity(NamedTuple):
@@ -79,9 +82,7 @@ def validity(name: str, x: Floats, plane: bool = False) -> Floats:
 
 def validity_at(name: str, x: Floats, plane: bool = False) -> Validity:
     """Compute `validity` separately for the corners, the other nodes and the integration points."""
-    x = np.asarray(x, dtype=float)
-    n = x.shape[1]
-    return validity_among(name, x.reshape(-1, 3), np.arange(len(x) * n).reshape(-1, n), plane)
+    return validity_among(name, *as_points(x), plane)
 
 
 def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
@@ -94,54 +95,46 @@ def validity_of(mesh: Mesh, cells: Ints | None = None) -> Floats:
 
 
 def validity_among(name: str, points: Floats, nodes: Ints, plane: bool = False) -> Validity:
-    """Compute `validity_at` for cells with `nodes` (k, n) among `points`."""
-    out = np.ones((3, len(nodes)))
+    """Compute `validity_at` for cells with `nodes` (k, n) among `points` (p, 3)."""
     if name not in CELLS or not CELLS[name].dim:
-        return Validity(*out)
+        return Validity(*np.ones((3, len(nodes))))
     dN, places = _samples(name)
-    if len(nodes) >= vectors.COMPILED_FROM:
-        return Validity(*_compiled(dN, places, points, np.ascontiguousarray(nodes, np.int64), plane).T)
-    for start in range(0, len(nodes), PIECE):
-        piece = slice(start, start + PIECE)
-        out[:, piece] = _least(dN, places, points[nodes[piece]], plane)
-    return Validity(*out)
+    return Validity(*by_pieces(lambda x: _least(dN, places, x, plane), points, nodes, 3))
 
 
-def _compiled(dN: NDArray, places: tuple[Ints, Ints, Ints], points: Floats, nodes: Ints, plane: bool) -> NDArray:
-    """(k, 3): the columns of a `Validity`."""
-    from lacmesh.kernels.threads import in_threads
-    from lacmesh.quality.kernel_determinant import least
+def as_points(x: Floats) -> tuple[Floats, Ints]:
+    """Points (k n, 3) and nodes (k, n) of cells with nodes at x (k, n, 3)."""
+    k, n = np.shape(x)[:2]
+    return np.asarray(x, dtype=float).reshape(-1, 3), np.arange(k * n).reshape(k, n)
 
-    out = np.empty((len(nodes), 3))
-    in_threads(lambda part: least(points, nodes[part], dN, *places, plane, _ROUND_OFF, out[part]), len(nodes))
+
+def by_pieces(measure: Callable[[Floats], Any], points: Floats, nodes: Ints, rows: int) -> NDArray:
+    """(rows, c): what `measure` gives for cells with `nodes` (c, n) among `points` (p, 3), a few cells at a time.
+
+    `measure` takes the nodes x (3, n, k) of some cells, and returns so many arrays (k,). It runs in threads.
+    """
+    out = np.empty((rows, len(nodes)))
+    size = max(1, _PIECE // nodes.shape[1])
+
+    def run(part: slice) -> None:
+        with np.errstate(all="ignore"):
+            for start in range(part.start, part.stop, size):
+                piece = slice(start, min(start + size, part.stop))
+                out[:, piece] = measure(np.ascontiguousarray(points[nodes[piece]].transpose(2, 1, 0)))
+
+    in_threads(run, len(nodes))
     return out
 
 
 def _least(dN: NDArray, places: tuple[Ints, Ints, Ints], x: Floats, plane: bool) -> NDArray:
-    """(3, k): the rows of a `Validity` for cells at x (k, n, 3); the reference for `kernel_determinant.least`."""
-    flat = nodes_first(x)
-    det = _determinants(dN, flat, places[2], plane)
-    extent = np.max(flat.max(axis=0) - flat.min(axis=0), axis=0)
-    nothing = _ROUND_OFF * np.abs(flat).max(axis=(0, 1)) * extent ** (dN.shape[2] - 1)
+    """(3, k): the rows of a `Validity` for cells at x (3, n, k)."""
+    det = determinants(dN, x, places[2], plane)
+    extent = (x.max(axis=1) - x.min(axis=1)).max(axis=0)
+    nothing = _ROUND_OFF * np.abs(x).max(axis=(0, 1)) * extent ** (dN.shape[2] - 1)
     mean = np.abs(det[places[2]]).mean(axis=0)
     least = np.stack([det[rows].min(axis=0) for rows in places])
     least[np.abs(least) <= nothing] = 0
     return np.divide(least, mean, out=least, where=least != 0)
-
-
-def _determinants(dN: NDArray, x: NDArray, inside: Ints, plane: bool) -> NDArray:
-    """(p, k): determinants of cells with nodes x (n, 3, k) at the samples; `inside`: the integration points."""
-    p, n, dim = dN.shape
-    J = (dN.transpose(0, 2, 1).reshape(p * dim, n) @ x.reshape(n, -1)).reshape(p, dim, 3, -1).transpose(1, 2, 0, 3)
-    cross, dot = vectors.cross.plain, vectors.dot.plain
-    if dim == 3:
-        return dot(J[0], cross(J[1], J[2]))
-    along = J[0] if dim == 1 else np.stack(cross(J[0], J[1]))
-    if dim == 2 and plane:
-        return along[2]
-    mean = along[:, inside].sum(axis=1)
-    size = np.sqrt(dot(mean, mean))
-    return dot(along, np.divide(mean, size, out=np.zeros_like(mean), where=size != 0)[:, None])
 
 
 @cache
@@ -150,8 +143,10 @@ def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
     cell = CELLS[name]
     nodes = np.array(cell.reference)
     apex = cell.family == "PYRAM"
+    degrees = _DEGREES.get((cell.family, cell.order)) or ((3,) if cell.order == 1 else (3, 5))
+    inner = np.concatenate([rule(cell.family, degree)[0] for degree in degrees])
     corner = nodes[: 4 if apex else cell.n_corners]
-    parts = [gradient(name, corner), gradient(name, nodes[cell.n_corners :]), gradient(name, _points(name))]
+    parts = [gradient(name, corner), gradient(name, nodes[cell.n_corners :]), gradient(name, inner)]
     if apex:
         rays = np.array([(u, v) for u in (-1, 1) for v in (-1, 1)])
         near, far = (gradient(name, np.column_stack([rays * w, np.full(4, 1 - w)])) for w in (0.25, 0.5))
@@ -161,10 +156,3 @@ def _samples(name: str) -> tuple[NDArray, tuple[Ints, Ints, Ints]]:
     _, first, same = np.unique(np.round(all_rows, 12), axis=0, return_index=True, return_inverse=True)
     corners, others, inside = (np.unique(same.ravel()[a:b]) for a, b in pairwise(ends))
     return all_rows[first], (corners, others if len(others) else corners, inside)
-
-
-def _points(name: str) -> NDArray:
-    """(p, dim): the integration points of a type, from all rules in common use for it."""
-    cell = CELLS[name]
-    degrees = _DEGREES.get((cell.family, cell.order)) or ((3,) if cell.order == 1 else (3, 5))
-    return np.concatenate([rule(cell.family, degree)[0] for degree in degrees])

@@ -1,8 +1,11 @@
-"""Every measure of every cell type by its name: Verdict's on the linear types, and ours on all of dimension 2 and 3.
+"""Every measure of every cell type by its name: those that lacmesh computes (`geometry`), and the rest of Verdict's.
 
-Ours: `validity` (`determinant`), `corner_jacobian` (`corner`), `edge_ratio`, and the least and largest angle at the
-corners (`angles`): `min_dihedral`, `max_dihedral` of solids, `min_corner_angle`, `max_corner_angle` of surfaces. A
-quadratic cell has these only: Verdict defines nothing on it. Lines have `validity` alone, points nothing.
+Ours: `validity` (`determinant`), `corner_jacobian`, `edge_ratio`, and the least and largest angle at the corners:
+`min_dihedral`, `max_dihedral` of solids, `min_corner_angle`, `max_corner_angle` of surfaces. A quadratic cell has these
+only: Verdict defines nothing on it. Lines have `validity` alone, points nothing. Of Verdict's measures of the linear
+types `scaled_jacobian`, `aspect_ratio`, `area` and `volume` are computed here, the others by VTK, through pyvista (the
+extra `view`). Names and accepted ranges: Stimpson et al., *The Verdict Library Reference Manual*, Sandia report
+SAND2007-1751, 2007. `docs/quality.md` says what each is.
 """
 
 from __future__ import annotations
@@ -17,11 +20,10 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import RequestError, did_you_mean, listed
 from lacmesh.mesh import Floats, Ints
-from lacmesh.quality.corner import corner_measures
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.linear import HEXA_CORNERS, LINEAR, linear_measures
-from lacmesh.quality.vectors import LARGEST
-from lacmesh.quality.verdict import ACCEPTED
+from lacmesh.quality.geometry import OWN, own_measures
+
+Range = tuple[float, float]
 
 
 class Scale(NamedTuple):
@@ -34,31 +36,66 @@ class Scale(NamedTuple):
     better: int
 
 
-_MORE, _LESS, _NEITHER = 1, -1, 0
-_UNIT = (
-    "validity corner_jacobian scaled_jacobian shape shear relative_size_squared shape_and_size shear_and_size "
-    "distortion stretch diagonal warpage collapse_ratio"
-)
-_RATIO = (
-    "edge_ratio aspect_ratio aspect_frobenius aspect_gamma condition radius_ratio max_aspect_frobenius "
-    "med_aspect_frobenius max_edge_ratio"
+#: a measure a line: its scale, which ends with + where more is better and with - where less is; and for each type the
+#: range that Verdict accepts, `any` where it names none, `-` where it does not define the measure
+_TABLE = """
+measure               scale  TRIA3                   QUAD4   TETRA4                HEXA8    PENTA6 PYRAM5
+validity              unit+  -                       -       -                     -        -      -
+corner_jacobian       unit+  -                       -       -                     -        -      -
+edge_ratio            ratio- -                       -       -                     -        -      -
+min_dihedral          angle+ -                       -       -                     -        -      -
+max_dihedral          angle- -                       -       -                     -        -      -
+min_corner_angle      angle+ -                       -       -                     -        -      -
+max_corner_angle      angle- -                       -       -                     -        -      -
+area                  size   0:inf                   0:inf   -                     -        -      -
+aspect_frobenius      ratio- 1:1.3                   -       1:1.3                 -        -      -
+aspect_gamma          ratio- -                       -       1:3                   -        -      -
+aspect_ratio          ratio- 1:1.3                   1:1.3   1:3                   -        -      -
+collapse_ratio        unit+  -                       -       0.1:inf               -        -      -
+condition             ratio- 1:1.3                   1:4     1:3                   any      any    -
+diagonal              unit+  -                       -       -                     0.65:1   -      -
+dimension             size   -                       -       -                     0:inf    -      -
+distortion            unit+  0.5:1                   0.5:1   0.5:1                 0.5:1    any    -
+jacobian              size   -                       0:inf   0:inf                 0:inf    any    any
+max_angle             angle- 60:90                   90:135  -                     -        -      -
+max_aspect_frobenius  ratio- -                       1:1.3   -                     1:3      any    -
+max_edge_ratio        ratio- -                       1:1.3   -                     1:1.3    -      -
+med_aspect_frobenius  ratio- -                       1:1.3   -                     1:3      -      -
+min_angle             angle+ 30:60                   45:90   40:70.528779365509308 -        -      -
+oddy                  other- -                       0:0.5   -                     0:0.5    -      -
+radius_ratio          ratio- 1:3                     1:1.3   1:3                   -        -      -
+relative_size_squared unit+  any                     0.3:1   0.3:1                 0.5:1    -      -
+scaled_jacobian       unit+  0.5:1.1547005383792517  0.3:1   0.5:1                 0.5:1    any    any
+shape                 unit+  0.25:1                  0.3:1   0.3:1                 0.3:1    any    any
+shape_and_size        unit+  0.25:1                  0.2:1   0.2:1                 0.2:1    -      -
+shear                 unit+  -                       0.3:1   -                     0.3:1    -      -
+shear_and_size        unit+  -                       0.2:1   -                     0.2:1    -      -
+skew                  unit-  -                       0:0.5   -                     0:0.5    -      -
+stretch               unit+  -                       0.25:1  -                     0.25:1   -      -
+taper                 unit-  -                       0:0.7   -                     0:0.5    -      -
+volume                size   -                       -       0:inf                 0:inf    0:inf  0:inf
+warpage               unit+  -                       0.3:1   -                     -        -      -
+"""
+_HEAD, *_ROWS = [line.split() for line in _TABLE.strip().split("\n")]
+
+
+def _range(text: str) -> Range | None:
+    low, _, high = text.partition(":")
+    return (float(low), float(high)) if high else None
+
+
+#: type -> measure of Verdict -> the range that it accepts, None where it names none
+ACCEPTED: Mapping[str, Mapping[str, Range | None]] = MappingProxyType(
+    {kind: {row[0]: _range(row[k]) for row in _ROWS if row[k] != "-"} for k, kind in enumerate(_HEAD) if k > 1}
 )
 #: every measure there is
 SCALES: Mapping[str, Scale] = MappingProxyType(
-    {name: Scale("unit", _MORE) for name in _UNIT.split()}
-    | {name: Scale("unit", _LESS) for name in ("skew", "taper")}
-    | {name: Scale("ratio", _LESS) for name in _RATIO.split()}
-    | {name: Scale("angle", _MORE) for name in ("min_angle", "min_dihedral", "min_corner_angle")}
-    | {name: Scale("angle", _LESS) for name in ("max_angle", "max_dihedral", "max_corner_angle")}
-    | {name: Scale("size", _NEITHER) for name in ("area", "volume", "jacobian", "dimension")}
-    | {"oddy": Scale("other", _LESS)}
+    {row[0]: Scale(row[1].rstrip("+-"), {"+": 1, "-": -1}.get(row[1][-1], 0)) for row in _ROWS}
 )
-_SOLID = ("edge_ratio", "min_dihedral", "max_dihedral")
-_SURFACE = ("edge_ratio", "min_corner_angle", "max_corner_angle")
-#: measures of relative size, which need the mean size of a type in the whole mesh -> the measure they are times
-RELATIVE: Mapping[str, str] = MappingProxyType(
-    {"relative_size_squared": "", "shape_and_size": "shape", "shear_and_size": "shear"}
-)
+#: a face or a solid is poor whose scaled Jacobian (of a quadratic one: that of the corners; 1: ideal) is below it
+POOR = 0.1
+#: measures that compare a cell with all cells of its type in the mesh
+RELATIVE = frozenset(("relative_size_squared", "shape_and_size", "shear_and_size"))
 
 
 def measures_of(name: str) -> tuple[str, ...]:
@@ -72,33 +109,25 @@ def measures_of(name: str) -> tuple[str, ...]:
         return ()
     if cell.dim == 1:
         return ("validity",)
-    return ("validity", *_at_corners(name), *ACCEPTED.get(name, ()))
+    angles = ("min_dihedral", "max_dihedral") if cell.dim == 3 else ("min_corner_angle", "max_corner_angle")
+    return ("validity", "corner_jacobian", "edge_ratio", *angles, *ACCEPTED.get(name, ()))
 
 
 def default_measures(name: str) -> tuple[str, ...]:
-    """Return the default measures of a type; the one that ranks its cells comes first."""
-    if name not in CELLS or CELLS[name].dim < 2:
-        return measures_of(name)
-    rank, *verdict = LINEAR[name][1] if name in LINEAR else ("corner_jacobian",)
-    own = [m for m in _at_corners(name)[1:] if not (name in LINEAR and m.endswith("corner_angle"))]
-    return ("validity", rank, *own, *verdict)
+    """Return the default measures of a type, all computed by lacmesh; the second one ranks its cells.
 
-
-def _at_corners(name: str) -> tuple[str, ...]:
-    """The measures in the order of `corner_measures`."""
-    return ("corner_jacobian", *(_SOLID if CELLS[name].dim == 3 else _SURFACE))
+    >>> default_measures("TRIA3")
+    ('validity', 'scaled_jacobian', 'edge_ratio', 'min_corner_angle', 'max_corner_angle', 'aspect_ratio', 'area')
+    """
+    rank = primary_metric(name)
+    own = [m for m in measures_of(name) if m in OWN and m not in (rank, "corner_jacobian")]
+    return tuple(dict.fromkeys(("validity", rank, *own))) if rank else ()
 
 
 def primary_metric(name: str) -> str | None:
     """Return the measure that ranks the cells of a type; None for points."""
-    for measure in ("scaled_jacobian", "corner_jacobian", "validity"):
-        if measure in measures_of(name):
-            return measure
-    return None
-
-
-#: a face or a solid is poor whose scaled Jacobian (of a quadratic one: that of the corners; 1: ideal) is below it
-POOR = 0.1
+    defined = measures_of(name)
+    return next((m for m in ("scaled_jacobian", "corner_jacobian", "validity") if m in defined), None)
 
 
 def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[str, ...]]:
@@ -117,87 +146,39 @@ def chosen_measures(names: str | Iterable[str] | None) -> Callable[[str], tuple[
     return lambda kind: tuple(m for m in wanted if m in measures_of(kind))
 
 
-def measure_cells(
-    name: str, points: Floats, nodes: Ints, measures: Iterable[str], mean_size: float | None = None
-) -> dict[str, Floats]:
+def measure_cells(name: str, points: Floats, nodes: Ints, measures: Iterable[str]) -> dict[str, Floats]:
     """Compute measures, (k,) each, of cells of type `name` with `nodes` (k, n_nodes) among `points` (n, 3).
 
-    `mean_size`: that of the cells of this type in the mesh, for the measures of relative size (default: of these
-    cells). NaN if a node has no finite position. Raises RequestError for a measure that the type does not have.
+    Sizes relative to a mean are relative to that of these cells. NaN if a node has no finite position. Raises
+    RequestError for a measure that the type does not have, or that needs pyvista where that is not installed.
 
-    >>> from lacmesh.mesh import Mesh
     >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
-    >>> {k: float(v[0]) for k, v in measure_cells("QUAD4", square, np.array([[0, 1, 2, 3]]), ["skew", "area"]).items()}
-    {'skew': 0.0, 'area': 1.0}
+    >>> measures = ["scaled_jacobian", "area"]
+    >>> {k: float(v[0]) for k, v in measure_cells("QUAD4", square, np.array([[0, 1, 2, 3]]), measures).items()}
+    {'scaled_jacobian': 1.0, 'area': 1.0}
     """
     measures = tuple(measures)
-    nodes = np.ascontiguousarray(nodes, np.int64)
     for measure in measures:
         if measure not in measures_of(name):
             raise RequestError(f"{measure!r} is not defined on {name}{did_you_mean(measure, measures_of(name))}")
+    nodes = np.asarray(nodes)
     few = nodes.size < len(points)
+    good: Any = slice(None)
     if not np.isfinite(points[nodes] if few else points).all():
-        placed = np.isfinite(points[nodes]).all(axis=(1, 2))
-        return _some_without_place(name, points, nodes, measures, mean_size, np.asarray(placed))
+        good = np.isfinite(points[nodes]).all(axis=(1, 2))
     values: dict[str, NDArray] = {}
     if "validity" in measures:
-        values["validity"] = validity_among(name, points, nodes).least
-    if set(measures) & set(_at_corners(name)):
-        values |= dict(zip(_at_corners(name), corner_measures(name, points, nodes), strict=True))
-    if name in LINEAR:
-        values |= _verdict(name, points, nodes, [m for m in measures if m not in values], mean_size)
-    return {m: values[m] for m in measures}
-
-
-def _verdict(name: str, points: Floats, nodes: Ints, measures: list[str], mean: float | None) -> dict[str, NDArray]:
-    """Return Verdict's measures of cells of a linear type; `mean`: the mean size for the relative ones."""
-    size, factors = "area" if CELLS[name].dim == 2 else "volume", {RELATIVE[m] for m in measures if m in RELATIVE}
-    needed = {*measures, *factors, *({size} if factors else ())} - {*RELATIVE, ""}
-    ours = LINEAR[name][1]
-    values = linear_measures(name, points, nodes) if needed & set(ours) else {}
-    if rest := sorted(needed - set(ours)):
-        values |= vtk_measures(name, points, nodes, rest)
-    if factors:
-        relative = _relative_size(name, points, nodes, values[size], mean)
-        values |= {m: relative * values.get(RELATIVE[m], 1.0) for m in measures if m in RELATIVE}
-    return values
-
-
-def _relative_size(name: str, points: Floats, nodes: Ints, size: NDArray, mean: float | None) -> NDArray:
-    """Size over the mean size of the type, or its inverse where that is less, squared; 0 if inverted.
-
-    In a mesh whose mean size is negative NaN, for a hexahedron -LARGEST if it is not inverted, as in Verdict. Verdict
-    compares the mean of a hexahedron's determinants at the corners, not its volume, with the mean volume.
-    """
-    mean = (float(size.mean()) if len(size) else np.nan) if mean is None else mean
-    if name == "HEXA8":
-        corners = points[nodes[:, HEXA_CORNERS]]
-        size = np.linalg.det(corners[:, :, 1:] - corners[:, :, :1]).mean(axis=1)
-    if mean < 0:
-        return np.where(size > 0, -LARGEST, 0.0) if name == "HEXA8" else np.full(len(size), np.nan)
-    relative = np.maximum(size / mean, 0) if mean else np.zeros(len(size))
-    inverse = np.divide(1, relative, out=np.zeros(len(size)), where=relative > 0)
-    return np.asarray(np.minimum(relative, inverse) ** 2)
-
-
-def _some_without_place(
-    name: str, points: Floats, nodes: Ints, measures: tuple[str, ...], mean_size: float | None, good: NDArray
-) -> dict[str, Floats]:
-    """Compute `measure_cells` if some nodes have NaN or infinite coordinates: their cells get NaN."""
+        values["validity"] = validity_among(name, points, nodes[good]).least
+    values |= own_measures(name, points, nodes[good], [m for m in measures if m in OWN])
+    rest = [m for m in measures if m not in values]
+    for names in ([m for m in rest if m not in RELATIVE], [m for m in rest if m in RELATIVE]):
+        if names:
+            values |= _vtk_measures(name, points, nodes[good], names)
     out: dict[str, Floats] = {m: np.full(len(nodes), np.nan) for m in measures}
-    safe = np.where(np.isfinite(points), points, 0)
-    for m, values in measure_cells(name, safe, nodes[good], measures, mean_size).items():
-        out[m][good] = values
+    for m in measures:
+        out[m][good] = values[m]
     return out
 
-
-def mean_size_of(name: str, points: Floats, nodes: Ints) -> float:
-    """Mean area or volume of cells of a linear type, by Verdict's definition."""
-    size = linear_measures(name, points, nodes)["area" if CELLS[name].dim == 2 else "volume"]
-    return float(size.mean()) if len(nodes) else float("nan")
-
-
-# ---- Verdict's measures that only a list of measures asks for, computed by VTK through pyvista (the extra `view`)
 
 #: linear type -> its name in `pyvista.CellType`
 TYPES = {
@@ -208,10 +189,11 @@ TYPES = {
 _PIECE = 1 << 15
 
 
-def vtk_measures(name: str, points: Floats, nodes: Ints, measures: Sequence[str]) -> dict[str, NDArray]:
-    """Return measures, (c,) each, of cells of a linear type with `nodes` (c, n) among points (p, 3).
+def _vtk_measures(name: str, points: Floats, nodes: Ints, measures: Sequence[str]) -> dict[str, NDArray]:
+    """Return measures, (c,) each, of cells of a linear type with `nodes` (c, n) among points (p, 3), by VTK.
 
-    Raises RequestError where pyvista is not installed, or is older than 0.45, the first that has the measures.
+    Each cell is scaled to about 1, since Verdict takes lengths below an absolute 1e-30 or so as zero; all cells alike,
+    and at once, if their sizes are compared. Raises RequestError where pyvista is missing or has no such measures.
     """
     try:
         import pyvista
@@ -221,15 +203,18 @@ def vtk_measures(name: str, points: Floats, nodes: Ints, measures: Sequence[str]
         what = f"the measure {measures[0]!r} needs" if len(measures) == 1 else f"{listed(measures, 'and')} need"
         raise RequestError(f"{what} pyvista, 0.45 or later; pip install 'lacmesh[view]' brings it") from None
     values = {measure: np.empty(len(nodes)) for measure in measures}
-    for start in range(0, len(nodes), _PIECE):
-        x = points[nodes[start : start + _PIECE]]
+    together = not RELATIVE.isdisjoint(measures)
+    step = max(1, len(nodes)) if together else _PIECE
+    for start in range(0, len(nodes), step):
+        x = points[nodes[start : start + step]]
         x = x - x[:, :1]
-        _, exponent = np.frexp(np.ptp(x, axis=1).max(axis=1))
+        extent = np.ptp(x, axis=1).max(axis=1)
+        _, exponent = np.frexp(np.full(len(x), extent.max()) if together else extent)
         unit = np.ldexp(1.0, exponent)  # a power of two, by which nothing is rounded
         rows = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
         x = (x / unit[:, None, None]).reshape(-1, 3)
         grid = compute(pyvista.UnstructuredGrid({pyvista.CellType[TYPES[name]]: rows}, x), list(measures))
         for measure, out in values.items():
             power = {"jacobian": CELLS[name].dim, "dimension": 1}.get(measure, 0)
-            out[start : start + _PIECE] = grid.cell_data[measure] * unit**power
+            out[start : start + step] = grid.cell_data[measure] * unit**power
     return values

@@ -7,15 +7,15 @@ compared.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.mesh import Floats
+from lacmesh.quality.geometry import LARGEST
 from lacmesh.quality.measures import SCALES
-from lacmesh.quality.vectors import LARGEST
 
 #: percentiles that statistics hold
 PERCENTS = (1, 5, 50, 95, 99)
@@ -66,9 +66,7 @@ class Statistics:
         out |= {"min": _plain(self.least)}
         out |= {f"p{p}": _plain(v) for p, v in zip(PERCENTS, self.percentiles, strict=True)}
         out |= {"mean": _plain(self.mean), "max": _plain(self.largest)}
-        h = self.histogram
-        out["histogram"] = {"edges": h.edges, "counts": h.counts, "below": h.below, "above": h.above}
-        return out
+        return out | {"histogram": asdict(self.histogram)}
 
 
 def _plain(value: float) -> float | None:
@@ -91,25 +89,16 @@ def statistics(measure: str, values: Floats, accepted: tuple[float, float] | Non
         nothing = float("nan")
         empty = (nothing,) * len(PERCENTS)
         return Statistics(0, len(values), outside, nothing, empty, nothing, nothing, histogram(measure, good))
-    ends = [int(f(p / 100 * (len(good) - 1))) for p in PERCENTS for f in (np.floor, np.ceil)]
-    ordered = np.partition(good, sorted({0, len(good) - 1, *ends}))
     return Statistics(
         count=len(good),
         undefined=len(values) - len(good),
         outside=outside,
-        least=float(ordered[0]),
-        percentiles=tuple(_percentile(ordered, p) for p in PERCENTS),
+        least=float(good.min()),
+        percentiles=tuple(np.percentile(good, PERCENTS).tolist()),
         mean=float(good.mean()),
-        largest=float(ordered[-1]),
+        largest=float(good.max()),
         histogram=histogram(measure, good),
     )
-
-
-def _percentile(ordered: NDArray, percent: float) -> float:
-    """Percentile, linear between the two values around it as in numpy; only these two need be in sorted position."""
-    at = percent / 100 * (len(ordered) - 1)
-    low, high = int(np.floor(at)), int(np.ceil(at))
-    return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
 def histogram(measure: str, values: Floats) -> Histogram:

@@ -9,7 +9,7 @@ are independent of both.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.facts import Described
-from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, spec_text
+from lacmesh.mesh import Floats, Ints, Mesh, MeshLike, Spec, as_mesh, positions, spec_text
 from lacmesh.origin import from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
-from lacmesh.quality.measures import POOR, RELATIVE, chosen_measures, mean_size_of, measure_cells, primary_metric
+from lacmesh.quality.measures import ACCEPTED, POOR, RELATIVE, chosen_measures, measure_cells, primary_metric
 from lacmesh.quality.statistics import Statistics, statistics
-from lacmesh.quality.verdict import ACCEPTED
 
 #: of the JSON that `as_json` gives; raised when a name changes its meaning or goes
 SCHEMA = 2
@@ -49,16 +48,9 @@ class BadCell:
 
     def as_json(self) -> dict[str, Any]:
         """Return the cell as plain data."""
-        value, validity = (v if np.isfinite(v) else None for v in (self.value, self.validity))
-        return {
-            "cell": self.number,
-            "groups": list(self.groups),
-            "centroid": [v if np.isfinite(v) else None for v in self.centroid],
-            "measure": self.measure,
-            "value": value,
-            "validity": validity,
-            "invalid_at": list(self.invalid_at),
-        }
+        out = {"cell" if name == "number" else name: value for name, value in asdict(self).items()}
+        value, validity, *centroid = _finite(self.value, self.validity, *self.centroid)
+        return out | {"centroid": centroid, "value": value, "validity": validity}
 
 
 @dataclass(frozen=True)
@@ -79,6 +71,7 @@ class TypeQuality:
 
     def as_json(self) -> dict[str, Any]:
         """Return the quality of the type as plain data."""
+        accepted = ACCEPTED.get(self.type, {})
         return {
             "type": self.type,
             "cells": self.count,
@@ -86,14 +79,14 @@ class TypeQuality:
             "invalid_at": self.invalid_at,
             "poor": self.poor,
             "ranked_by": primary_metric(self.type),
-            "accepted_ranges": {m: _range(r) for m, r in ACCEPTED.get(self.type, {}).items() if m in self.measures},
+            "accepted_ranges": {m: r and _finite(*r) for m, r in accepted.items() if m in self.measures},
             "measures": {name: s.as_json() for name, s in self.measures.items()},
             "worst": [cell.as_json() for cell in self.worst],
         }
 
 
-def _range(accepted: tuple[float, float] | None) -> list[float | None] | None:
-    return None if accepted is None else [v if np.isfinite(v) else None for v in accepted]
+def _finite(*values: float) -> list[float | None]:
+    return [v if np.isfinite(v) else None for v in values]
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,12 +142,9 @@ class _Measured:
 
     def take(self, cells: Ints) -> _Measured:
         """Select the measured values of some cells, given by sorted indices in the mesh."""
-        at = np.searchsorted(self.cells, cells)
-        at = at[self.cells[np.minimum(at, len(self.cells) - 1)] == cells] if len(self.cells) else at[:0]
-        if len(at) == len(self.cells):
-            return self
-        values = {m: v[at] for m, v in self.values.items()}
-        return _Measured(self.type, self.cells[at], values, self.validity[:, at])
+        at = positions(self.cells, cells)
+        at = at[at >= 0]
+        return _Measured(self.type, self.cells[at], {m: v[at] for m, v in self.values.items()}, self.validity[:, at])
 
 
 def measure_quality(mesh: MeshLike, group: Spec | None = None, measures: str | Iterable[str] | None = None) -> Quality:
@@ -198,9 +188,12 @@ def _measurable(kind: str) -> bool:
 def _measured(mesh: Mesh, kind: str, cells: Ints, nodes: Ints, measures: tuple[str, ...]) -> _Measured:
     validity = np.stack(validity_among(kind, mesh.points, nodes))
     rank = primary_metric(kind)
-    wanted = [m for m in dict.fromkeys((rank, *measures)) if m and m != "validity"]
-    mean = mean_size_of(kind, mesh.points, mesh.block(kind)) if set(wanted) & set(RELATIVE) else None
-    values = measure_cells(kind, mesh.points, nodes, wanted, mean)
+    wanted = [m for m in dict.fromkeys((rank, *measures)) if m and m != "validity" and m not in RELATIVE]
+    values = measure_cells(kind, mesh.points, nodes, wanted)
+    if relative := [m for m in measures if m in RELATIVE]:  # to all cells of the mesh, whichever are measured
+        first = mesh.offsets[[block.type for block in mesh.blocks].index(kind)]
+        compared = measure_cells(kind, mesh.points, mesh.block(kind), relative)
+        values |= {m: compared[m][cells - first] for m in relative}
     return _Measured(kind, cells, {"validity": validity.min(axis=0), **values}, validity)
 
 
@@ -229,43 +222,31 @@ def _type(mesh: Mesh, part: _Measured) -> TypeQuality:
 
 def _worst(mesh: Mesh, part: _Measured, rank: str, bad: NDArray) -> tuple[BadCell, ...]:
     """Return the worst cells: the invalid ones first, by validity, then the valid ones by the ranking measure."""
-    invalid = bad.any(axis=0)
-    key = np.where(invalid, np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
-    count = min(WORST, len(key))
-    order = np.lexsort((part.values[rank], key)) if len(key) <= 4 * WORST else _lowest(key, part.values[rank], count)
-    return tuple(_bad_cell(mesh, part, rank, bad, int(k)) for k in order[:count])
-
-
-def _lowest(key: NDArray, value: NDArray, count: int) -> NDArray:
-    """Return the first `count` rows in the order of key, then value, without sorting all of them."""
-    candidates = np.flatnonzero(key < np.inf)
-    if len(candidates) < count:
-        valid = np.where(key < np.inf, np.inf, value)
-        candidates = np.concatenate([candidates, np.argpartition(valid, count)[:count]])
-    return candidates[np.lexsort((value[candidates], key[candidates]))]
+    key = np.where(bad.any(axis=0), np.nan_to_num(part.values["validity"], nan=-np.inf), np.inf)
+    value = part.values[rank]
+    among = np.arange(len(key)) if len(key) <= 4 * WORST else np.flatnonzero(key < np.inf)
+    if len(among) < WORST < len(key):  # the valid ones that may be among the worst, without sorting all of them
+        among = np.concatenate([among, np.argpartition(np.where(key < np.inf, np.inf, value), WORST)[:WORST]])
+    order = among[np.lexsort((value[among], key[among]))]
+    return tuple(_bad_cell(mesh, part, rank, bad, int(k)) for k in order[:WORST])
 
 
 def _bad_cell(mesh: Mesh, part: _Measured, rank: str, bad: NDArray, k: int) -> BadCell:
-    cell = int(part.cells[k])
+    cell, of_type = int(part.cells[k]), CELLS[part.type]
     ((_, _, nodes),) = mesh.select(np.array([cell]))
-    centre = mesh.points[nodes[0][: CELLS[part.type].n_corners]].mean(axis=0)
-    order = CELLS[part.type].order
+    x, y, z = mesh.points[nodes[0][: of_type.n_corners]].mean(axis=0).tolist()
     return BadCell(
         number=int(mesh.cell_number[cell]),
         groups=groups_of(mesh, cell),
-        centroid=(float(centre[0]), float(centre[1]), float(centre[2])),
+        centroid=(x, y, z),
         measure=rank,
         value=float(part.values[rank][k]),
         validity=float(part.values["validity"][k]),
-        invalid_at=tuple(name for p, name in enumerate(PLACES) if bad[p, k] and (order == 2 or p != 1)),
+        invalid_at=tuple(name for p, name in enumerate(PLACES) if bad[p, k] and (of_type.order == 2 or p != 1)),
     )
 
 
 def groups_of(mesh: Mesh, cell: int) -> tuple[str, ...]:
     """Return the names of the cell groups that contain a cell."""
-    return tuple(name for name, members in mesh.cell_groups.items() if _holds(members, cell))
-
-
-def _holds(members: Ints, cell: int) -> bool:
-    at = int(np.searchsorted(members, cell))
-    return at < len(members) and int(members[at]) == cell
+    one = np.array([cell])
+    return tuple(name for name, members in mesh.cell_groups.items() if positions(members, one)[0] >= 0)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
-from lacmesh.kernels.threads import in_threads
+from lacmesh.threads import in_threads
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface

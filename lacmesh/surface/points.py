@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
-from lacmesh.kernels.threads import side_by_side
 from lacmesh.mesh import Floats, Ints
 from lacmesh.origin import origin_of
 from lacmesh.reference.quadrature import rule
@@ -25,6 +24,7 @@ from lacmesh.surface.patches import Bools, Pairs, Patches, Reach, candidates, no
 from lacmesh.surface.place import place
 from lacmesh.surface.record import Surface, mean_normals
 from lacmesh.surface.rules import FUNCTION_DEGREE, N_FUNCTIONS, Placed, Sides, pair_rule
+from lacmesh.threads import side_by_side
 from lacmesh.topology.skin import MAX_CORNERS, TYPE_CODE
 
 NORMALS = ("facet", "smoothed", "master")

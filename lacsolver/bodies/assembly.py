@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array
 
 from lacmesh.kernels import kernel
-from lacmesh.kernels.threads import side_by_side, worthwhile
 from lacmesh.mesh import Floats, Ints
+from lacmesh.threads import side_by_side, worthwhile
 from lacsolver.bodies.points import Span, spans
 from lacsolver.space.pattern import Pattern
 from lacsolver.space.space import Space

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
-from lacmesh.kernels.threads import worthwhile
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import gradient, shape
+from lacmesh.threads import worthwhile
 from lacsolver.space.rules import cell_rule
 from lacsolver.space.space import Space
 

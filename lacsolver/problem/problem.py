@@ -20,8 +20,8 @@ from scipy.sparse import csr_array
 
 from lacmesh.errors import DataError, LacmeshWarning, RequestError
 from lacmesh.facts import Described
-from lacmesh.kernels.threads import available_cores
 from lacmesh.mesh import Floats, Ints, Mesh
+from lacmesh.threads import available_cores
 from lacsolver.bodies.kinematics import Kinematics, kinematics_of
 from lacsolver.bodies.locking import locking
 from lacsolver.bodies.material import Materials

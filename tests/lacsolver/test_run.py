@@ -238,14 +238,12 @@ SMALL = {
 def test_nothing_is_compiled_for_a_small_model(monkeypatch, kinematics):
     """To compile the loop of the contact's derivative takes seconds, the whole run as it stands less."""
 
-    def compiled(kernel):
+    def compiled(kernel, *_):
         raise AssertionError(f"{kernel.__name__} is compiled")
 
-    monkeypatch.setattr(Kernel, "_is_kept", property(lambda _: False))
-    monkeypatch.setattr(Kernel, "compile", compiled)
-    for kernel in Kernel.known:  # by an earlier test
-        monkeypatch.setattr(kernel, "compiled", None)
-    monkeypatch.setattr("lacmesh.kernels.save", lambda *_: None)
+    monkeypatch.setattr(Kernel, "_is_cached", property(lambda _: False))
+    monkeypatch.setattr(Kernel, "fast", compiled)
+    monkeypatch.setattr("lacmesh.kernels.writable", lambda _: False)
     mesh, (records, kind) = stack("HEXA8", "HEXA8", 3, counts=(3, 2)), SMALL[kinematics]
     *_, state = march(Problem.of(case_of(mesh, *records, *PRESSED, model="3d", kinematics=kind), mesh))
     assert state.iterations < 10 and (state.zones[0].pressure > 0).any()

@@ -12,7 +12,7 @@ import time
 import traceback
 from pathlib import Path
 
-from lacmesh.kernels.threads import peak_memory
+from lacmesh.threads import peak_memory
 from verification import families
 from verification.records import Case, Outcome
 from verification.running.folder import write_case_result
