@@ -27,8 +27,8 @@ from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import exodus
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
-from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.registry import GMSH_CAN
+from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
 from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
 from lacmesh.mesh import Mesh
