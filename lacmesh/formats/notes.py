@@ -341,6 +341,13 @@ def integers(values: Any, shape: tuple[int, ...] = (-1,)) -> Ints:
     return array.astype(np.int64).reshape(shape)
 
 
+def text_of(value: Any) -> str:
+    """Return a text of a note. Raises TypeError for anything else."""
+    if not isinstance(value, str):
+        raise TypeError(f"{str(value)[:40]!r} should be text")
+    return value
+
+
 def _plain(value: Any) -> Any:
     """Value of a note that JSON does not know: an array or a number of numpy."""
     return value.tolist()
@@ -350,18 +357,23 @@ def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a mesh in its note. Raises one of DAMAGED."""
     fields: dict[str, Any] = {}
     if "name" in note:
-        fields["name"] = str(note["name"])
+        fields["name"] = text_of(note["name"])
     if "space_dim" in note:
-        fields["space_dim"] = (1, 2, 3)[(1, 2, 3).index(note["space_dim"])]
+        (fields["space_dim"],) = integers([note["space_dim"]]).tolist()
+        if fields["space_dim"] not in (1, 2, 3):
+            raise ValueError("space_dim is not 1, 2 or 3")
     if "zones" in note:
-        fields["zones"] = tuple(map(str, note["zones"]))
+        fields["zones"] = tuple(map(text_of, [*note["zones"]]))
     if "group_tags" in note:
         tags = {name: [tuple(integers(tag).tolist()) for tag in tags] for name, tags in note["group_tags"].items()}
         if any(len(tag) != 2 for own in tags.values() for tag in own):
             raise ValueError("a tag is a dimension and a number")
         fields["group_tags"] = {name: tuple(own) for name, own in tags.items() if name in mesh.cell_groups}
     if "steps" in note:
-        steps = {key: Step(str(f), int(n), int(order), float(t)) for key, (f, n, order, t) in note["steps"].items()}
+        steps = {
+            key: Step(text_of(name), *integers([number, order]).tolist(), float(time))
+            for key, (name, number, order, time) in note["steps"].items()
+        }
         known = {*mesh.cell_data, *mesh.node_data}
         fields["steps"] = {key: step for key, step in steps.items() if key in known}
     if "model" in note:
@@ -371,7 +383,7 @@ def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
 
 def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
     """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of DAMAGED."""
-    return {(int(dim), int(tag)): tuple(integers(signed).tolist()) for dim, tag, signed in rows}
+    return {tuple(integers([dim, tag]).tolist()): tuple(integers(signed, (-1,)).tolist()) for dim, tag, signed in rows}
 
 
 def _links(mesh: Mesh, rows: Iterable[Any]) -> Iterator[Periodic]:
