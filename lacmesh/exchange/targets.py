@@ -24,7 +24,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
 from lacmesh.formats.inp.writer_types import card
-from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.orders import MED_CELLS
 from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
 from lacmesh.mesh import Mesh
 
@@ -36,7 +36,7 @@ TARGETS: Mapping[str, str] = {
     "fenics": "dolfinx",
     "lacsolver": "lacsolver",
 }
-_MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
+_MED_NAMES = {kind.type: kind.name for kind in MED_CELLS.values()}
 #: Cells that dolfinx reads as cells of a mesh.
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 

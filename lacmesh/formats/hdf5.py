@@ -167,8 +167,8 @@ def attribute(holder: Any, name: str, kind: type, default: Any = ...) -> Any:
 
 
 @contextmanager
-def image(path: Path, *, old: bool = False) -> Iterator[h5py.File]:
-    """Yield a new file in memory, or an `old` one with its content; at the end it is written to the path at once.
+def image(path: Path, old: Path | None = None) -> Iterator[h5py.File]:
+    """Yield a file in memory, new or with the content of an `old` one; at the end it is written to a path at once.
 
     Raises OSError of the system where the disk refuses it, WriteError for what HDF5 refuses.
     """
@@ -176,8 +176,8 @@ def image(path: Path, *, old: bool = False) -> Iterator[h5py.File]:
     access.set_fapl_core(block_size=1 << 20, backing_store=False)
     access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
     try:
-        if old:
-            opened_file = h5py.h5f.open(os.fsencode(path), h5py.h5f.ACC_RDWR, access)
+        if old is not None:
+            opened_file = h5py.h5f.open(os.fsencode(old), h5py.h5f.ACC_RDWR, access)
         else:
             opened_file = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, _tracked(h5py.h5p.FILE_CREATE), access)
         with h5py.File(opened_file) as file:

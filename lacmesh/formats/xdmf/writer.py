@@ -30,8 +30,8 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, WriteError
 from lacmesh.formats.arrays import GROUP, to_arrays
-from lacmesh.formats.med.families import derive
-from lacmesh.formats.med.hdf5 import created, set_attributes
+from lacmesh.formats.med import families_of as derive
+from lacmesh.formats.hdf5 import image as created, set_attributes
 from lacmesh.formats.notes import to_json
 from lacmesh.formats.output import readable
 from lacmesh.formats.table import DEFAULT, WriteOptions
