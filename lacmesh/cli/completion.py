@@ -74,7 +74,7 @@ def _arguments(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 def _patterns() -> dict[str, tuple[str, ...]]:
     """Return what an argument takes, by its name in the help: patterns of files; none for folders."""
-    from lacmesh.formats.table import SUFFIXES
+    from lacmesh.formats.registry import SUFFIXES
     from lacmesh.gmsh.cad import SUFFIXES as OF_CAD
 
     meshes, cad = (tuple(f"*{suffix}" for suffix in table) for table in (SUFFIXES, OF_CAD))

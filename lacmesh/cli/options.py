@@ -242,7 +242,7 @@ def pending_mesh(target: Path, args: argparse.Namespace) -> Callable[[], str]:
 
     Raises RequestError, WriteError.
     """
-    from lacmesh.formats.table import format_of, takers
+    from lacmesh.formats.registry import format_of, takers
 
     taken = format_of(target).options
     for option, name in _OPTIONS.items():
@@ -265,7 +265,7 @@ def _identity(path: Path) -> tuple[int, int] | None:
 def write_mesh(target: Path, mesh: Mesh, source: Path, args: argparse.Namespace) -> None:
     """Write a mesh as the options say; what they leave open is taken from the input."""
     from lacmesh.formats import detect_format, write
-    from lacmesh.formats.table import format_of
+    from lacmesh.formats.registry import format_of
 
     if args.mesh_only:
         mesh = replace(mesh, deck=None)

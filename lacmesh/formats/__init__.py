@@ -1,23 +1,23 @@
 """File formats: a module for each, with `read(path) -> Mesh` and `write(path, mesh)`; here, the choice of the format.
 
-The format is detected from the content when reading (`sniff.py`) and given by the suffix when writing (`table.py`);
-`output.py` puts the written files in their places.
+The format is detected from the content when reading and given by the suffix when writing (`registry.py`); `output.py`
+puts the written files in their places.
 """
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError, listed, reading, some
+from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, listed, reading, some
 from lacmesh.formats.output import check_place, replacing
-from lacmesh.formats.sniff import HEAD, DetectedFormat, sniff
-from lacmesh.formats.table import OF_NAME, SUFFIXES, Format, WriteOptions, format_of, takers
+from lacmesh.formats.registry import HEAD, OF_NAME, SUFFIXES, DetectedFormat, Format, format_of, sniff, takers
 from lacmesh.mesh import Mesh
 
 __all__ = ["SUFFIXES", "DetectedFormat", "detect_format", "read", "title_of", "write"]
@@ -54,9 +54,8 @@ def title_of(path: str | os.PathLike[str]) -> str:
 def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     """Read the mesh in a file: msh 2.2 or 4.1, MED 2.3 to 4.2, .mail, .inp, VTU, XDMF, and the formats of meshio.
 
-    `mesh`: name of the mesh to read from a file that holds several (MED, XDMF). Cut records that a format has no place
-    for are read from the sidecar NAME.SUFFIX.lac.json; a LacmeshWarning is given if the sidecar does not belong to this
-    file. Raises ReadError (RequestError for a wrong `mesh`, or if meshio is missing).
+    `mesh`: name of the mesh to read from a file that holds several (MED, XDMF). Raises ReadError (RequestError for a
+    wrong `mesh`, or if meshio is missing).
 
     >>> mesh = read("data/two_blocks.msh")
     >>> mesh.n_nodes, sorted(mesh.cell_groups)[:3]
@@ -66,12 +65,7 @@ def read(path: str | os.PathLike[str], *, mesh: str | None = None) -> Mesh:
     form = OF_NAME[detect_format(path).format]
     if mesh is not None and not form.several:
         raise RequestError(f"{path} is a {form.title} file, which holds one mesh: leave out the name {mesh!r}")
-    alone = form.read(path, mesh)
-    if not form.sidecar:
-        return alone
-    from lacmesh.formats.sidecar import with_sidecar_records
-
-    return with_sidecar_records(path, alone)
+    return form.read(path, mesh)
 
 
 def write(
@@ -95,8 +89,6 @@ def write(
     warning); `all_cells`: write cells below the mesh's dimension as elements too, not only as surfaces and node sets.
     A mesh read from an .inp file is written to another with all its cards (`Mesh.deck`): `lenient` leaves out a line
     that cannot be carried, with a warning, instead of an error.
-    If a format has no place for the records of a cut, they go to the sidecar NAME.SUFFIX.lac.json; writing a mesh
-    without a cut removes such a file.
     An existing file is replaced at the end, as a whole, unless `force` is False. Raises WriteError, and RequestError,
     for example for an option that the format does not take.
 
@@ -109,105 +101,43 @@ def write(
     """
     path = Path(path)
     form = format_of(path)
-    options = WriteOptions(msh, binary, compress, target, plane, all_cells, lenient)
-    _check_options(form, options)
+    options: dict[str, Any] = {"msh": msh, "binary": binary, "compress": compress or None, "target": target}
+    options |= {"plane": plane, "all_cells": all_cells or None, "lenient": lenient or None}
+    options = {name: value for name, value in options.items() if value is not None}
+    for name in options:
+        if name not in form.options:
+            titles = listed([taker.title for taker in takers(name)], "and")
+            raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
-        from lacmesh.formats.meshio_mesh import needed
-
-        needed()
-    _check_coordinates(path, mesh)
-    places = [path, *_second(path, form, mesh, options)]
+        import_module("lacmesh.formats.meshio_mesh").needed()
+    finite = np.isfinite(mesh.points).all(axis=1)
+    if not finite.all():
+        nodes = some(mesh.node_number[~finite])
+        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
+    places = [path, *_second(path, form, binary)]
     for place in places:
         check_place(place, force=force)
-    with replacing(*places) as files:
-        if form.beside and len(files) > 1:
-            options = replace(options, second=(files[1], places[1].name))
-        form.write(files[0], mesh, options)
-        if form.sidecar and len(files) > 1:
-            back = _read_back(files[0], form, mesh)
-            _write_sidecar(files[1], mesh, back)
     if mesh.deck is not None and form.name != "inp":
-        from lacmesh.formats.inp import losses
-
-        if lost := losses(mesh.deck):
+        if lost := import_module("lacmesh.formats.inp").losses(mesh.deck):
             warnings.warn(LacmeshWarning(f"{lost}; an .inp output keeps them"), stacklevel=2)
+        cell_data = {name: values for name, values in mesh.cell_data.items() if name != "inp_card"}
+        mesh = replace(mesh, deck=None, cell_data=cell_data)
+    with replacing(*places) as files:
+        if len(files) > 1:
+            options["second"] = files[1], places[1].name
+        form.write(files[0], mesh, **options)
 
 
-def _check_options(form: Format, options: WriteOptions) -> None:
-    """Raise RequestError for an option that is given and that the format does not take, and for a wrong version."""
-    for option in fields(options):
-        if getattr(options, option.name) != option.default and option.name not in form.options:
-            titles = listed([taker.title for taker in takers(option.name)], "and")
-            raise RequestError(f"the option {option.name!r} is for {titles}, not for {form.title}")
-    versions = ("4.1", "2.2")
-    if options.msh and options.msh not in versions:
-        raise RequestError(f"msh version {options.msh!r} is not written; choose {' or '.join(versions)}")
-
-
-def _check_coordinates(path: Path, mesh: Mesh) -> None:
-    finite = np.isfinite(mesh.points)
-    if not finite.all():
-        nodes = some(mesh.node_number[~finite.all(axis=1)])
-        raise WriteError(path, f"the coordinates of nodes {nodes} are not finite numbers")
-
-
-def _second(path: Path, form: Format, mesh: Mesh, options: WriteOptions) -> list[Path]:
-    """List with the path of the second file that has to be written or removed; empty if there is none.
+def _second(path: Path, form: Format, binary: bool | None) -> list[Path]:
+    """List with the path of the second file that has to be written; empty if there is none.
 
     Raises WriteError if a file that lacmesh did not write stands there.
     """
-    if form.beside and options.in_binary:
-        from lacmesh.formats.xdmf import writer as xdmf_write
-
-        second = path.with_suffix(form.beside)
-        is_ours: Callable[[Path], bool] = xdmf_write.is_ours
-    elif form.sidecar:
-        from lacmesh.formats import sidecar
-
-        second, is_ours = sidecar.place_of(path), sidecar.is_ours
-        if sidecar.cut_of(mesh) is None and not is_ours(second):
-            return []
-    else:
+    if not form.beside or binary is False:
         return []
-    if second.is_file() and not is_ours(second):
+    second = path.with_suffix(form.beside)
+    if second.is_file() and not import_module(form.module).is_ours(second):
         raise WriteError(
             second, f"{second.name} is there and lacmesh did not write it; move it, or choose another name"
         )
     return [second]
-
-
-def _read_back(path: Path, form: Format, mesh: Mesh) -> Mesh | None:
-    """The mesh file just written as it will be read; None, with a warning, if it cannot be, and for a mesh uncut.
-
-    Its sidecar needs it: writers renumber, and faces of *SURFACEs get their numbers from the reader.
-    """
-    from lacmesh.formats.sidecar import cut_of
-
-    if cut_of(mesh) is None:
-        return None
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return form.read(path)
-    except LacmeshError as error:
-        _warn_of_lost_records(str(error).replace(str(path), "the file"))
-        return None
-
-
-def _write_sidecar(side: Path, mesh: Mesh, back: Mesh | None) -> None:
-    """Write the cut records of `mesh` for its file, which reads as `back`; remove the sidecar if there is nothing."""
-    from lacmesh.formats.sidecar import UnfitError, to_json
-
-    text = None
-    try:
-        text = None if back is None else to_json(mesh, back)
-    except UnfitError as error:
-        _warn_of_lost_records(str(error))
-    if text is None:
-        side.unlink()
-    else:
-        side.write_text(text, encoding="ascii")
-
-
-def _warn_of_lost_records(why: str) -> None:
-    warnings.warn(LacmeshWarning(f"the records of the cut are left out: {why}"), stacklevel=4)

@@ -28,9 +28,7 @@ from lacmesh.formats import exodus
 from lacmesh.formats.arrays import to_arrays
 from lacmesh.formats.meshio_mesh import from_meshio, needed, to_meshio
 from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
-from lacmesh.formats.sidecar import without_records
-from lacmesh.formats.sniff import GMSH_CAN
-from lacmesh.formats.table import DEFAULT, Format, WriteOptions, format_of
+from lacmesh.formats.registry import GMSH_CAN
 from lacmesh.formats.truncation import check_counts, check_whole, read_watched
 from lacmesh.formats.vtu.types import NOT_READ
 from lacmesh.mesh import Mesh
@@ -49,6 +47,8 @@ NOT_TAKEN = {
     "vtu": "lacmesh reads and writes it",
     "xdmf": "lacmesh reads and writes it",
 }
+#: types of cells that VTK has, whose order of nodes was not checked in meshio's files
+_NOT_VTK = ("TRIA7", "PENTA15", "PYRAM13", "PYRAM14")
 #: Formats that keep arrays on cells and nodes: groups, numbers and fields go there.
 _WITH_ARRAYS = ("vtk", "hmf", "tecplot", "avsucd")
 #: The characters that VTK's files have in names as they are; %XX is for the others.
@@ -91,14 +91,13 @@ def read(path: Path, name: str) -> Mesh:
     return mesh
 
 
-def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
-    """Write a mesh in the format of the suffix, read it back, and warn of all losses except the records of a cut.
+def write(path: Path, mesh: Mesh, *, name: str) -> None:
+    """Write a mesh in the format of the suffix, read it back, and warn of all losses.
 
     Raises WriteError where cells are not kept as they are, RequestError where meshio is missing.
     """
-    meshio, form = needed(), format_of(path)
-    name = form.name
-    _check_types(path, mesh, form)
+    meshio = needed()
+    _check_types(path, mesh, name)
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
     given = _given(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
     _turn_wedges(given, name)
@@ -111,16 +110,16 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
         raise WriteError(path, message)
-    lost = round_trip_losses(without_records(mesh), reread, where)
+    lost = round_trip_losses(mesh, reread, where)
     if lost:
         warnings.warn(f"written by meshio as {name}, which loses " + "; ".join(lost), LacmeshWarning, stacklevel=3)
 
 
-def _check_types(path: Path, mesh: Mesh, form: Format) -> None:
+def _check_types(path: Path, mesh: Mesh, name: str) -> None:
     """Raise WriteError for quadratic cells whose order of nodes was not checked: VTK's reader takes those of VTK."""
     for cell_type, n in mesh.cells_by_type.items():
-        if ALL_CELLS[cell_type].order > 1 and cell_type not in form.fidelity[0].takes:
-            message = f"cells of type {cell_type} (the mesh has {n}) are not written as {form.name}"
+        if ALL_CELLS[cell_type].order > 1 and (name != "vtk" or cell_type in _NOT_VTK):
+            message = f"cells of type {cell_type} (the mesh has {n}) are not written as {name}"
             raise WriteError(path, f"{message}; write .vtu, .med or .msh")
 
 

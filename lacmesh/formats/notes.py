@@ -14,14 +14,18 @@ In the first two, nodes and cells are given by their index, in the others by the
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
+from lacmesh.errors import CutError
+from lacmesh.formats.ids import Index, repeated
 from lacmesh.formats.note_types import (
     DAMAGE,
     FLAG,
@@ -42,6 +46,7 @@ from lacmesh.formats.note_types import (
     tuple_of,
 )
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
+from lacmesh.topology.skin import label_rows
 
 #: Of the notes of every format.
 VERSION = 1
@@ -224,3 +229,239 @@ CUT_NOTES: NoteTable = {
     "children": columns("cell", "macro", "zone", "child", "parent"),
     "internal": columns("node", "macro"),
 }
+
+# ---- one note for every format: what it has no place for, as one JSON object of plain arrays, by numbers of the file
+
+#: what a damaged note may raise while it is read
+_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
+#: slave faces of a macro-element at most
+_MOST_CHILDREN = 5
+
+
+class UnfitError(Exception):
+    """Records that do not belong to a mesh; the text is the reason, for a warning."""
+
+
+def dump(
+    mesh: Mesh,
+    *names: str,
+    faces: Ints | None = None,
+    node_number: Ints | None = None,
+    cell_number: Ints | None = None,
+    **more: Any,
+) -> str:
+    """Text of a note, JSON in ASCII without a dollar sign: what a format has no place for; "" if there is nothing.
+
+    `names`: of what is noted, among name, space_dim, zones, group_tags, steps, model and records (of a cut). `more`:
+    plain values of the format's own. `node_number`, `cell_number`: those in the file, by default the mesh's. `faces`
+    (k,): cells to which the file gives no numbers: the note of a cut has these.
+    """
+    nodes = numbered(mesh.node_number) if node_number is None else node_number
+    cells = numbered(mesh.cell_number) if cell_number is None else cell_number
+    derived = Mesh.create(mesh.points, [(b.type, b.nodes[:1]) for b in mesh.blocks]).space_dim
+    boundary, periodic = ({}, ()) if mesh.model is None else (mesh.model.boundary, mesh.model.periodic)
+    links = [[*p.slave, *p.master, [*p.affine], nodes[p.nodes].ravel().tolist()] for p in periodic]
+    note = {
+        "name": None if mesh.name == "mesh" else mesh.name,
+        "space_dim": None if mesh.space_dim == derived else mesh.space_dim,
+        "zones": mesh.zones,
+        "group_tags": mesh.group_tags,
+        "steps": {key: list(vars(step).values()) for key, step in mesh.steps.items()},
+        "model": {"boundary": [[*tag, bounds] for tag, bounds in boundary.items()], "periodic": links},
+        "records": _records(mesh, nodes, cells, faces) if "records" in names else None,
+    }
+    note = {key: note[key] for key in names} | more
+    if not boundary and not periodic:
+        note.pop("model", None)
+    note = {key: value for key, value in note.items() if value is not None and value not in ((), [], {})}
+    text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=_plain)
+    return text.replace("$", "\\u0024") if note else ""
+
+
+def in_lines(text: str, width: int = 160) -> list[str]:
+    """Split a note into lines, most of them of `width` letters at most; joined, they are the note again.
+
+    >>> in_lines(dump(Mesh.create([[0, 0]], [], name="block", zones=("a", "b")), "zones", "name"), 20)
+    ['{"version":1,', '"zones":["a","b"],', '"name":"block"}']
+    """
+    lines = [""]
+    for part in text.split("\n"):
+        if lines[-1] and len(lines[-1]) + len(part) > width:
+            lines.append("")
+        lines[-1] += part
+    return lines
+
+
+def parse(text: str | bytes) -> dict[str, Any]:
+    """Return the note in a text, {} if a newer lacmesh wrote it. Raises ValueError if it is damaged."""
+    try:
+        note: dict[str, Any] = json.loads(text)
+        return note if note.get("version", VERSION) <= VERSION else {}
+    except _DAMAGED as error:
+        raise ValueError(str(error)) from error
+
+
+def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
+    """Return a mesh with what its note says; what does not fit is left out, with a clause in `warnings`.
+
+    Groups and data that the mesh lacks, since another program took them out, are passed without a word.
+    """
+    try:
+        mesh = replace(mesh, **_noted_fields(mesh, note))
+    except _DAMAGED:
+        warnings.append("lacmesh's own note is damaged and left out")
+        return mesh
+    if "records" not in note:
+        return mesh
+    try:
+        return _with_records(mesh, note["records"])
+    except UnfitError as error:
+        warnings.append(f"the records of the cut are left out: {error}")
+    except (*_DAMAGED, CutError):
+        warnings.append("the records of the cut are left out: they are damaged")
+    return replace(mesh, zones=())
+
+
+def numbered(number: Ints) -> Ints:
+    """The numbers of nodes or cells; 1, 2 ... if they are not positive and distinct."""
+    return number if number.min(initial=1) > 0 and repeated(number) is None else np.arange(1, len(number) + 1)
+
+
+def integers(values: Any, shape: tuple[int, ...] = (-1,)) -> Ints:
+    """Return a list of integers of a note as an array. Raises ValueError for anything else in it."""
+    array = np.array(values)
+    if array.size and array.dtype != np.int64:
+        raise ValueError("a list should hold integers only")
+    return array.astype(np.int64).reshape(shape)
+
+
+def _plain(value: Any) -> Any:
+    """Value of a note that JSON does not know: an array or a number of numpy."""
+    return value.tolist()
+
+
+def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a mesh in its note. Raises one of _DAMAGED."""
+    fields: dict[str, Any] = {}
+    if "name" in note:
+        fields["name"] = str(note["name"])
+    if "space_dim" in note:
+        fields["space_dim"] = (1, 2, 3)[(1, 2, 3).index(note["space_dim"])]
+    if "zones" in note:
+        fields["zones"] = tuple(map(str, note["zones"]))
+    if "group_tags" in note:
+        tags = {name: [tuple(integers(tag).tolist()) for tag in tags] for name, tags in note["group_tags"].items()}
+        if any(len(tag) != 2 for own in tags.values() for tag in own):
+            raise ValueError("a tag is a dimension and a number")
+        fields["group_tags"] = {name: tuple(own) for name, own in tags.items() if name in mesh.cell_groups}
+    if "steps" in note:
+        steps = {key: Step(str(f), int(n), int(order), float(t)) for key, (f, n, order, t) in note["steps"].items()}
+        known = {*mesh.cell_data, *mesh.node_data}
+        fields["steps"] = {key: step for key, step in steps.items() if key in known}
+    if "model" in note:
+        fields["model"] = Model(boundary_of(note["model"]["boundary"]), tuple(_links(mesh, note["model"]["periodic"])))
+    return fields
+
+
+def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
+    """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of _DAMAGED."""
+    return {(int(dim), int(tag)): tuple(integers(signed).tolist()) for dim, tag, signed in rows}
+
+
+def _links(mesh: Mesh, rows: Iterable[Any]) -> Iterator[Periodic]:
+    index = Index(numbered(mesh.node_number))
+    for *tags, affine, number in rows:
+        slave, slave_tag, master, master_tag = integers(tags).tolist()
+        pairs = index.places(integers(number, (-1, 2)))
+        there = pairs[(pairs >= 0).all(axis=1)]
+        yield Periodic((slave, slave_tag), (master, master_tag), tuple(map(float, affine)), there)
+
+
+def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[str, Any] | None:
+    """The records of a cut by numbers; None of a mesh that has none, or other data of these names."""
+    try:
+        cut = Cut(mesh)
+    except CutError:
+        return None
+    if any(
+        values.ndim > 1 or values.dtype.kind not in "iu" for values in (*cut.cell_records.values(), cut.macro_of_node)
+    ):
+        return None
+    has = np.flatnonzero(np.any([values >= 0 for values in cut.cell_records.values()], axis=0))
+    inner = np.flatnonzero(cut.macro_of_node >= 0)
+    return {
+        "nodes": mesh.n_nodes,
+        "bodies": int((mesh.cell_dim == mesh.dim).sum()),
+        "digest": _digest(mesh, has, nodes, cells),
+        "faces": {
+            kind: {"number": cells[own], "nodes": nodes[rows].ravel()}
+            for kind, own, rows in (mesh.select(faces) if faces is not None else ())
+        },
+        "cells": {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}},
+        "internal": {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]},
+    }
+
+
+def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
+    """The mesh with the records of a cut. Raises UnfitError, CutError, one of _DAMAGED."""
+    bodies = int((mesh.cell_dim == mesh.dim).sum())
+    if (note["nodes"], note["bodies"]) != (mesh.n_nodes, bodies):
+        raise UnfitError(
+            f"they are of {note['nodes']} nodes and {note['bodies']} cells of bodies, and the file has "
+            f"{mesh.n_nodes} and {bodies}"
+        )
+    mesh = _with_numbers(mesh, note["faces"])
+    columns = {key: integers(values) for key, values in note["cells"].items()}
+    inner = {key: integers(values) for key, values in note["internal"].items()}
+    at = Index(mesh.cell_number).places(columns["number"])
+    at_node = Index(mesh.node_number).places(inner["number"])
+    if (at < 0).any() or (at_node < 0).any() or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number):
+        raise UnfitError("they are of other cells than those of the file")
+    data: dict[str, Ints] = {}
+    for name in CELL_RECORDS:
+        narrow = columns[name].max(initial=-1) < 2**31
+        data[name] = np.full(mesh.n_cells, -1, np.int32 if narrow else np.int64)
+        data[name][at] = columns[name]
+    internal = np.full(mesh.n_nodes, -1, np.int32)
+    internal[at_node] = inner[NODE_RECORD]
+    whole = with_records(mesh, data, internal, mesh.zones)
+    cut = Cut(whole)
+    child = cut.child_kind[cut.macro_of_face >= 0]
+    if min(map(len, cut.faces_of_macro)) < 1 or child.min() < 1 or child.max() > _MOST_CHILDREN:
+        raise ValueError("records that no cut leaves")
+    return whole
+
+
+def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
+    """The mesh with the numbers that its note has of some cells, by their nodes. Raises UnfitError."""
+    number = mesh.cell_number.astype(np.int64)
+    index = Index(numbered(mesh.node_number))
+    for kind, listed in faces.items():
+        theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
+        own = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
+        rows = np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1)
+        label, _ = label_rows(rows)
+        keys = _distinct_keys(label[: len(theirs)]), _distinct_keys(label[len(theirs) :])
+        _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
+        number[own[b]] = integers(listed["number"])[a]
+    if repeated(number) is not None:
+        raise UnfitError("the file gives their numbers to other cells")
+    return replace(mesh, cell_number=number)
+
+
+def _distinct_keys(label: Ints) -> Ints:
+    """Distinct integers of labels (k,): of equal labels the first, second ... get the same in all calls."""
+    order = np.argsort(label, kind="stable")
+    begin = np.flatnonzero(np.diff(label[order], prepend=-1))
+    place = np.arange(len(label)) - np.repeat(begin, np.diff(np.append(begin, len(label))))
+    keys = np.empty(len(label), np.int64)
+    keys[order] = label[order].astype(np.int64) << 32 | place
+    return keys
+
+
+def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints) -> int:
+    """Checksum of the nodes, by number and in any order, of some cells, in the order of their numbers."""
+    digest = 0
+    for kind, _, rows in sorted(mesh.select(cells[np.argsort(cell_number[cells])]), key=lambda part: part[0]):
+        digest = crc32(np.sort(node_number[rows], axis=1).astype("<i8").tobytes(), crc32(kind.encode(), digest))
+    return digest

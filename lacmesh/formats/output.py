@@ -19,7 +19,7 @@ from itertools import compress
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, writing
-from lacmesh.formats.table import suffix_of
+from lacmesh.formats.registry import suffix_of
 
 #: which permissions new files do without. It can only be asked for by setting it: once, before there are threads
 _UMASK = os.umask(0)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lacmesh.errors import WriteError
-from lacmesh.formats.sidecar import without_records
+from lacmesh.cutting.records import without_records
 from lacmesh.mesh import Block, Ints, Mesh
 
 
@@ -41,7 +41,7 @@ def check_types(path: Path, mesh: Mesh, known: Container[str], whose: str) -> No
 
 
 def left_out(mesh: Mesh) -> list[str]:
-    """Clauses that name what such a format loses of a mesh, none if nothing; cut records go to the sidecar."""
+    """Clauses that name what such a format loses of a mesh, none if nothing; records of a cut go into a note."""
     mesh = without_records(mesh)
     fields = [
         *(f"cell data {name}" for name in mesh.cell_data if name != "entity"),

@@ -23,7 +23,7 @@ def other_than_case(path: Path) -> str:
             return f"is a folder of results, and not a case; --restart {path} goes on from them, with the case's file"
         cases = sorted(file.name for file in path.glob("*.toml"))[:3]
         return f"is a folder, and not a case{'; it holds ' + ', '.join(cases) if cases else ''}"
-    from lacmesh.formats.sniff import HEAD, sniff  # with numpy, which reading a case does not need
+    from lacmesh.formats.registry import HEAD, sniff  # with numpy, which reading a case does not need
 
     try:
         with path.open("rb") as file:

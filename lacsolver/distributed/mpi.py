@@ -87,6 +87,21 @@ class MpiCommunicator(Communicator):
         self.mpi.Scatterv(sent, got)
         return got
 
+    def hand_out(self, make: Callable[[int], T] | None) -> T:
+        """Return this process's object `make(rank)`; the first process, which alone has `make`, makes all of them.
+
+        Objects are made and sent one after the other, each without a copy of its arrays, of any size below 2 GiB each.
+        """
+        from mpi4py.util.pkl5 import Intracomm
+
+        objects = Intracomm(self.mpi)
+        if make is None:
+            received: T = objects.recv(source=0)
+            return received
+        for rank in range(1, self.size):
+            objects.send(make(rank), dest=rank)
+        return make(0)
+
     def gather_rows(self, A: csr_array) -> csr_array:
         """Return the rows of all processes, one process after the other; columns mean the same on all."""
         A = csr_array(A)

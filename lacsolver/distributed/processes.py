@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,13 @@ from scipy.sparse import coo_array, csr_array
 import lacmesh
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import RequestError
-from lacmesh.formats import detect_format
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.partition import Part, cut_part, describe_parts, distribute_nodes, part_of, read_part
-from lacmesh.partition.slices import SLICE_OF, read_in_slices
+from lacmesh.partition.parts import check_skins, skin_name
 from lacsolver.distributed.mpi import MpiCommunicator
 from lacsolver.distributed.share import ALONE, Distribution, Share
 
-#: bytes of a MED or msh file from which on it is read by slices; every process reads a smaller one as a whole
+#: bytes of a mesh file from which on the first process alone reads it; every process reads a smaller one
 LARGE = 1 << 26
 
 
@@ -47,7 +47,7 @@ class Processes(Distribution):
         with parts for another number of processes.
         """
         names = sorted(set(skins))
-        part = self._divided(path, names) if path.is_dir() else None if whole else self._sliced(path, names)
+        part = self._divided(path, names) if path.is_dir() else None if whole else self._dealt(path, names)
         if part is None:
             return lacmesh.read(path)
         self._read = part
@@ -70,15 +70,26 @@ class Processes(Distribution):
             raise RequestError(f"{path} has {there} parts, and {n} processes were started; {advice}")
         return read_part(path, self.comm.rank, everywhere=skins)
 
-    def _sliced(self, path: Path, skins: Sequence[str]) -> Part | None:
-        """Return this process's part of the mesh in a large MED or msh file, read by slices; None for any other file.
+    def _dealt(self, path: Path, skins: Sequence[str]) -> Part | None:
+        """Return this process's part of the mesh in a large file, which the first process reads; None for a small file.
 
         Groups that are not there are left to the check of the case, which knows its lines.
         """
-        if self.comm.size == 1:
+        large = self.comm.on_each(lambda: path.is_file() and path.stat().st_size >= LARGE)
+        if self.comm.size == 1 or not large:
             return None
-        large = self.comm.on_each(lambda: detect_format(path).format in SLICE_OF and path.stat().st_size >= LARGE)
-        return read_in_slices(path, self.comm, skins) if large else None
+
+        def prepare() -> Callable[[int], Part]:
+            mesh, names = lacmesh.read(path), []
+            for name in skins:
+                with suppress(RequestError):
+                    mesh.cells_of(name)
+                    names.append(skin_name(mesh, name))
+            check_skins(mesh, names)
+            owner = distribute_nodes(mesh, self.comm.size)
+            return lambda rank: part_of(mesh, owner, rank, everywhere=names)
+
+        return self.comm.hand_out(self.comm.on_first(prepare))
 
     def as_read(self, mesh: Mesh) -> tuple[Mesh, Share]:
         """Return a mesh of `read` before its cut, and its share in the mesh of the file."""

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from lacmesh.formats.xdmf.reader import read
-from lacmesh.formats.xdmf.writer import write
+from lacmesh.formats.xdmf.writer import is_ours, write
 
-__all__ = ["read", "write"]
+__all__ = ["is_ours", "read", "write"]

@@ -51,20 +51,20 @@ def started(program):
         comm.Abort(1)
 
 
-def commands(n, *rows, sliced=()):
+def commands(n, *rows, dealt=()):
     """The status of each command of lacsolver, and its lines, in n processes that are started once.
 
-    The rows `sliced` come last; their processes read slices of every mesh.
+    The rows `dealt` come last; their first process reads every mesh, and deals it out.
     """
-    every = [[[str(word) for word in row] for row in some] for some in (rows, sliced)]
+    every = [[[str(word) for word in row] for row in some] for some in (rows, dealt)]
     told = printed(n, "mpi", json.dumps(every))
     return [(one["status"], own_lines("\n".join(one["lines"]))) for one in told]
 
 
 def main(comm, rows):
     """Run commands of lacsolver; the first process prints the status of each, and the lines that a user sees."""
-    rows, sliced = json.loads(rows)
-    for large, some in ((processes.LARGE, rows), (0, sliced)):
+    rows, dealt = json.loads(rows)
+    for large, some in ((processes.LARGE, rows), (0, dealt)):
         processes.LARGE = large
         for row in some:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as lines:

@@ -105,14 +105,14 @@ def of_3(folder):
 
 @pytest.fixture(scope="module")
 def of_2(folder, of_3):
-    """What two processes said: of a restart, of refusals, and of meshes that are read by slices."""
+    """What two processes said: of a restart, of refusals, and of meshes that the first one deals out."""
     rows = {"again": words(folder, "two_blocks", "again_2", "--restart", str(folder / "two_blocks_of_3"))}
     rows["again"] += ["--from", "0.5"]
     rows["taken"] = words(folder, "two_blocks", "two_blocks_of_3")
     rows |= {name: words(folder, name, f"no_{name}") for name in ("parts", "mistaken", "serial")}
-    sliced = {"two_blocks": words(folder, "two_blocks", "slices_of_2"), "absent": words(folder, "absent", "no_absent")}
-    told = commands(2, *rows.values(), sliced=[*sliced.values()])
-    return dict(zip((*rows, *sliced), told, strict=True))
+    dealt = {"two_blocks": words(folder, "two_blocks", "dealt_to_2"), "absent": words(folder, "absent", "no_absent")}
+    told = commands(2, *rows.values(), dealt=[*dealt.values()])
+    return dict(zip((*rows, *dealt), told, strict=True))
 
 
 def results(place):
@@ -173,7 +173,7 @@ def test_what_all_processes_refuse_is_said_once(folder, of_2, name):
 
 @pytest.mark.parametrize("name", ["mistaken", "absent"])
 def test_mistakes_are_told_as_by_one_process(folder, of_2, name, capsys):
-    """Of a case, and of a group that is not in a mesh of slices."""
+    """Of a case, and of a group that is not in a mesh that is dealt out."""
     status, lines = of_2[name]
     assert status == solver_main(words(folder, name, f"no_{name}")) > 0
     assert lines == own_lines(capsys.readouterr().err) != []
@@ -188,8 +188,8 @@ def test_parts_that_were_divided_without_equations_are_refused(folder, of_3):
 # ---- files
 
 
-@pytest.mark.parametrize("out", ["two_blocks_of_3", "parts_of_3", "again_2", "again_1", "slices_of_2"])
-def test_whole_divided_sliced_and_restarted_runs_end_alike(folder, of_3, of_2, out):
+@pytest.mark.parametrize("out", ["two_blocks_of_3", "parts_of_3", "again_2", "again_1", "dealt_to_2"])
+def test_whole_divided_dealt_and_restarted_runs_end_alike(folder, of_3, of_2, out):
     assert of_3["two_blocks"] == of_3["parts"] == of_2["again"] == of_2["two_blocks"] == (0, [])
     if out == "again_1":
         restart = ("--restart", str(folder / "two_blocks_of_3"), "--from", "0.5")
@@ -294,9 +294,9 @@ def pressed(mesh, folder, start=None, comm=None, **options):
 
 
 def main(world, folder):
-    """Solve the cases, and go on, in one, two and three processes, the blocks on slices of a mesh and on its parts."""
+    """Solve the cases, and go on, in one, two and three processes, the blocks on a mesh that is dealt out and on its parts."""
     import_petsc()
-    processes.LARGE = 0  # files are read by slices
+    processes.LARGE = 0  # the first process deals every file out
     some, alone, place = world.Split(int(world.rank > 1)), world.Split(world.rank), Path(folder) / "blocks"
     mesh = place / "blocks.med"
     if world.rank < some.size:
@@ -347,7 +347,7 @@ def restarts(tmp_path_factory):
     ("name", "other"), [*((n, o) for n in MIDDLE for o in OTHERS), *(("blocks", o) for o in PARTS)]
 )
 def test_a_run_goes_on_with_any_number_of_processes(restarts, name, other):
-    """Its rows and its last state are those of one process in one go, on parts and slices as on the whole mesh."""
+    """Its rows and its last state are those of one process in one go, on parts as on the whole mesh."""
     place, blocks = restarts / name, name == "blocks"
     found, expected = (rows(place / folder / "history.csv") for folder in (other, "one"))
     begin = {"three": 0.0, "serial_after_parts": 0.75}.get(other, MIDDLE.get(name, 0.5))

@@ -1,0 +1,325 @@
+"""Builder of a mesh from what a file lists: nodes and cells in runs, groups and values by number.
+
+Every reader fills one. Numbers are sorted, checked and made indices here and nowhere else. An error names the place
+that the reader gives with the run: a line, an element of XML, a path in HDF5.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import ALL_CELLS
+from lacmesh.cutting.records import is_cut
+from lacmesh.errors import LacmeshWarning, ReadError, some
+from lacmesh.formats import notes
+from lacmesh.formats.ids import Index, repeated
+from lacmesh.mesh import Floats, Ints, Mesh, concatenated
+
+#: makes the error of a message and a row of a run
+ErrorAt = Callable[[str, int], ReadError]
+
+
+@dataclass
+class _Run:
+    """Nodes or cells that follow each other in a file: `rows` are points, or nodes of cells.
+
+    `at`: their positions in the file; `first`: the index of the first in the mesh.
+    """
+
+    type: str
+    number: Ints | None
+    rows: Any
+    error: ErrorAt
+    groups: tuple[str, ...]
+    data: dict[str, Any]
+    at: Ints | None = None
+    first: int = 0
+
+    @property
+    def span(self) -> slice:
+        return slice(self.first, self.first + len(self.rows))
+
+
+@dataclass
+class _Listed:
+    """Nodes or cells of a file in runs; groups and data by number: members (k,), pairs of numbers and values."""
+
+    word: str
+    runs: list[_Run] = field(default_factory=list)
+    groups: dict[str, list[tuple[Ints, ErrorAt | None]]] = field(default_factory=dict)
+    data: dict[str, list[tuple[Ints | None, Any]]] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        return sum(len(run.rows) for run in self.runs)
+
+
+class MeshBuilder:
+    """Nodes, cells, groups and values of a file, which `mesh` makes a mesh.
+
+    `rows_from`: None in a format where nodes of cells, members and values are given by number; 0 or 1 where they are
+    given by row, counted from there, in the order of adding. `cell`: the format's word for a cell. `name_of`: makes the
+    name of a number, for a format that has names in place of numbers. `warnings`: clauses of one warning. `note`: what
+    the format has no place for (`notes.parse`), applied by `mesh`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        rows_from: int | None = None,
+        cell: str = "cell",
+        name_of: Callable[[int], str] | None = None,
+    ) -> None:
+        self.path, self.warnings, self.note = path, list[str](), dict[str, Any]()
+        self._rows_from, self._name_of = rows_from, name_of
+        self._listed = {"node": _Listed("node"), "cell": _Listed(cell)}
+
+    def nodes(self, number: Ints | None, points: Floats, *, error: ErrorAt | None = None, **data: Any) -> None:
+        """Add nodes: numbers (k,) or None, points (k, 1 to 3), and data of each, (k, ...).
+
+        `error` makes the error of a message and a row of these; by default it names the file alone.
+        """
+        self._add("node", _Run("", number, points, error or self._error, (), data))
+
+    def cells(
+        self,
+        kind: str,
+        number: Ints | None,
+        nodes: Ints,
+        *,
+        groups: Iterable[str] = (),
+        at: Ints | None = None,
+        error: ErrorAt | None = None,
+        **data: Any,
+    ) -> None:
+        """Add cells of one type: numbers (k,) or None, nodes (k, n) in lacmesh's order, data as in `nodes`.
+
+        `groups`: those that all of them are in. `at` (k,): their positions among all cells of the file; cells without
+        positions take the free ones, in the order of adding.
+        """
+        if len(nodes):
+            self._add("cell", _Run(kind, number, nodes, error or self._error, tuple(groups), data, at))
+
+    def group(self, on: str, name: str, members: Ints | None = None, *, error: ErrorAt | None = None) -> None:
+        """Add members (k,) to a group of "node"s or "cell"s; a group without members is there, and empty.
+
+        A member that the file does not have is left out with a warning, or raises the `error`, if one is given.
+        """
+        parts = self._listed[on].groups.setdefault(name, [])
+        if members is not None:
+            parts.append((np.asarray(members), error))
+
+    def values(self, on: str, name: str, number: Ints | None, values: NDArray) -> None:
+        """Add values (k, ...) of "node"s or "cell"s, by number (k,), or, with None, of all in the order of adding.
+
+        Those without a value get NaN, or -1 of integers.
+        """
+        self._listed[on].data.setdefault(name, []).append((number, values))
+
+    def read_note(self, text: str | bytes) -> None:
+        """Take the note of a file from its text; one that is damaged is left out, with a warning."""
+        try:
+            self.note = notes.parse(text)
+            if not self.note:
+                self.warnings.append("the note of a newer lacmesh is left out")
+        except ValueError:
+            self.warnings.append("lacmesh's own note is damaged and left out")
+
+    def size(self, on: str) -> int:
+        """Return how many nodes or cells have been added."""
+        return self._listed[on].size
+
+    def mesh(self, **rest: Any) -> Mesh:
+        """Return the mesh, with `rest` as other fields of it; warn of what `warnings` lists.
+
+        Raises ReadError for a number that is there twice, a node that is not, and coordinates that are not finite.
+        """
+        nodes = self._listed["node"]
+        first = 0
+        for run in nodes.runs:
+            run.first, first = first, first + len(run.rows)
+        node_number, node_index = self._numbered("node", np.arange(nodes.size))
+        place = self._order_cells()
+        cell_number, cell_index = self._numbered("cell", place)
+        values: dict[str, Any] = {
+            "node_number": node_number,
+            "cell_number": cell_number,
+            "file_order": None if (place[1:] > place[:-1]).all() else np.argsort(place),
+        }
+        points = self._points(node_number)
+        blocks = list(self._blocks(node_index, cell_number))
+        lost = 0
+        for on, index, at in (("node", node_index, np.arange(nodes.size)), ("cell", cell_index, place)):
+            values[f"{on}_groups"], lost_members = self._groups(on, index)
+            values[f"{on}_data"], lost_values = self._data(on, index, at)
+            lost += lost_members + lost_values
+        if lost:
+            self.warnings.append(
+                f"{lost} values or members belong to nodes or cells that the file does not hold: left out"
+            )
+        mesh = Mesh.create(points, blocks, **values | rest)
+        known = {*mesh.cell_data, *mesh.node_data}
+        mesh = replace(
+            mesh,
+            group_tags={name: tags for name, tags in mesh.group_tags.items() if name in mesh.cell_groups},
+            steps={key: step for key, step in mesh.steps.items() if key in known},
+        )
+        mesh = notes.load(mesh, self.note, self.warnings)
+        if is_cut(mesh) and not mesh.zones:
+            mesh = replace(mesh, zones=notes.zone_names(mesh.cell_data, mesh.cell_groups))
+        if self.warnings:
+            text = "; ".join(dict.fromkeys(self.warnings))
+            warnings.warn(LacmeshWarning(f"{self.path}: {text}"), stacklevel=4)
+        return mesh
+
+    def _add(self, on: str, run: _Run) -> None:
+        self._listed[on].runs.append(run)
+        for name in run.groups:
+            self.group(on, name)
+        for name in run.data:
+            self._listed[on].data.setdefault(name, [])
+
+    def _error(self, message: str, row: int) -> ReadError:
+        return ReadError(self.path, message)
+
+    def _name(self, number: int) -> str:
+        return f"number {number}" if self._name_of is None else f"name {self._name_of(number)}"
+
+    def _shown(self, numbers: Ints) -> str:
+        return some(map(self._name_of, numbers.tolist()) if self._name_of else numbers)
+
+    def _order_cells(self) -> Ints:
+        """Sort the runs of cells by type, in the order of the types' first cells; return the cells' positions."""
+        listed = self._listed["cell"]
+        free = np.ones(listed.size, bool)
+        for run in listed.runs:
+            if run.at is not None:
+                free[run.at] = False
+        rest, taken = np.flatnonzero(free), 0
+        for run in listed.runs:
+            if run.at is None:
+                run.at, taken = rest[taken : taken + len(run.rows)], taken + len(run.rows)
+        first = dict[str, int]()
+        for run in listed.runs:
+            assert run.at is not None
+            first[run.type] = min(first.get(run.type, listed.size), int(run.at.min()))
+        listed.runs.sort(key=lambda run: first[run.type])
+        following = 0
+        for run in listed.runs:
+            run.first, following = following, following + len(run.rows)
+        return concatenated(run.at for run in listed.runs if run.at is not None)
+
+    def _numbered(self, on: str, place: Ints) -> tuple[Ints, Index]:
+        """Return the numbers, and the map from a number (or a row) to the index; `place` (n,): positions in the file.
+
+        Raises ReadError for a number that is there twice, or below 1.
+        """
+        listed = self._listed[on]
+        runs = [run for run in listed.runs if run.number is not None]
+        counted = any(run.number is None for run in listed.runs)
+        number = place + 1 if counted else concatenated(run.number for run in runs if run.number is not None)
+        twice = None if counted else repeated(number)
+        if self._rows_from is not None:
+            if twice is not None:
+                self.warnings.append(f"{listed.word}s are numbered from 1, the file gives several the number {twice}")
+                number = place + 1
+            return number, Index(place + 1)
+        least = int(number.min(initial=1))
+        if least < 1:
+            run, row = _where(runs, least)
+            raise run.error(f"a {listed.word} has the number {least}; numbers start at 1", row)
+        if twice is not None:
+            run, row = _where(runs[::-1], twice)
+            raise run.error(f"two {listed.word}s have the {self._name(twice)}", row)
+        return number, Index(number)
+
+    def _points(self, number: Ints) -> Floats:
+        listed = self._listed["node"]
+        points = np.zeros((listed.size, 3))
+        for run in listed.runs:
+            points[run.span, : run.rows.shape[1]] = run.rows
+        bad = ~np.isfinite(points).all(axis=1)
+        if bad.any():
+            run = next(run for run in listed.runs if bad[run.span].any())
+            message = f"the coordinates of nodes {self._shown(number[bad])} are not finite numbers"
+            raise run.error(message, int(bad[run.span].argmax()))
+        return points
+
+    def _blocks(self, nodes: Index, number: Ints) -> Iterator[tuple[str, Ints]]:
+        """Yield each type and the nodes of its cells, by index. Raises ReadError for a node that is not there."""
+        runs = self._listed["cell"].runs
+        dtype = np.int32 if nodes.n < 2**31 else np.int64
+        for kind in dict.fromkeys(run.type for run in runs):
+            own = [run for run in runs if run.type == kind]
+            block = np.empty((sum(len(run.rows) for run in own), ALL_CELLS[kind].n_nodes), dtype)
+            for run in own:
+                start = run.first - own[0].first
+                bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
+                if bad is not None:
+                    row = run.rows[bad]
+                    lost = self._shown(row[nodes.places(self._by_number(row)) < 0])
+                    cell = self._shown(number[run.first + bad : run.first + bad + 1])
+                    raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes", bad)
+            yield kind, block
+
+    def _by_number(self, members: Ints) -> Ints:
+        """Return numbers, or rows as numbers that count from 1."""
+        return members + 1 if self._rows_from == 0 else members
+
+    def _groups(self, on: str, index: Index) -> tuple[dict[str, Ints], int]:
+        """Return the members of each group, and how many are left out. Raises ReadError."""
+        listed = self._listed[on]
+        groups, lost = dict[str, list[Ints]](), 0
+        for name, parts in listed.groups.items():
+            groups[name] = []
+            for members, error in parts:
+                places = index.places(self._by_number(members))
+                here = places >= 0
+                if error is not None and not here.all():
+                    strays = self._shown(members[~here][:5])
+                    message = f"the group {name!r} has members that are not among the {listed.word}s: {strays}"
+                    raise error(message, int(here.argmin()))
+                lost += int((~here).sum())
+                groups[name].append(places[here])
+        for run in listed.runs:
+            for name in run.groups:
+                groups[name].append(np.arange(run.span.start, run.span.stop))
+        return {name: concatenated(parts) for name, parts in groups.items()}, lost
+
+    def _data(self, on: str, index: Index, place: Ints) -> tuple[dict[str, NDArray], int]:
+        """Return the arrays on nodes or cells, and how many values are left out."""
+        listed = self._listed[on]
+        data, lost = dict[str, NDArray](), 0
+        for name, given in listed.data.items():
+            parts: list[tuple[Any, NDArray]] = [(run.span, run.data[name]) for run in listed.runs if name in run.data]
+            for number, values in given:
+                places = np.argsort(place) if number is None else index.places(self._by_number(number))
+                here = places >= 0
+                lost += int((~here).sum())
+                parts.append((places[here], values[here]) if not here.all() else (places, values))
+            shapes = {values.shape[1:] for _, values in parts}
+            if len(shapes) > 1:
+                self.warnings.append(f"{on} data {name!r} have several widths: they are left out")
+                continue
+            dtype = np.result_type(*(values for _, values in parts))
+            if dtype.kind == "u" and sum(len(values) for _, values in parts) < listed.size:  # it has no -1
+                dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
+            rows = np.full((listed.size, *shapes.pop()), np.nan if dtype.kind == "f" else -1, dtype)
+            for where, values in parts:
+                rows[where] = values
+            data[name] = rows
+        return data, lost
+
+
+def _where(runs: Iterable[_Run], number: int) -> tuple[_Run, int]:
+    """Return the first run that has a number, and the row there."""
+    run = next(run for run in runs if run.number is not None and (run.number == number).any())
+    return run, int((run.number == number).argmax())
