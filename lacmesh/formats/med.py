@@ -13,7 +13,6 @@ stands in the root group LACMESH, which libmed, medcoupling and gmsh leave alone
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
@@ -42,10 +41,8 @@ from lacmesh.formats.hdf5 import (
     values,
 )
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.note_types import DAMAGE, from_plain, to_plain
-from lacmesh.formats.notes import MED_NOTES, mesh_fields
+from lacmesh.formats.notes import dump
 from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell
-from lacmesh.formats.table import DEFAULT, WriteOptions
 from lacmesh.formats.writing import blocks_in_order, check_types, is_plane
 from lacmesh.mesh import Ints, Mesh, concatenated
 
@@ -104,11 +101,11 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         supports = {part.support: range(*bounds) for part, bounds in zip(parts, pairwise(starts), strict=True)}
         supports["NOE"] = range(1, out.size("node") + 1)
         steps = fields.read(root, link, supports, out)
-        noted = _read_notes(root, name, out)
+        _read_note(root, name, out)
         for place, what in _LEFT_OUT.items():
             if any(place in group and len(group[place]) for group in (root, home, step)):
                 out.warnings.append(f"{what} are left out")
-        return out.mesh(name=name, space_dim=max(dim, 2), steps=steps, **noted)
+        return out.mesh(name=name, space_dim=max(dim, 2), steps=steps)
 
 
 def _check_version(path: Path, root: h5py.File) -> None:
@@ -264,22 +261,18 @@ def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) ->
         out.warnings.append(f"{on}s in {len(unknown)} undefined families (as {unknown[0]}) get no group from them")
 
 
-def _read_notes(root: h5py.File, name: str, out: MeshBuilder) -> dict[str, Any]:
+def _read_note(root: h5py.File, name: str, out: MeshBuilder) -> None:
     """Read what lacmesh noted of the mesh of that name."""
-    if _HOME not in root:
-        return {}
-    try:
-        notes = from_plain(json.loads(raw(member(root, _HOME), _NOTES)), MED_NOTES)
-        return mesh_fields(notes, out.size("node")) if notes["mesh"] == name else {}
-    except DAMAGE:
-        out.warnings.append("lacmesh's own notes (group LACMESH) are damaged and left out")
-        return {}
+    if _HOME in root:
+        out.read_note(raw(member(root, _HOME), _NOTES))
+        if out.note.get("of", out.note.get("mesh", name)) != name:
+            out.note = {}
 
 
 # ---- writing
 
 
-def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+def write(path: Path, mesh: Mesh) -> None:
     """Write a mesh as MED 4.1.1, replacing what `path` holds.
 
     Cells go by type, within a type as in `mesh.file_order`. Raises WriteError for cells or names that MED cannot hold;
@@ -305,7 +298,10 @@ def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
         _write_families(families, "ELEME", cell_families, -1)
         _write_families(families, "NOEUD", node_families, 1)
         fields.write(root, mesh, name, [(kind, here) for kind, _, _, here in cells], said)
-        _write_notes(root, mesh, name)
+        noted = ("zones", "group_tags", "model")
+        if dump(mesh, *noted):
+            note = np.frombuffer(dump(mesh, *noted, of=name).encode(), np.uint8)
+            add_array(add_group(root, _HOME), _NOTES, note)
     if said:  # `path` may stand for another file (`formats.write`)
         warnings.warn("MED: " + "; ".join(said), LacmeshWarning, stacklevel=2)
 
@@ -380,11 +376,3 @@ def _write_families(parent: h5py.Group, place: str, families: list[tuple[str, ..
         kind = h5py.h5t.array_create(h5py.h5t.STD_I8LE, (_NAME_SIZE,))
         dataset = h5py.h5d.create(groups.id, b"NOM", kind, h5py.h5s.create_simple((len(names),)))
         dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, rows.reshape(-1, _NAME_SIZE).copy(), mtype=kind)
-
-
-def _write_notes(root: h5py.Group, mesh: Mesh, name: str) -> None:
-    """Write what MED has no place for, if there is anything."""
-    notes = {"mesh": name, "zones": mesh.zones, "group_tags": mesh.group_tags, "model": mesh.model}
-    plain = to_plain(notes, MED_NOTES)
-    if len(plain) > 1:
-        add_array(add_group(root, _HOME), _NOTES, np.frombuffer(json.dumps(plain).encode(), np.uint8))
