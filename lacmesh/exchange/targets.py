@@ -24,8 +24,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
 from lacmesh.formats.inp.writer_types import card
-from lacmesh.formats.orders import MED_CELLS
-from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.formats.orders import MED_CELLS, XDMF_CELLS
 from lacmesh.mesh import Mesh
 
 TARGETS: Mapping[str, str] = {
@@ -36,7 +35,6 @@ TARGETS: Mapping[str, str] = {
     "fenics": "dolfinx",
     "lacsolver": "lacsolver",
 }
-_MED_NAMES = {kind.type: kind.name for kind in MED_CELLS.values()}
 #: Cells that dolfinx reads as cells of a mesh.
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 
@@ -51,9 +49,9 @@ def element(cell_type: str, target: str, plane: bool = False) -> str | None:
         number = ALL_CELLS[cell_type].msh
         return None if number is None else str(number)
     if target == "aster":
-        return _MED_NAMES.get(cell_type)
+        return MED_CELLS[cell_type].name if cell_type in MED_CELLS else None
     if target == "fenics":
-        return XDMF_OF_TYPE[cell_type].name if cell_type in _FENICS else None
+        return XDMF_CELLS[cell_type].name if cell_type in _FENICS else None
     if cell_type not in CELLS:
         return None
     if target == "lacsolver":

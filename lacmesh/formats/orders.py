@@ -154,6 +154,8 @@ _READ_TOO = {
     73: ("PENTA6", "PENTA18"),
 }  # fmt: skip
 _PIXEL, _VOXEL = VtkCell(8, "QUAD4", (0, 1, 3, 2)), VtkCell(11, "HEXA8", (0, 1, 3, 2, 4, 5, 7, 6))
+#: VTK's Lagrange hexahedra, whose order of nodes VTK 9 changed
+LAGRANGE_HEXAHEDRON = 72
 #: (VTK's number, nodes): the cell
 VTK_BY_NUMBER = {
     (cell.number, len(cell.nodes)): cell

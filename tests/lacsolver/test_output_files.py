@@ -17,7 +17,7 @@ from lacmesh import Surface, read
 from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
 from lacmesh.formats.orders import MED_CELLS
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.vtu import read_pvd
 from lacmesh.scene.colours import RESULT
 from lacsolver.output import files, paraview_state, summary
 from lacsolver.output.med import MedSeries
