@@ -101,38 +101,31 @@ def check_target_cells(
     without its data. Raises RequestError for a target that is none.
     """
     there, done = refused(mesh, target), is_cut(mesh) and recognise is not False
-
-    def cut(variant: str) -> Mesh:
-        if done:
-            return mesh
-        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only, recognise=recognise)
-
-    after = cut(hexa)
+    options: dict[str, Any] = {"interface": interface, "skin_only": skin_only, "recognise": recognise}
+    after = mesh if done else _cut(mesh, slave, hexa=hexa, **options)
     wrong = refused(after, target)
     if not wrong:
         return
     if done:
-        said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
+        reason = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
         advice = f"cut the mesh that it came from with --for {target}, which says what to try"
     else:
-        new = ", ".join(
-            f"{n} {cell_type} ({max(0, n - there.get(cell_type, 0))} of them new)"
-            for cell_type, n in sorted(wrong.items())
-        )
-        said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
-        advice = _advice(mesh, there, cut("hexa"), target)
-    bad = [
-        c for cell_type, cells, _ in after.select(np.arange(after.n_cells)) if cell_type in wrong for c in cells[:1000]
-    ]
-    raise CutError(f"{said}; {advice}", after.cell_number[bad])
+        counts = [f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())]
+        reason = f"the mesh that is cut would have {', '.join(counts)}, and {_reason(after, wrong, target)}"
+        if there:
+            advice = f"it has {_listed(there)} before it is cut: mesh it anew"
+        else:
+            advice = _advice(mesh, _cut(mesh, slave, hexa="hexa", **options), target)
+    bad = [cell for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for cell in cells[:1000]]
+    raise CutError(f"{reason}; {advice}", after.cell_number[bad])
 
 
 def _listed(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{n} {cell_type}" for cell_type, n in sorted(counts.items()))
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items()))
 
 
 def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
-    mixture = all(element(cell_type, target, mesh.space_dim == 2) for cell_type in wrong)
+    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
     return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
 
 
@@ -145,17 +138,14 @@ def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> 
         return cut_skin(bare, slave, **options).mesh
 
 
-def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
-    """Advice on refused cells: `there` are refused before the cut; `with_hexa`: the mesh cut by the variant hexa."""
-    if there:
-        return f"it has {_listed(there)} before it is cut: mesh it anew"
+def _advice(mesh: Mesh, with_hexa: Mesh, target: str) -> str:
+    """Advice on refused cells that the cut makes; `with_hexa`: the mesh cut by the variant hexa."""
     wrong = refused(with_hexa, target)
     if not wrong:
         return "--hexa hexa makes hexahedra instead"
-    children = np.concatenate(
-        [cells for cell_type, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if cell_type in wrong]
-    )
-    parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
-    behind = _listed({cell_type: len(cells) for cell_type, cells, _ in mesh.select(parents)})
+    children = [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+    number = with_hexa.cell_data["lac_parent"][np.concatenate(children)]
+    parents = np.flatnonzero(np.isin(mesh.cell_number, number))
+    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
     anew = "tetrahedra, or with hexahedra and --hexa hexa"
     return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

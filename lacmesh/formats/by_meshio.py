@@ -32,7 +32,7 @@ from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.orders import MESHIO_NAMES, VTK_CELLS, VTK_NOT_READ, meshio_nodes
 from lacmesh.formats.registry import GMSH_CAN
 from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
-from lacmesh.formats.truncation import check_counts, check_whole, read_watched
+from lacmesh.formats.truncation import read_whole
 from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 
 _OF_NAME = {theirs: ours for ours, theirs in MESHIO_NAMES.items()}
@@ -115,7 +115,9 @@ def _mesh(given: Any, path: Path) -> Mesh:
             raise DataError(f"cells of meshio's type {block.type!r} are not read")
     starts = np.cumsum([0, *(len(block.data) for block in given.cells)]).tolist()
     n, rows = len(given.points), _places_in_file(given, starts[-1], out)
-    on_cells = _native({name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in given.cell_data.items()})
+    on_cells = _native(
+        {name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in given.cell_data.items()}
+    )
     on_nodes = _native({name: np.asarray(values) for name, values in given.point_data.items()})
     out.nodes(numbers_in(on_nodes, "node", n, out), np.asarray(given.points, float))
     number = numbers_in(on_cells, "cell", starts[-1], out)
@@ -138,7 +140,7 @@ def _mesh(given: Any, path: Path) -> Mesh:
 
 
 def _places_in_file(given: Any, n_cells: int, out: MeshBuilder) -> Ints:
-    """Read the note, from the info (`to_meshio`) or the field data (VTU files); return the cells' places in the file."""
+    """Read the note, from the info or, of a VTU file, the field data; return the places of the cells in the file."""
     info = given.info if isinstance(given.info, dict) else {}
     in_file = np.asarray(given.field_data.get(_INFO, ()))
     text = str(info[_INFO]) if _INFO in info else in_file.tobytes() if in_file.dtype == np.uint8 else ""
@@ -185,17 +187,15 @@ def read(path: Path, name: str) -> Mesh:
         raise ReadError(path, "cannot be read (No such file or directory)")
     if name == "exodus":
         return exodus.read(path)
-    check_whole(path, name)
     printed: list[str] = []
     way = f"; {GMSH_CAN}" if name == "nastran" else ""
-    given = _guarded(lambda: read_watched(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
+    given = _guarded(lambda: read_whole(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
     if name == "vtk":
         printed = [*map(_with_type_names, printed), *_colours(path)]
     said = "; ".join(printed)
     if said and not any(len(block.data) for block in given.cells):
         hint = " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
         raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{hint}")
-    check_counts(path, name, len(given.points), sum(len(block.data) for block in given.cells))
     try:
         mesh = _mesh(_as_ours(given, name), path)
     except ReadError:

@@ -23,23 +23,9 @@ import h5py
 import numpy as np
 
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError, did_you_mean
+from lacmesh.formats import hdf5
 from lacmesh.formats import med_fields as fields
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.hdf5 import (
-    add_array,
-    add_group,
-    attribute,
-    compact,
-    encoded,
-    error_at,
-    groups_in,
-    image,
-    member,
-    opened,
-    raw,
-    text,
-    values,
-)
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.notes import dump
 from lacmesh.formats.orders import MED_CELLS, MED_NOT_READ, MedCell
@@ -83,13 +69,13 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     choice of the mesh. What is left out is named in one LacmeshWarning.
     """
     out = MeshBuilder(path, rows_from=1)
-    with opened(path) as root:
+    with hdf5.opened(path) as root:
         _check_version(path, root)
         link = _chosen(path, root, mesh)
-        name, home = text(link), root["ENS_MAA"][link]
-        if attribute(home, "TYP", int, 0) != 0:
+        name, home = hdf5.text(link), root["ENS_MAA"][link]
+        if hdf5.attribute(home, "TYP", int, 0) != 0:
             message = "is a structured grid, which is not read; turn it into cells (MEDCoupling: buildUnstructured)"
-            raise error_at(home, message)
+            raise hdf5.error_at(home, message)
         step = _step(home, out.warnings)
         dim, families = _read_nodes(home, step, out)
         parts = list(_parts(step, out.warnings))
@@ -111,15 +97,17 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
 def _check_version(path: Path, root: h5py.File) -> None:
     if "INFOS_GENERALES" not in root:
         raise ReadError(path, "is an HDF5 file, but not MED (it has no INFOS_GENERALES)")
-    about = member(root, "INFOS_GENERALES")
-    version = attribute(about, "MAJ", int), attribute(about, "MIN", int, 0)
+    about = hdf5.member(root, "INFOS_GENERALES")
+    version = hdf5.attribute(about, "MAJ", int), hdf5.attribute(about, "MIN", int, 0)
     if not (2, 2) <= version < (5, 0):
-        raise error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
+        raise hdf5.error_at(about, f"MED version {version[0]}.{version[1]} is not read; versions 2.2 to 4.2 are")
 
 
 def _chosen(path: Path, root: h5py.File, wanted: str | None) -> str | bytes:
     """Return the link to the mesh of that name, or to the only one. Raises ReadError, RequestError."""
-    links = {text(name): name for name, _ in groups_in(member(root, "ENS_MAA"))} if "ENS_MAA" in root else {}
+    links = (
+        {hdf5.text(name): name for name, _ in hdf5.groups_in(hdf5.member(root, "ENS_MAA"))} if "ENS_MAA" in root else {}
+    )
     if not links:
         raise ReadError(path, "holds no mesh")
     if wanted is None and len(links) > 1:
@@ -133,49 +121,53 @@ def _step(home: h5py.Group, said: list[str]) -> h5py.Group:
     """Return the group of nodes and cells: the mesh's step without a number, or its first; in MED 2.3 the mesh."""
     if any(place in home for place in ("NOE", *_ENTITIES)):
         return home
-    steps = [step for _, step in groups_in(home) if "NDT" in step.attrs]
+    steps = [step for _, step in hdf5.groups_in(home) if "NDT" in step.attrs]
     if not steps:
-        raise error_at(home, "has neither nodes nor steps")
+        raise hdf5.error_at(home, "has neither nodes nor steps")
     if len(steps) > 1:
         said.append(f"only one of the {len(steps)} steps of the mesh is read")
-    timeless = [one for one in steps if (attribute(one, "NDT", int), attribute(one, "NOR", int, -1)) == (-1, -1)]
+    timeless = [
+        one for one in steps if (hdf5.attribute(one, "NDT", int), hdf5.attribute(one, "NOR", int, -1)) == (-1, -1)
+    ]
     return (timeless or steps)[0]
 
 
 def _read_nodes(home: h5py.Group, step: h5py.Group, out: MeshBuilder) -> tuple[int, Ints]:
     """Add the nodes; return the number of coordinates in the file, and the nodes' families (n,)."""
-    nodes = member(step, "NOE")
-    coordinates = member(nodes, "COO", h5py.Dataset)
-    points = values(nodes, "COO", "f").reshape(-1)
-    n = attribute(coordinates, "NBR", int, None)
-    dim = attribute(home, "ESP", int, len(points) // n if n else attribute(home, "DIM", int))
+    nodes = hdf5.member(step, "NOE")
+    coordinates = hdf5.member(nodes, "COO", h5py.Dataset)
+    points = hdf5.values(nodes, "COO", "f").reshape(-1)
+    n = hdf5.attribute(coordinates, "NBR", int, None)
+    dim = hdf5.attribute(home, "ESP", int, len(points) // n if n else hdf5.attribute(home, "DIM", int))
     n = len(points) // dim if n is None and 1 <= dim <= 3 else n
     if not 1 <= dim <= 3 or len(points) != n * dim:
-        raise error_at(nodes, f"holds {len(points)} values for {n} nodes in {dim} dimensions", "COO")
-    if attribute(home, "REP", int, attribute(coordinates, "REP", int, 0)) != 0:
-        raise error_at(nodes, "is cylindrical or spherical; only Cartesian coordinates are read", "COO")
+        raise hdf5.error_at(nodes, f"holds {len(points)} values for {n} nodes in {dim} dimensions", "COO")
+    if hdf5.attribute(home, "REP", int, hdf5.attribute(coordinates, "REP", int, 0)) != 0:
+        raise hdf5.error_at(nodes, "is cylindrical or spherical; only Cartesian coordinates are read", "COO")
     number, place = _numbers(nodes, n), f"{nodes.name}/COO"
     out.nodes(number, points.reshape(dim, n).T, error=lambda message, _: ReadError(out.path, message, place))
     return dim, _family(nodes, n)
 
 
 def _numbers(part: h5py.Group, n: int) -> Ints | None:
-    return values(part, "NUM", "iu", n).reshape(-1).astype(np.int64) if "NUM" in part else None
+    return hdf5.values(part, "NUM", "iu", n).reshape(-1).astype(np.int64) if "NUM" in part else None
 
 
 def _family(part: h5py.Group, n: int) -> Ints:
-    return values(part, "FAM", "iu", n).reshape(-1).astype(np.int64) if "FAM" in part else np.zeros(n, np.int64)
+    return hdf5.values(part, "FAM", "iu", n).reshape(-1).astype(np.int64) if "FAM" in part else np.zeros(n, np.int64)
 
 
 def _parts(step: h5py.Group, said: list[str]) -> Iterator[_Part]:
     """Yield the cells of each type, in the order of the file where it has one, or else in libmed's."""
     supports = dict[str, str]()
-    named = "NOM" in member(step, "NOE")
+    named = "NOM" in hdf5.member(step, "NOE")
     for entity in _ENTITIES:
-        inside = groups_in(member(step, entity)) if entity in step else []
+        inside = hdf5.groups_in(hdf5.member(step, entity)) if entity in step else []
         if inside and not step[entity].id.get_create_plist().get_link_creation_order():
-            inside.sort(key=lambda item: _OF_NAME[text(item[0])].bit if text(item[0]) in _OF_NAME else len(_OF_NAME))
-        for name, part in ((text(link), part) for link, part in inside):
+            inside.sort(
+                key=lambda item: _OF_NAME[hdf5.text(item[0])].bit if hdf5.text(item[0]) in _OF_NAME else len(_OF_NAME)
+            )
+        for name, part in ((hdf5.text(link), part) for link, part in inside):
             named = named or "NOM" in part
             if name in supports:
                 said.append(f"{entity}/{name} is left out, {supports[name]} has such cells too")
@@ -189,16 +181,16 @@ def _parts(step: h5py.Group, said: list[str]) -> Iterator[_Part]:
 def _cells_of(part: h5py.Group, name: str, support: str) -> _Part | None:
     """Return the cells of one type; None where there are none."""
     if name not in _OF_NAME:
-        raise error_at(part, f"{MED_NOT_READ.get(name, f'cells of type {name}')} are not read")
+        raise hdf5.error_at(part, f"{MED_NOT_READ.get(name, f'cells of type {name}')} are not read")
     if "NOD" not in part:
         if "DES" in part:
-            raise error_at(part, "gives cells by their faces (descending connectivity), which is not read")
+            raise hdf5.error_at(part, "gives cells by their faces (descending connectivity), which is not read")
         return None
-    kind, listed = _OF_NAME[name], values(part, "NOD", "iu").reshape(-1)
+    kind, listed = _OF_NAME[name], hdf5.values(part, "NOD", "iu").reshape(-1)
     width = len(kind.nodes)
-    n = attribute(part["NOD"], "NBR", int, len(listed) // width)
+    n = hdf5.attribute(part["NOD"], "NBR", int, len(listed) // width)
     if n < 0 or len(listed) != n * width:
-        raise error_at(part, f"holds {len(listed)} values for {n} cells of {width} nodes", "NOD")
+        raise hdf5.error_at(part, f"holds {len(listed)} values for {n} cells of {width} nodes", "NOD")
     nodes = np.empty((n, width), listed.dtype)
     nodes[:, kind.nodes] = listed.reshape(width, n).T
     return _Part(kind, support, f"{part.name}/NOD", nodes, _numbers(part, n), _family(part, n)) if n else None
@@ -222,13 +214,13 @@ def _add_cells(parts: list[_Part], out: MeshBuilder) -> None:
 
 def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, said: list[str]) -> tuple[_Families, _Families]:
     """Read the families of cells, and those of nodes, of a mesh; MED 2.3 may keep them inside the mesh."""
-    home = mesh if "FAS" in mesh else member(root, "FAS") if "FAS" in root else None
+    home = mesh if "FAS" in mesh else hdf5.member(root, "FAS") if "FAS" in root else None
     name = "FAS" if "FAS" in mesh else link
     of_cells, of_nodes = _Families(), _Families()
-    for place, group in groups_in(member(home, name)) if home is not None and name in home else ():
-        for family in [group] if "NUM" in group.attrs else [inner for _, inner in groups_in(group)]:
-            number = attribute(family, "NUM", int)
-            table = {"ELEME": of_cells, "NOEUD": of_nodes}.get(text(place), of_cells if number < 0 else of_nodes)
+    for place, group in hdf5.groups_in(hdf5.member(home, name)) if home is not None and name in home else ():
+        for family in [group] if "NUM" in group.attrs else [inner for _, inner in hdf5.groups_in(group)]:
+            number = hdf5.attribute(family, "NUM", int)
+            table = {"ELEME": of_cells, "NOEUD": of_nodes}.get(hdf5.text(place), of_cells if number < 0 else of_nodes)
             table.setdefault(number, []).extend(_group_names(family))
             if "ATT" in family and "attributes of families are left out" not in said:
                 said.append("attributes of families are left out")
@@ -238,12 +230,12 @@ def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, said: list[s
 def _group_names(family: h5py.Group) -> list[str]:
     if "GRO" not in family:
         return []
-    groups = member(family, "GRO")
-    names = raw(groups, "NOM")
-    n = attribute(groups, "NBR", int, len(names) // _NAME_SIZE)
+    groups = hdf5.member(family, "GRO")
+    names = hdf5.raw(groups, "NOM")
+    n = hdf5.attribute(groups, "NBR", int, len(names) // _NAME_SIZE)
     if not 0 <= n * _NAME_SIZE <= len(names):
-        raise error_at(groups, f"holds {len(names)} bytes for {n} names of {_NAME_SIZE}", "NOM")
-    return [text(names[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
+        raise hdf5.error_at(groups, f"holds {len(names)} bytes for {n} names of {_NAME_SIZE}", "NOM")
+    return [hdf5.text(names[k * _NAME_SIZE : (k + 1) * _NAME_SIZE]) for k in range(n)]
 
 
 def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) -> None:
@@ -264,7 +256,7 @@ def _add_groups(on: str, family: Ints, families: _Families, out: MeshBuilder) ->
 def _read_note(root: h5py.File, name: str, out: MeshBuilder) -> None:
     """Read what lacmesh noted of the mesh of that name."""
     if _HOME in root:
-        out.read_note(raw(member(root, _HOME), _NOTES))
+        out.read_note(hdf5.raw(hdf5.member(root, _HOME), _NOTES))
         if out.note.get("of", out.note.get("mesh", name)) != name:
             out.note = {}
 
@@ -285,32 +277,32 @@ def write(path: Path, mesh: Mesh) -> None:
     cells = [(MED_CELLS[block.type], lo, block.nodes, here) for block, lo, here in blocks_in_order(mesh)]
     cell_family, cell_families = families_of(mesh.cell_groups, mesh.cell_dim)
     node_family, node_families = families_of(mesh.node_groups, np.zeros(mesh.n_nodes, np.int8))
-    with image(path) as root:
-        add_group(root, "INFOS_GENERALES", MAJ=4, MIN=1, REL=1)
+    with hdf5.image(path) as root:
+        hdf5.add_group(root, "INFOS_GENERALES", MAJ=4, MIN=1, REL=1)
         step = _write_home(root, mesh, name)
         _write_nodes(step, mesh, node_family)
-        inside = add_group(step, "MAI", CGT=1) if cells else None
+        inside = hdf5.add_group(step, "MAI", CGT=1) if cells else None
         for kind, lo, nodes, here in cells:
             rows = nodes if mesh.file_order is None else nodes[here - lo]
             _write_cells(inside, mesh, kind, rows, here, -cell_family[here])
-        families = add_group(add_group(root, "FAS"), name)
-        add_group(families, "FAMILLE_ZERO", NUM=0)
+        families = hdf5.add_group(hdf5.add_group(root, "FAS"), name)
+        hdf5.add_group(families, "FAMILLE_ZERO", NUM=0)
         _write_families(families, "ELEME", cell_families, -1)
         _write_families(families, "NOEUD", node_families, 1)
         fields.write(root, mesh, name, [(kind, here) for kind, _, _, here in cells], said)
         noted = ("zones", "group_tags", "model")
         if dump(mesh, *noted):
             note = np.frombuffer(dump(mesh, *noted, of=name).encode(), np.uint8)
-            add_array(add_group(root, _HOME), _NOTES, note)
+            hdf5.add_array(hdf5.add_group(root, _HOME), _NOTES, note)
     if said:  # `path` may stand for another file (`formats.write`)
         warnings.warn("MED: " + "; ".join(said), LacmeshWarning, stacklevel=2)
 
 
 def _check_names(path: Path, mesh: Mesh) -> None:
     for name in (*mesh.cell_groups, *mesh.node_groups):
-        if len(encoded(name)) > _NAME_SIZE:
+        if len(hdf5.encoded(name)) > _NAME_SIZE:
             raise WriteError(path, f"a group's name has {_NAME_SIZE} bytes at most in MED; shorten {name!r}")
-        if text(name) != name or not name:
+        if hdf5.text(name) != name or not name:
             reason = "empty, a blank at the end or NUL"
             raise WriteError(path, f"MED cannot hold the group name {name!r} ({reason}); rename it")
 
@@ -322,15 +314,15 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
     about: dict[str, Any] = {"DIM": mesh.dim if mesh.n_cells else esp, "ESP": esp, "REP": 0, "SRT": 0, "TYP": 0}
     about |= {"NXI": -1, "NXT": -1, "DES": "", "NOM": blank, "UNI": blank, "UNT": ""}
     step: dict[str, Any] = {"CGT": 1, "NDT": -1, "NOR": -1, "NXI": -1, "NXT": -1, "PDT": 0.0, "PVI": -1, "PVT": -1}
-    return add_group(add_group(add_group(root, "ENS_MAA"), name, **about), f"{-1:020d}{-1:020d}", **step)
+    return hdf5.add_group(hdf5.add_group(hdf5.add_group(root, "ENS_MAA"), name, **about), f"{-1:020d}{-1:020d}", **step)
 
 
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
     n = mesh.n_nodes
-    nodes = add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
-    add_array(nodes, "COO", mesh.points[:, : 2 if is_plane(mesh) else 3].T.astype(float).reshape(-1), CGT=1, NBR=n)
-    add_array(nodes, "FAM", family, CGT=1, NBR=n)
-    add_array(nodes, "NUM", compact(mesh.node_number), CGT=1, NBR=n)
+    nodes = hdf5.add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
+    hdf5.add_array(nodes, "COO", mesh.points[:, : 2 if is_plane(mesh) else 3].T.astype(float).reshape(-1), CGT=1, NBR=n)
+    hdf5.add_array(nodes, "FAM", family, CGT=1, NBR=n)
+    hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
 
 
 def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here: Ints, family: Ints) -> None:
@@ -338,10 +330,10 @@ def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here:
     listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
     listed[:] = nodes.T[list(kind.nodes)]
     listed += 1
-    part = add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
-    add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
-    add_array(part, "FAM", family, CGT=1, NBR=n)
-    add_array(part, "NUM", compact(mesh.cell_number[here]), CGT=1, NBR=n)
+    part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
+    hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
+    hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)
+    hdf5.add_array(part, "NUM", hdf5.compact(mesh.cell_number[here]), CGT=1, NBR=n)
 
 
 def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple[str, ...]]]:
@@ -369,10 +361,10 @@ def families_of(groups: Mapping[str, Ints], dim: Ints) -> tuple[Ints, list[tuple
 
 def _write_families(parent: h5py.Group, place: str, families: list[tuple[str, ...]], sign: int) -> None:
     """Write the families of cells (`place` ELEME, `sign` -1) or nodes (NOEUD, 1), except family 0."""
-    home = add_group(parent, place) if len(families) > 1 else None
+    home = hdf5.add_group(parent, place) if len(families) > 1 else None
     for k, names in enumerate(families[1:], 1):
-        groups = add_group(add_group(home, f"FAM_{sign * k}", NUM=sign * k), "GRO", NBR=len(names))
-        rows = np.frombuffer(b"".join(encoded(name).ljust(_NAME_SIZE, b"\0") for name in names), np.int8)
+        groups = hdf5.add_group(hdf5.add_group(home, f"FAM_{sign * k}", NUM=sign * k), "GRO", NBR=len(names))
+        rows = np.frombuffer(b"".join(hdf5.encoded(name).ljust(_NAME_SIZE, b"\0") for name in names), np.int8)
         kind = h5py.h5t.array_create(h5py.h5t.STD_I8LE, (_NAME_SIZE,))
         dataset = h5py.h5d.create(groups.id, b"NOM", kind, h5py.h5s.create_simple((len(names),)))
         dataset.write(h5py.h5s.ALL, h5py.h5s.ALL, rows.reshape(-1, _NAME_SIZE).copy(), mtype=kind)

@@ -18,23 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
+from lacmesh.formats import hdf5
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.hdf5 import (
-    Name,
-    add_array,
-    add_group,
-    attribute,
-    check_room,
-    compact,
-    encoded,
-    error_at,
-    groups_in,
-    member,
-    set_attributes,
-    set_mask,
-    text,
-    values,
-)
 from lacmesh.formats.orders import MedCell
 from lacmesh.mesh import Ints, Mesh, Step
 
@@ -55,15 +40,15 @@ class _Values(NamedTuple):
     values: NDArray
 
 
-def read(root: h5py.File, mesh: Name, supports: Mapping[str, range], out: MeshBuilder) -> dict[str, Step]:
+def read(root: h5py.File, mesh: hdf5.Name, supports: Mapping[str, range], out: MeshBuilder) -> dict[str, Step]:
     """Add the fields on nodes and cells of a mesh; return the steps of arrays, by their names.
 
     `supports`: the rows of the nodes (NOE), and of the cells of each type (as MAI.HE8), counted from 1. What lies
     elsewhere (nodes of each cell, Gauss points) is named in a warning. Raises ReadError.
     """
     steps, left = dict[str, Step](), list[str]()
-    for link, field in groups_in(member(root, "CHA")) if "CHA" in root else ():
-        name = text(link)
+    for link, field in hdf5.groups_in(hdf5.member(root, "CHA")) if "CHA" in root else ():
+        name = hdf5.text(link)
         parts, whole = _read_field(root, field, mesh, supports, out)
         if not whole:
             left.append(name)
@@ -82,58 +67,58 @@ def read(root: h5py.File, mesh: Name, supports: Mapping[str, range], out: MeshBu
 
 
 def _read_field(
-    root: h5py.File, field: h5py.Group, mesh: Name, supports: Mapping[str, range], out: MeshBuilder
+    root: h5py.File, field: h5py.Group, mesh: hdf5.Name, supports: Mapping[str, range], out: MeshBuilder
 ) -> tuple[list[_Values], bool]:
     """Return the values of a field, and False if some are left out: those at Gauss points take all on cells along."""
-    width = attribute(field, "NCO", int)
+    width = hdf5.attribute(field, "NCO", int)
     parts, whole, at_cells = list[_Values](), True, True
     for step, support, profile, group in _leaves(field, mesh):
-        if support not in supports or attribute(group, "NGA", int, 1) != 1:
+        if support not in supports or hdf5.attribute(group, "NGA", int, 1) != 1:
             whole, at_cells = False, at_cells and support not in supports
             continue
         if width < 1:
-            raise error_at(field, f"has {width} components")
+            raise hdf5.error_at(field, f"has {width} components")
         on, known = ("node" if support == "NOE" else "cell"), supports[support]
-        check_room(field, out.size(on) * width * 4)
+        hdf5.check_room(field, out.size(on) * width * 4)  # where all get a value
         rows = np.arange(known.start, known.stop)
-        if text(profile) not in ("", NO_PROFILE):
+        if hdf5.text(profile) not in ("", NO_PROFILE):
             rows = known.start - 1 + _profile(root, profile, len(known))
-        array = values(group, "CO", "iuf", len(rows) * width).reshape(width, len(rows)).T
+        array = hdf5.values(group, "CO", "iuf", len(rows) * width).reshape(width, len(rows)).T
         kind: Any = float if array.dtype.kind == "f" else np.int32 if array.dtype.itemsize <= 4 else np.int64
         parts.append(_Values(on, step, rows, array.astype(kind, copy=False)))
     return [part for part in parts if part.on == "node" or at_cells], whole
 
 
-def _leaves(field: h5py.Group, mesh: Name) -> Iterator[tuple[Step, str, Name, h5py.Group]]:
+def _leaves(field: h5py.Group, mesh: hdf5.Name) -> Iterator[tuple[Step, str, hdf5.Name, h5py.Group]]:
     """Yield the step, the support and the profile of the values of a field on a mesh, and the group of each."""
-    for outer, child in groups_in(field):
+    for outer, child in hdf5.groups_in(field):
         if "NDT" in child.attrs:
-            if attribute(field, "MAI", str, "") != text(mesh):
+            if hdf5.attribute(field, "MAI", str, "") != hdf5.text(mesh):
                 return
-            for support, inside in groups_in(child):
-                for profile, group in groups_in(inside):
-                    yield _step(child), text(support), profile, group
+            for support, inside in hdf5.groups_in(child):
+                for profile, group in hdf5.groups_in(inside):
+                    yield _step(child), hdf5.text(support), profile, group
         else:
-            for _, step in groups_in(child):
+            for _, step in hdf5.groups_in(child):
                 if mesh in step:
-                    group = member(step, mesh)
-                    yield _step(step), text(outer), attribute(group, "PFL", str, ""), group
+                    group = hdf5.member(step, mesh)
+                    yield _step(step), hdf5.text(outer), hdf5.attribute(group, "PFL", str, ""), group
 
 
 def _step(group: h5py.Group) -> Step:
-    number, order = attribute(group, "NDT", int), attribute(group, "NOR", int, -1)
-    return Step("", number, order, attribute(group, "PDT", float, 0.0))
+    number, order = hdf5.attribute(group, "NDT", int), hdf5.attribute(group, "NOR", int, -1)
+    return Step("", number, order, hdf5.attribute(group, "PDT", float, 0.0))
 
 
-def _profile(root: h5py.File, name: Name, n: int) -> Ints:
+def _profile(root: h5py.File, name: hdf5.Name, n: int) -> Ints:
     """Return the numbers, from 1 to n, of the nodes or cells that have a value."""
-    homes = member(root, "PROFILS")
+    homes = hdf5.member(root, "PROFILS")
     if name not in homes:  # MED 2.3 may fill up the link, or the name of it, with blanks
-        name = next((link for link, _ in groups_in(homes) if text(link) == text(name)), name)
-    home = member(homes, name)
-    numbers = values(home, "PFL", "iu").reshape(-1).astype(np.int64)
+        name = next((link for link, _ in hdf5.groups_in(homes) if hdf5.text(link) == hdf5.text(name)), name)
+    home = hdf5.member(homes, name)
+    numbers = hdf5.values(home, "PFL", "iu").reshape(-1).astype(np.int64)
     if len(numbers) and (numbers.min() < 1 or numbers.max() > n):
-        raise error_at(home, f"holds a number outside 1..{n}", "PFL")
+        raise hdf5.error_at(home, f"holds a number outside 1..{n}", "PFL")
     return numbers
 
 
@@ -162,14 +147,14 @@ def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedCell
         True: [("NOE", 1, np.arange(mesh.n_nodes))],
         False: [(f"MAI.{kind.name}", 1 << kind.bit, rows) for kind, rows in cells],
     }
-    home = add_group(root, "CHA") if fields else root
+    home = hdf5.add_group(root, "CHA") if fields else root
     profiles: dict[bytes, str] = {}
     for link, arrays in fields.items():
         _write_field(home, link, name, arrays, supports, profiles)
-    home = add_group(root, "PROFILS") if profiles else home
+    home = hdf5.add_group(root, "PROFILS") if profiles else home
     for content, profile in profiles.items():
         numbers = np.frombuffer(content, np.int64)
-        add_array(add_group(home, profile, NBR=len(numbers)), "PFL", compact(numbers))
+        hdf5.add_array(hdf5.add_group(home, profile, NBR=len(numbers)), "PFL", hdf5.compact(numbers))
 
 
 def _fields(path: str, mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
@@ -201,7 +186,7 @@ def _storable(given: NDArray) -> NDArray | None:
     if array.dtype.kind not in "fiub" or not array.size or (array.dtype == np.uint64 and array.max() >= 2**63):
         return None
     array = array.reshape(len(array), -1)
-    return array.astype(float, copy=False) if array.dtype.kind == "f" else compact(array.astype(np.int64))
+    return array.astype(float, copy=False) if array.dtype.kind == "f" else hdf5.compact(array.astype(np.int64))
 
 
 def title(path: Any, name: str, what: str, said: list[str], taken: Container[str] = ()) -> str:
@@ -209,7 +194,7 @@ def title(path: Any, name: str, what: str, said: list[str], taken: Container[str
     link = name.replace("/", "_").replace("\0", "_").rstrip(" ")
     link = link if link.strip(".") else f"{link}_"
     link = next(t for t in chain([link], (f"{link}_{k}" for k in count(2))) if t not in taken)
-    if len(encoded(link)) > _NAME_SIZE:
+    if len(hdf5.encoded(link)) > _NAME_SIZE:
         raise WriteError(path, f"MED names are of {_NAME_SIZE} bytes at most; shorten the name of {what} {name!r}")
     if link != name:
         said.append(f"{what} {name!r} is written as {link!r}")
@@ -226,7 +211,7 @@ def _write_field(
 ) -> None:
     width, kind = arrays[0].values.shape[1], np.result_type(*(one.values for one in arrays))
     blank = " " * (_SHORT * width)
-    field = add_group(home, name, MAI=mesh, NCO=width, TYP=_KINDS[kind.name], NOM=blank, UNI=blank, UNT="")
+    field = hdf5.add_group(home, name, MAI=mesh, NCO=width, TYP=_KINDS[kind.name], NOM=blank, UNI=blank, UNT="")
     used = []
     for number, order in sorted({(one.step.number, one.step.order) for one in arrays}):
         if max(number, order) >= 2**31 or min(number, order) < -(2**31):
@@ -234,14 +219,14 @@ def _write_field(
             raise WriteError(home.file.filename, message)
         here = [one for one in arrays if (one.step.number, one.step.order) == (number, order)]
         time = float(here[0].step.time)
-        step = add_group(field, f"{number:020d}{order:020d}", NDT=number, NOR=order, PDT=time, RDT=-1, ROR=-1)
+        step = hdf5.add_group(field, f"{number:020d}{order:020d}", NDT=number, NOR=order, PDT=time, RDT=-1, ROR=-1)
         used.append({one.nodes: _write_array(step, one, kind, supports[one.nodes], profiles) for one in here})
         _set_masks(step, used[-1])
     types = {nodes: reduce(or_, (u.get(nodes, 0) for u in used)) for u in used for nodes in u}
     _set_masks(field, types)
-    set_attributes(field, LAA=sum(u.keys() == types.keys() for u in used))
+    hdf5.set_attributes(field, LAA=sum(u.keys() == types.keys() for u in used))
     for nodes, mask in types.items():
-        set_attributes(field, **{"LNA" if nodes else "LCA": sum(u.get(nodes) == mask for u in used)})
+        hdf5.set_attributes(field, **{"LNA" if nodes else "LCA": sum(u.get(nodes) == mask for u in used)})
 
 
 def _set_masks(holder: h5py.Group, used: Mapping[bool, int]) -> None:
@@ -249,9 +234,9 @@ def _set_masks(holder: h5py.Group, used: Mapping[bool, int]) -> None:
 
     A field also has the number of its steps that have all of these (LAA, LCA, LNA; seen in files of medcoupling).
     """
-    set_mask(holder, "LEN", sum(_NODES if nodes else _CELLS for nodes in used))
+    hdf5.set_mask(holder, "LEN", sum(_NODES if nodes else _CELLS for nodes in used))
     for nodes, types in used.items():
-        set_mask(holder, "LGN" if nodes else "LGC", types)
+        hdf5.set_mask(holder, "LGN" if nodes else "LGC", types)
 
 
 def _write_array(
@@ -268,7 +253,9 @@ def _write_array(
             profile = NO_PROFILE
             if len(places) < len(rows):
                 profile = profiles.setdefault((places + 1).tobytes(), f"PROFILE_{len(profiles) + 1}")
-            leaf = add_group(add_group(step, support, GAU="", PFL=profile), profile, GAU="", NBR=len(places), NGA=1)
-            add_array(leaf, "CO", array[rows[places]].T.astype(kind).reshape(-1))
+            leaf = hdf5.add_group(
+                hdf5.add_group(step, support, GAU="", PFL=profile), profile, GAU="", NBR=len(places), NGA=1
+            )
+            hdf5.add_array(leaf, "CO", array[rows[places]].T.astype(kind).reshape(-1))
             mask |= bit
     return mask

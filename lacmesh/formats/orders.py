@@ -70,7 +70,7 @@ _LISTED: dict[str, tuple[str | None, int | None, str | None, int | None]] = {
     **dict.fromkeys(("HEXA64", "HEXA125"), (None, 72, None, None)),
 }
 #: MED's names in libmed's order, which numbers cells without numbers and gives each type its bit; O12 is none of ours
-_OF_LIBMED = "PO1 SE2 SE3 SE4 TR3 QU4 TR6 TR7 QU8 QU9 TE4 PY5 PE6 HE8 T10 O12 P13 P15 P18 H20 H27".split()
+_OF_LIBMED = "PO1 SE2 SE3 SE4 TR3 QU4 TR6 TR7 QU8 QU9 TE4 PY5 PE6 HE8 T10 O12 P13 P15 P18 H20 H27"
 
 _MED_HEXA8, _MED_PENTA6, _MED_PYRAM5 = (0, 3, 2, 1, 4, 7, 6, 5), (0, 2, 1, 3, 5, 4), (0, 3, 2, 1, 4)
 _MED_HEXA20 = (*_MED_HEXA8, 9, 13, 11, 8, 17, 19, 18, 16, 10, 15, 14, 12)
@@ -139,9 +139,9 @@ def _geo(kind: str) -> int:
 
 
 #: our type: the cell of MED, of VTK, of XDMF; those of MED stand in libmed's order
-_MED = {med: MedCell(med, kind, _geo(kind), _OF_LIBMED.index(med), _places(kind, _MED_NODES))
+_MED = {med: MedCell(med, kind, _geo(kind), _OF_LIBMED.split().index(med), _places(kind, _MED_NODES))
         for kind, (med, _, _, _) in _LISTED.items() if med}  # fmt: skip
-MED_CELLS = {_MED[name].type: _MED[name] for name in _OF_LIBMED if name in _MED}
+MED_CELLS = {_MED[name].type: _MED[name] for name in _OF_LIBMED.split() if name in _MED}
 VTK_CELLS = {kind: VtkCell(number, kind, _places(kind, _VTK_NODES))
              for kind, (_, number, _, _) in _LISTED.items() if number}  # fmt: skip
 XDMF_CELLS = {kind: XdmfCell(name, number, kind, number < 3)

@@ -270,9 +270,7 @@ def _read_cells(document: _Document, piece: XmlElement, n_points: int, k: int) -
     return checked_cells(VtkCells(read["connectivity"], ends, types), n_points, error)
 
 
-def _read_data(
-    document: _Document, piece: XmlElement, section: str, size: int, out: MeshBuilder
-) -> dict[str, NDArray]:
+def _read_data(document: _Document, piece: XmlElement, section: str, size: int, out: MeshBuilder) -> dict[str, NDArray]:
     arrays: dict[str, NDArray] = {}
     for element in piece.findall(f"{section}/"):
         name = element.get("Name", "")

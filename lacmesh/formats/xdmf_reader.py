@@ -1,8 +1,8 @@
 """Reading XDMF 2 and 3: what lacmesh, dolfinx, legacy FEniCS, meshio and VTK write.
 
-meshio reads one grid of a file, without includes or times, so that it would lose groups. Uniform grids on the same
-points make one mesh: their cells are put together, and cells that a later grid repeats (the tags of dolfinx) only get
-its attributes. A temporal collection makes one mesh, with the attributes of every step.
+meshio reads one grid of a file, without includes or times, so that it would lose groups; it reads files of plain bytes.
+Uniform grids on the same points make one mesh: their cells are put together, and cells that a later grid repeats (the
+tags of dolfinx) only get its attributes. A temporal collection makes one mesh, with the attributes of every step.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean, reading
+from lacmesh.formats import by_meshio
 from lacmesh.formats.arrays import GROUP, add_arrays, numbers_in, with_tag_groups
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
@@ -33,7 +34,6 @@ from lacmesh.topology.skin import label_rows
 Element = ElementTree.Element
 
 _KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
-_ORDERS = {"Native": "=", "Little": "<", "Big": ">", "LittleEndian": "<", "BigEndian": ">"}
 _POINTER = re.compile(r"\s*(?:xpointer\()?(/[^()]*?)(?:/\*\[([^\]]*)\])?\)?\s*")
 _OF_NAME = {cell.name.lower(): cell for cell in XDMF_CELLS.values()}
 _OF_NUMBER = {cell.number: cell for cell in XDMF_CELLS.values()}
@@ -66,7 +66,10 @@ class _Part(NamedTuple):
 def read(path: Path, mesh: str | None = None) -> Mesh:
     """Read the mesh of an XDMF file, or its grid `mesh`. Raises ReadError, RequestError; warns of what is left out."""
     with reading(path):
-        root = parsed(path, path.read_bytes())
+        text = path.read_bytes()
+    if b'Format="Binary"' in text:
+        return by_meshio.read(path, "xdmf")
+    root = parsed(path, text)
     domain = root.find("Domain")
     if root.tag != "Xdmf" or domain is None:
         raise ReadError(path, "has no <Xdmf> and <Domain>")
@@ -153,8 +156,6 @@ class _Source(NamedTuple):
                 values = self._from_hdf5(text)
             elif form == "XML":
                 values = from_text(text, _kind(item))
-            elif form == "Binary" and shape is not None:
-                values = self._from_bytes(item, text, int(np.prod(shape, dtype=object)))
             else:
                 raise ValueError(f"the format {form!r} is not known")
             if shape is not None and int(np.prod(shape, dtype=object)) != values.size:
@@ -172,18 +173,6 @@ class _Source(NamedTuple):
         for link in groups:
             group = member(group, link)
         return dataset(group, last).reshape(-1)
-
-    def _from_bytes(self, item: Element, name: str, count: int) -> NDArray:
-        order, kind, seek = _ORDERS.get(item.get("Endian", "Native")), _kind(item), int(item.get("Seek", "0"))
-        if order is None or item.get("Compression", "Raw") != "Raw":
-            raise ValueError("such an item of bytes is not read")
-        path = self.path.parent / name
-        try:
-            if count * kind.itemsize + seek > path.stat().st_size:
-                raise ValueError(f"{name} is too short")
-            return np.fromfile(path, kind.newbyteorder(order), count, offset=seek).astype(kind)  # type: ignore[arg-type]
-        except OSError as error:
-            raise ValueError(f"{name}: {error.strerror or error}") from None
 
 
 def _kind(item: Element) -> np.dtype:
@@ -243,15 +232,14 @@ def _only(source: _Source, children: list[Element], tag: str) -> Element:
 
 
 def _wanted(source: _Source, grids: list[_Grid], name: str | None, out: MeshBuilder) -> list[_Grid]:
-    """Return the grids that make the mesh: those of a name, or all; all share points. Raises ReadError, RequestError."""
+    """Return the grids that make the mesh: those of a name, or all, on the same points. Raises RequestError."""
     if not grids:
         raise source.error("holds no grid")
     if name is not None:
         named = [grid for grid in grids if grid.name == name]
         if not named:
-            raise RequestError(
-                f"{source.path} holds no grid named {name!r}{did_you_mean(name, {grid.name for grid in grids})}"
-            )
+            known = {grid.name for grid in grids}
+            raise RequestError(f"{source.path} holds no grid named {name!r}{did_you_mean(name, known)}")
         return [grid for grid in named if grid.points == named[0].points]
     same = [grid for grid in grids if grid.points == grids[0].points]
     if len(same) < len(grids) and all(grid.time is not None for grid in grids):
