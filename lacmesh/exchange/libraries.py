@@ -12,10 +12,9 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, ReadError, RequestError, check_installed
-from lacmesh.formats.arrays import GROUP, NUMBER, to_arrays
+from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, mesh_of_grid, to_arrays, vtk_cells
 from lacmesh.formats.by_meshio import from_meshio, to_meshio
 from lacmesh.formats.orders import VTK_CELLS
-from lacmesh.formats.vtk_cells import NOTE, mesh_of_grid, vtk_cells
 from lacmesh.mesh import Ints, Mesh
 
 __all__ = ["from_meshio", "from_pyvista", "to_meshio", "to_pyvista", "to_trimesh"]

@@ -1,9 +1,9 @@
 """Formats that meshio reads and writes and lacmesh does not, and meshio's own objects.
 
 meshio may raise any exception, exit, drop cells silently, read on beyond the end of a file for ever, or swap nodes in
-some formats. So a file must be whole as far as its format tells (`truncation.py`), and what was written is read back:
-changed cells are an error. Groups and numbers are written as arrays where a format keeps arrays; all that a file does
-not give back is named in one warning. Quadratic cells are written only where their node order was checked against
+some formats. So a file must be whole as far as its format tells (`meshio_checks.py`), and what was written is read
+back: changed cells are an error. Groups and numbers are written as arrays where a format keeps arrays; all that a file
+does not give back is named in one warning. Quadratic cells are written only where their node order was checked against
 another program. Messages that meshio prints while reading, for example on cells that it drops, are passed on.
 """
 
@@ -14,7 +14,7 @@ import io
 import re
 import string
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -29,10 +29,9 @@ from lacmesh.errors import DataError, LacmeshError, LacmeshWarning, ReadError, W
 from lacmesh.formats import exodus
 from lacmesh.formats.arrays import GROUP, add_arrays, numbers_in, to_arrays, with_tag_groups
 from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.meshio_checks import match, misplaced_mid_nodes, read_whole, round_trip_losses
 from lacmesh.formats.orders import MESHIO_NAMES, VTK_CELLS, VTK_NOT_READ, meshio_nodes
 from lacmesh.formats.registry import GMSH_CAN
-from lacmesh.formats.round_trip import match, misplaced_mid_nodes, round_trip_losses
-from lacmesh.formats.truncation import read_whole
 from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 
 _OF_NAME = {theirs: ours for ours, theirs in MESHIO_NAMES.items()}
@@ -222,10 +221,9 @@ def write(path: Path, mesh: Mesh, *, name: str) -> None:
             raise WriteError(path, f"{message}; write .vtu, .med or .msh")
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
     given = _with_arrays(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
-    failed = lambda why: WriteError(path, why)  # noqa: E731
-    with _disk_errors(path):
-        _guarded(lambda: meshio.write(path, given, file_format=name), failed)
-    back = _guarded(lambda: _mesh(_as_ours(meshio.read(path, file_format=name), name), path), failed)
+    _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why), disk=path)
+    reread = lambda: _mesh(_as_ours(meshio.read(path, file_format=name), name), path)  # noqa: E731
+    back = _guarded(reread, lambda why: WriteError(path, why))
     where = match(mesh, back)
     if isinstance(where, str):
         message = f"meshio's format {name} does not keep the cells ({where} are left); write .vtu, .med or .msh"
@@ -291,22 +289,16 @@ def _colours(path: Path) -> list[str]:
     return [f"the colours {unquote(name.decode(errors='replace'))!r} are left out" for name in colours]
 
 
-@contextlib.contextmanager
-def _disk_errors(path: Path) -> Iterator[None]:
-    """Report a failed write as an error of the disk, instead of meshio's message on it."""
-    try:
-        yield
-    except WriteError as error:
-        if not isinstance(error.__cause__, OSError):
-            raise
-        why = error.__cause__.strerror or "not all of it was taken; is the disk full?"
-        raise WriteError(path, f"cannot be written ({why})") from error.__cause__
-
-
-def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], words: list[str] | None = None) -> Any:
+def _guarded(
+    call: Callable[[], Any],
+    failed: Callable[[str], LacmeshError],
+    words: list[str] | None = None,
+    disk: Path | None = None,
+) -> Any:
     """Call meshio and return its result; keep its output off the terminal, and turn any exception into one error.
 
     Its warnings are added to `words`, each once. A writer's warnings are not collected, since its losses are measured.
+    `disk`: a path that is written, of which an error of the system is reported as such.
     """
     output = io.StringIO()
     try:
@@ -316,11 +308,14 @@ def _guarded(call: Callable[[], Any], failed: Callable[[str], LacmeshError], wor
     except LacmeshError as error:
         raise failed(getattr(error, "reason", str(error))) from error
     except (Exception, SystemExit) as error:
-        said = " ".join(output.getvalue().split())[:120]
-        why = said or str(error).splitlines()[0][:120] if said or str(error) else type(error).__name__
+        if disk is not None and isinstance(error, OSError):
+            why = error.strerror or "not all of it was taken; is the disk full?"
+            raise WriteError(disk, f"cannot be written ({why})") from error
+        printed = " ".join(output.getvalue().split())[:120]
+        why = printed or (str(error).splitlines() or [type(error).__name__])[0][:120]
         raise failed(f"meshio fails ({type(error).__name__}: {why})") from error
     if words is not None:  # each on one line, without colour codes and final full stop
         plain = re.sub(r"\x1b\[[0-9;]*m", "", output.getvalue())
-        found = [" ".join(text.split()).rstrip(".") for kind, text in _WORD.findall(plain) if kind != "Info"]
-        words += dict.fromkeys(found)
+        texts = [" ".join(text.split()).rstrip(".") for kind, text in _WORD.findall(plain) if kind != "Info"]
+        words += dict.fromkeys(texts)
     return result

@@ -1,4 +1,4 @@
-"""HDF5 for MED, XDMF and parts of a mesh: checked reading of files that may be damaged, files built in memory.
+"""HDF5 for MED and XDMF: checked reading of files that may be damaged, and files built in memory.
 
 Whatever is missing, damaged, of the wrong kind or size is a ReadError that names the place inside the file. A file is
 built as an image in memory and written at once, so that a full disk is an ordinary error. libmed accepts our files:
@@ -113,10 +113,8 @@ def groups_in(group: h5py.Group) -> list[tuple[Name, h5py.Group]]:
     return [(name, member(group, name)) for name in names]
 
 
-def values(
-    group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None = None, rows: slice = slice(None)
-) -> NDArray:
-    """Return some rows of a dataset of numbers, of which `size` must be there; `kinds`: the letters of numpy's types.
+def values(group: h5py.Group, name: Name, kinds: str = "iuf", size: int | None = None) -> NDArray:
+    """Return the values of a dataset of numbers, (size,) if that is given; `kinds`: the letters of numpy's types.
 
     Raises ReadError, also for an array that the file cannot hold: deflate packs 1032:1 at most.
     """
@@ -132,8 +130,8 @@ def values(
         if size is not None and data.size != size:
             raise error_at(group, f"holds {data.size} values, expected {size}", name)
         check_room(group, data.dtype.itemsize * int(data.size), name, packed=data.chunks is not None)
-        read = np.asarray(data[rows] if data.ndim else data[()])
-        return read.astype(read.dtype.newbyteorder("="), copy=False)
+        read = np.asarray(data[()])
+        return read.astype(read.dtype.newbyteorder("="), copy=False).reshape(-1)
 
 
 def check_room(group: h5py.Group, n_bytes: int, name: Name = "", packed: bool = True) -> None:

@@ -136,7 +136,7 @@ def _read_nodes(home: h5py.Group, step: h5py.Group, out: MeshBuilder) -> tuple[i
     """Add the nodes; return the number of coordinates in the file, and the nodes' families (n,)."""
     nodes = hdf5.member(step, "NOE")
     coordinates = hdf5.member(nodes, "COO", h5py.Dataset)
-    points = hdf5.values(nodes, "COO", "f").reshape(-1)
+    points = hdf5.values(nodes, "COO", "f")
     n = hdf5.attribute(coordinates, "NBR", int, None)
     dim = hdf5.attribute(home, "ESP", int, len(points) // n if n else hdf5.attribute(home, "DIM", int))
     n = len(points) // dim if n is None and 1 <= dim <= 3 else n
@@ -150,11 +150,11 @@ def _read_nodes(home: h5py.Group, step: h5py.Group, out: MeshBuilder) -> tuple[i
 
 
 def _numbers(part: h5py.Group, n: int) -> Ints | None:
-    return hdf5.values(part, "NUM", "iu", n).reshape(-1).astype(np.int64) if "NUM" in part else None
+    return hdf5.values(part, "NUM", "iu", n).astype(np.int64) if "NUM" in part else None
 
 
 def _family(part: h5py.Group, n: int) -> Ints:
-    return hdf5.values(part, "FAM", "iu", n).reshape(-1).astype(np.int64) if "FAM" in part else np.zeros(n, np.int64)
+    return hdf5.values(part, "FAM", "iu", n).astype(np.int64) if "FAM" in part else np.zeros(n, np.int64)
 
 
 def _parts(step: h5py.Group, said: list[str]) -> Iterator[_Part]:
@@ -186,7 +186,7 @@ def _cells_of(part: h5py.Group, name: str, support: str) -> _Part | None:
         if "DES" in part:
             raise hdf5.error_at(part, "gives cells by their faces (descending connectivity), which is not read")
         return None
-    kind, listed = _OF_NAME[name], hdf5.values(part, "NOD", "iu").reshape(-1)
+    kind, listed = _OF_NAME[name], hdf5.values(part, "NOD", "iu")
     width = len(kind.nodes)
     n = hdf5.attribute(part["NOD"], "NBR", int, len(listed) // width)
     if n < 0 or len(listed) != n * width:

@@ -116,7 +116,7 @@ def _profile(root: h5py.File, name: hdf5.Name, n: int) -> Ints:
     if name not in homes:  # MED 2.3 may fill up the link, or the name of it, with blanks
         name = next((link for link, _ in hdf5.groups_in(homes) if hdf5.text(link) == hdf5.text(name)), name)
     home = hdf5.member(homes, name)
-    numbers = hdf5.values(home, "PFL", "iu").reshape(-1).astype(np.int64)
+    numbers = hdf5.values(home, "PFL", "iu").astype(np.int64)
     if len(numbers) and (numbers.min() < 1 or numbers.max() > n):
         raise hdf5.error_at(home, f"holds a number outside 1..{n}", "PFL")
     return numbers

@@ -27,11 +27,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, ReadError, check_installed, reading
-from lacmesh.formats.arrays import add_arrays, numbers_in, to_arrays, with_tag_groups
+from lacmesh.formats.arrays import (
+    NOTE,
+    VtkCells,
+    add_arrays,
+    add_cells,
+    checked_cells,
+    mesh_of_grid,
+    numbers_in,
+    to_arrays,
+    vtk_cells,
+    with_tag_groups,
+)
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_CELLS
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtk_cells import NOTE, VtkCells, add_cells, checked_cells, mesh_of_grid, vtk_cells
 from lacmesh.formats.writing import check_types
 from lacmesh.mesh import Ints, Mesh
 

@@ -31,12 +31,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import LacmeshWarning, WriteError
-from lacmesh.formats.arrays import GROUP, to_arrays
+from lacmesh.formats.arrays import GROUP, NOTE, VtkCells, to_arrays, vtk_cells
 from lacmesh.formats.hdf5 import image, set_attributes
 from lacmesh.formats.med import families_of
 from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
 from lacmesh.formats.output import readable
-from lacmesh.formats.vtk_cells import NOTE, VtkCells, vtk_cells
 from lacmesh.formats.vtu import legal
 from lacmesh.formats.writing import file_order, is_plane
 from lacmesh.mesh import Ints, Mesh

@@ -20,12 +20,20 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean, reading
 from lacmesh.formats import by_meshio
-from lacmesh.formats.arrays import GROUP, add_arrays, numbers_in, with_tag_groups
+from lacmesh.formats.arrays import (
+    GROUP,
+    NOTE,
+    VtkCells,
+    add_arrays,
+    add_cells,
+    checked_cells,
+    numbers_in,
+    with_tag_groups,
+)
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
 from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS
-from lacmesh.formats.vtk_cells import NOTE, VtkCells, add_cells, checked_cells
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
 from lacmesh.formats.xdmf import ID, PLACE, information_text
 from lacmesh.mesh import Floats, Ints, Mesh, Step
@@ -172,7 +180,7 @@ class _Source(NamedTuple):
         *groups, last = inside.strip("/").split("/")
         for link in groups:
             group = member(group, link)
-        return dataset(group, last).reshape(-1)
+        return dataset(group, last)
 
 
 def _kind(item: Element) -> np.dtype:
