@@ -14,7 +14,7 @@ In the first two, nodes and cells are given by their index, in the others by the
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import replace
 from typing import Any, NamedTuple
 from zlib import crc32
@@ -49,7 +49,7 @@ from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 from lacmesh.topology.skin import label_rows
 
 #: Of the notes of every format.
-VERSION = 1
+VERSION = 2
 
 
 class FieldNote(NamedTuple):
@@ -233,7 +233,7 @@ CUT_NOTES: NoteTable = {
 # ---- one note for every format: what it has no place for, as one JSON object of plain arrays, by numbers of the file
 
 #: what a damaged note may raise while it is read
-_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
+DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
 #: slave faces of a macro-element at most
 _MOST_CHILDREN = 5
 
@@ -273,7 +273,11 @@ def dump(
     note = {key: note[key] for key in names} | more
     if not boundary and not periodic:
         note.pop("model", None)
-    note = {key: value for key, value in note.items() if value is not None and value not in ((), [], {})}
+    note = {
+        key: value
+        for key, value in note.items()
+        if not (value is None or (isinstance(value, Sized) and not len(value)))
+    }
     text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=_plain)
     return text.replace("$", "\\u0024") if note else ""
 
@@ -296,8 +300,10 @@ def parse(text: str | bytes) -> dict[str, Any]:
     """Return the note in a text, {} if a newer lacmesh wrote it. Raises ValueError if it is damaged."""
     try:
         note: dict[str, Any] = json.loads(text)
-        return note if note.get("version", VERSION) <= VERSION else {}
-    except _DAMAGED as error:
+        if note.get("version", 1) < VERSION:
+            note.pop("model", None)  # whose nodes were given by index
+        return note if note.get("version", 1) <= VERSION else {}
+    except DAMAGED as error:
         raise ValueError(str(error)) from error
 
 
@@ -308,7 +314,7 @@ def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
     """
     try:
         mesh = replace(mesh, **_noted_fields(mesh, note))
-    except _DAMAGED:
+    except DAMAGED:
         warnings.append("lacmesh's own note is damaged and left out")
         return mesh
     if "records" not in note:
@@ -317,7 +323,7 @@ def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
         return _with_records(mesh, note["records"])
     except UnfitError as error:
         warnings.append(f"the records of the cut are left out: {error}")
-    except (*_DAMAGED, CutError):
+    except (*DAMAGED, CutError):
         warnings.append("the records of the cut are left out: they are damaged")
     return replace(mesh, zones=())
 
@@ -341,7 +347,7 @@ def _plain(value: Any) -> Any:
 
 
 def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a mesh in its note. Raises one of _DAMAGED."""
+    """Fields of a mesh in its note. Raises one of DAMAGED."""
     fields: dict[str, Any] = {}
     if "name" in note:
         fields["name"] = str(note["name"])
@@ -364,7 +370,7 @@ def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
-    """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of _DAMAGED."""
+    """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of DAMAGED."""
     return {(int(dim), int(tag)): tuple(integers(signed).tolist()) for dim, tag, signed in rows}
 
 
@@ -403,7 +409,7 @@ def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[s
 
 
 def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
-    """The mesh with the records of a cut. Raises UnfitError, CutError, one of _DAMAGED."""
+    """The mesh with the records of a cut. Raises UnfitError, CutError, one of DAMAGED."""
     bodies = int((mesh.cell_dim == mesh.dim).sum())
     if (note["nodes"], note["bodies"]) != (mesh.n_nodes, bodies):
         raise UnfitError(

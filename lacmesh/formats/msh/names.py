@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lacmesh.formats.msh.scan import MshBytes
+from lacmesh.formats.msh.source import MshSource
 from lacmesh.formats.text import decoded
 from lacmesh.mesh import Tag
 
@@ -46,7 +46,7 @@ def _safe(name: str) -> str:
     return short or "_"
 
 
-def physical_names(source: MshBytes) -> list[tuple[int | None, int, str]]:
+def physical_names(source: MshSource) -> list[tuple[int | None, int, str]]:
     """Read (dimension, tag, name) of each line of $PhysicalNames; msh 2.0 has no dimension. Raises ReadError."""
     n = source.count("PhysicalNames")
     start = source.position

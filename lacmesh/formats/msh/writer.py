@@ -4,58 +4,68 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
-from lacmesh.errors import LacmeshWarning, WriteError
+from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats.entities import Assignment, assign
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.msh import writer2 as msh_write2
-from lacmesh.formats.msh import writer4 as msh_write4
-from lacmesh.formats.msh.fields import to_file
+from lacmesh.formats.msh import version2, version4
+from lacmesh.formats.msh.fields import SECTIONS, field_rows
 from lacmesh.formats.msh.names import safe_names, unnamed
-from lacmesh.formats.msh.notes import Notes, to_text
 from lacmesh.formats.msh.output import Output
-from lacmesh.formats.notes import CellsNote
-from lacmesh.formats.table import DEFAULT, WriteOptions
+from lacmesh.formats.msh.reader import LARGEST_TAG, NOTE
+from lacmesh.formats.notes import dump, in_lines
 from lacmesh.mesh import Ints, Mesh, Tag
 
-_LARGEST = 2**31 - 1
 
-
-def write(path: Path, mesh: Mesh, options: WriteOptions = DEFAULT) -> None:
+def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> None:
     """Write a mesh as msh 4.1 or 2.2, binary or ASCII, replacing any content.
 
-    Raises WriteError for numbers that the format cannot hold. Warns of what only lacmesh reads again (TRIA7) or what
-    changes (partitions in 4.1, numbers that are not distinct).
+    Raises WriteError for numbers that the format cannot hold, RequestError for another version. Warns of what only
+    lacmesh reads again (TRIA7) or what changes (partitions in 4.1, numbers that are not distinct).
     """
-    version, binary = options.msh or "4.1", options.in_binary
+    if msh not in ("4.1", "2.2"):
+        raise RequestError(f"msh version {msh!r} is not written; choose 4.1 or 2.2")
     entities = assign(mesh)
     nodes, cells = positive_numbers(mesh.node_number, "nodes"), positive_numbers(mesh.cell_number, "cells")
-    notes = Notes(mesh.n_nodes, mesh.n_cells)
-    partition = _partition(mesh) if version == "2.2" else None
+    partition = _partition(mesh) if msh == "2.2" else None
     cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
     node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
-    _check_limits(path, version, nodes, cells, bool(node_data), bool(cell_data))
-    if version == "4.1" and "partition" in cell_data:
+    _check_limits(path, msh, nodes, cells, bool(node_data), bool(cell_data))
+    if msh == "4.1" and "partition" in cell_data:
         _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
+    names, note = names_of(mesh, entities)
+    note["fields"] = []
     with path.open("wb") as file:
         out = Output(file, binary)
-        out.text(f"$MeshFormat\n{version} {int(binary)} 8\n")
+        out.text(f"$MeshFormat\n{msh} {int(binary)} 8\n")
         if binary:
             out.array(np.array([1], "<i4"))
         out.end("MeshFormat")
-        _write_names(out, names_of(mesh, entities, notes))
-        if version == "4.1":
-            msh_write4.write_sections(out, mesh, entities, nodes, cells)
+        _write_names(out, names)
+        if msh == "4.1":
+            version4.write_sections(out, mesh, entities, nodes, cells)
         else:
-            msh_write2.write_sections(out, mesh, entities, nodes, cells, partition)
-        for on, numbers, data in (("node", nodes, node_data), ("cell", cells, cell_data)):
-            to_file(out, path, on, numbers, data, mesh.steps, notes.fields)
-        add_numbers(notes, mesh, entities, nodes, cells, version)
-        out.text(to_text(notes))
+            version2.write_sections(out, mesh, entities, nodes, cells, partition)
+        for section, on, numbers, data in zip(
+            SECTIONS, SECTIONS.values(), (nodes, cells), (node_data, cell_data), strict=True
+        ):
+            for head, there, values, field in field_rows(path, on, data, mesh.steps):
+                shape = f"3\n{head.step}\n{values.shape[1]}\n{len(there)}"
+                out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n{shape}\n')
+                out.numbered_rows(numbers[there], values)
+                out.end(section)
+                note["fields"] += [field] if field else []
+        note |= _by_number(mesh, entities, nodes, cells, msh)
+        note = {key: value for key, value in note.items() if len(value)}
+        text = dump(mesh, "name", "space_dim", "zones", **note)
+        if text:
+            text = dump(mesh, "name", "space_dim", "zones", nodes=mesh.n_nodes, cells=mesh.n_cells, **note)
+            out.text("\n".join([f"${NOTE}", *in_lines(text), f"$End{NOTE}\n"]))
 
 
 def _warn(message: str) -> None:
@@ -73,9 +83,9 @@ def positive_numbers(numbers: Ints, what: str, where: str = "in the file") -> In
 
 def _check_limits(path: Path, version: str, nodes: Ints, cells: Ints, on_nodes: bool, on_cells: bool) -> None:
     for what, numbers, data in (("node", nodes, on_nodes), ("cell", cells, on_cells)):
-        if len(numbers) and numbers.max() > _LARGEST and (data or version == "2.2"):
+        if len(numbers) and numbers.max() > LARGEST_TAG and (data or version == "2.2"):
             where = "msh 2.2 has no numbers" if version == "2.2" else "fields in msh have no numbers"
-            raise WriteError(path, f"{where} above {_LARGEST}, and a {what} has {numbers.max()}")
+            raise WriteError(path, f"{where} above {LARGEST_TAG}, and a {what} has {numbers.max()}")
 
 
 def _partition(mesh: Mesh) -> Ints | None:
@@ -85,22 +95,22 @@ def _partition(mesh: Mesh) -> Ints | None:
         return None
     lacking = np.repeat([ALL_CELLS[b.type].msh is None for b in mesh.blocks], np.diff(mesh.offsets))
     tagged = values > 0
-    if not tagged.any() or (~tagged & (values != -1)).any() or (tagged & lacking).any() or values.max() > _LARGEST:
+    if not tagged.any() or (~tagged & (values != -1)).any() or (tagged & lacking).any() or values.max() > LARGEST_TAG:
         return None
     return values.astype(np.int64)
 
 
-def names_of(mesh: Mesh, entities: Assignment, notes: Notes) -> list[tuple[Tag, str]]:
-    """Tags and names of the physical groups; altered names, and groups that no other section shows, are noted."""
-    names = []
+def names_of(mesh: Mesh, entities: Assignment) -> tuple[list[tuple[Tag, str]], dict[str, Any]]:
+    """Tags and names of the physical groups, and a note of altered names, and groups that no other section shows."""
+    names, noted = [], {}
     safe = safe_names(mesh.cell_groups)
     for name, cells in mesh.cell_groups.items():
         tags = entities.group_tags[name]
         if not _nameless(name, tags):
             names += [(tag, safe[name]) for tag in tags]
         if safe[name] != name or not tags or (_nameless(name, tags) and not len(cells)):
-            notes.groups[name] = tags
-    return names
+            noted[name] = tags
+    return names, {"groups": noted}
 
 
 def _write_names(out: Output, names: list[tuple[Tag, str]]) -> None:
@@ -114,28 +124,22 @@ def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
     return len(tags) == 1 and name == unnamed(tags[0])
 
 
-def add_numbers(notes: Notes, mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> None:
-    """Add to the notes what the sections of a msh file, or a model of gmsh (as 4.1), cannot hold of the mesh itself."""
-    notes.name = None if mesh.name == "mesh" else mesh.name
-    notes.zones = tuple(mesh.zones)
-    if Mesh.create(mesh.points, [(b.type, b.nodes[:1]) for b in mesh.blocks]).space_dim != mesh.space_dim:
-        notes.space_dim = mesh.space_dim
-    notes.node_groups = {name: nodes[members] for name, members in mesh.node_groups.items()}
+def _by_number(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> dict[str, Any]:
+    """Note of what the sections of a msh file cannot hold of the mesh itself."""
+    note: dict[str, Any] = {"node_groups": {name: nodes[members] for name, members in mesh.node_groups.items()}}
     lacking = np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
     if lacking.any():
-        notes.extra_cells = tuple(_extra_cells(mesh, entities, nodes, cells))
+        note["extra_cells"] = _extra_cells(mesh, entities, nodes, cells)
     if version == "2.2" or lacking.any():
-        notes.cell_groups = _further_members(mesh, entities, cells, lacking, version)
-        for name in notes.cell_groups:
-            if _nameless(name, entities.group_tags[name]):
-                notes.groups[name] = entities.group_tags[name]
+        note["cell_groups"] = _further_members(mesh, entities, cells, lacking, version)
     if version == "2.2":
-        notes.boundary = dict(entities.boundary)
+        note["boundary"] = [[*tag, bounds] for tag, bounds in entities.boundary.items()]
         if "entity" in mesh.node_data:
-            notes.node_entity = _entity_runs(entities)
+            note["node_entity"] = _entity_runs(entities).ravel()
+    return note
 
 
-def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> list[CellsNote]:
+def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> list[dict[str, Any]]:
     """The cells of types that msh lacks."""
     place = mesh.places_in_file(np.arange(mesh.n_cells))
     tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
@@ -143,7 +147,16 @@ def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> 
     for k, (cell_type, rows) in enumerate(mesh.blocks):
         if ALL_CELLS[cell_type].msh is None and len(rows):
             here = slice(int(mesh.offsets[k]), int(mesh.offsets[k + 1]))
-            extra.append(CellsNote(cell_type, cells[here], nodes[rows], tags[entities.cell[here]], place[here]))
+            entity = tags[entities.cell[here]].ravel()
+            extra.append(
+                {
+                    "type": cell_type,
+                    "number": cells[here],
+                    "nodes": nodes[rows].ravel(),
+                    "entity": entity,
+                    "at": place[here],
+                }
+            )
             _warn(f"msh has no {cell_type}: {len(rows)} cells are kept in a section that only lacmesh reads")
     return extra
 
@@ -152,7 +165,7 @@ def _further_members(
     mesh: Mesh, entities: Assignment, cells: Ints, lacking: NDArray[np.bool_], version: str
 ) -> dict[str, Ints]:
     """Members of groups that the elements' tags do not hold: further groups in msh 2.2, cells that msh lacks."""
-    first = msh_write2.first_group(entities)
+    first = version2.first_group(entities)
     further: dict[str, Ints] = {}
     for name, members in mesh.cell_groups.items():
         missing = lacking[members]

@@ -1,4 +1,4 @@
-"""The sections of msh 4.1: entities with their boxes, nodes and elements in blocks of one entity, periodic links."""
+"""The sections of msh 4.1: entities, nodes and elements in blocks of one entity, periodic links."""
 
 from __future__ import annotations
 
@@ -11,7 +11,136 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.ids import CHUNK, counts_up
 from lacmesh.formats.msh.output import Output, pieces
-from lacmesh.mesh import Floats, Ints, Mesh, codes
+from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
+from lacmesh.formats.msh.source import MshSource
+from lacmesh.mesh import Floats, Ints, Mesh, Tag, codes
+
+
+class _Entity(NamedTuple):
+    """Data of one entity in $Entities, or in $PartitionedEntities of the part of one that lies in a partition."""
+
+    groups: tuple[Tag, ...] = ()
+    boundary: tuple[int, ...] = ()
+    parent: Tag | None = None
+    partition: int = -1
+
+
+class Reader4(MshReader):
+    """Reads the sections of msh 4.1."""
+
+    def __init__(self, source: MshSource) -> None:
+        super().__init__(source)
+        self._entities: dict[Tag, _Entity] = {}
+        self._parts: dict[Tag, _Entity] = {}
+        self._used: set[Tag] = set()
+
+    def read_section(self, name: str) -> bool:
+        """Read the section that starts here, if it is one of those that differ between versions. Raises ReadError."""
+        read = {
+            "Entities": self._read_entities,
+            "PartitionedEntities": self._read_parts,
+            "Nodes": self._read_nodes,
+            "Elements": self._read_elements,
+            "Periodic": self._read_periodic,
+        }.get(name)
+        if read is None:
+            return False
+        self.source.begin(name, integers=name == "Elements")
+        read()
+        self.source.end()
+        return True
+
+    def complete(self) -> None:
+        """Give the elements their groups and partitions, those on a part of an entity the entity itself."""
+        for e in self.elements:
+            entity = self._parts.get(e.entity) or self._entities.get(e.entity) or _Entity()
+            e.groups, e.partition = entity.groups, entity.partition
+            if entity.parent is not None and entity.parent[0] == e.entity[0]:
+                e.entity = entity.parent
+        if any(e.boundary for e in self._entities.values()) or not self._used.issuperset(self._entities):
+            self.boundary = {tag: e.boundary for tag, e in self._entities.items()}
+
+    def _read_entities(self) -> None:
+        for dim, n in enumerate(self.source.counts(4)):
+            for _ in range(n):
+                tag = self.check_tag(dim, int(self.source.take("int", 1)[0]))
+                self._entities[tag] = _Entity(*self._rest(dim))
+
+    def _read_parts(self) -> None:
+        source = self.source
+        self.n_partitions, ghosts = source.counts(2)
+        source.take("int", 2 * ghosts)
+        for dim, n in enumerate(source.counts(4)):
+            for _ in range(n):
+                tag, parent_dim, parent_tag = source.take("int", 3).tolist()
+                partitions = source.take("int", source.counts(1)[0])
+                parent = self.check_tag(parent_dim, parent_tag) if parent_tag else None
+                partition = int(partitions[0]) if len(partitions) else -1
+                if not -1 <= partition <= LARGEST_TAG:
+                    raise source.here(f"there cannot be a partition {partition}")
+                self._parts[self.check_tag(dim, tag)] = _Entity(*self._rest(dim), parent, partition)
+
+    def _rest(self, dim: int) -> tuple[tuple[Tag, ...], tuple[int, ...]]:
+        """Take the rest of an entity, its box, physical groups and boundary; return the groups and the boundary."""
+        source = self.source
+        source.take("real", 6 if dim else 3)
+        groups = source.take("int", source.counts(1)[0]).tolist()
+        boundary = source.take("int", source.counts(1)[0]).tolist() if dim else []
+        if any(not 0 < abs(g) <= LARGEST_TAG for g in groups):
+            raise source.here("a physical group has an impossible tag")
+        if any(g < 0 for g in groups):
+            self.dropped["the sign of physical groups (cells listed the other way round)"] = None
+        return tuple(dict.fromkeys((dim, abs(g)) for g in groups)), tuple(boundary)
+
+    def _read_nodes(self) -> None:
+        source, out = self.source, self.out
+        n_blocks, total, _, _ = source.take("size", 4).tolist()
+        for _ in range(n_blocks):
+            dim, tag, parametric = source.take("int", 3).tolist()
+            (n,) = source.counts(1)
+            entity = self.check_tag(dim, tag)
+            self._used.add(entity)
+            part = self._parts.get(entity)
+            number = source.take("size", n)
+            points = source.take("real", n * (3 + dim * bool(parametric))).reshape(n, -1) if n else np.empty((0, 3))
+            if parametric and n:
+                self.dropped["parametric coordinates of nodes"] = None
+            of_nodes = np.broadcast_to(np.array(part.parent if part and part.parent else entity, np.int32), (n, 2))
+            out.nodes(number, points[:, :3], error=self.error("Nodes"), entity=of_nodes)
+        if out.size("node") != total:
+            raise source.error(f"$Nodes announces {total} nodes and holds another number")
+
+    def _read_elements(self) -> None:
+        source = self.source
+        n_blocks, total, _, _ = source.take("size", 4).tolist()
+        for _ in range(n_blocks):
+            dim, tag, gmsh_type = source.take("int", 3).tolist()
+            (n,) = source.counts(1)
+            entity, name = self.check_tag(dim, tag), TYPE_NAMES.get(gmsh_type)
+            self._used.add(entity)
+            if name is None:
+                raise source.here(UNKNOWN_TYPE.format(gmsh_type))
+            width = 1 + ALL_CELLS[name].n_nodes
+            rows = source.take("size", n * width).reshape(n, width)
+            if n:
+                self.elements.append(Elements(name, rows[:, 0], rows[:, 1:], entity))
+        n = sum(len(e.number) for e in self.elements)
+        if n != total:
+            raise source.error(f"$Elements announces {total} elements and holds {n}")
+
+    def _read_periodic(self) -> None:
+        source = self.source
+        for _ in range(source.counts(1)[0]):
+            dim, slave, master = source.take("int", 3).tolist()
+            affine = tuple(source.take("real", source.counts(1)[0]).tolist())
+            if not np.isfinite(affine).all():
+                raise source.here("the map of a periodic link is not finite")
+            (n,) = source.counts(1)
+            pairs = source.take("size", 2 * n).astype(np.int64).reshape(n, 2)
+            self.links.append((self.check_tag(dim, slave), self.check_tag(dim, master), affine, pairs))
+
+
+# ---- writing
 
 
 class _Chunk(NamedTuple):

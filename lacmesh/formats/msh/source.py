@@ -1,0 +1,180 @@
+"""Bytes of a msh file: its sections, and their numbers, which are taken alike from text and from binary files.
+
+A section is `$Name`, its content, `$EndName`. The content is text, or, in a binary file, numbers of fixed sizes that
+only their own counts delimit; section names and lines of text stay text.
+"""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.errors import ReadError
+from lacmesh.formats.source import SourceFile
+from lacmesh.formats.text import bad_line, parsed
+from lacmesh.mesh import Floats, Ints
+
+#: kind of a number -> numpy's type of it in a binary file: int, size_t (2^63 and more come out negative) and double
+_BINARY = {"int": "i4", "size": "i8", "real": "f8"}
+#: integers from here on are not all kept as the reals that a text is read as
+_TOO_LARGE = 2.0**53
+
+
+class MshSource(SourceFile):
+    """The bytes of a msh file and the position reached; `order` is the byte order of its numbers ("<" or ">")."""
+
+    order = "<"
+    version = ""
+    #: of the section whose numbers are taken: its name, where they begin, and, in text, all and how many are taken
+    name = ""
+    _begin = 0
+    _words: NDArray | None = None
+    _taken = 0
+
+    def section(self) -> str | None:
+        """The name of the section that starts here, blank lines apart; None at the end of the file."""
+        while self.position < self.size:
+            start = self.position
+            line = self.line().strip()
+            if not line:
+                continue
+            self.section_start = start
+            if not re.fullmatch(rb"\$[A-Za-z_][\w.-]*", line) or line.startswith(b"$End"):
+                raise self.error("a section ($...) should start here")
+            return line[1:].decode()
+        return None
+
+    def body(self, name: str) -> bytes:
+        """Everything before `$EndName`, which is skipped. Raises ReadError if that line is missing."""
+        mark = b"\n$End" + name.encode()
+        at = self.data.find(mark, self.position - 1)
+        while at >= 0 and self.data[at + len(mark) : at + len(mark) + 80].split(b"\n", 1)[0].strip():
+            at = self.data.find(mark, at + 1)  # the end of a section with a longer name
+        if at < 0:
+            raise self.error(f"the section ${name} has no $End{name}")
+        body = self.data[self.position : at + 1]
+        self.position = at + 1
+        self.line()
+        return body
+
+    def count(self, name: str) -> int:
+        """The number that stands alone on the next line. Raises ReadError."""
+        at = self.position
+        line = self.line().strip()
+        if not re.fullmatch(rb"\d{1,18}", line):
+            raise self.error(f"the section ${name} should say here how much follows", at)
+        return int(line)
+
+    def begin(
+        self, name: str, *, text: bool = False, integers: bool = False, signs: tuple[bytes, bytes] = (b"", b"")
+    ) -> None:
+        """Begin to take the numbers of a section, from here to its end.
+
+        `text`: they are text in a binary file too; `integers`: no other numbers are there; `signs`: a word of the text
+        and what stands for it. Raises ReadError for a text that has anything else than numbers.
+        """
+        self.name, self._begin, self._taken, self._words = name, self.position, 0, None
+        if self.binary and not text:
+            return
+        body = self.body(name)
+        if signs[0]:
+            body = body.replace(*signs)
+        dtype = np.int64 if integers else np.float64
+        self._words = parsed(body, dtype, clip=True)  # readers say which number is none of a node, a cell or a count
+        if self._words is None:
+            place = bad_line(body, dtype)
+            line = body[place:].split(b"\n", 1)[0].decode("ascii", "replace").strip()[:60]
+            raise self.error(f"{line!r} should be numbers", self._begin + place)
+
+    def take(self, kind: str, n: int) -> NDArray:
+        """The next n numbers of a section, "int", "size" or "real"; a view. Raises ReadError if they are not there."""
+        if self._words is None:
+            dtype = np.dtype(self.order + _BINARY[kind])
+            return self.records(n, dtype.itemsize).reshape(-1).view(dtype)
+        if not 0 <= n <= len(self._words) - self._taken:
+            raise self.here(f"{n} values should follow here, and ${self.name} ends too early")
+        self._taken += n
+        taken = self._words[self._taken - n : self._taken]
+        return taken if kind == "real" or taken.dtype.kind == "i" else self._integers(taken)
+
+    def _integers(self, values: Floats) -> Ints:
+        with np.errstate(invalid="ignore"):
+            whole = values.astype(np.int64)
+        if not (whole == values).all():
+            raise self.here("an integer should stand here")
+        if np.abs(values).max(initial=0.0) >= _TOO_LARGE:
+            raise self.here("integers of 2^53 and more are not read here")
+        return whole
+
+    def counts(self, n: int) -> list[int]:
+        """The next n sizes, none of them negative. Raises ReadError."""
+        counts: list[int] = self.take("size", n).tolist()
+        if min(counts) < 0:
+            raise self.here("a negative count stands here")
+        return counts
+
+    def rest(self) -> Ints:
+        """All integers of a section that are left, of 4 bytes in a binary file (with what follows the section)."""
+        return self.take(
+            "int", (self.size - self.position) // 4 if self._words is None else len(self._words) - self._taken
+        )
+
+    def rewind(self, n: int) -> None:
+        """Go back by n integers."""
+        if self._words is None:
+            self.position -= 4 * n
+        else:
+            self._taken -= n
+
+    def numbered(self, n: int, width: int, what: str) -> tuple[Ints, Floats]:
+        """The next n rows: the number of a node or cell, `what`, and `width` reals; as (n,) and (n, width)."""
+        if self._words is not None:
+            table = self.take("real", n * (width + 1)).reshape(n, width + 1)
+            with np.errstate(invalid="ignore"):
+                number = table[:, 0].astype(np.int64)
+            if not (number == table[:, 0]).all() or np.abs(table[:, 0]).max(initial=0.0) >= _TOO_LARGE:
+                raise self.error(f"the number of a {what} should be an integer")
+            return number, table[:, 1:]
+        size = 4 + 8 * width  # numpy's types hold no record of very many components
+        raw = self.records(n, size)
+        if not n:
+            return np.empty(0, np.int64), np.empty((0, width))
+        number = np.ndarray((n,), self.order + "i4", raw.data, 0, (size,))
+        return number, np.ndarray((n, width), self.order + "f8", raw.data, 4, (size, 8))
+
+    def records(self, n: int, size: int) -> NDArray[np.uint8]:
+        """The next n records of a binary file, of `size` bytes each, a view (n, size). Raises ReadError as `take`."""
+        if n < 0 or n * size > self.size - self.position:
+            raise self.error(f"{n} values should stand here, and the file ends too early", self.position)
+        taken = np.frombuffer(self.data, np.uint8, n * size, self.position) if n else np.empty(0, np.uint8)
+        self.position += n * size
+        return taken.reshape(n, size)
+
+    def here(self, message: str) -> ReadError:
+        """Make the error for the number taken last."""
+        if self._words is None:
+            return self.error(message, self.position)
+        at, left = self._begin, self._taken
+        for line in self.data[self._begin : self.position].splitlines(keepends=True):
+            left -= len(line.split())
+            if left <= 0:
+                break
+            at += len(line)
+        return self.error(message, at)
+
+    def end(self, name: str = "") -> None:
+        """Skip the end of the section, which must stand here. Raises ReadError."""
+        name = name or self.name
+        if name == self.name and self._words is not None:
+            if self._taken < len(self._words):
+                self._taken += 1
+                raise self.here(f"the section ${name} should end here")
+            return
+        at = self.position
+        while self.data[at : at + 1] in (b"\n", b"\r", b" "):
+            at += 1
+        self.position = at
+        if at >= self.size or self.line().rstrip() != f"$End{name}".encode():
+            raise self.error(f"the section ${name} should end here", at)
