@@ -312,7 +312,8 @@ class MeshBuilder:
             dtype = np.result_type(*(values for _, values in parts))
             if dtype.kind == "u" and sum(len(values) for _, values in parts) < listed.size:  # it has no -1
                 dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
-            rows = np.full((listed.size, *shapes.pop()), np.nan if dtype.kind == "f" else -1, dtype)
+            blank = np.nan if dtype.kind == "f" else 0 if dtype.kind == "u" else -1  # unsigned ones have all values
+            rows = np.full((listed.size, *shapes.pop()), blank, dtype)
             for where, values in parts:
                 rows[where] = values
             data[name] = rows

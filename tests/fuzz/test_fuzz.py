@@ -25,7 +25,7 @@ import lacmesh
 from lacmesh import LacmeshError, Mesh, cut_skin
 from lacmesh.checks import check
 from lacmesh.errors import WriteError
-from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.orders import MED_CELLS
 from lacmesh.mesh import Model, Periodic, Step
 from lacmesh.quality import measure_quality
 from lacmesh.report import describe
@@ -144,7 +144,7 @@ def _old():
     mesh = random_mesh(rng, 3)
     mesh = replace(mesh, cell_data={"T": rng.random(mesh.n_cells)}, node_data={"U": rng.random(mesh.n_nodes)})
     mesh = replace(mesh, name="mesh", node_groups={"some": np.arange(3)})
-    types = {kind.type: (kind.name, list(kind.nodes)) for kind in MED_TYPES}
+    types = {kind.type: (kind.name, list(kind.nodes)) for kind in MED_CELLS.values()}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "old.med")
         write_old(path, mesh, types, faces=("TRIA3", "QUAD4"))
