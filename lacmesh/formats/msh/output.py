@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
 from itertools import chain
 from typing import BinaryIO
 
@@ -70,20 +69,3 @@ class Output:
         for a in range(0, len(columns[0]), CHUNK):
             part = [c[a : a + CHUNK].tolist() for c in columns]
             self.text(line * len(part[0]) % tuple(chain.from_iterable(zip(*part, strict=True))))
-
-
-def ragged_lines(lengths: Iterable[int], values: Iterable[int]) -> str:
-    """Lines of integers, of the given lengths, one after the other.
-
-    >>> ragged_lines([2, 1], [7, 8, 9])
-    '7 8\\n9\\n'
-    """
-    lengths = list(lengths)
-    form = {n: " ".join(["%d"] * n) + "\n" for n in set(lengths)}
-    return "".join([form[n] for n in lengths]) % tuple(values)
-
-
-def pieces(n: int, size: int = CHUNK) -> Iterator[slice]:
-    """Slices of at most `size`, from 0 to n."""
-    for a in range(0, n, size):
-        yield slice(a, min(a + size, n))

@@ -61,6 +61,8 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
                 out.end(section)
                 note["fields"] += [field] if field else []
         note |= _by_number(mesh, entities, nodes, cells, msh)
+        further = [name for name in note.get("cell_groups", ()) if _nameless(name, entities.group_tags[name])]
+        note["groups"] |= {name: entities.group_tags[name] for name in further}
         note = {key: value for key, value in note.items() if len(value)}
         text = dump(mesh, "name", "space_dim", "zones", **note)
         if text:
