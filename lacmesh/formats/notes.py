@@ -194,16 +194,18 @@ def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[s
         return None
     has = np.flatnonzero(np.any([values >= 0 for values in cut.cell_records.values()], axis=0))
     inner = np.flatnonzero(cut.macro_of_node >= 0)
+    columns = {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}}
+    internal = {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]}
     return {
         "nodes": mesh.n_nodes,
         "bodies": int((mesh.cell_dim == mesh.dim).sum()),
-        "digest": _digest(mesh, has, nodes, cells),
+        "digest": _digest(mesh, has, nodes, cells, columns, internal),
         "faces": {
             kind: {"number": cells[own], "nodes": nodes[rows].ravel()}
             for kind, own, rows in (mesh.select(faces) if faces is not None else ())
         },
-        "cells": {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}},
-        "internal": {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]},
+        "cells": columns,
+        "internal": internal,
     }
 
 
@@ -216,12 +218,12 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
             f"{mesh.n_nodes} and {bodies}"
         )
     mesh = _with_numbers(mesh, note["faces"])
-    columns = {key: integers(values) for key, values in note["cells"].items()}
-    inner = {key: integers(values) for key, values in note["internal"].items()}
-    at = Index(mesh.cell_number).places(columns["number"])
-    at_node = Index(mesh.node_number).places(inner["number"])
-    if (at < 0).any() or (at_node < 0).any() or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number):
-        raise UnfitError("they are of other cells than those of the file")
+    columns = {name: integers(note["cells"][name]) for name in ("number", *CELL_RECORDS)}
+    inner = {name: integers(note["internal"][name]) for name in ("number", NODE_RECORD)}
+    at, at_node = Index(mesh.cell_number).places(columns["number"]), Index(mesh.node_number).places(inner["number"])
+    known = (at >= 0).all() and (at_node >= 0).all()
+    if not known or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number, columns, inner):
+        raise UnfitError("they are of other cells than those of the file, or were changed")
     data: dict[str, Ints] = {}
     for name in CELL_RECORDS:
         narrow = columns[name].max(initial=-1) < 2**31
@@ -231,8 +233,9 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
     internal[at_node] = inner[NODE_RECORD]
     whole = with_records(mesh, data, internal, mesh.zones)
     cut = Cut(whole)
-    child = cut.child_kind[cut.macro_of_face >= 0]
-    if min(map(len, cut.faces_of_macro)) < 1 or child.min() < 1 or child.max() > _MOST_CHILDREN:
+    macro, child = (values[cut.macro_of_face >= 0] for values in (cut.macro_of_face, cut.child_kind))
+    all_used = cut.n_macros <= len(macro) and bool(np.bincount(macro).all())
+    if not all_used or not 1 <= child.min() <= child.max() <= _MOST_CHILDREN or internal.max() >= cut.n_macros:
         raise ValueError("records that no cut leaves")
     return whole
 
@@ -264,9 +267,11 @@ def _distinct_keys(label: Ints) -> Ints:
     return keys
 
 
-def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints) -> int:
-    """Checksum of the nodes, by number and in any order, of some cells, in the order of their numbers."""
-    digest = 0
+def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints, *columns: Mapping[str, Ints]) -> int:
+    """Checksum of records, and of the cells that have them: nodes by number, in any order; by the cells' numbers."""
+    digest = crc32("\n".join(mesh.zones).encode(errors="surrogateescape"))
+    for values in (values for table in columns for values in table.values()):
+        digest = crc32(values.astype("<i8").tobytes(), digest)
     for kind, _, rows in sorted(mesh.select(cells[np.argsort(cell_number[cells])]), key=lambda part: part[0]):
         digest = crc32(np.sort(node_number[rows], axis=1).astype("<i8").tobytes(), crc32(kind.encode(), digest))
     return digest

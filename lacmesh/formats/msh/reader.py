@@ -178,8 +178,8 @@ class MshReader:
         by_number = [key for key in ("node_groups", "cell_groups", "extra_cells", "node_entity") if key in note]
         if by_number and (note["nodes"], note["cells"]) != counts:
             self.out.warnings.append(
-                f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file now "
-                f"has {counts[0]} and {counts[1]}: its node groups and further cells are left out"
+                f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file "
+                f"now has {counts[0]} and {counts[1]}: its node groups and further cells are left out"
             )
             for key in by_number:
                 del note[key]

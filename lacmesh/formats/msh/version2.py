@@ -71,7 +71,7 @@ class Reader2(MshReader):
         source = self.source
         n = source.count("Elements")
         source.begin("Elements", integers=True)
-        table = source.rest()
+        table = source.rest().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
         found, end = _find(table, n, source.binary, _N_NODES, start, kind, n_tags)
