@@ -105,7 +105,7 @@ def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
     Groups and data that the mesh lacks, since another program took them out, are passed without a word.
     """
     try:
-        mesh = replace(mesh, **_noted_fields(mesh, note))
+        mesh = replace(mesh, **noted_fields(mesh, note))
     except DAMAGED:
         warnings.append("lacmesh's own note is damaged and left out")
         return mesh
@@ -140,7 +140,7 @@ def _plain(value: Any) -> Any:
     return value.tolist()
 
 
-def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
+def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a mesh in its note. Raises one of DAMAGED."""
     fields: dict[str, Any] = {}
     if "name" in note:
