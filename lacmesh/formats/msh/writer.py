@@ -15,9 +15,8 @@ from lacmesh.formats.entities import Assignment, assign
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import version2, version4
 from lacmesh.formats.msh.fields import SECTIONS, field_rows
-from lacmesh.formats.msh.names import safe_names, unnamed
-from lacmesh.formats.msh.output import Output
 from lacmesh.formats.msh.reader import LARGEST_TAG, NOTE
+from lacmesh.formats.msh.streams import Output, safe_names, unnamed
 from lacmesh.formats.notes import dump, in_lines
 from lacmesh.mesh import Ints, Mesh, Tag
 
