@@ -157,10 +157,10 @@ def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError("a tag is a dimension and a number")
         fields["group_tags"] = {name: tuple(own) for name, own in tags.items() if name in mesh.cell_groups}
     if "steps" in note:
-        steps = {
-            key: Step(text_of(name), *integers([number, order]).tolist(), float(time))
-            for key, (name, number, order, time) in note["steps"].items()
-        }
+        steps = {}
+        for key, (name, number, order, time) in note["steps"].items():
+            number, order = integers([number, order]).tolist()
+            steps[key] = Step(text_of(name), number, order, float(time))
         known = {*mesh.cell_data, *mesh.node_data}
         fields["steps"] = {key: step for key, step in steps.items() if key in known}
     if "model" in note:

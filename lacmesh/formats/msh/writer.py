@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats.entities import Assignment, assign
-from lacmesh.formats.ids import repeated
+from lacmesh.formats.ids import numbered
 from lacmesh.formats.msh import version2, version4
 from lacmesh.formats.msh.fields import SECTIONS, field_rows
 from lacmesh.formats.msh.reader import LARGEST_TAG, NOTE
@@ -30,41 +30,40 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
     if msh not in ("4.1", "2.2"):
         raise RequestError(f"msh version {msh!r} is not written; choose 4.1 or 2.2")
     entities = assign(mesh)
-    nodes, cells = positive_numbers(mesh.node_number, "nodes"), positive_numbers(mesh.cell_number, "cells")
+    nodes, cells = _positive(mesh.node_number, "nodes"), _positive(mesh.cell_number, "cells")
     partition = _partition(mesh) if msh == "2.2" else None
     cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
     node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
     _check_limits(path, msh, nodes, cells, bool(node_data), bool(cell_data))
     if msh == "4.1" and "partition" in cell_data:
         _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
-    names, note = names_of(mesh, entities)
-    note["fields"] = []
+    names, note = _names(mesh, entities)
+    note |= _by_number(mesh, entities, nodes, cells, msh)
+    further = [name for name in note["cell_groups"] if _nameless(name, entities.group_tags[name])]
+    note["groups"] |= {name: entities.group_tags[name] for name in further}
     with path.open("wb") as file:
         out = Output(file, binary)
         out.text(f"$MeshFormat\n{msh} {int(binary)} 8\n")
         if binary:
             out.array(np.array([1], "<i4"))
         out.end("MeshFormat")
-        _write_names(out, names)
+        if names:
+            lines = "".join(f'{dim} {tag} "{name}"\n' for (dim, tag), name in names)
+            out.text(f"$PhysicalNames\n{len(names)}\n{lines}$EndPhysicalNames\n")
         if msh == "4.1":
             version4.write_sections(out, mesh, entities, nodes, cells)
         else:
             version2.write_sections(out, mesh, entities, nodes, cells, partition)
-        for section, on, numbers, data in zip(
-            SECTIONS, SECTIONS.values(), (nodes, cells), (node_data, cell_data), strict=True
-        ):
+        note["fields"] = []
+        for (section, on), numbers, data in zip(SECTIONS.items(), (nodes, cells), (node_data, cell_data), strict=True):
             for head, there, values, field in field_rows(path, on, data, mesh.steps):
                 shape = f"3\n{head.step}\n{values.shape[1]}\n{len(there)}"
                 out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n{shape}\n')
                 out.numbered_rows(numbers[there], values)
                 out.end(section)
                 note["fields"] += [field] if field else []
-        note |= _by_number(mesh, entities, nodes, cells, msh)
-        further = [name for name in note.get("cell_groups", ()) if _nameless(name, entities.group_tags[name])]
-        note["groups"] |= {name: entities.group_tags[name] for name in further}
         note = {key: value for key, value in note.items() if len(value)}
-        text = dump(mesh, "name", "space_dim", "zones", **note)
-        if text:
+        if dump(mesh, "name", "space_dim", "zones", **note):
             text = dump(mesh, "name", "space_dim", "zones", nodes=mesh.n_nodes, cells=mesh.n_cells, **note)
             out.text("\n".join([f"${NOTE}", *in_lines(text), f"$End{NOTE}\n"]))
 
@@ -73,13 +72,12 @@ def _warn(message: str) -> None:
     warnings.warn(LacmeshWarning(message), stacklevel=4)
 
 
-def positive_numbers(numbers: Ints, what: str, where: str = "in the file") -> Ints:
+def _positive(numbers: Ints, what: str) -> Ints:
     """The mesh's numbers; 1, 2 ... where they are not positive and distinct, as msh and gmsh want them."""
-    numbers = np.asarray(numbers, np.int64)
-    if len(numbers) and (numbers.min() < 1 or repeated(numbers) is not None):
-        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... {where}")
-        return np.arange(1, len(numbers) + 1)
-    return numbers
+    positive = numbered(numbers)
+    if positive is not numbers:
+        _warn(f"the numbers of {what} are not positive and distinct: they are 1, 2 ... in the file")
+    return np.asarray(positive, np.int64)
 
 
 def _check_limits(path: Path, version: str, nodes: Ints, cells: Ints, on_nodes: bool, on_cells: bool) -> None:
@@ -94,14 +92,18 @@ def _partition(mesh: Mesh) -> Ints | None:
     values = mesh.cell_data.get("partition")
     if values is None or values.ndim != 1 or values.dtype.kind not in "iu":
         return None
-    lacking = np.repeat([ALL_CELLS[b.type].msh is None for b in mesh.blocks], np.diff(mesh.offsets))
     tagged = values > 0
-    if not tagged.any() or (~tagged & (values != -1)).any() or (tagged & lacking).any() or values.max() > LARGEST_TAG:
+    if (
+        not tagged.any()
+        or (~tagged & (values != -1)).any()
+        or (tagged & _lacking(mesh)).any()
+        or values.max() > LARGEST_TAG
+    ):
         return None
     return values.astype(np.int64)
 
 
-def names_of(mesh: Mesh, entities: Assignment) -> tuple[list[tuple[Tag, str]], dict[str, Any]]:
+def _names(mesh: Mesh, entities: Assignment) -> tuple[list[tuple[Tag, str]], dict[str, Any]]:
     """Tags and names of the physical groups, and a note of altered names, and groups that no other section shows."""
     names, noted = [], {}
     safe = safe_names(mesh.cell_groups)
@@ -114,61 +116,26 @@ def names_of(mesh: Mesh, entities: Assignment) -> tuple[list[tuple[Tag, str]], d
     return names, {"groups": noted}
 
 
-def _write_names(out: Output, names: list[tuple[Tag, str]]) -> None:
-    if names:
-        lines = "".join(f'{dim} {tag} "{name}"\n' for (dim, tag), name in names)
-        out.text(f"$PhysicalNames\n{len(names)}\n{lines}$EndPhysicalNames\n")
-
-
 def _nameless(name: str, tags: tuple[Tag, ...]) -> bool:
     """True if a group has no name in msh: its key is only its tag."""
     return len(tags) == 1 and name == unnamed(tags[0])
 
 
 def _by_number(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, version: str) -> dict[str, Any]:
-    """Note of what the sections of a msh file cannot hold of the mesh itself."""
+    """Note of what the sections of a msh file cannot hold of the mesh itself.
+
+    In `cell_groups` are members that the elements' tags do not give: further groups in msh 2.2, cells that msh lacks.
+    """
     note: dict[str, Any] = {"node_groups": {name: nodes[members] for name, members in mesh.node_groups.items()}}
-    lacking = np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
-    if lacking.any():
-        note["extra_cells"] = _extra_cells(mesh, entities, nodes, cells)
-    if version == "2.2" or lacking.any():
-        note["cell_groups"] = _further_members(mesh, entities, cells, lacking, version)
-    if version == "2.2":
-        note["boundary"] = [[*tag, bounds] for tag, bounds in entities.boundary.items()]
-        if "entity" in mesh.node_data:
-            note["node_entity"] = _entity_runs(entities).ravel()
-    return note
-
-
-def _extra_cells(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints) -> list[dict[str, Any]]:
-    """The cells of types that msh lacks."""
-    place = mesh.places_in_file(np.arange(mesh.n_cells))
-    tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64)
-    extra = []
-    for k, (cell_type, rows) in enumerate(mesh.blocks):
-        if ALL_CELLS[cell_type].msh is None and len(rows):
-            here = slice(int(mesh.offsets[k]), int(mesh.offsets[k + 1]))
-            entity = tags[entities.cell[here]].ravel()
-            extra.append(
-                {
-                    "type": cell_type,
-                    "number": cells[here],
-                    "nodes": nodes[rows].ravel(),
-                    "entity": entity,
-                    "at": place[here],
-                }
-            )
-            _warn(f"msh has no {cell_type}: {len(rows)} cells are kept in a section that only lacmesh reads")
-    return extra
-
-
-def _further_members(
-    mesh: Mesh, entities: Assignment, cells: Ints, lacking: NDArray[np.bool_], version: str
-) -> dict[str, Ints]:
-    """Members of groups that the elements' tags do not hold: further groups in msh 2.2, cells that msh lacks."""
-    first = version2.first_group(entities)
-    further: dict[str, Ints] = {}
-    for name, members in mesh.cell_groups.items():
+    tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64).reshape(-1, 2)
+    place, note["extra_cells"] = mesh.places_in_file(np.arange(mesh.n_cells)), []
+    for (kind, rows), a, b in zip(mesh.blocks, mesh.offsets, mesh.offsets[1:], strict=False):
+        if ALL_CELLS[kind].msh is None and len(rows):
+            extra = {"type": kind, "number": cells[a:b], "nodes": nodes[rows].ravel()}
+            note["extra_cells"].append(extra | {"entity": tags[entities.cell[a:b]].ravel(), "at": place[a:b]})
+            _warn(f"msh has no {kind}: {len(rows)} cells are kept in a section that only lacmesh reads")
+    lacking, first, note["cell_groups"] = _lacking(mesh), version2.first_group(entities), {}
+    for name, members in mesh.cell_groups.items() if version == "2.2" or lacking.any() else ():
         missing = lacking[members]
         if version == "2.2":
             own = np.zeros(4, np.int64)
@@ -176,13 +143,16 @@ def _further_members(
                 own[dim] = tag
             missing = missing | (first[entities.cell[members]] != own[mesh.cell_dim[members]])
         if missing.any():
-            further[name] = cells[members[missing]]
-    return further
+            note["cell_groups"][name] = cells[members[missing]]
+    if version == "2.2":
+        note["boundary"] = [[*tag, bounds] for tag, bounds in entities.boundary.items()]
+    if version == "2.2" and "entity" in mesh.node_data and mesh.n_nodes:  # in runs of nodes on one entity
+        begin = np.flatnonzero(np.append(True, np.diff(entities.node) != 0))
+        runs = np.diff(np.append(begin, mesh.n_nodes))
+        note["node_entity"] = np.column_stack([tags[entities.node[begin]], runs]).ravel()
+    return note
 
 
-def _entity_runs(entities: Assignment) -> Ints:
-    """Runs of consecutive nodes on one entity, (r, 3): its dimension, its tag, and the number of nodes."""
-    row = entities.node
-    begin = np.flatnonzero(np.append(True, row[1:] != row[:-1])) if len(row) else np.empty(0, np.int64)
-    tags = np.array([(e.dim, e.tag) for e in entities.entities], np.int64).reshape(-1, 2)
-    return np.column_stack([tags[row[begin]], np.diff(np.append(begin, len(row)))])
+def _lacking(mesh: Mesh) -> NDArray[np.bool_]:
+    """True for each cell (n_cells,) of a type that msh lacks."""
+    return np.repeat(np.array([ALL_CELLS[b.type].msh is None for b in mesh.blocks], bool), np.diff(mesh.offsets))
