@@ -22,8 +22,8 @@ from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
-_N_NODES = np.zeros(max(TYPE_NAMES) + 1, np.int64)
-_N_NODES[list(TYPE_NAMES)] = [ALL_CELLS[name].n_nodes for name in TYPE_NAMES.values()]
+N_NODES = np.zeros(max(TYPE_NAMES) + 1, np.int64)
+N_NODES[list(TYPE_NAMES)] = [ALL_CELLS[name].n_nodes for name in TYPE_NAMES.values()]
 
 
 class Reader2(MshReader):
@@ -74,7 +74,7 @@ class Reader2(MshReader):
         table = source.rest().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
-        found, end = _find(table, n, source.binary, _N_NODES, start, kind, n_tags)
+        found, end = find_elements(table, n, source.binary, N_NODES, start, kind, n_tags)
         source.rewind(len(table) - end)
         if found < n:
             self._refuse(table[end : end + 3].tolist(), n - found)
@@ -138,7 +138,7 @@ class Reader2(MshReader):
 
 
 @kernel
-def _find(table, n, binary, n_nodes, start, kind, n_tags):  # type: ignore[no-untyped-def]
+def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: ignore[no-untyped-def]
     """Write the place of the number, gmsh's type and the count of tags of n elements; return how many, and their end.
 
     `table` (m,): the numbers of the section; `n_nodes`: those of an element by its type, 0 where it is unknown. It ends
