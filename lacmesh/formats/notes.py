@@ -153,9 +153,9 @@ def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
         fields["zones"] = tuple(map(text_of, [*note["zones"]]))
     if "group_tags" in note:
         tags = {name: [tuple(integers(tag).tolist()) for tag in tags] for name, tags in note["group_tags"].items()}
-        if any(len(tag) != 2 for own in tags.values() for tag in own):
+        if any(len(tag) != 2 for pairs in tags.values() for tag in pairs):
             raise ValueError("a tag is a dimension and a number")
-        fields["group_tags"] = {name: tuple(own) for name, own in tags.items() if name in mesh.cell_groups}
+        fields["group_tags"] = {name: tuple(pairs) for name, pairs in tags.items() if name in mesh.cell_groups}
     if "steps" in note:
         steps = {}
         for key, (name, number, order, time) in note["steps"].items():
@@ -201,8 +201,8 @@ def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[s
         "bodies": int((mesh.cell_dim == mesh.dim).sum()),
         "digest": _digest(mesh, has, nodes, cells, columns, internal),
         "faces": {
-            kind: {"number": cells[own], "nodes": nodes[rows].ravel()}
-            for kind, own, rows in (mesh.select(faces) if faces is not None else ())
+            kind: {"number": cells[rows_of], "nodes": nodes[rows].ravel()}
+            for kind, rows_of, rows in (mesh.select(faces) if faces is not None else ())
         },
         "cells": columns,
         "internal": internal,
@@ -246,12 +246,12 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     index = Index(numbered(mesh.node_number))
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
-        own = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
+        cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
         rows = np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1)
         label, _ = label_rows(rows)
         keys = _distinct_keys(label[: len(theirs)]), _distinct_keys(label[len(theirs) :])
         _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
-        number[own[b]] = integers(listed["number"])[a]
+        number[cells[b]] = integers(listed["number"])[a]
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)

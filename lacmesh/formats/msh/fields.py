@@ -162,13 +162,13 @@ class FieldRows(NamedTuple):
 
 def field_rows(path: Path, on: str, data: Mapping[str, NDArray], steps: Mapping[str, Step]) -> Iterator[FieldRows]:
     """Yield each array on nodes or cells as a section has it. Raises WriteError, for `path`."""
-    meant = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
-    heads = _heads(on, meant)
+    step_of = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
+    heads = _heads(on, step_of)
     for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
         there, values, integer = _as_reals(path, key, np.asarray(array))
         width = next((w for w in _WIDTHS if w >= values.shape[1]), values.shape[1])
         shape = None if array.shape[1:] == (() if width == 1 else (width,)) else list(array.shape[1:])
-        truth, plain = meant[key], step or Step(default, 0, -1, 0.0)
+        truth, plain = step_of[key], step or Step(default, 0, -1, 0.0)
         note = {"key": key, "name": truth.field, "number": int(truth.number), "order": int(truth.order), "shape": shape}
         note["integer"] = integer and not key.startswith("lac_")
         usual = {"key": default, "name": plain.field, "number": plain.number, "order": -1, "shape": None}
@@ -177,15 +177,15 @@ def field_rows(path: Path, on: str, data: Mapping[str, NDArray], steps: Mapping[
         yield FieldRows(head, there, values, None if note == usual | {"integer": False} else place | note)
 
 
-def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
+def _heads(on: str, step_of: Mapping[str, Step]) -> list[Head]:
     """Header of each array in the file; step numbers are kept small, as gmsh makes room for all up to the largest."""
-    safe = safe_names(step.field for step in meant.values())
+    safe = safe_names(step.field for step in step_of.values())
     numbers: dict[str, list[int]] = {}
-    for step in meant.values():
+    for step in step_of.values():
         numbers.setdefault(step.field, []).append(step.number)
     heads = []
     count: dict[str, int] = {}
-    for step in meant.values():
+    for step in step_of.values():
         used = numbers[step.field]
         plain = len(set(used)) == len(used) and min(used) >= 0 and max(used) < _MANY_STEPS
         k = count[step.field] = count.get(step.field, -1) + 1
@@ -200,8 +200,8 @@ def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]
         raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
     integer = array.dtype.kind in "iub"
     rows = array.reshape(len(array), -1) if array.size else np.empty((len(array), int(np.prod(array.shape[1:]))))
-    given = (rows != -1) if integer else ~np.isnan(rows)
-    there = np.flatnonzero(given[:, 0] if given.shape[1] == 1 else given.any(axis=1))
+    filled = (rows != -1) if integer else ~np.isnan(rows)
+    there = np.flatnonzero(filled[:, 0] if filled.shape[1] == 1 else filled.any(axis=1))
     values = rows[there].astype(np.float64)
     if integer and (np.abs(values) > 2.0**53).any():
         raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")

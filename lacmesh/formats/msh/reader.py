@@ -185,13 +185,13 @@ class MshReader:
             for key in by_number:
                 del note[key]
         elif extra:
-            taken = np.concatenate([e.at for e in extra])
+            places = np.concatenate([e.at for e in extra])
             fits = all(len(e.number) == len(e.nodes) == len(e.entity) == len(e.at) for e in extra)
-            if not fits or len(np.unique(taken)) < len(taken) or taken.min() < 0 or taken.max() >= counts[1]:
+            if not fits or len(np.unique(places)) < len(places) or places.min() < 0 or places.max() >= counts[1]:
                 raise source.error(f"the cells of the section ${NOTE} do not fit together")
             if any((np.abs(e.entity) > LARGEST_TAG).any() for e in extra):
                 raise source.error(f"the cells of the section ${NOTE} have an entity beyond all limits")
-            free = np.flatnonzero(places_of(taken, counts[1]) < 0)
+            free = np.flatnonzero(places_of(places, counts[1]) < 0)
             for e in self.elements:
                 e.at = None if e.at is None else free[e.at]
             self.elements += extra
@@ -224,12 +224,12 @@ class MshReader:
         group_tags: dict[str, tuple[Tag, ...]] = {}
         for name in [*named.values(), *noted]:
             self.out.group("cell", name)
-        taken, names_of = {*named.values(), *noted}, dict[Tag, str]()
+        used, names_of = {*named.values(), *noted}, dict[Tag, str]()
         for group in [*named, *sorted(there - named.keys())]:
             name = named.get(group, unnamed(group))
-            while group not in named and name in taken:
+            while group not in named and name in used:
                 name += "'"
-            taken.add(name)
+            used.add(name)
             names_of[group] = name
             group_tags[name] = (*group_tags.get(name, ()), group)
             self.out.group("cell", name)
@@ -280,10 +280,10 @@ def _read_note(source: MshSource) -> dict[str, Any]:
         integers([note["nodes"], note["cells"]])
         noted_fields(Mesh.create(np.empty((0, 3)), []), {key: note[key] for key in _FIELDS if key in note})
         for key, of in (("groups", "tags"), ("node_groups", "nodes"), ("cell_groups", "cells")):
-            given = note.get(key, {})
-            if isinstance(given, list):  # of version 1
-                given = {entry["name"]: entry[of] for entry in given}
-            note[key] = {name: integers(values) if of != "tags" else _tags(values) for name, values in given.items()}
+            listed = note.get(key, {})
+            if isinstance(listed, list):  # of version 1
+                listed = {entry["name"]: entry[of] for entry in listed}
+            note[key] = {name: integers(values) if of != "tags" else _tags(values) for name, values in listed.items()}
         note["extra_cells"] = [
             Elements(
                 e["type"],

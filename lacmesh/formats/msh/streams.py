@@ -103,8 +103,8 @@ class MshSource(SourceFile):
         if not 0 <= n <= len(self._words) - self._taken:
             raise self.here(f"{n} values should follow here, and ${self.name} ends too early")
         self._taken += n
-        taken = self._words[self._taken - n : self._taken]
-        return taken if kind == "real" or taken.dtype.kind == "i" else self._integers(taken)
+        numbers = self._words[self._taken - n : self._taken]
+        return numbers if kind == "real" or numbers.dtype.kind == "i" else self._integers(numbers)
 
     def _integers(self, values: Floats) -> Ints:
         with np.errstate(invalid="ignore"):
@@ -155,9 +155,9 @@ class MshSource(SourceFile):
         """The next n records of a binary file, of `size` bytes each, a view (n, size). Raises ReadError as `take`."""
         if n < 0 or n * size > self.size - self.position:
             raise self.error(f"{n} values should stand here, and the file ends too early", self.position)
-        taken = np.frombuffer(self.data, np.uint8, n * size, self.position) if n else np.empty(0, np.uint8)
+        records = np.frombuffer(self.data, np.uint8, n * size, self.position) if n else np.empty(0, np.uint8)
         self.position += n * size
-        return taken.reshape(n, size)
+        return records.reshape(n, size)
 
     def here(self, message: str) -> ReadError:
         """Make the error for the number taken last."""
@@ -263,13 +263,13 @@ def safe_names(names: Iterable[str]) -> dict[str, str]:
     """
     names = list(dict.fromkeys(names))
     safe = {name: _safe(name) for name in names}
-    taken = {name for name in names if safe[name] == name}
+    used = {name for name in names if safe[name] == name}
     for name in names:
         if safe[name] != name:
             stem, k = safe[name], 2
-            while safe[name] in taken:
+            while safe[name] in used:
                 safe[name], k = f"{stem}~{k}", k + 1
-            taken.add(safe[name])
+            used.add(safe[name])
     return safe
 
 

@@ -54,8 +54,8 @@ class Reader2(MshReader):
         if twice is not None:
             raise self.error("Elements")(f"two cells have the number {twice}", 0)
         self.repeats = np.concatenate([self.repeats, *map(_merge, self.elements)], axis=1)
-        gone = self.repeats.shape[1]
-        if not gone:
+        n_merged = self.repeats.shape[1]
+        if not n_merged:
             return
         places = concatenated(e.at for e in self.elements if e.at is not None)
         rank = np.empty(int(places.max()) + 1, np.int64)
@@ -63,7 +63,7 @@ class Reader2(MshReader):
         for e in self.elements:
             e.at = rank[e.at]
         self.out.warnings.append(
-            f"{gone} elements repeat another one for a further physical group, as gmsh writes overlapping "
+            f"{n_merged} elements repeat another one for a further physical group, as gmsh writes overlapping "
             "groups in msh 2.2: each is one cell with its group"
         )
 
@@ -74,10 +74,10 @@ class Reader2(MshReader):
         table = source.rest().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
-        found, end = find_elements(table, n, source.binary, N_NODES, start, kind, n_tags)
+        n_found, end = find_elements(table, n, source.binary, N_NODES, start, kind, n_tags)
         source.rewind(len(table) - end)
-        if found < n:
-            self._refuse(table[end : end + 3].tolist(), n - found)
+        if n_found < n:
+            self._refuse(table[end : end + 3].tolist(), n - n_found)
         gmsh_types, first = np.unique(kind, return_index=True)
         for gmsh_type in gmsh_types[np.argsort(first)].tolist():
             at = np.flatnonzero(kind == gmsh_type)
@@ -144,25 +144,25 @@ def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: igno
     `table` (m,): the numbers of the section; `n_nodes`: those of an element by its type, 0 where it is unknown. It ends
     early at something that is no element.
     """
-    found = place = 0
-    while found < n and place + 3 <= len(table):
+    n_found = place = 0
+    while n_found < n and place + 3 <= len(table):
         first, second, third = table[place], table[place + 1], table[place + 2]
         gmsh_type = first if binary else second
         follow = second if binary else 1
         if gmsh_type < 0 or gmsh_type >= len(n_nodes) or n_nodes[gmsh_type] == 0:
             break
-        if follow < 1 or follow > n - found or third < 0 or third > len(table):
+        if follow < 1 or follow > n - n_found or third < 0 or third > len(table):
             break
         size = third + n_nodes[gmsh_type]
         length = 3 + follow * (1 + size) if binary else 3 + size
         if place + length > len(table):
             break
         for k in range(follow):
-            start[found] = place + 3 + k * (1 + size) if binary else place
-            kind[found], n_tags[found] = gmsh_type, third
-            found += 1
+            start[n_found] = place + 3 + k * (1 + size) if binary else place
+            kind[n_found], n_tags[n_found] = gmsh_type, third
+            n_found += 1
         place += length
-    return found, place
+    return n_found, place
 
 
 def _merge(e: Elements) -> Ints:
@@ -186,11 +186,11 @@ def _merge(e: Elements) -> Ints:
     order = np.lexsort((e.number[rows], label))
     label, rows = label[order], rows[order]
     begins = np.append(True, label[1:] != label[:-1])[: len(rows)]
-    keeper, gone = rows[begins][np.cumsum(begins) - 1][~begins], rows[~begins]
-    dim = np.full(len(gone), ALL_CELLS[e.type].dim)
-    repeats = np.stack([e.number[gone], e.number[keeper], dim, e.physical[gone]])
+    keeper, merged = rows[begins][np.cumsum(begins) - 1][~begins], rows[~begins]
+    dim = np.full(len(merged), ALL_CELLS[e.type].dim)
+    repeats = np.stack([e.number[merged], e.number[keeper], dim, e.physical[merged]])
     kept = np.ones(len(e.number), bool)
-    kept[gone] = False
+    kept[merged] = False
     e.number, e.nodes, e.entity, e.at, e.physical = (a[kept] for a in (e.number, e.nodes, e.entity, e.at, e.physical))
     e.partition = e.partition if isinstance(e.partition, int) else e.partition[kept]
     return repeats

@@ -138,10 +138,10 @@ def _by_number(mesh: Mesh, entities: Assignment, nodes: Ints, cells: Ints, versi
     for name, members in mesh.cell_groups.items() if version == "2.2" or lacking.any() else ():
         missing = lacking[members]
         if version == "2.2":
-            own = np.zeros(4, np.int64)
+            tag_of_dim = np.zeros(4, np.int64)
             for dim, tag in reversed(entities.group_tags[name]):
-                own[dim] = tag
-            missing = missing | (first[entities.cell[members]] != own[mesh.cell_dim[members]])
+                tag_of_dim[dim] = tag
+            missing = missing | (first[entities.cell[members]] != tag_of_dim[mesh.cell_dim[members]])
         if missing.any():
             note["cell_groups"][name] = cells[members[missing]]
     if version == "2.2":
