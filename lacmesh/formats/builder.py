@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
+from lacmesh.facts import listed
 from lacmesh.formats import notes
 from lacmesh.formats.ids import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
@@ -194,7 +195,7 @@ class MeshBuilder:
         return f"number {number}" if self._name_of is None else f"name {self._name_of(number)}"
 
     def _shown(self, numbers: Ints) -> str:
-        return some(map(self._name_of, numbers.tolist()) if self._name_of else numbers)
+        return some(numbers) if self._name_of is None else listed(map(self._name_of, numbers.tolist()))
 
     def _order_cells(self) -> Ints:
         """Sort the runs of cells by type, in the order of the types' first cells; return the cells' positions."""
@@ -246,7 +247,7 @@ class MeshBuilder:
         points = np.zeros((listed.size, 3))
         for run in listed.runs:
             points[run.span, : run.rows.shape[1]] = run.rows
-        bad = ~np.isfinite(points).all(axis=1)
+        bad: NDArray[np.bool_] = ~np.isfinite(points).all(axis=1)
         if bad.any():
             run = next(run for run in listed.runs if bad[run.span].any())
             message = f"the coordinates of nodes {self._shown(number[bad])} are not finite numbers"
@@ -323,4 +324,4 @@ class MeshBuilder:
 def _where(runs: Iterable[_Run], number: int) -> tuple[_Run, int]:
     """Return the first run that has a number, and the row there."""
     run = next(run for run in runs if run.number is not None and (run.number == number).any())
-    return run, int((run.number == number).argmax())
+    return run, int(np.flatnonzero(run.number == number)[0])

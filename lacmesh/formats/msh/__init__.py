@@ -27,10 +27,12 @@ def read(path: Path) -> Mesh:
     source = MshSource(path)
     read_format(source)
     if source.version == "4.1":
-        from lacmesh.formats.msh.version4 import Reader4 as Reader
-    else:
-        from lacmesh.formats.msh.version2 import Reader2 as Reader
-    return Reader(source).mesh()
+        from lacmesh.formats.msh.version4 import Reader4
+
+        return Reader4(source).mesh()
+    from lacmesh.formats.msh.version2 import Reader2
+
+    return Reader2(source).mesh()
 
 
 def header(path: Path, head: bytes) -> tuple[str, bool]:

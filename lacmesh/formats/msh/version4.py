@@ -14,7 +14,7 @@ from lacmesh.formats.ids import CHUNK, counts_up
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import MshSource, Output
 from lacmesh.formats.writing import file_order
-from lacmesh.mesh import Floats, Ints, Mesh, Tag, mask_of
+from lacmesh.mesh import Floats, Ints, Mesh, Tag
 
 
 class _Entity(NamedTuple):
@@ -182,7 +182,8 @@ def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: I
 def _chunks(mesh: Mesh, entities: Assignment, number: Ints) -> Iterator[_Chunk]:
     """The cells by entity and type, in the order in which these first appear in the file, stable inside."""
     order = file_order(mesh)
-    block = (np.searchsorted(mesh.offsets, order, side="right") - 1).astype(np.int32)
+    block = np.repeat(np.arange(len(mesh.blocks), dtype=np.int32), np.diff(mesh.offsets))
+    block = block if mesh.file_order is None else block[order]
     for key, which in _runs(entities.cell[order] * np.int32(len(mesh.blocks)) + block, order):
         row, k = divmod(key, len(mesh.blocks))
         (kind, nodes), first = mesh.blocks[k], int(mesh.offsets[k])
@@ -214,8 +215,13 @@ def _write_entities(
     for row, which in of_nodes:
         _widen(box[row], mesh.points[which])
     for c in chunks:
-        few = c.nodes.size < mesh.n_nodes
-        _widen(box[c.row], mesh.points[c.nodes.ravel() if few else mask_of(mesh.n_nodes, c.nodes)])
+        if c.nodes.size < mesh.n_nodes:
+            _widen(box[c.row], mesh.points[c.nodes.ravel()])
+        else:
+            used = np.zeros(mesh.n_nodes, bool)
+            for a in range(0, len(c.nodes), CHUNK):
+                used[c.nodes[a : a + CHUNK]] = True
+            _widen(box[c.row], mesh.points if used.all() else mesh.points[used])
     out.text("$Entities\n")
     out.record("4q", *(sum(e.dim == dim for e in entities.entities) for dim in range(4)))
     for e, limits in zip(entities.entities, np.nan_to_num(box).tolist(), strict=True):
