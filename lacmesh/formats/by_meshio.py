@@ -74,7 +74,8 @@ def to_meshio(mesh: Mesh) -> Any:
         point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
         cell_sets={n: [c[(c >= a) & (c < b)] - a for a, b in bounds] for n, c in mesh.cell_groups.items()},
     )
-    given.info = {_INFO: arrays.note(mesh, file_order=mesh.file_order)}
+    order = None if mesh.file_order is None else mesh.file_order.tolist()
+    given.info = {_INFO: arrays.note(mesh, file_order=order)}
     return given
 
 
