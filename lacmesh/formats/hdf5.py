@@ -100,10 +100,10 @@ def member(group: h5py.Group, name: Name, kind: type = h5py.Group) -> Any:
             raise error_at(group, "is missing", name)
         if isinstance(link, h5py.ExternalLink):
             raise error_at(group, "points into another file, which is not followed", name)
-        found = group[name]
-    if not isinstance(found, kind):
-        raise error_at(group, f"is a {type(found).__name__.lower()}, expected a {kind.__name__.lower()}", name)
-    return found
+        one = group[name]
+    if not isinstance(one, kind):
+        raise error_at(group, f"is a {type(one).__name__.lower()}, expected a {kind.__name__.lower()}", name)
+    return one
 
 
 def groups_in(group: h5py.Group) -> list[tuple[Name, h5py.Group]]:

@@ -88,15 +88,15 @@ def read_whole(read: Callable[..., Any], path: Path, name: str) -> Any:
     if not packed:
         _check_end(path, name, content)
     if name in _OF_TEXT and not packed:
-        given = read(_Text(_Bytes(content)), file_format=name)
+        mesh = read(_Text(_Bytes(content)), file_format=name)
     else:
-        given = read(_Bytes(content) if name in _OF_BYTES else path, file_format=name)
-    counts = len(given.points), sum(len(block.data) for block in given.cells)
+        mesh = read(_Bytes(content) if name in _OF_BYTES else path, file_format=name)
+    counts = len(mesh.points), sum(len(block.data) for block in mesh.cells)
     for pattern, count, what in zip(_COUNTS.get(name, ()), counts, ("points", "cells"), strict=False):
         announced = sum(map(int, re.findall(pattern, content, re.MULTILINE)))
         if count < announced:
             raise ReadError(path, f"is cut short: it has {count} of the {announced} {what} that it announces")
-    return given
+    return mesh
 
 
 def _check_end(path: Path, name: str, content: bytes) -> None:

@@ -236,9 +236,9 @@ def _read_by_pyvista(document: _Document, pieces: Sequence[XmlElement]) -> Mesh:
 
     with pyvista.vtk_verbosity("off"):
         grid = pyvista.read(document.path)
-    for name, found in (("NumberOfPoints", grid.n_points), ("NumberOfCells", grid.n_cells)):
-        if found != sum(document.count(piece, name) for piece in pieces):
-            raise document.error(f"cannot be read (VTK finds {found} as {name})")
+    for name, n in (("NumberOfPoints", grid.n_points), ("NumberOfCells", grid.n_cells)):
+        if n != sum(document.count(piece, name) for piece in pieces):
+            raise document.error(f"cannot be read (VTK finds {n} as {name})")
     return mesh_of_grid(document.path, grid)
 
 
@@ -304,8 +304,8 @@ def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False
     Raises WriteError for a cell that VTK lacks. What is left out is named in a LacmeshWarning.
     """
     check_types(path, mesh, VTK_CELLS, "VTK")
-    said: list[str] = []
-    arrays = to_arrays(mesh, said, legal)
+    left_out: list[str] = []
+    arrays = to_arrays(mesh, left_out, legal)
     order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
     sections: dict[str, dict[str, NDArray]] = {
         "FieldData": {NOTE: np.frombuffer(arrays.note(mesh).encode("ascii"), np.uint8)},
@@ -316,8 +316,8 @@ def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False
     }
     with path.open("wb") as file:
         _write(file, mesh, sections, binary, binary and compress)
-    if said:
-        warnings.warn("VTU: " + "; ".join(said), LacmeshWarning, stacklevel=3)
+    if left_out:
+        warnings.warn("VTU: " + "; ".join(left_out), LacmeshWarning, stacklevel=3)
 
 
 def legal(name: str) -> str:

@@ -381,11 +381,11 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
         np.concatenate([part.cells.types for part in parts]),
     )
     n = len(cells.types)
-    own = out.note.get("own", ())
-    own = [name for name in own if isinstance(name, str)] if isinstance(own, list) else []
+    extra = out.note.get("own", ())
+    extra = [name for name in extra if isinstance(name, str)] if isinstance(extra, list) else []
     rows, at = np.arange(n), np.arange(n)  # the row of each cell in the mesh, and -1 where it is not added again
     if out.note:
-        places = [part.arrays[PLACE] for part in parts if PLACE in own and PLACE in part.arrays]
+        places = [part.arrays[PLACE] for part in parts if PLACE in extra and PLACE in part.arrays]
         if places and np.array_equal(np.sort(order := np.concatenate(places)), rows):
             rows = at = order.astype(np.int64)
         names = out.note.get("groups", ())
@@ -395,11 +395,11 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
         first = _first_of_equal(cells)
         rows = (np.cumsum(first == np.arange(n)) - 1)[first]
         at = np.where(first == np.arange(n), rows, -1)
-    given = [numbers_in(part.arrays, "cell", len(part.cells.types), out) for part in parts]
-    whole = [number for number in given if number is not None]
+    listed = [numbers_in(part.arrays, "cell", len(part.cells.types), out) for part in parts]
+    whole = [number for number in listed if number is not None]
     number = np.concatenate(whole) if len(whole) == len(parts) else None
     add_cells(out, cells, number, lambda message: source.error(message, "<Topology>"), at=at)
-    for name in dict.fromkeys(name for part in parts for name in part.arrays if name not in own):
+    for name in dict.fromkeys(name for part in parts for name in part.arrays if name not in extra):
         for part in reversed(parts):  # values of an earlier part count
             if name in part.arrays:
                 add_arrays(out, "cell", {name: part.arrays[name]}, rows[part.rows])
