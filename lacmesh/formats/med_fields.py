@@ -80,7 +80,7 @@ def _read_field(
             raise hdf5.error_at(field, f"has {width} components")
         on, known = ("node" if support == "NOE" else "cell"), supports[support]
         hdf5.check_room(field, out.size(on) * width * 4)  # where all get a value
-        rows = np.arange(known.start, known.stop)
+        rows: Ints = np.arange(known.start, known.stop)
         if hdf5.text(profile) not in ("", NO_PROFILE):
             rows = known.start - 1 + _profile(root, profile, len(known))
         array = hdf5.values(group, "CO", "iuf", len(rows) * width).reshape(width, len(rows)).T
