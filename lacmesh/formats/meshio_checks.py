@@ -70,7 +70,7 @@ class _Watched:
         return content
 
 
-class _Bytes(_Watched, io.BytesIO):
+class _Bytes(_Watched, io.BufferedReader):
     pass
 
 
@@ -87,10 +87,11 @@ def read_whole(read: Callable[..., Any], path: Path, name: str) -> Any:
     content = b"" if packed else path.read_bytes()
     if not packed:
         _check_end(path, name, content)
-    if name in _OF_TEXT and not packed:
-        mesh = read(_Text(_Bytes(content)), file_format=name)
+    if packed or name not in (*_OF_TEXT, *_OF_BYTES):
+        mesh = read(path, file_format=name)
     else:
-        mesh = read(_Bytes(content) if name in _OF_BYTES else path, file_format=name)
+        with _Bytes(io.FileIO(path)) as file:
+            mesh = read(_Text(file) if name in _OF_TEXT else file, file_format=name)
     counts = len(mesh.points), sum(len(block.data) for block in mesh.cells)
     for pattern, count, what in zip(_COUNTS.get(name, ()), counts, ("points", "cells"), strict=False):
         announced = sum(map(int, re.findall(pattern, content, re.MULTILINE)))

@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import LacmeshWarning, ReadError, check_installed, reading
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, check_installed, reading
 from lacmesh.formats.arrays import (
     NOTE,
     VtkCells,
@@ -234,12 +234,20 @@ def _read_by_pyvista(document: _Document, pieces: Sequence[XmlElement]) -> Mesh:
     check_installed("pyvista", "view", "a VTU file that is packed by LZ4")
     import pyvista
 
-    with pyvista.vtk_verbosity("off"):
-        grid = pyvista.read(document.path)
-    for name, n in (("NumberOfPoints", grid.n_points), ("NumberOfCells", grid.n_cells)):
+    try:
+        quiet = pyvista.vtk_verbosity("off"), warnings.catch_warnings()
+        with quiet[0], quiet[1], pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+            warnings.simplefilter("ignore")
+            grid = pyvista.read(document.path)
+        mesh = mesh_of_grid(document.path, grid)
+    except LacmeshError:
+        raise
+    except Exception as error:
+        raise document.error(f"cannot be read (VTK: {' '.join(str(error).split())[:160]})") from None
+    for name, n in (("NumberOfPoints", mesh.n_nodes), ("NumberOfCells", mesh.n_cells)):
         if n != sum(document.count(piece, name) for piece in pieces):
             raise document.error(f"cannot be read (VTK finds {n} as {name})")
-    return mesh_of_grid(document.path, grid)
+    return mesh
 
 
 def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, several: bool) -> set[str]:
