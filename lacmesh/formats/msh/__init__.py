@@ -12,7 +12,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from lacmesh.formats.msh.reader import LAYOUTS, read_format
-from lacmesh.formats.msh.source import MshSource
+from lacmesh.formats.msh.streams import MshSource
 from lacmesh.formats.msh.writer import write
 from lacmesh.mesh import Mesh
 

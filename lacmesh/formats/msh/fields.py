@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
 from lacmesh.formats.builder import MeshBuilder
-from lacmesh.formats.msh.names import quoted, safe_names
-from lacmesh.formats.msh.source import MshSource
+from lacmesh.formats.msh.streams import MshSource, quoted, safe_names
 from lacmesh.mesh import Floats, Ints, Step
 
 #: section -> what its rows are on

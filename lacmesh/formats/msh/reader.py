@@ -13,15 +13,16 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.formats.ids import Index
 from lacmesh.formats.msh import fields
-from lacmesh.formats.msh.names import physical_names, unnamed
-from lacmesh.formats.msh.source import MshSource
-from lacmesh.formats.notes import DAMAGED, boundary_of, integers, parse
+from lacmesh.formats.msh.streams import MshSource, physical_names, unnamed
+from lacmesh.formats.notes import DAMAGED, boundary_of, integers, noted_fields, parse
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag, places_of
 
 #: Versions that we read -> the layout they have.
 LAYOUTS = {"2": "2.2", "2.0": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}
 #: The section of our note: JSON text without a `$`, also in a binary file. gmsh passes it, and keeps it when it saves.
 NOTE = "LacMesh"
+#: Fields of a mesh in it.
+_FIELDS = ("name", "space_dim", "zones")
 #: gmsh's number of a type -> our name
 TYPE_NAMES = {cell.msh: name for name, cell in ALL_CELLS.items() if cell.msh is not None}
 #: What to say of a type that has no name.
@@ -108,7 +109,7 @@ class MshReader:
             for name, number in self._note.get(f"{on}_groups", {}).items():
                 out.group(on, name, number)
         steps = fields.add_to(out, source, [self._merged(rows) for rows in self._rows], self._note.get("fields", ()))
-        out.note = {key: self._note[key] for key in ("name", "space_dim", "zones") if key in self._note}
+        out.note = {key: self._note[key] for key in _FIELDS if key in self._note}
         return self._with_model(out.mesh(group_tags=group_tags, steps=steps))
 
     def error(self, section: str) -> Any:
@@ -178,8 +179,8 @@ class MshReader:
         by_number = [key for key in ("node_groups", "cell_groups", "extra_cells", "node_entity") if key in note]
         if by_number and (note["nodes"], note["cells"]) != counts:
             self.out.warnings.append(
-                f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file now "
-                f"has {counts[0]} and {counts[1]}: its node groups and further cells are left out"
+                f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file "
+                f"now has {counts[0]} and {counts[1]}: its node groups and further cells are left out"
             )
             for key in by_number:
                 del note[key]
@@ -276,7 +277,8 @@ def _read_note(source: MshSource) -> dict[str, Any]:
         note = parse(source.body(NOTE))
         if not note:
             return note
-        int(note["nodes"] + note["cells"])
+        integers([note["nodes"], note["cells"]])
+        noted_fields(Mesh.create(np.empty((0, 3)), []), {key: note[key] for key in _FIELDS if key in note})
         for key, of in (("groups", "tags"), ("node_groups", "nodes"), ("cell_groups", "cells")):
             given = note.get(key, {})
             if isinstance(given, list):  # of version 1

@@ -7,21 +7,20 @@ for each of them: such elements are made one cell again. We write it once, with 
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
-from numpy.typing import NDArray
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
 from lacmesh.formats.ids import repeated
-from lacmesh.formats.msh.output import Output, pieces, ragged_lines
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
+from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.writing import file_order
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.skin import label_rows
 
-#: Elements put together at a time.
-_WINDOW = 1 << 17
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
 _N_NODES = np.zeros(max(TYPE_NAMES) + 1, np.int64)
 _N_NODES[list(TYPE_NAMES)] = [ALL_CELLS[name].n_nodes for name in TYPE_NAMES.values()]
@@ -72,7 +71,7 @@ class Reader2(MshReader):
         source = self.source
         n = source.count("Elements")
         source.begin("Elements", integers=True)
-        table = source.rest()
+        table = source.rest().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
         found, end = _find(table, n, source.binary, _N_NODES, start, kind, n_tags)
@@ -219,65 +218,30 @@ def first_group(entities: Assignment) -> Ints:
 def _write_elements(
     out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
 ) -> None:
+    """Write the elements in the file's order, in runs of one type and one count of tags."""
     order = file_order(mesh)
-    lacking = [ALL_CELLS[b.type].msh is None for b in mesh.blocks]
-    if any(lacking):
-        order = order[~np.array(lacking)[np.searchsorted(mesh.offsets, order, side="right") - 1]]
-    tags = np.stack([first_group(entities), [e.tag for e in entities.entities]], axis=1)
+    block = np.searchsorted(mesh.offsets, order, side="right") - 1
+    kinds = np.array([ALL_CELLS[b.type].msh or 0 for b in mesh.blocks], np.int64)
+    here = kinds[block] > 0
+    order, block = order[here], block[here]
+    group, tag = first_group(entities), np.array([e.tag for e in entities.entities], np.int64)
+    parted = np.zeros(len(order), bool) if partition is None else partition[order] > 0
+    alike = 2 * block + parted
+    begin = np.flatnonzero(np.append(True, alike[1:] != alike[:-1])[: len(alike)])
     out.text(f"$Elements\n{len(order)}\n")
-    for part in pieces(len(order), _WINDOW):
-        cells = order[part]
-        block = np.searchsorted(mesh.offsets, cells, side="right") - 1
-        parted = np.zeros(len(cells), bool) if partition is None else partition[cells] > 0
-        rows = _Rows(mesh, block, parted, out.binary)
-        rows.put(0, cell_number[cells])
-        rows.put(rows.head, tags[entities.cell[cells], 0])
-        rows.put(rows.head + 1, tags[entities.cell[cells], 1])
-        if partition is not None:
-            rows.put(rows.head + 2, 1, parted)
-            rows.put(rows.head + 3, partition[cells[parted]], parted)
-        for b in np.unique(block).tolist():
-            here = block == b
-            nodes = mesh.blocks[b].nodes[cells[here] - mesh.offsets[b]]
-            for j in range(nodes.shape[1]):
-                rows.put(rows.head + rows.n_tags[here] + j, node_number[nodes[:, j]], here)
-        rows.write(out)
-    out.end("Elements")
-
-
-class _Rows:
-    """Elements of many lengths in one array; in binary a header stands before each run of elements alike."""
-
-    def __init__(self, mesh: Mesh, block: Ints, parted: NDArray[np.bool_], binary: bool) -> None:
-        self.n_tags = np.where(parted, 4, 2)
-        self.head = 1 if binary else 3
-        kind = np.array([ALL_CELLS[b.type].msh or 0 for b in mesh.blocks])[block]
-        size = self.head + self.n_tags + np.array([b.nodes.shape[1] for b in mesh.blocks])[block]
-        alike = kind * 8 + self.n_tags
-        begins = np.append(True, alike[1:] != alike[:-1]) if binary else np.zeros(len(block), bool)
-        end = np.cumsum(size + 3 * begins)
-        self.start = end - size
-        self.size = size
-        self.values = np.empty(end[-1], "<i4")
-        if binary:
-            run = np.flatnonzero(begins)
-            at = self.start[run] - 3
-            self.values[at] = kind[run]
-            self.values[at + 1] = np.diff(np.append(run, len(block)))
-            self.values[at + 2] = self.n_tags[run]
-        else:
-            self.put(1, kind)
-            self.put(2, self.n_tags)
-
-    def put(self, place: Ints | int, values: Ints | int, which: NDArray[np.bool_] | slice = slice(None)) -> None:
-        """Write values at a place in each row, or in some of the rows."""
-        self.values[self.start[which] + place] = values
-
-    def write(self, out: Output) -> None:
+    for a, b in pairwise([*begin.tolist(), len(order)]):
+        cells, k = order[a:b], int(block[a])
+        tags = [group[entities.cell[cells]], tag[entities.cell[cells]]]
+        if parted[a] and partition is not None:
+            tags += [np.ones(b - a, np.int64), partition[cells]]
+        nodes = node_number[mesh.blocks[k].nodes[cells - mesh.offsets[k]]]
         if out.binary:
-            out.array(self.values)
+            out.record("3i", kinds[k], b - a, len(tags))
+            out.array(np.column_stack([cell_number[cells], *tags, nodes]).astype("<i4"))
         else:
-            out.text(ragged_lines(self.size.tolist(), self.values.tolist()))
+            head = np.broadcast_to([kinds[k], len(tags)], (b - a, 2))
+            out.int_rows(np.column_stack([cell_number[cells], head, *tags, nodes]))
+    out.end("Elements")
 
 
 def _write_periodic(out: Output, mesh: Mesh, node_number: Ints) -> None:

@@ -15,9 +15,8 @@ from lacmesh.formats.entities import Assignment, assign
 from lacmesh.formats.ids import repeated
 from lacmesh.formats.msh import version2, version4
 from lacmesh.formats.msh.fields import SECTIONS, field_rows
-from lacmesh.formats.msh.names import safe_names, unnamed
-from lacmesh.formats.msh.output import Output
 from lacmesh.formats.msh.reader import LARGEST_TAG, NOTE
+from lacmesh.formats.msh.streams import Output, safe_names, unnamed
 from lacmesh.formats.notes import dump, in_lines
 from lacmesh.mesh import Ints, Mesh, Tag
 
@@ -61,6 +60,8 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
                 out.end(section)
                 note["fields"] += [field] if field else []
         note |= _by_number(mesh, entities, nodes, cells, msh)
+        further = [name for name in note.get("cell_groups", ()) if _nameless(name, entities.group_tags[name])]
+        note["groups"] |= {name: entities.group_tags[name] for name in further}
         note = {key: value for key, value in note.items() if len(value)}
         text = dump(mesh, "name", "space_dim", "zones", **note)
         if text:

@@ -1,4 +1,4 @@
-"""Bytes of a msh file: its sections, and their numbers, which are taken alike from text and from binary files.
+"""Bytes of a msh file, read and written: its sections, and their numbers, alike in text and in binary files.
 
 A section is `$Name`, its content, `$EndName`. The content is text, or, in a binary file, numbers of fixed sizes that
 only their own counts delimit; section names and lines of text stay text.
@@ -7,19 +7,26 @@ only their own counts delimit; section names and lines of text stay text.
 from __future__ import annotations
 
 import re
+import struct
+from collections.abc import Iterable
+from itertools import chain
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError
+from lacmesh.formats.ids import CHUNK
 from lacmesh.formats.source import SourceFile
-from lacmesh.formats.text import bad_line, parsed
-from lacmesh.mesh import Floats, Ints
+from lacmesh.formats.text import bad_line, decoded, parsed
+from lacmesh.mesh import Floats, Ints, Tag
 
 #: kind of a number -> numpy's type of it in a binary file: int, size_t (2^63 and more come out negative) and double
 _BINARY = {"int": "i4", "size": "i8", "real": "f8"}
 #: integers from here on are not all kept as the reals that a text is read as
 _TOO_LARGE = 2.0**53
+#: bytes of a name; gmsh cuts at 128 when it saves
+_LONGEST = 120
 
 
 class MshSource(SourceFile):
@@ -178,3 +185,122 @@ class MshSource(SourceFile):
         self.position = at
         if at >= self.size or self.line().rstrip() != f"$End{name}".encode():
             raise self.error(f"the section ${name} should end here", at)
+
+
+class Output:
+    """A msh file that is being written; floats in ASCII are the shortest that read back the same."""
+
+    def __init__(self, file: BinaryIO, binary: bool) -> None:
+        self.file = file
+        self.binary = binary
+
+    def text(self, text: str) -> None:
+        """Write text unchanged, in ASCII and binary files."""
+        self.file.write(text.encode())
+
+    def array(self, array: NDArray) -> None:
+        """Write the bytes of an array unchanged; for binary files."""
+        self.file.write(np.ascontiguousarray(array).data)
+
+    def end(self, name: str) -> None:
+        """Write the line that ends a section."""
+        self.text(f"\n$End{name}\n" if self.binary else f"$End{name}\n")
+
+    def record(self, layout: str, *values: float) -> None:
+        """Write a few numbers: a line, or, in binary, bytes in the `layout` of the module struct."""
+        if self.binary:
+            self.file.write(struct.pack("<" + layout, *values))
+        else:
+            self.text(" ".join(map(str, values)) + "\n")
+
+    def int_rows(self, rows: Ints) -> None:
+        """Write rows of integers (n, m), of 8 bytes in binary."""
+        if self.binary:
+            self.array(rows.astype("<i8", copy=False))
+        else:
+            self._lines("%d", [rows[:, j] for j in range(rows.shape[1])])
+
+    def real_rows(self, rows: Floats) -> None:
+        """Write rows of doubles (n, m)."""
+        if self.binary:
+            self.array(rows.astype("<f8", copy=False))
+        else:
+            self._lines("%r", [rows[:, j] for j in range(rows.shape[1])])
+
+    def numbered_rows(self, number: Ints, values: Floats) -> None:
+        """Write rows of a number, of 4 bytes in binary, and doubles (n, m)."""
+        if not self.binary:
+            self._lines("%r", [number, *(values[:, j] for j in range(values.shape[1]))])
+            return
+        record = np.dtype([("number", "<i4"), ("values", "<f8", (values.shape[1],))])
+        for a in range(0, len(number), CHUNK):
+            rows = np.empty(len(number[a : a + CHUNK]), record)
+            rows["number"], rows["values"] = number[a : a + CHUNK], values[a : a + CHUNK]
+            self.array(rows)
+
+    def _lines(self, form: str, columns: list[Ints | Floats]) -> None:
+        line = " ".join([form] * len(columns)) + "\n"
+        for a in range(0, len(columns[0]), CHUNK):
+            part = [c[a : a + CHUNK].tolist() for c in columns]
+            self.text(line * len(part[0]) % tuple(chain.from_iterable(zip(*part, strict=True))))
+
+
+# ---- names: between double quotes, on one line; the true ones are kept in our note. gmsh (4.15) reads a line of 255
+# bytes, takes the text before the second quote, and rejects the whole file if a line is longer
+
+
+def quoted(line: bytes) -> str:
+    """Text between the first and the last quote of a line; the whole line if there are not two quotes."""
+    between = re.search(rb'"(.*)"', line)
+    return decoded(between[1] if between else line.strip().strip(b'"'))
+
+
+def safe_names(names: Iterable[str]) -> dict[str, str]:
+    """Name in the file for each name: without quotes and control characters, not too long, distinct and not empty.
+
+    >>> safe_names(["slave", 'a "b"', "a 'b'"])
+    {'slave': 'slave', 'a "b"': "a 'b'~2", "a 'b'": "a 'b'"}
+    """
+    names = list(dict.fromkeys(names))
+    safe = {name: _safe(name) for name in names}
+    taken = {name for name in names if safe[name] == name}
+    for name in names:
+        if safe[name] != name:
+            stem, k = safe[name], 2
+            while safe[name] in taken:
+                safe[name], k = f"{stem}~{k}", k + 1
+            taken.add(safe[name])
+    return safe
+
+
+def _safe(name: str) -> str:
+    short = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\ud800-\udfff]", "_", name).replace('"', "'")
+    short = short.encode()[:_LONGEST].decode("utf-8", "ignore")
+    return short or "_"
+
+
+def physical_names(source: MshSource) -> list[tuple[int | None, int, str]]:
+    """Read (dimension, tag, name) of each line of $PhysicalNames; msh 2.0 has no dimension. Raises ReadError."""
+    n = source.count("PhysicalNames")
+    start = source.position
+    lines = [line for line in source.body("PhysicalNames").splitlines() if line.strip()]
+    if len(lines) != n:
+        raise source.error(f"{n} names should follow here, and there are {len(lines)}", start)
+    pattern = re.compile(rb'\s*(\d{1,9})\s+"' if source.version == "2.0" else rb'\s*([0-3])\s+(-?\d{1,9})\s+"')
+    names: list[tuple[int | None, int, str]] = []
+    for line in lines:
+        match = pattern.match(line)
+        if match is None:
+            raise source.error(f"{decoded(line)[:60]!r} should be a dimension, a tag and a name in quotes", start)
+        numbers = [int(g) for g in match.groups()]
+        names.append((None if len(numbers) == 1 else numbers[0], abs(numbers[-1]), quoted(line)))
+    return names
+
+
+def unnamed(tag: Tag) -> str:
+    """The key of a physical group that has no name.
+
+    >>> unnamed((2, 5))
+    '2:5'
+    """
+    return f"{tag[0]}:{tag[1]}"
