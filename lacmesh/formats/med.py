@@ -320,7 +320,8 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
     n = mesh.n_nodes
     nodes = hdf5.add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
-    hdf5.add_array(nodes, "COO", mesh.points[:, : 2 if is_plane(mesh) else 3].T.astype(float).reshape(-1), CGT=1, NBR=n)
+    points = np.ascontiguousarray(mesh.points[:, : 2 if is_plane(mesh) else 3].T, float)
+    hdf5.add_array(nodes, "COO", points.reshape(-1), CGT=1, NBR=n)
     hdf5.add_array(nodes, "FAM", family, CGT=1, NBR=n)
     hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
 
@@ -328,8 +329,8 @@ def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
 def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here: Ints, family: Ints) -> None:
     n = len(nodes)
     listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
-    listed[:] = nodes.T[list(kind.nodes)]
-    listed += 1
+    for row, place in zip(listed, kind.nodes, strict=True):
+        np.add(nodes[:, place], 1, out=row, casting="unsafe")
     part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
     hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
     hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)

@@ -201,19 +201,17 @@ def _chosen(cells: VtkCells, rows: Ints) -> VtkCells:
 def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:
     """Topology of a grid: a table of nodes for cells of one type, else a mixture with the type number of each cell."""
     width = np.diff(cells.ends, prepend=0)
-    kinds = {
-        (number, n): XDMF_CELLS[VTK_BY_NUMBER[number, n].type]
-        for number, n in np.unique(np.stack([cells.types, width], axis=1), axis=0).tolist()
-    }
+    codes = np.flatnonzero(np.bincount(cells.types * np.int64(256) + width)).tolist()
+    kinds = {divmod(code, 256): XDMF_CELLS[VTK_BY_NUMBER[divmod(code, 256)].type] for code in codes}
     nodes = cells.connectivity.astype(np.int64)
     if len(kinds) < 2:
         name, n = next(((kind.name, n) for (_, n), kind in kinds.items()), ("Polyvertex", 1))
         head = f'TopologyType="{name}" NumberOfElements="{len(width)}" NodesPerElement="{n}"'
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', nodes.reshape(-1, n))}</Topology>\n"
-    codes = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
+    table = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
     for (number, _), kind in kinds.items():
-        codes[number] = kind.number, kind.counted
-    of_cell, first = codes[cells.types], cells.ends - width
+        table[number] = kind.number, kind.counted
+    of_cell, first = table[cells.types], cells.ends - width
     counted = np.flatnonzero(of_cell[:, 1])
     at = np.concatenate([first, first[counted]])
     flat = np.insert(nodes, at, np.concatenate([of_cell[:, 0], width[counted]]))
