@@ -370,7 +370,7 @@ TABLE = (
     one_type(
         "avsucd",
         "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5",
-        keeps="node_number cell_number field vector gap entity",
+        keeps="group overlap empty nodes node_number cell_number field vector gap entity",
     ),
     one_type("dolfin-xml", "TRIA3 TETRA4"),
     mixed("exodus", LINEAR),
@@ -382,6 +382,8 @@ TABLE = (
     one_type("off", "TRIA3"),
     mixed("permas", LINEAR),
     one_type("su2", "TETRA4 HEXA8 PENTA6 PYRAM5", loses="", refuses="plane flat"),
-    one_type("tecplot", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8", keeps="node_number cell_number field gap"),
+    one_type(
+        "tecplot", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8", keeps="group overlap empty nodes node_number cell_number field gap"
+    ),
 )
 assert [row.form for row in TABLE if not row.options] == [form.name for form in FORMATS]
