@@ -39,24 +39,24 @@ TARGETS: Mapping[str, str] = {
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 
 
-def element(cell_type: str, target: str, plane: bool = False) -> str | None:
+def element(kind: str, target: str, plane: bool = False) -> str | None:
     """Name that a target has for a cell of type `kind`, None if it has none; `plane`: in a plane mesh.
 
     >>> element("HEXA8", "calculix"), element("PYRAM5", "calculix"), element("TRIA3", "calculix", plane=True)
     ('C3D8', None, 'CPS3')
     """
     if target == "gmsh":
-        number = ALL_CELLS[cell_type].msh
+        number = ALL_CELLS[kind].msh
         return None if number is None else str(number)
     if target == "aster":
-        return MED_CELLS[cell_type].name if cell_type in MED_CELLS else None
+        return MED_CELLS[kind].name if kind in MED_CELLS else None
     if target == "fenics":
-        return XDMF_CELLS[cell_type].name if cell_type in _FENICS else None
-    if cell_type not in CELLS:
+        return XDMF_CELLS[kind].name if kind in _FENICS else None
+    if kind not in CELLS:
         return None
     if target == "lacsolver":
-        return cell_type if CELLS[cell_type].dim else None
-    return card(cell_type, target, "CPS" if plane else None, skin=False)
+        return kind if CELLS[kind].dim else None
+    return card(kind, target, "CPS" if plane else None, skin=False)
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:
@@ -68,11 +68,11 @@ def refused(mesh: Mesh, target: str) -> dict[str, int]:
     if target not in TARGETS:
         raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
     lowest = {"gmsh": 0, "aster": 0, "fenics": mesh.dim - 1}.get(target, mesh.dim)
-    asked = {cell_type: n for cell_type, n in mesh.cells_by_type.items() if ALL_CELLS[cell_type].dim >= lowest}
-    wrong = {cell_type: n for cell_type, n in asked.items() if element(cell_type, target, mesh.space_dim == 2) is None}
+    cells = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim >= lowest}
+    wrong = {kind: n for kind, n in cells.items() if element(kind, target, mesh.space_dim == 2) is None}
     if target == "fenics" and not wrong:
         for dim in (mesh.dim, mesh.dim - 1):
-            mixed = {cell_type: n for cell_type, n in asked.items() if ALL_CELLS[cell_type].dim == dim}
+            mixed = {kind: n for kind, n in cells.items() if ALL_CELLS[kind].dim == dim}
             if len(mixed) > 1:
                 return mixed
     return wrong

@@ -51,10 +51,10 @@ class Arrays(NamedTuple):
         return notes.dump(mesh, *fields, names=self.names, shapes=self.shapes, of="lacmesh", **more)
 
 
-def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> Arrays:
+def to_arrays(mesh: Mesh, left_out: list[str], tidy: Callable[[str], str] = str) -> Arrays:
     """Numbers, groups and data of a mesh as arrays on cells and nodes; `tidy` makes a name legal in the format.
 
-    Data that cannot be an array of numbers are left out, with a message in `said`.
+    Data that cannot be an array of numbers are left out, with a message in `left_out`.
     """
     arrays = Arrays({}, {}, {"cell": {}, "node": {}}, {"cell": {}, "node": {}})
     for on, groups, data, number, named in (
@@ -66,30 +66,32 @@ def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> 
             inside = np.zeros(len(number), np.uint8)
             inside[members] = 1
             named[_unique(GROUP, name, tidy, named, arrays.names[on])] = inside
-        for name, given in data.items():
-            values = _storable(given)
+        for name, original in data.items():
+            values = _storable(original)
             if values is None:
-                said.append(f"data {name!r} ({np.asarray(given).dtype}, shape {np.shape(given)}) are left out")
+                left_out.append(
+                    f"data {name!r} ({np.asarray(original).dtype}, shape {np.shape(original)}) are left out"
+                )
                 continue
             key = _unique("data:" if name.startswith(GROUP) else "", name, tidy, named, arrays.names[on])
             named[key] = values
-            if np.shape(given)[1:] != values.shape[1:] or np.shape(given)[1:] == (1,):
-                arrays.shapes[on][key] = list(np.shape(given)[1:])
+            if np.shape(original)[1:] != values.shape[1:] or np.shape(original)[1:] == (1,):
+                arrays.shapes[on][key] = list(np.shape(original)[1:])
     return arrays
 
 
-def _unique(prefix: str, name: str, tidy: Callable[[str], str], taken: Container[str], names: dict[str, str]) -> str:
+def _unique(prefix: str, name: str, tidy: Callable[[str], str], known: Container[str], names: dict[str, str]) -> str:
     """Unused name for an array; if it differs from the prefix and the name, `names` maps it to the original name."""
     key = prefix + tidy(name)
-    key = next(k for k in chain([key], (f"{key}_{n}" for n in count(2))) if k and k not in taken)
+    key = next(k for k in chain([key], (f"{key}_{n}" for n in count(2))) if k and k not in known)
     if key != prefix + name or prefix == "data:":
         names[key] = name
     return key
 
 
-def _storable(given: NDArray) -> NDArray | None:
+def _storable(original: NDArray) -> NDArray | None:
     """Data as native integers or reals, (n,) or (n, m); None if no array of a file can hold them."""
-    values = np.asarray(given)
+    values = np.asarray(original)
     if values.dtype.kind not in "fiub" or 0 in values.shape[1:]:
         return None
     if values.dtype.kind == "b":
@@ -177,15 +179,15 @@ def with_tag_groups(mesh: Mesh, out: MeshBuilder, arrays: Container[str]) -> Mes
     """Return a mesh without groups with those of its tags, and a LacmeshWarning; lacmesh's own files have names."""
     if out.note or mesh.cell_groups or NUMBER["cell"] in arrays:
         return mesh
-    said: list[str] = []
-    groups, tags = groups_of_tags(mesh.cell_dim, mesh.cell_data, said)
-    for message in said:
+    left_out: list[str] = []
+    groups, tags = groups_of_tags(mesh.cell_dim, mesh.cell_data, left_out)
+    for message in left_out:
         warnings.warn(LacmeshWarning(f"{out.path}: {message}"), stacklevel=4)
     return replace(mesh, cell_groups=groups, group_tags=tags)
 
 
 def groups_of_tags(
-    dims: Ints, data: Mapping[str, NDArray], said: list[str]
+    dims: Ints, data: Mapping[str, NDArray], left_out: list[str]
 ) -> tuple[dict[str, Ints], dict[str, tuple[Tag, ...]]]:
     """Return groups of cells that have the same tag, an integer >= 0, and the dimension and tag of each group.
 
@@ -193,10 +195,10 @@ def groups_of_tags(
     some dimension differ. A group has its number as its name; `2:5`, its dimension and number, where others have that
     number too.
 
-    >>> said = []
-    >>> groups_of_tags(np.array([3, 3, 3, 3, 2, 2]), {"tags": np.array([1, 1, 4, 4, 7, 7])}, said)[1]
+    >>> left_out = []
+    >>> groups_of_tags(np.array([3, 3, 3, 3, 2, 2]), {"tags": np.array([1, 1, 4, 4, 7, 7])}, left_out)[1]
     {'7': ((2, 7),), '1': ((3, 1),), '4': ((3, 4),)}
-    >>> said
+    >>> left_out
     ["no group has a name in this file: the tags 'tags' are groups, named by their numbers (7, 1, 4)"]
     """
     tagged: list[tuple[str, Tag, Ints]] = []
@@ -220,7 +222,7 @@ def groups_of_tags(
     if tagged:
         arrays = listed([repr(array) for array in dict.fromkeys(array for array, _, _ in tagged)], "and")
         message = f"no group has a name in this file: the tags {arrays} are groups, named by their numbers"
-        said.append(f"{message} ({first_of(groups, 10)})")
+        left_out.append(f"{message} ({first_of(groups, 10)})")
     return groups, group_tags
 
 
@@ -309,10 +311,12 @@ def mesh_of_grid(path: Path, grid: Any) -> Mesh:
         out.read_note(note.tobytes() if note.dtype == np.uint8 else str(note[0]))
     arrays = {}
     for on, data in (("node", grid.point_data), ("cell", grid.cell_data)):
-        given = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
-        kinds = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in given.items()}
+        everything = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
+        kinds = {
+            name: values.astype(np.uint8) if values.dtype == bool else values for name, values in everything.items()
+        }
         arrays[on] = {name: values for name, values in kinds.items() if values.dtype.kind in "iuf"}
-        left = [name for name in given if name not in arrays[on]]
+        left = [name for name in everything if name not in arrays[on]]
         out.warnings += [f"{on} data {', '.join(map(repr, left))} are no numbers, they are left out"] if left else []
     out.nodes(numbers_in(arrays["node"], "node", grid.n_points, out), np.asarray(grid.points, float))
     offsets = grid.cell_offsets if hasattr(grid, "cell_offsets") else grid.offset

@@ -66,7 +66,7 @@ def to_meshio(mesh: Mesh) -> Any:
     """
     meshio, arrays = needed(), to_arrays(mesh, [])
     bounds = list(pairwise(mesh.offsets))
-    given = meshio.Mesh(
+    foreign = meshio.Mesh(
         mesh.points.copy(),
         [_block(meshio, b.type, b.nodes[:, meshio_nodes(b.type)]) for b in mesh.blocks],
         point_data={name: v for name, v in arrays.node.items() if not name.startswith(GROUP)},
@@ -74,8 +74,9 @@ def to_meshio(mesh: Mesh) -> Any:
         point_sets={name: nodes.copy() for name, nodes in mesh.node_groups.items()},
         cell_sets={n: [c[(c >= a) & (c < b)] - a for a, b in bounds] for n, c in mesh.cell_groups.items()},
     )
-    given.info = {_INFO: arrays.note(mesh, file_order=mesh.file_order)}
-    return given
+    order = None if mesh.file_order is None else mesh.file_order.tolist()
+    foreign.info = {_INFO: arrays.note(mesh, file_order=order)}
+    return foreign
 
 
 def _block(meshio: Any, kind: str, nodes: Ints) -> Any:
@@ -88,7 +89,7 @@ def _block(meshio: Any, kind: str, nodes: Ints) -> Any:
         return block
 
 
-def from_meshio(given: Any) -> Mesh:
+def from_meshio(foreign: Any) -> Mesh:
     """The mesh of a `meshio.Mesh`; sets are groups, and so are gmsh's physical groups where there are no sets.
 
     Raises DataError for cells that lacmesh lacks (polygons, polyhedra) and for arrays that do not fit.
@@ -99,49 +100,49 @@ def from_meshio(given: Any) -> Mesh:
     {'QUAD4': 1}
     """
     try:
-        return _mesh(given, Path("meshio"))
+        return _mesh(foreign, Path("meshio"))
     except ReadError as error:
         raise DataError(f"this meshio mesh cannot be used: {error.reason}") from error
     except (ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
         raise DataError(f"this meshio mesh cannot be used: {error}") from error
 
 
-def _mesh(given: Any, path: Path) -> Mesh:
+def _mesh(foreign: Any, path: Path) -> Mesh:
     """The mesh of a `meshio.Mesh`. Raises ReadError, DataError, and what numpy raises on arrays that do not fit."""
     out = MeshBuilder(path, rows_from=0)
-    for block in given.cells:
+    for block in foreign.cells:
         if block.type not in _OF_NAME:
             raise DataError(f"cells of meshio's type {block.type!r} are not read")
-    starts = np.cumsum([0, *(len(block.data) for block in given.cells)]).tolist()
-    n, rows = len(given.points), _places_in_file(given, starts[-1], out)
+    starts = np.cumsum([0, *(len(block.data) for block in foreign.cells)]).tolist()
+    n, rows = len(foreign.points), _places_in_file(foreign, starts[-1], out)
     on_cells = _native(
-        {name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in given.cell_data.items()}
+        {name: np.concatenate([np.asarray(v) for v in parts]) for name, parts in foreign.cell_data.items()}
     )
-    on_nodes = _native({name: np.asarray(values) for name, values in given.point_data.items()})
-    out.nodes(numbers_in(on_nodes, "node", n, out), np.asarray(given.points, float))
+    on_nodes = _native({name: np.asarray(values) for name, values in foreign.point_data.items()})
+    out.nodes(numbers_in(on_nodes, "node", n, out), np.asarray(foreign.points, float))
     number = numbers_in(on_cells, "cell", starts[-1], out)
-    for block, (first, last) in zip(given.cells, pairwise(starts), strict=True):
+    for block, (first, last) in zip(foreign.cells, pairwise(starts), strict=True):
         kind, listed = _OF_NAME[block.type], np.asarray(block.data)
         nodes = np.empty(listed.shape, np.int64)
         nodes[:, meshio_nodes(kind)] = listed
         out.cells(kind, None if number is None else number[first:last], nodes, at=rows[first:last])
-    for name, parts in given.cell_sets.items():
+    for name, parts in foreign.cell_sets.items():
         if not name.startswith("gmsh:"):
             out.group("cell", name, rows[concatenated(_members(m) + a for m, a in zip(parts, starts, strict=False))])
-    for name, nodes in given.point_sets.items():
+    for name, nodes in foreign.point_sets.items():
         out.group("node", name, _members(nodes))
     tags: dict[str, tuple[Tag, ...]] = {}
-    if _PHYSICAL in on_cells and all(name.startswith("gmsh:") for name in given.cell_sets):
-        tags = _physical_groups(given, on_cells.pop(_PHYSICAL), rows, out)
+    if _PHYSICAL in on_cells and all(name.startswith("gmsh:") for name in foreign.cell_sets):
+        tags = _physical_groups(foreign, on_cells.pop(_PHYSICAL), rows, out)
     add_arrays(out, "cell", on_cells, rows)
     add_arrays(out, "node", on_nodes)
     return with_tag_groups(out.mesh(group_tags=tags), out, on_cells)
 
 
-def _places_in_file(given: Any, n_cells: int, out: MeshBuilder) -> Ints:
+def _places_in_file(foreign: Any, n_cells: int, out: MeshBuilder) -> Ints:
     """Read the note, from the info or, of a VTU file, the field data; return the places of the cells in the file."""
-    info = given.info if isinstance(given.info, dict) else {}
-    in_file = np.asarray(given.field_data.get(_INFO, ()))
+    info = foreign.info if isinstance(foreign.info, dict) else {}
+    in_file = np.asarray(foreign.field_data.get(_INFO, ()))
     text = str(info[_INFO]) if _INFO in info else in_file.tobytes() if in_file.dtype == np.uint8 else ""
     if text:
         out.read_note(text)
@@ -155,11 +156,11 @@ def _native(arrays: Mapping[str, NDArray]) -> dict[str, NDArray]:
     return {n: v.astype(v.dtype.newbyteorder("="), copy=False) if v.dtype.kind in "iuf" else v for n, v in flat.items()}
 
 
-def _physical_groups(given: Any, physical: NDArray, rows: Ints, out: MeshBuilder) -> dict[str, tuple[Tag, ...]]:
+def _physical_groups(foreign: Any, physical: NDArray, rows: Ints, out: MeshBuilder) -> dict[str, tuple[Tag, ...]]:
     """Add gmsh's physical groups, a tag for each cell; return the tags of each group."""
-    sizes = [len(block.data) for block in given.cells]
-    dims = np.repeat([ALL_CELLS[_OF_NAME[block.type]].dim for block in given.cells], sizes)
-    names = {(int(dim), int(tag)): name for name, (tag, dim) in given.field_data.items()}
+    sizes = [len(block.data) for block in foreign.cells]
+    dims = np.repeat([ALL_CELLS[_OF_NAME[block.type]].dim for block in foreign.cells], sizes)
+    names = {(int(dim), int(tag)): name for name, (tag, dim) in foreign.field_data.items()}
     tags: dict[str, tuple[Tag, ...]] = {}
     for dim, tag in np.unique(np.stack([dims, physical.astype(np.int64)], axis=1), axis=0).tolist():
         if tag > 0:
@@ -188,15 +189,15 @@ def read(path: Path, name: str) -> Mesh:
         return exodus.read(path)
     printed: list[str] = []
     way = f"; {GMSH_CAN}" if name == "nastran" else ""
-    given = _guarded(lambda: read_whole(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
+    foreign = _guarded(lambda: read_whole(meshio.read, path, name), lambda why: ReadError(path, why + way), printed)
     if name == "vtk":
         printed = [*map(_with_type_names, printed), *_colours(path)]
-    said = "; ".join(printed)
-    if said and not any(len(block.data) for block in given.cells):
+    messages = "; ".join(printed)
+    if messages and not any(len(block.data) for block in foreign.cells):
         hint = " (.vtu is read by lacmesh itself, with more types of cells)" if name == "vtk" else ""
-        raise ReadError(path, f"has no cells as meshio reads it ({said}); use another format{hint}")
+        raise ReadError(path, f"has no cells as meshio reads it ({messages}); use another format{hint}")
     try:
-        mesh = _mesh(_as_ours(given, name), path)
+        mesh = _mesh(_as_ours(foreign, name), path)
     except ReadError:
         raise
     except (LacmeshError, ValueError, KeyError, IndexError, TypeError, AttributeError) as error:
@@ -204,8 +205,8 @@ def read(path: Path, name: str) -> Mesh:
     odd = misplaced_mid_nodes(mesh)
     if odd:
         raise ReadError(path, f"has mid-nodes far from their edges as meshio reads {name} ({odd}); use another format")
-    if said:
-        warnings.warn(f"{path.name} as meshio reads it: {said}", LacmeshWarning, stacklevel=3)
+    if messages:
+        warnings.warn(f"{path.name} as meshio reads it: {messages}", LacmeshWarning, stacklevel=3)
     return mesh
 
 
@@ -220,8 +221,8 @@ def write(path: Path, mesh: Mesh, *, name: str) -> None:
             message = f"cells of type {kind} (the mesh has {n}) are not written as {name}"
             raise WriteError(path, f"{message}; write .vtu, .med or .msh")
     # writers fail on blocks of no cells, which a cut leaves of a type that it replaced
-    given = _with_arrays(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
-    _guarded(lambda: meshio.write(path, given, file_format=name), lambda why: WriteError(path, why), disk=path)
+    foreign = _with_arrays(replace(mesh, blocks=tuple(b for b in mesh.blocks if len(b.nodes))), name)
+    _guarded(lambda: meshio.write(path, foreign, file_format=name), lambda why: WriteError(path, why), disk=path)
     reread = lambda: _mesh(_as_ours(meshio.read(path, file_format=name), name), path)  # noqa: E731
     back = _guarded(reread, lambda why: WriteError(path, why))
     where = match(mesh, back)
@@ -235,15 +236,15 @@ def write(path: Path, mesh: Mesh, *, name: str) -> None:
 
 def _with_arrays(mesh: Mesh, name: str) -> Any:
     """Return a mesh for meshio, with data and groups as arrays if the format keeps arrays, or else the cells alone."""
-    given = to_meshio(mesh)
-    given.cell_sets, given.point_sets, given.cell_data, given.point_data = {}, {}, {}, {}
+    foreign = to_meshio(mesh)
+    foreign.cell_sets, foreign.point_sets, foreign.cell_data, foreign.point_data = {}, {}, {}, {}
     if name in _WITH_ARRAYS:
         quoted = lambda text: quote(text, safe=_PLAIN)  # noqa: E731, VTK's files allow no blanks in names
         arrays = to_arrays(mesh, [], quoted if name == "vtk" else lambda text: "_".join(text.split()))
         for key, values in arrays.cell.items():
-            given.cell_data[key] = [_number_type(values[a:b], name) for a, b in pairwise(mesh.offsets)]
-        given.point_data = {key: _number_type(values, name) for key, values in arrays.node.items()}
-    return _turn_wedges(given, name)
+            foreign.cell_data[key] = [_number_type(values[a:b], name) for a, b in pairwise(mesh.offsets)]
+        foreign.point_data = {key: _number_type(values, name) for key, values in arrays.node.items()}
+    return _turn_wedges(foreign, name)
 
 
 def _number_type(values: NDArray, name: str) -> NDArray:
@@ -254,13 +255,13 @@ def _number_type(values: NDArray, name: str) -> NDArray:
     return values.astype(np.int64) if wide else values
 
 
-def _as_ours(given: Any, name: str) -> Any:
+def _as_ours(foreign: Any, name: str) -> Any:
     """Convert, in place, what differs in a VTK file: the node order of wedges, encoded names, the pairs in `entity`."""
     if name == "vtk":
-        _turn_wedges(given, name)
-        given.cell_data = {unquote(k): _pairs(v) if k == "entity" else v for k, v in given.cell_data.items()}
-        given.point_data = {unquote(k): _pairs([v])[0] if k == "entity" else v for k, v in given.point_data.items()}
-    return given
+        _turn_wedges(foreign, name)
+        foreign.cell_data = {unquote(k): _pairs(v) if k == "entity" else v for k, v in foreign.cell_data.items()}
+        foreign.point_data = {unquote(k): _pairs([v])[0] if k == "entity" else v for k, v in foreign.point_data.items()}
+    return foreign
 
 
 def _pairs(parts: list[NDArray]) -> list[NDArray]:
@@ -269,12 +270,12 @@ def _pairs(parts: list[NDArray]) -> list[NDArray]:
     return [v[:, :2] for v in parts] if added else parts
 
 
-def _turn_wedges(given: Any, name: str) -> Any:
+def _turn_wedges(foreign: Any, name: str) -> Any:
     """Undo, in place, meshio's reordering of VTK's linear wedges, which gives them negative volumes in VTK."""
-    for block in given.cells if name == "vtk" else ():
+    for block in foreign.cells if name == "vtk" else ():
         if block.type == "wedge":
             block.data = block.data[:, [0, 2, 1, 3, 5, 4]]
-    return given
+    return foreign
 
 
 def _with_type_names(word: str) -> str:

@@ -89,8 +89,8 @@ def _mesh(path: Path, file: Any) -> Mesh:
     number = _numbers(file, "elem_num_map", starts[-1], sum(len(face.nodes) for face in faces))
     for part, name in [*zip(blocks, names, strict=True), *((face, None) for face in faces)]:
         first = out.size("cell")
-        own = None if number is None else number[first : first + len(part.nodes)]
-        out.cells(part.type, own, part.nodes, groups=() if name is None else (name,))
+        numbers = None if number is None else number[first : first + len(part.nodes)]
+        out.cells(part.type, numbers, part.nodes, groups=() if name is None else (name,))
     for name, members in sets.items():
         out.group("cell", name, members)
     node_sets = _numbered(file, "node_ns")
@@ -118,18 +118,18 @@ def _numbered(file: Any, stem: str) -> list[str]:
 def _block(path: Path, file: Any, name: str, n_points: int) -> _Part:
     """Return the cells of an element block. Raises ReadError for types that are not read."""
     variable = file[name]
-    given, title = _indices(path, variable[:], n_points, name), str(variable.elem_type).strip("\0 ").upper()
+    rows, title = _indices(path, variable[:], n_points, name), str(variable.elem_type).strip("\0 ").upper()
     family = next((ours for theirs, ours in _FAMILIES.items() if title.startswith(theirs)), "")
-    if title.startswith("SHELL") and given.shape[1] in (3, 6, 7):
+    if title.startswith("SHELL") and rows.shape[1] in (3, 6, 7):
         family = "TRIA"
-    kind = f"{family}{given.shape[1]}"
+    kind = f"{family}{rows.shape[1]}"
     if kind not in CELLS:
-        raise ReadError(path, f"has cells of type {title} with {given.shape[1]} nodes, which are not read", name)
+        raise ReadError(path, f"has cells of type {title} with {rows.shape[1]} nodes, which are not read", name)
     cell = CELLS[kind]
     theirs = [*((str(k),) for k in range(cell.n_corners)), *map(tuple, _MIDDLES.get(family, ()))]
     order = [theirs.index(tuple(map(str, corners))) for corners in map(sorted, cell.corners_of_node)]
     shell = cell.dim == 2 and len(file.dimensions["num_dim"]) == 3
-    return _Part(kind, given[:, order], shell)
+    return _Part(kind, rows[:, order], shell)
 
 
 def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
@@ -140,8 +140,8 @@ def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
     return indices
 
 
-def _names(file: Any, stem: str, n: int, taken: Container[str]) -> list[str]:
-    """Return names of n blocks or sets; a number for one without a name, with what it is of where that is taken."""
+def _names(file: Any, stem: str, n: int, known: Container[str]) -> list[str]:
+    """Return names of n blocks or sets; of one without a name its number, with what it is where others have that."""
     names = [""] * n
     if f"{stem}_names" in file.variables:
         rows = file[f"{stem}_names"][:]
@@ -149,15 +149,15 @@ def _names(file: Any, stem: str, n: int, taken: Container[str]) -> list[str]:
     ids = file[f"{stem}_prop1"][:].tolist() if f"{stem}_prop1" in file.variables else range(1, n + 1)
     what = {"eb": "block", "ss": "side set", "ns": "node set"}[stem]
     plain = [name or str(number) for name, number in zip(names, ids, strict=True)]
-    return [f"{what} {one}" if not name and one in taken else one for name, one in zip(names, plain, strict=True)]
+    return [f"{what} {one}" if not name and one in known else one for name, one in zip(names, plain, strict=True)]
 
 
 def _side_sets(
-    path: Path, file: Any, blocks: list[_Part], starts: list[int], taken: Container[str]
+    path: Path, file: Any, blocks: list[_Part], starts: list[int], known: Container[str]
 ) -> tuple[list[_Part], dict[str, Ints]]:
     """Return the faces of side sets, each once, and the cells of each set, in the order of the file; faces are last."""
     numbered = _numbered(file, "elem_ss")
-    names = _names(file, "ss", len(numbered), taken)
+    names = _names(file, "ss", len(numbered), known)
     whole: dict[str, list[Ints]] = {name: [] for name in names}
     rows: dict[str, list[tuple[str, Ints]]] = {}
     for name, variable in zip(names, numbered, strict=True):
@@ -176,11 +176,11 @@ def _side_sets(
     for kind, parts in rows.items():
         nodes = np.concatenate([part for _, part in parts])
         label = label_rows(np.sort(nodes[:, : CELLS[kind].n_corners], axis=1))[0]
-        _, kept, label = np.unique(label, return_index=True, return_inverse=True)
+        _, first_of, label = np.unique(label, return_index=True, return_inverse=True)
         for (name, _), members in zip(parts, np.split(label, np.cumsum([len(p) for _, p in parts])[:-1]), strict=True):
             whole[name].append(first + members)
-        faces.append(_Part(kind, nodes[kept]))
-        first += len(kept)
+        faces.append(_Part(kind, nodes[first_of]))
+        first += len(first_of)
     none = np.empty(0, np.int64)
     return faces, {name: np.unique(np.concatenate([none, *cells])) for name, cells in whole.items()}
 

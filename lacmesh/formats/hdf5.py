@@ -8,6 +8,7 @@ tracked, or libmed fails on a group with more than 8; the format is that of HDF5
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator
@@ -71,6 +72,7 @@ def reason(error: BaseException) -> str:
 def opened(path: Path) -> Iterator[h5py.File]:
     """Open a file for reading. Raises ReadError, also for what HDF5 finds wrong inside the block."""
     try:
+        path.stat()  # its error has the system's words
         with h5py.File(path, "r") as file:
             yield file
     except _DAMAGE as error:
@@ -100,10 +102,10 @@ def member(group: h5py.Group, name: Name, kind: type = h5py.Group) -> Any:
             raise error_at(group, "is missing", name)
         if isinstance(link, h5py.ExternalLink):
             raise error_at(group, "points into another file, which is not followed", name)
-        found = group[name]
-    if not isinstance(found, kind):
-        raise error_at(group, f"is a {type(found).__name__.lower()}, expected a {kind.__name__.lower()}", name)
-    return found
+        one = group[name]
+    if not isinstance(one, kind):
+        raise error_at(group, f"is a {type(one).__name__.lower()}, expected a {kind.__name__.lower()}", name)
+    return one
 
 
 def groups_in(group: h5py.Group) -> list[tuple[Name, h5py.Group]]:
@@ -171,20 +173,20 @@ def image(path: Path, old: Path | None = None) -> Iterator[h5py.File]:
     Raises OSError of the system where the disk refuses it, WriteError for what HDF5 refuses.
     """
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
-    access.set_fapl_core(block_size=1 << 20, backing_store=False)
     access.set_libver_bounds(h5py.h5f.LIBVER_EARLIEST, h5py.h5f.LIBVER_V110)
     try:
-        if old is not None:
-            opened_file = h5py.h5f.open(os.fsencode(old), h5py.h5f.ACC_RDWR, access)
+        memory = io.BytesIO(b"" if old is None else old.read_bytes())
+        access.set_fileobj_driver(h5py.h5fd.fileobj_driver, memory)
+        if old is None:
+            handle = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, _tracked(h5py.h5p.FILE_CREATE), access)
         else:
-            opened_file = h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_TRUNC, _tracked(h5py.h5p.FILE_CREATE), access)
-        with h5py.File(opened_file) as file:
+            handle = h5py.h5f.open(os.fsencode(old), h5py.h5f.ACC_RDWR, access)
+        access.set_fapl_sec2()  # a list that outlives Python must not name an object of Python
+        with h5py.File(handle) as file:
             yield file
-            file.flush()
-            content = file.id.get_file_image()
     except (OSError, RuntimeError, KeyError, ValueError) as error:
         raise WriteError(path, f"cannot be written ({reason(error)})") from error
-    path.write_bytes(content)
+    path.write_bytes(memory.getbuffer())
 
 
 def _tracked(kind: Any) -> Any:

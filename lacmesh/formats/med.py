@@ -36,7 +36,7 @@ _OF_NAME = {cell.name: cell for cell in MED_CELLS.values()}
 #: where a file may keep cells: as cells, or in old files as faces and edges (the first that has a type counts)
 _ENTITIES = ("MAI", "FAC", "ARE")
 #: parts of a file that no mesh has a place for
-_LEFT_OUT = {
+_NO_PLACE = {
     "EQS": "equivalences", "JNT": "joints", "NUM_DATA": "parameters", "LIENS": "links to other files",
     "STR": "structure elements", "INTERP": "interpolation functions",
 }  # fmt: skip
@@ -88,7 +88,7 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
         supports["NOE"] = range(1, out.size("node") + 1)
         steps = fields.read(root, link, supports, out)
         _read_note(root, name, out)
-        for place, what in _LEFT_OUT.items():
+        for place, what in _NO_PLACE.items():
             if any(place in group and len(group[place]) for group in (root, home, step)):
                 out.warnings.append(f"{what} are left out")
         return out.mesh(name=name, space_dim=max(dim, 2), steps=steps)
@@ -117,7 +117,7 @@ def _chosen(path: Path, root: h5py.File, wanted: str | None) -> str | bytes:
     return links[wanted] if wanted is not None else next(iter(links.values()))
 
 
-def _step(home: h5py.Group, said: list[str]) -> h5py.Group:
+def _step(home: h5py.Group, left_out: list[str]) -> h5py.Group:
     """Return the group of nodes and cells: the mesh's step without a number, or its first; in MED 2.3 the mesh."""
     if any(place in home for place in ("NOE", *_ENTITIES)):
         return home
@@ -125,7 +125,7 @@ def _step(home: h5py.Group, said: list[str]) -> h5py.Group:
     if not steps:
         raise hdf5.error_at(home, "has neither nodes nor steps")
     if len(steps) > 1:
-        said.append(f"only one of the {len(steps)} steps of the mesh is read")
+        left_out.append(f"only one of the {len(steps)} steps of the mesh is read")
     timeless = [
         one for one in steps if (hdf5.attribute(one, "NDT", int), hdf5.attribute(one, "NOR", int, -1)) == (-1, -1)
     ]
@@ -157,7 +157,7 @@ def _family(part: h5py.Group, n: int) -> Ints:
     return hdf5.values(part, "FAM", "iu", n).astype(np.int64) if "FAM" in part else np.zeros(n, np.int64)
 
 
-def _parts(step: h5py.Group, said: list[str]) -> Iterator[_Part]:
+def _parts(step: h5py.Group, left_out: list[str]) -> Iterator[_Part]:
     """Yield the cells of each type, in the order of the file where it has one, or else in libmed's."""
     supports = dict[str, str]()
     named = "NOM" in hdf5.member(step, "NOE")
@@ -170,12 +170,12 @@ def _parts(step: h5py.Group, said: list[str]) -> Iterator[_Part]:
         for name, part in ((hdf5.text(link), part) for link, part in inside):
             named = named or "NOM" in part
             if name in supports:
-                said.append(f"{entity}/{name} is left out, {supports[name]} has such cells too")
+                left_out.append(f"{entity}/{name} is left out, {supports[name]} has such cells too")
             elif (cells := _cells_of(part, name, f"{entity}.{name}")) is not None:
                 supports[name] = cells.support
                 yield cells
     if named:
-        said.append("names of single nodes and cells are left out")
+        left_out.append("names of single nodes and cells are left out")
 
 
 def _cells_of(part: h5py.Group, name: str, support: str) -> _Part | None:
@@ -202,17 +202,17 @@ def _add_cells(parts: list[_Part], out: MeshBuilder) -> None:
     for part in sorted(parts, key=lambda part: part.kind.bit):
         first[part.support], following = following, following + len(part.nodes)
     counted = {part.support: first[part.support] + np.arange(len(part.nodes)) for part in parts}
-    given = {part.support: counted[part.support] if part.number is None else part.number for part in parts}
-    again = repeated(concatenated(given.values()))
+    numbers = {part.support: counted[part.support] if part.number is None else part.number for part in parts}
+    again = repeated(concatenated(numbers.values()))
     if again is not None:
         out.warnings.append(f"cells are numbered from 1, the file gives several the number {again}")
     for part in parts:
-        number = (given if again is None else counted)[part.support]
+        number = (numbers if again is None else counted)[part.support]
         error = lambda message, _, place=part.place: ReadError(out.path, message, place)  # noqa: E731
         out.cells(part.kind.type, number, part.nodes, error=error)
 
 
-def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, said: list[str]) -> tuple[_Families, _Families]:
+def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, left_out: list[str]) -> tuple[_Families, _Families]:
     """Read the families of cells, and those of nodes, of a mesh; MED 2.3 may keep them inside the mesh."""
     home = mesh if "FAS" in mesh else hdf5.member(root, "FAS") if "FAS" in root else None
     name = "FAS" if "FAS" in mesh else link
@@ -222,8 +222,8 @@ def _families(root: h5py.File, mesh: h5py.Group, link: str | bytes, said: list[s
             number = hdf5.attribute(family, "NUM", int)
             table = {"ELEME": of_cells, "NOEUD": of_nodes}.get(hdf5.text(place), of_cells if number < 0 else of_nodes)
             table.setdefault(number, []).extend(_group_names(family))
-            if "ATT" in family and "attributes of families are left out" not in said:
-                said.append("attributes of families are left out")
+            if "ATT" in family and "attributes of families are left out" not in left_out:
+                left_out.append("attributes of families are left out")
     return of_cells, of_nodes
 
 
@@ -270,10 +270,10 @@ def write(path: Path, mesh: Mesh) -> None:
     Cells go by type, within a type as in `mesh.file_order`. Raises WriteError for cells or names that MED cannot hold;
     what is changed or left out is named in one LacmeshWarning.
     """
-    said: list[str] = []
+    left_out: list[str] = []
     check_types(path, mesh, MED_CELLS, "MED")
     _check_names(path, mesh)
-    name = fields.title(path, mesh.name or "mesh", "mesh", said)
+    name = fields.title(path, mesh.name or "mesh", "mesh", left_out)
     cells = [(MED_CELLS[block.type], lo, block.nodes, here) for block, lo, here in blocks_in_order(mesh)]
     cell_family, cell_families = families_of(mesh.cell_groups, mesh.cell_dim)
     node_family, node_families = families_of(mesh.node_groups, np.zeros(mesh.n_nodes, np.int8))
@@ -289,13 +289,13 @@ def write(path: Path, mesh: Mesh) -> None:
         hdf5.add_group(families, "FAMILLE_ZERO", NUM=0)
         _write_families(families, "ELEME", cell_families, -1)
         _write_families(families, "NOEUD", node_families, 1)
-        fields.write(root, mesh, name, [(kind, here) for kind, _, _, here in cells], said)
+        fields.write(root, mesh, name, [(kind, here) for kind, _, _, here in cells], left_out)
         noted = ("zones", "group_tags", "model")
         if dump(mesh, *noted):
             note = np.frombuffer(dump(mesh, *noted, of=name).encode(), np.uint8)
             hdf5.add_array(hdf5.add_group(root, _HOME), _NOTES, note)
-    if said:  # `path` may stand for another file (`formats.write`)
-        warnings.warn("MED: " + "; ".join(said), LacmeshWarning, stacklevel=2)
+    if left_out:  # `path` may stand for another file (`formats.write`)
+        warnings.warn("MED: " + "; ".join(left_out), LacmeshWarning, stacklevel=2)
 
 
 def _check_names(path: Path, mesh: Mesh) -> None:
@@ -320,7 +320,8 @@ def _write_home(root: h5py.Group, mesh: Mesh, name: str) -> h5py.Group:
 def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
     n = mesh.n_nodes
     nodes = hdf5.add_group(step, "NOE", CGT=1, CGS=1, PFL=fields.NO_PROFILE)
-    hdf5.add_array(nodes, "COO", mesh.points[:, : 2 if is_plane(mesh) else 3].T.astype(float).reshape(-1), CGT=1, NBR=n)
+    points = np.ascontiguousarray(mesh.points[:, : 2 if is_plane(mesh) else 3].T, float)
+    hdf5.add_array(nodes, "COO", points.reshape(-1), CGT=1, NBR=n)
     hdf5.add_array(nodes, "FAM", family, CGT=1, NBR=n)
     hdf5.add_array(nodes, "NUM", hdf5.compact(mesh.node_number), CGT=1, NBR=n)
 
@@ -328,8 +329,8 @@ def _write_nodes(step: h5py.Group, mesh: Mesh, family: Ints) -> None:
 def _write_cells(home: h5py.Group, mesh: Mesh, kind: MedCell, nodes: Ints, here: Ints, family: Ints) -> None:
     n = len(nodes)
     listed = np.empty((len(kind.nodes), n), np.int32 if mesh.n_nodes < 2**31 else np.int64)
-    listed[:] = nodes.T[list(kind.nodes)]
-    listed += 1
+    for row, place in zip(listed, kind.nodes, strict=True):
+        np.add(nodes[:, place], 1, out=row, casting="unsafe")
     part = hdf5.add_group(home, kind.name, CGT=1, CGS=1, GEO=kind.geo, PFL=fields.NO_PROFILE)
     hdf5.add_array(part, "NOD", listed.reshape(-1), CGT=1, NBR=n)
     hdf5.add_array(part, "FAM", family, CGT=1, NBR=n)

@@ -80,7 +80,7 @@ def _read_field(
             raise hdf5.error_at(field, f"has {width} components")
         on, known = ("node" if support == "NOE" else "cell"), supports[support]
         hdf5.check_room(field, out.size(on) * width * 4)  # where all get a value
-        rows = np.arange(known.start, known.stop)
+        rows: Ints = np.arange(known.start, known.stop)
         if hdf5.text(profile) not in ("", NO_PROFILE):
             rows = known.start - 1 + _profile(root, profile, len(known))
         array = hdf5.values(group, "CO", "iuf", len(rows) * width).reshape(width, len(rows)).T
@@ -136,13 +136,13 @@ class _Array(NamedTuple):
     values: NDArray
 
 
-def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedCell, Ints]], said: list[str]) -> None:
+def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedCell, Ints]], left_out: list[str]) -> None:
     """Write all data of a mesh that is called `name` in the file.
 
     `cells`: the types in the file, with the indices of their cells in the order of the file. Rows without a value (NaN,
     or -1 in integers) are left out through a profile. Raises WriteError for a name that MED cannot hold.
     """
-    fields = _fields(root.file.filename, mesh, said)
+    fields = _fields(root.file.filename, mesh, left_out)
     supports: dict[bool, list[_Support]] = {
         True: [("NOE", 1, np.arange(mesh.n_nodes))],
         False: [(f"MAI.{kind.name}", 1 << kind.bit, rows) for kind, rows in cells],
@@ -157,47 +157,49 @@ def write(root: h5py.Group, mesh: Mesh, name: str, cells: Sequence[tuple[MedCell
         hdf5.add_array(hdf5.add_group(home, profile, NBR=len(numbers)), "PFL", hdf5.compact(numbers))
 
 
-def _fields(path: str, mesh: Mesh, said: list[str]) -> dict[str, list[_Array]]:
+def _fields(path: str, mesh: Mesh, left_out: list[str]) -> dict[str, list[_Array]]:
     """Arrays by the field's name in the file; arrays that share name, width and type of number make one field."""
     alike: dict[tuple[str, str, int], list[_Array]] = {}
     for nodes, data in ((False, mesh.cell_data), (True, mesh.node_data)):
-        for key, given in data.items():
-            array = _storable(given)
+        for key, original in data.items():
+            array = _storable(original)
             if array is None:
-                said.append(f"data {key!r} ({np.asarray(given).dtype}, {np.shape(given)}) are left out")
+                left_out.append(f"data {key!r} ({np.asarray(original).dtype}, {np.shape(original)}) are left out")
                 continue
-            if np.ndim(given) > 2:
-                said.append(f"data {key!r} of shape {np.shape(given)} are written with {array.shape[1]} components")
+            if np.ndim(original) > 2:
+                left_out.append(
+                    f"data {key!r} of shape {np.shape(original)} are written with {array.shape[1]} components"
+                )
             step = mesh.steps.get(key, Step(key))
             same = alike.setdefault((step.field, array.dtype.kind, array.shape[1]), [])
             if any(p.nodes == nodes and (p.step.number, p.step.order) == (step.number, step.order) for p in same):
-                said.append(f"data {key!r} are left out, other data stand at the same step of field {step.field!r}")
+                left_out.append(f"data {key!r} are left out, other data stand at the same step of field {step.field!r}")
             else:
                 same.append(_Array(nodes, step, array))
     fields: dict[str, list[_Array]] = {}
     for (field, _, _), arrays in alike.items():
-        fields[title(path, field, "field", said, fields)] = arrays
+        fields[title(path, field, "field", left_out, fields)] = arrays
     return fields
 
 
-def _storable(given: NDArray) -> NDArray | None:
+def _storable(original: NDArray) -> NDArray | None:
     """Data as (n, width) of float64, int32 or int64; None if no field can hold them."""
-    array = np.asarray(given)
+    array = np.asarray(original)
     if array.dtype.kind not in "fiub" or not array.size or (array.dtype == np.uint64 and array.max() >= 2**63):
         return None
     array = array.reshape(len(array), -1)
     return array.astype(float, copy=False) if array.dtype.kind == "f" else hdf5.compact(array.astype(np.int64))
 
 
-def title(path: Any, name: str, what: str, said: list[str], taken: Container[str] = ()) -> str:
-    """Name that an HDF5 link and libmed can hold, and that is not `taken`. Raises WriteError if it is too long."""
+def title(path: Any, name: str, what: str, left_out: list[str], known: Container[str] = ()) -> str:
+    """Name that an HDF5 link and libmed can hold, and that is not `known`. Raises WriteError if it is too long."""
     link = name.replace("/", "_").replace("\0", "_").rstrip(" ")
     link = link if link.strip(".") else f"{link}_"
-    link = next(t for t in chain([link], (f"{link}_{k}" for k in count(2))) if t not in taken)
+    link = next(t for t in chain([link], (f"{link}_{k}" for k in count(2))) if t not in known)
     if len(hdf5.encoded(link)) > _NAME_SIZE:
         raise WriteError(path, f"MED names are of {_NAME_SIZE} bytes at most; shorten the name of {what} {name!r}")
     if link != name:
-        said.append(f"{what} {name!r} is written as {link!r}")
+        left_out.append(f"{what} {name!r} is written as {link!r}")
     return link
 
 

@@ -70,7 +70,7 @@ class _Watched:
         return content
 
 
-class _Bytes(_Watched, io.BytesIO):
+class _Bytes(_Watched, io.BufferedReader):
     pass
 
 
@@ -87,16 +87,17 @@ def read_whole(read: Callable[..., Any], path: Path, name: str) -> Any:
     content = b"" if packed else path.read_bytes()
     if not packed:
         _check_end(path, name, content)
-    if name in _OF_TEXT and not packed:
-        given = read(_Text(_Bytes(content)), file_format=name)
+    if packed or name not in (*_OF_TEXT, *_OF_BYTES):
+        mesh = read(path, file_format=name)
     else:
-        given = read(_Bytes(content) if name in _OF_BYTES else path, file_format=name)
-    counts = len(given.points), sum(len(block.data) for block in given.cells)
+        with _Bytes(io.FileIO(path)) as file:
+            mesh = read(_Text(file) if name in _OF_TEXT else file, file_format=name)
+    counts = len(mesh.points), sum(len(block.data) for block in mesh.cells)
     for pattern, count, what in zip(_COUNTS.get(name, ()), counts, ("points", "cells"), strict=False):
         announced = sum(map(int, re.findall(pattern, content, re.MULTILINE)))
         if count < announced:
             raise ReadError(path, f"is cut short: it has {count} of the {announced} {what} that it announces")
-    return given
+    return mesh
 
 
 def _check_end(path: Path, name: str, content: bytes) -> None:
@@ -220,7 +221,8 @@ def _lost_rest(before: Mesh, after: Mesh) -> list[str]:
         "the times of steps": before.steps and before.steps != after.steps,
         "the tags of groups": before.group_tags and before.group_tags != after.group_tags,
         "periodic links": periodic == [True, False],
-        "the order of cells of different types": before.file_order is not None and not np.array_equal(*orders),
+        "the order of cells of different types": before.file_order is not None
+        and not np.array_equal(orders[0], orders[1]),
     }
     return [what for what, gone in lost.items() if gone]
 

@@ -149,7 +149,7 @@ XDMF_CELLS = {kind: XdmfCell(name, number, kind, number < 3)
 
 #: other cells of VTK that are read: Lagrange cells of order 1 and 2, polygons that are triangles, voxels ...
 _READ_TOO = {
-    1: (), 2: ("POI1",), 4: ("SEG2",), 35: ("SEG4",), 6: ("TRIA3",), 7: ("TRIA3", "QUAD4"), 68: ("SEG2", "SEG3"),
+    2: ("POI1",), 4: ("SEG2",), 35: ("SEG4",), 6: ("TRIA3",), 7: ("TRIA3", "QUAD4"), 68: ("SEG2", "SEG3"),
     69: ("TRIA3", "TRIA6"), 70: ("QUAD4", "QUAD9"), 71: ("TETRA4", "TETRA10"), 72: ("HEXA8", "HEXA27"),
     73: ("PENTA6", "PENTA18"),
 }  # fmt: skip

@@ -26,7 +26,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.errors import LacmeshWarning, ReadError, check_installed, reading
+from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, check_installed, reading
 from lacmesh.formats.arrays import (
     NOTE,
     VtkCells,
@@ -234,12 +234,20 @@ def _read_by_pyvista(document: _Document, pieces: Sequence[XmlElement]) -> Mesh:
     check_installed("pyvista", "view", "a VTU file that is packed by LZ4")
     import pyvista
 
-    with pyvista.vtk_verbosity("off"):
-        grid = pyvista.read(document.path)
-    for name, found in (("NumberOfPoints", grid.n_points), ("NumberOfCells", grid.n_cells)):
-        if found != sum(document.count(piece, name) for piece in pieces):
-            raise document.error(f"cannot be read (VTK finds {found} as {name})")
-    return mesh_of_grid(document.path, grid)
+    try:
+        quiet = pyvista.vtk_verbosity("off"), warnings.catch_warnings()
+        with quiet[0], quiet[1], pyvista.VtkErrorCatcher(raise_errors=True, send_to_logging=False):
+            warnings.simplefilter("ignore")
+            grid = pyvista.read(document.path)
+        mesh = mesh_of_grid(document.path, grid)
+    except LacmeshError:
+        raise
+    except Exception as error:
+        raise document.error(f"cannot be read (VTK: {' '.join(str(error).split())[:160]})") from None
+    for name, n in (("NumberOfPoints", mesh.n_nodes), ("NumberOfCells", mesh.n_cells)):
+        if n != sum(document.count(piece, name) for piece in pieces):
+            raise document.error(f"cannot be read (VTK finds {n} as {name})")
+    return mesh
 
 
 def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, several: bool) -> set[str]:
@@ -304,8 +312,8 @@ def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False
     Raises WriteError for a cell that VTK lacks. What is left out is named in a LacmeshWarning.
     """
     check_types(path, mesh, VTK_CELLS, "VTK")
-    said: list[str] = []
-    arrays = to_arrays(mesh, said, legal)
+    left_out: list[str] = []
+    arrays = to_arrays(mesh, left_out, legal)
     order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
     sections: dict[str, dict[str, NDArray]] = {
         "FieldData": {NOTE: np.frombuffer(arrays.note(mesh).encode("ascii"), np.uint8)},
@@ -316,8 +324,8 @@ def write(path: Path, mesh: Mesh, *, binary: bool = True, compress: bool = False
     }
     with path.open("wb") as file:
         _write(file, mesh, sections, binary, binary and compress)
-    if said:
-        warnings.warn("VTU: " + "; ".join(said), LacmeshWarning, stacklevel=3)
+    if left_out:
+        warnings.warn("VTU: " + "; ".join(left_out), LacmeshWarning, stacklevel=3)
 
 
 def legal(name: str) -> str:

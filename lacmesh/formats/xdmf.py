@@ -70,10 +70,10 @@ def write(
     heavy, link = second or (None, "")
     if readable(link) != link:
         raise WriteError(path, f"XML cannot name the second file, {link}, as its name is no UTF-8; choose another name")
-    said: list[str] = []
+    left_out: list[str] = []
     with ExitStack() as stack:
         sink = _Sink(stack.enter_context(image(heavy)) if heavy is not None else None, link, compress)
-        body, mark = _domain(mesh, sink, said), ""
+        body, mark = _domain(mesh, sink, left_out), ""
         if sink.root is not None:
             mark = f"{sink.digest:08x}{zlib.crc32(body.encode()):08x}"
             set_attributes(sink.root, **{ID: mark})  # of fixed length: HDF5 may never end on a damaged one of another
@@ -82,8 +82,8 @@ def write(
         file.write('<?xml version="1.0" encoding="utf-8"?>\n<!DOCTYPE Xdmf SYSTEM "Xdmf.dtd" []>\n')
         file.write('<Xdmf Version="3.0" xmlns:xi="https://www.w3.org/2001/XInclude">\n<Domain>\n')
         file.write(body + "</Domain>\n</Xdmf>\n")
-    if said:
-        warnings.warn("XDMF: " + "; ".join(said), LacmeshWarning, stacklevel=3)
+    if left_out:
+        warnings.warn("XDMF: " + "; ".join(left_out), LacmeshWarning, stacklevel=3)
 
 
 def is_ours(heavy: Path) -> bool:
@@ -134,9 +134,9 @@ def information_text(information: ElementTree.Element) -> str:
         raise ValueError(str(error)) from None
 
 
-def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
+def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:
     """XML of the domain: the grids, with the Information elements in the first."""
-    arrays = to_arrays(mesh, said, legal)
+    arrays = to_arrays(mesh, left_out, legal)
     family, families = families_of(mesh.cell_groups, np.zeros(mesh.n_cells, np.int8))
     table = {str(k): list(groups) for k, groups in enumerate(families[: int(family.max(initial=0)) + 1]) if groups}
     tags = TAGS
@@ -144,13 +144,13 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
         tags += "_"
     cell = {tags: family.astype(np.int32), **{name: _widened(values) for name, values in arrays.cell.items()}}
     node = {name: _widened(values) for name, values in arrays.node.items()}
-    own, order = [tags], file_order(mesh)
+    extra, order = [tags], file_order(mesh)
     grids = list(_grids(mesh, order))
     if not np.array_equal(np.concatenate([cells for _, cells in grids]), order):
         cell[PLACE] = np.argsort(order)
-        own.append(PLACE)
+        extra.append(PLACE)
     information = _information(TAGS, json.dumps(table)) if table else ""
-    information += _information(NOTE, arrays.note(mesh, own=own, groups=list(mesh.cell_groups)))
+    information += _information(NOTE, arrays.note(mesh, own=extra, groups=list(mesh.cell_groups)))
     flat, listed = is_plane(mesh), vtk_cells(mesh)
     points = sink.item("mesh/geometry", mesh.points[:, : 2 if flat else 3].astype(np.float64))
     geometry = f'<Geometry GeometryType="{"XY" if flat else "XYZ"}">\n{points}</Geometry>\n'
@@ -159,7 +159,7 @@ def _domain(mesh: Mesh, sink: _Sink, said: list[str]) -> str:
         parts.append(f'<Grid Name="{title}" GridType="Uniform">\n')
         parts.append(_topology(_chosen(listed, place[cells]), title, sink) + geometry)
         for name, values in cell.items():
-            if name in own or _says_something(name, values[cells], first=k == 0):
+            if name in extra or _says_something(name, values[cells], first=k == 0):
                 parts.append(_attribute(f"{title}/cell/{len(parts)}", name, "Cell", values[cells], sink))
         for name, values in node.items() if k == 0 else ():
             parts.append(_attribute(f"{title}/node/{len(parts)}", name, "Node", values, sink))
@@ -201,19 +201,17 @@ def _chosen(cells: VtkCells, rows: Ints) -> VtkCells:
 def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:
     """Topology of a grid: a table of nodes for cells of one type, else a mixture with the type number of each cell."""
     width = np.diff(cells.ends, prepend=0)
-    kinds = {
-        (number, n): XDMF_CELLS[VTK_BY_NUMBER[number, n].type]
-        for number, n in np.unique(np.stack([cells.types, width], axis=1), axis=0).tolist()
-    }
+    codes = np.flatnonzero(np.bincount(cells.types * np.int64(256) + width)).tolist()
+    kinds = {divmod(code, 256): XDMF_CELLS[VTK_BY_NUMBER[divmod(code, 256)].type] for code in codes}
     nodes = cells.connectivity.astype(np.int64)
     if len(kinds) < 2:
         name, n = next(((kind.name, n) for (_, n), kind in kinds.items()), ("Polyvertex", 1))
         head = f'TopologyType="{name}" NumberOfElements="{len(width)}" NodesPerElement="{n}"'
         return f"<Topology {head}>\n{sink.item(f'{title}/topology', nodes.reshape(-1, n))}</Topology>\n"
-    codes = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
+    table = np.zeros((256, 2), np.int64)  # by VTK's number: XDMF's, and 1 if the number of nodes follows
     for (number, _), kind in kinds.items():
-        codes[number] = kind.number, kind.counted
-    of_cell, first = codes[cells.types], cells.ends - width
+        table[number] = kind.number, kind.counted
+    of_cell, first = table[cells.types], cells.ends - width
     counted = np.flatnonzero(of_cell[:, 1])
     at = np.concatenate([first, first[counted]])
     flat = np.insert(nodes, at, np.concatenate([of_cell[:, 0], width[counted]]))

@@ -1,8 +1,9 @@
 """Reading XDMF 2 and 3: what lacmesh, dolfinx, legacy FEniCS, meshio and VTK write.
 
-meshio reads one grid of a file, without includes or times, so that it would lose groups; it reads files of plain bytes.
-Uniform grids on the same points make one mesh: their cells are put together, and cells that a later grid repeats (the
-tags of dolfinx) only get its attributes. A temporal collection makes one mesh, with the attributes of every step.
+meshio reads one grid of a file, without includes or times, so that it would lose groups, and fails on mixtures of
+quadratic cells. Uniform grids on the same points make one mesh: their cells are put together, and cells that a later
+grid repeats (the tags of dolfinx) only get its attributes. A temporal collection makes one mesh, with the attributes of
+every step.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean, reading
-from lacmesh.formats import by_meshio
 from lacmesh.formats.arrays import (
     GROUP,
     NOTE,
@@ -75,8 +75,6 @@ def read(path: Path, mesh: str | None = None) -> Mesh:
     """Read the mesh of an XDMF file, or its grid `mesh`. Raises ReadError, RequestError; warns of what is left out."""
     with reading(path):
         text = path.read_bytes()
-    if b'Format="Binary"' in text:
-        return by_meshio.read(path, "xdmf")
     root = parsed(path, text)
     domain = root.find("Domain")
     if root.tag != "Xdmf" or domain is None:
@@ -164,6 +162,8 @@ class _Source(NamedTuple):
                 values = self._from_hdf5(text)
             elif form == "XML":
                 values = from_text(text, _kind(item))
+            elif form == "Binary" and shape is not None:
+                values = self._from_bytes(item, text, int(np.prod(shape, dtype=object)))
             else:
                 raise ValueError(f"the format {form!r} is not known")
             if shape is not None and int(np.prod(shape, dtype=object)) != values.size:
@@ -181,6 +181,15 @@ class _Source(NamedTuple):
         for link in groups:
             group = member(group, link)
         return dataset(group, last)
+
+    def _from_bytes(self, item: Element, name: str, count: int) -> NDArray:
+        order = {"Native": "=", "Little": "<", "Big": ">"}.get(item.get("Endian", "Native").removesuffix("Endian"))
+        kind, seek, path = _kind(item), int(item.get("Seek", "0")), self.path.parent / name
+        if order is None or item.get("Compression", "Raw") != "Raw" or not path.is_file():
+            raise ValueError(f"an item of bytes is not there, or packed: {name}")
+        if count * kind.itemsize + seek > path.stat().st_size:
+            raise ValueError(f"{name} is too short")
+        return np.fromfile(path, kind.newbyteorder(order), count, offset=seek).astype(kind)  # type: ignore[arg-type]
 
 
 def _kind(item: Element) -> np.dtype:
@@ -372,11 +381,11 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
         np.concatenate([part.cells.types for part in parts]),
     )
     n = len(cells.types)
-    own = out.note.get("own", ())
-    own = [name for name in own if isinstance(name, str)] if isinstance(own, list) else []
+    extra = out.note.get("own", ())
+    extra = [name for name in extra if isinstance(name, str)] if isinstance(extra, list) else []
     rows, at = np.arange(n), np.arange(n)  # the row of each cell in the mesh, and -1 where it is not added again
     if out.note:
-        places = [part.arrays[PLACE] for part in parts if PLACE in own and PLACE in part.arrays]
+        places = [part.arrays[PLACE] for part in parts if PLACE in extra and PLACE in part.arrays]
         if places and np.array_equal(np.sort(order := np.concatenate(places)), rows):
             rows = at = order.astype(np.int64)
         names = out.note.get("groups", ())
@@ -386,13 +395,14 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
         first = _first_of_equal(cells)
         rows = (np.cumsum(first == np.arange(n)) - 1)[first]
         at = np.where(first == np.arange(n), rows, -1)
-    given = [numbers_in(part.arrays, "cell", len(part.cells.types), out) for part in parts]
-    whole = [number for number in given if number is not None]
+    listed = [numbers_in(part.arrays, "cell", len(part.cells.types), out) for part in parts]
+    whole = [number for number in listed if number is not None]
     number = np.concatenate(whole) if len(whole) == len(parts) else None
     add_cells(out, cells, number, lambda message: source.error(message, "<Topology>"), at=at)
-    for part in reversed(parts):  # an array of an earlier part counts
-        arrays = {name: values for name, values in part.arrays.items() if name not in own}
-        add_arrays(out, "cell", arrays, rows[part.rows])
+    for name in dict.fromkeys(name for part in parts for name in part.arrays if name not in extra):
+        for part in reversed(parts):  # values of an earlier part count
+            if name in part.arrays:
+                add_arrays(out, "cell", {name: part.arrays[name]}, rows[part.rows])
 
 
 def _first_of_equal(cells: VtkCells) -> Ints:

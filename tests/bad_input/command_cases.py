@@ -295,7 +295,7 @@ STAGES = (
     Stage("while the file is read", "lacmesh.formats.msh.read", _MSH),
     Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin", _MSH),
     Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, _HALF),
-    Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", _MED, lasts=1),
+    Stage("while HDF5 writes a MED file", "lacmesh.formats.med_fields.write", _MED),
     Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, _HALF),
     Stage("before the new file takes its place", "lacmesh.formats.output._finish", _MSH),
     Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,
