@@ -23,7 +23,7 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
-from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.inp.elements import element_name
 from lacmesh.formats.med.types import MED_TYPES
 from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
 from lacmesh.mesh import Mesh
@@ -58,7 +58,7 @@ def element(cell_type: str, target: str, plane: bool = False) -> str | None:
         return None
     if target == "lacsolver":
         return cell_type if CELLS[cell_type].dim else None
-    return card(cell_type, target, "CPS" if plane else None, skin=False)
+    return element_name(cell_type, target, "CPS" if plane else None, skin=False)
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:

@@ -34,7 +34,7 @@ TITLES = {
     "numbers": "Numbers of nodes and cells, and what is no number", "types": "Types of cells",
     "content": "Meshes without content", "links": "Links inside and between files",
     "our notes": "lacmesh's own notes", "several meshes": "Several meshes in a file",
-    "verdicts": "Meshes that cannot be used", "decks": "Decks that contradict themselves", "request": "Commands",
+    "verdicts": "Meshes that cannot be used", "decks": "Decks that a cut makes wrong", "request": "Commands",
     "output": "Places of the output", "permission": "Permissions", "full disk": "A full disk",
     "stopped": "Interrupted, terminated",
 }  # fmt: skip

@@ -13,7 +13,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
-from lacmesh.formats.table import OF_NAME, SUFFIXES
+from lacmesh.formats.registry import OF_NAME, SUFFIXES
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
 #: suffix -> name of a format of meshio
