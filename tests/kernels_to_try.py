@@ -12,9 +12,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.formats.mail.names import scanned
 from lacmesh.formats.msh import version2
-from lacmesh.formats.text_kernels import count_fields, scan_integers
 from lacmesh.quality import corner, determinant
 from lacmesh.quality.linear import LINEAR
 from lacmesh.surface import contact_points
@@ -91,10 +89,6 @@ def _march(model: str, law: str, cells: str, poisson: float) -> None:
 
 
 def _formats() -> None:
-    scanned(b"N1 N2\nM12 N3\n")
-    counts, text = np.empty(1, np.int64), np.frombuffer(b"1, 23,\n", np.uint8)
-    count_fields(text, counts)
-    scan_integers(text, np.empty(4, np.int64))
     elements = np.array([1, 15, 0, 1]), 1, False, version2.N_NODES, *np.empty((3, 1), np.int64)
     version2.find_elements(*elements)
 

@@ -46,21 +46,15 @@ def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
     layout = _lay_out(mesh, children)
-    numbers = _cell_numbers(mesh, layout)
     new = replace(
         mesh,
         blocks=layout.blocks,
-        cell_number=numbers,
+        cell_number=_cell_numbers(mesh, layout),
         file_order=_file_order(mesh, layout),
         cell_groups={name: _group(ids, layout) for name, ids in mesh.cell_groups.items()},
         cell_data={name: values[layout.origin] for name, values in mesh.cell_data.items()},
         **nodes_of(mesh, new_nodes, extend),
     )
-    if mesh.deck is not None:
-        deck = mesh.deck.followed(
-            numbers[layout.child], mesh.cell_number[layout.parent], tuple(new_nodes) if extend else ()
-        )
-        new = replace(new, deck=deck)
     if "entity" in new.node_data and "entity" in mesh.cell_data:
         cells = ((block.type, block.nodes, mesh.cell_data["entity"][block.parent]) for block in children)
         entity = node_entities(new.node_data["entity"], mesh.n_nodes, cells)

@@ -79,9 +79,6 @@ def raise_order(mesh: MeshLike, order: str = "2", *, extend: bool = True, surfac
     new_nodes = _place(mesh, wanted, raised, targets)
     blocks = tuple(Block(t, nodes) for t, nodes in zip(targets, raised, strict=True))
     new = replace(mesh, blocks=blocks, **nodes_of(mesh, new_nodes, extend))
-    if mesh.deck is not None:
-        none = np.empty(0, np.int64)
-        new = replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes) if extend else ()))
     if "entity" in new.node_data and "entity" in new.cell_data:
         entities = np.split(new.cell_data["entity"], new.offsets[1:-1])
         cells = ((b.type, b.nodes, own) for b, own in zip(new.blocks, entities, strict=True))

@@ -249,11 +249,7 @@ def _with_copies(mesh: Mesh, nodes: CellNodes) -> Mesh:
             listed = listed.copy()
             listed[nodes.cell[rows] - mesh.offsets[k], nodes.column[rows]] = nodes.new_node[rows]
         blocks.append(Block(kind, listed))
-    new = replace(mesh, blocks=tuple(blocks), **nodes_of(mesh, new_nodes, True))
-    if mesh.deck is None:
-        return new
-    none = np.empty(0, np.int64)
-    return replace(new, deck=mesh.deck.followed(none, none, tuple(new_nodes)))
+    return replace(mesh, blocks=tuple(blocks), **nodes_of(mesh, new_nodes, True))
 
 
 def _seen_by_cells(mesh: Mesh, nodes: CellNodes) -> Iterator[tuple[str, tuple[Ints, Ints], Ints]]:

@@ -23,7 +23,7 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
-from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.inp.elements import element_name
 from lacmesh.formats.orders import MED_CELLS, XDMF_CELLS
 from lacmesh.mesh import Mesh
 
@@ -56,7 +56,7 @@ def element(kind: str, target: str, plane: bool = False) -> str | None:
         return None
     if target == "lacsolver":
         return kind if CELLS[kind].dim else None
-    return card(kind, target, "CPS" if plane else None, skin=False)
+    return element_name(kind, target, "CPS" if plane else None, skin=False)
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:

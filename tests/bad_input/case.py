@@ -39,8 +39,8 @@ SUFFIXES = {"IGES": ".igs", "any": ".msh"}
 class Case:
     """`make`: the content of the input, or what makes it or puts files into a folder.
 
-    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words in the sentence, as the
-    line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
+    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words in the sentence, as
+    the line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
     user who owns nothing; `file_size`: no file may grow beyond; `needs`: a package that may be missing, by its marker.
     """
 
