@@ -1,30 +1,33 @@
 """The deck behind a mesh: every card of the .inp file that it was read from, in order, as plain text with its place.
 
-Only `lacmesh.formats.inp` makes it and writes it again; a cut notes here what it replaced, and who solves a deck reads
-materials, loads and steps from it. A card's nodes and elements are not repeated here: they are in the mesh.
+`lacmesh.formats.inp` reads and writes it; lacsolver takes materials, loads and steps from it. A card's nodes and
+elements are in the mesh alone: each cell has, in `cell_data["inp_card"]`, the index of the card that made it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
+from lacmesh.mesh import Ints, Mesh
 
-from lacmesh.mesh import Ints, Mesh, fixed, positions
-
-if TYPE_CHECKING:
-    from lacmesh.cutting.assemble import NewNodes
+#: data of cells: `DeckCard.index` of the card of each cell, -1 for a cell of no card; a cut hands it to the children
+INP_CARD = "inp_card"
 
 
 class DataLine(NamedTuple):
-    """A data line, word for word, and its place; comments and blank lines are none."""
+    """A line, word for word, and its place."""
 
     text: str
     file: str
     line: int
+
+    @property
+    def is_data(self) -> bool:
+        """True if the line is neither blank nor a comment."""
+        return bool(self.text.strip()) and not self.text.lstrip().startswith("**")
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -44,6 +47,11 @@ class Lines(NamedTuple):
     file: str
     line: int
 
+    def each(self) -> Iterator[DataLine]:
+        """Iterate over the lines, with their ends."""
+        for k, text in enumerate(self.text.splitlines(keepends=True)):
+            yield DataLine(text, self.file, self.line + k)
+
 
 @dataclass(frozen=True)
 class DeckCard:
@@ -53,7 +61,8 @@ class DeckCard:
     name in capitals, with their values as written ("" without one), quotes included. `head`: the keyword line, word for
     word, with its continuation lines. `body`: the lines that follow it, by the files that they stand in; that of a
     *NODE, and of an *ELEMENT whose cells say the same, has comments alone. `numbers`: of the nodes or elements that
-    the card makes, None for any other card, and where those of the mesh are others (`Deck.apart`).
+    the card makes, None for any other card, and where those of the mesh differ (`Deck.numbers_differ`). `index`: what
+    the cells of an *ELEMENT have in `cell_data["inp_card"]`.
     """
 
     name: str
@@ -63,6 +72,7 @@ class DeckCard:
     head: str
     body: tuple[Lines, ...] = ()
     numbers: Ints | None = None
+    index: int = -1
 
     @property
     def key(self) -> str:
@@ -77,18 +87,20 @@ class DeckCard:
     @cached_property
     def data(self) -> tuple[DataLine, ...]:
         """The data lines, without comments and blank lines."""
-        lines = []
-        for part in self.body:
-            for k, text in enumerate(part.text.splitlines()):
-                if text.strip() and not text.lstrip().startswith("**"):
-                    lines.append(DataLine(text, part.file, part.line + k))
-        return tuple(lines)
+        lines = (line for part in self.body for line in part.each() if line.is_data)
+        return tuple(line._replace(text=line.text.rstrip("\r\n")) for line in lines)
+
+    @property
+    def comments(self) -> tuple[Lines, ...]:
+        """The comments of the body."""
+        texts = ((line.text for line in part.each() if line.text.lstrip().startswith("**")) for part in self.body)
+        return tuple(part._replace(text="".join(text)) for part, text in zip(self.body, texts, strict=True))
 
 
-@dataclass(frozen=True)
-class DeckInstance:
-    """An instance of a part: by how much numbers of its nodes and elements are raised in the mesh, `prefix`: what
-    stands before the names of its sets there. `turned`: it is rotated.
+class DeckInstance(NamedTuple):
+    """An instance of a part: by how much numbers of its nodes and elements are raised in the mesh.
+
+    `prefix`: what precedes the names of its sets there. `rotated`: its part is rotated.
     """
 
     name: str
@@ -96,7 +108,7 @@ class DeckInstance:
     prefix: str
     nodes: int
     elements: int
-    turned: bool
+    rotated: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,12 +118,10 @@ class Deck:
     `start`: the lines before the first card. `mesh`: the mesh as read, which `Mesh.deck` of a later mesh still refers
     to. `node_sets`, `element_sets`: name for comparison (`key_of`) -> name of the group of the mesh; `surfaces`: the
     same for ("ELEMENT" or "NODE", name). A group of cells holds the cells of an element set and the skin cells of a
-    surface of the same name. `apart`: why the numbers on cards are not those of the mesh (instances), else empty.
-    Of a deck with `instances`, `placed`: the index of each card of nodes or elements and their numbers in the mesh, in
-    the order of this, once for each instance; `own`: by how much numbers of the assembly's own nodes and elements are
-    raised.
-    What the mesh went through since: `child` (c,), `root` (c,): numbers of the elements that took the place of
-    elements of the deck, and of these; `added`: the new nodes, in order.
+    surface of the same name. `labels`: names of groups in the deck where they are not those of the mesh.
+    `numbers_differ`: why the numbers on cards are not those of the mesh (instances), else empty. Of a deck with
+    `instances`, `instance_numbers`: place of a card of nodes or elements, their numbers in the mesh and the index of
+    the card, once for each instance; `assembly_offset`: by how much the assembly's numbers are raised.
     """
 
     path: str
@@ -121,23 +131,16 @@ class Deck:
     node_sets: Mapping[str, str] = field(default_factory=dict)
     element_sets: Mapping[str, str] = field(default_factory=dict)
     surfaces: Mapping[tuple[str, str], str] = field(default_factory=dict)
-    apart: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    numbers_differ: str = ""
     instances: tuple[DeckInstance, ...] = ()
-    placed: tuple[tuple[int, Ints], ...] = ()
-    own: tuple[int, int] = (0, 0)
-    child: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    root: Ints = field(default_factory=lambda: np.empty(0, np.int64))
-    added: tuple[NewNodes, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in ("child", "root"):
-            object.__setattr__(self, name, fixed(getattr(self, name)))
+    instance_numbers: tuple[tuple[int, Ints, int], ...] = ()
+    assembly_offset: tuple[int, int] = (0, 0)
 
     @property
     def model(self) -> tuple[DeckCard, ...]:
         """The cards before the first *STEP."""
-        first = next((k for k, card in enumerate(self.cards) if card.key == "STEP"), len(self.cards))
-        return self.cards[:first]
+        return self.cards[: next((k for k, card in enumerate(self.cards) if card.key == "STEP"), len(self.cards))]
 
     @property
     def steps(self) -> tuple[tuple[DeckCard, ...], ...]:
@@ -159,27 +162,8 @@ class Deck:
 
     def surface_group(self, name: str) -> tuple[str, str] | None:
         """Type of the surface that a card means by `name`, and its group: ELEMENT, of cells; NODE, of nodes."""
-        groups = [(kind, self.surfaces[kind, key_of(name)]) for kind in ("ELEMENT", "NODE")
-                 if (kind, key_of(name)) in self.surfaces]  # fmt: skip
-        return groups[0] if groups else None
-
-    def roots_of(self, numbers: Ints) -> Ints:
-        """The numbers of the deck's elements that elements, by number, are or are parts of; their own where of none."""
-        order = np.argsort(self.child, kind="stable")
-        at = positions(self.child[order], numbers)
-        roots = numbers.copy()
-        roots[at >= 0] = self.root[order][at[at >= 0]]
-        return roots
-
-    def followed(self, child: Ints, parent: Ints, added: tuple[NewNodes, ...]) -> Deck:
-        """The deck of a mesh in which elements were replaced, both by number (c,), and nodes were added."""
-        keep = ~np.isin(self.child, parent)
-        return replace(
-            self,
-            child=np.append(self.child[keep], child),
-            root=np.append(self.root[keep], self.roots_of(parent)),
-            added=(*self.added, *added),
-        )
+        groups = ((kind, self.surfaces.get((kind, key_of(name)))) for kind in ("ELEMENT", "NODE"))
+        return next(((kind, group) for kind, group in groups if group is not None), None)
 
 
 def key_of(name: str) -> str:
@@ -188,5 +172,14 @@ def key_of(name: str) -> str:
     >>> key_of(" Top face"), key_of('"Top face"')
     ('TOPFACE', '"Top face"')
     """
+    return name.strip() if _is_quoted(name) else shown_name(name).upper()
+
+
+def shown_name(name: str) -> str:
+    """Name of a set or surface as a group has it: without quotes, or without blanks."""
+    return name.strip()[1:-1] if _is_quoted(name) else "".join(name.split())
+
+
+def _is_quoted(name: str) -> bool:
     name = name.strip()
-    return name if len(name) > 1 and name[0] == name[-1] == '"' else "".join(name.split()).upper()
+    return len(name) > 1 and name[0] == name[-1] == '"'

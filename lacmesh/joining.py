@@ -200,18 +200,27 @@ def _with_faces(mesh: Mesh, name: str, faces: Faces) -> Mesh:
     there = find_repeats(faces, cells_of_dim(mesh, mesh.dim - 1), mesh.n_nodes)
     missing = faces.take(np.flatnonzero(~mask_of(len(faces), there.face)))
     rows = [(FACE_TYPES[t], missing.nodes[missing.type == t][:, : N_NODES[t]]) for t in np.unique(missing.type)]
-    new = Mesh.create(mesh.points, rows, space_dim=mesh.space_dim)
-    blocks, (old, own) = _blocks([mesh, new], [0, 0])
-    number = np.empty(len(old) + len(own), np.int64)
-    number[old], number[own] = mesh.cell_number, mesh.cell_number.max(initial=0) + 1 + np.arange(len(own))
-    order = np.arange(mesh.n_cells) if mesh.file_order is None else mesh.file_order
-    groups = {other: np.sort(old[cells]) for other, cells in mesh.cell_groups.items()}
+    members = np.append(there.cell, mesh.n_cells + np.arange(len(missing)))
+    groups = {**mesh.cell_groups, name: members}
+    tags = {other: own for other, own in mesh.group_tags.items() if other != name}
+    return replace(with_cells(mesh, rows, int(mesh.cell_number.max(initial=0)) + 1, groups), group_tags=tags)
+
+
+def with_cells(mesh: Mesh, new: Sequence[tuple[str, Ints]], first: int, groups: Mapping[str, Ints]) -> Mesh:
+    """Return the mesh with more cells, (type, nodes) for each type: numbered from `first` on, the last in the file.
+
+    `groups`: those of cells; members count the new cells behind the others.
+    """
+    more = Mesh.create(mesh.points, new, space_dim=mesh.space_dim)
+    blocks, (old, own) = _blocks([mesh, more], [0, 0])
+    index, number = np.append(old, own), np.empty(len(old) + len(own), np.int64)
+    number[index] = np.append(mesh.cell_number, first + np.arange(len(own)))
+    in_file = np.append(old if mesh.file_order is None else old[mesh.file_order], own)
     return replace(
         mesh,
         blocks=tuple(blocks),
         cell_number=number,
-        file_order=np.concatenate([old[order], own]),
-        cell_groups={**groups, name: np.sort(np.concatenate([old[there.cell], own]))},
+        file_order=None if (in_file[1:] > in_file[:-1]).all() else in_file,
+        cell_groups={name: np.unique(index[members]) for name, members in groups.items()},
         cell_data=_data([{**mesh.cell_data}, {}], [old, own]),
-        group_tags={other: tags for other, tags in mesh.group_tags.items() if other != name},
     )

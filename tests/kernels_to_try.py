@@ -11,10 +11,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 import lacmesh
-from lacmesh.formats.mail.names import scanned
-from lacmesh.formats.text_kernels import count_fields, scan_integers
-from lacmesh.formats.vtu.lz4 import expand
-from lacmesh.formats.xdmf.mixed import starts
+from lacmesh.formats.msh import version2
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.bodies.mass import KINDS, assemble_mass
@@ -87,13 +84,8 @@ def _march(model: str, law: str, cells: str, poisson: float) -> None:
 
 
 def _formats() -> None:
-    scanned(b"N1 N2\nM12 N3\n")
-    counts, text = np.empty(1, np.int64), np.frombuffer(b"1, 23,\n", np.uint8)
-    count_fields(text, counts)
-    scan_integers(text, np.empty(4, np.int64))
-    for data in (b"\x40abcd", b"\x44abcd\x02\x00\x00"):
-        expand(np.frombuffer(data, np.uint8), np.empty(12, np.uint8))
-    starts(np.array([4, 0, 1, 2, 4, 1, 2, 3]), np.array([0, 0, 0, 0, 4]), np.empty(2, np.int64))
+    elements = np.array([1, 15, 0, 1]), 1, False, version2.N_NODES, *np.empty((3, 1), np.int64)
+    version2.find_elements(*elements)
 
 
 def _surfaces() -> None:

@@ -13,7 +13,7 @@ from lacmesh.cutting.order import raise_order
 from lacmesh.errors import CutError, DataError, GroupNotFoundError, RequestError
 from lacmesh.exchange.targets import TARGETS, check_cells, check_target_cells, element, refused
 from lacmesh.formats import write
-from lacmesh.formats.inp.writer_types import card
+from lacmesh.formats.inp.elements import element_name
 from lacmesh.generate import box
 from lacmesh.mesh import Mesh
 from lacsolver.space.rules import SOLID_CELLS
@@ -124,7 +124,7 @@ def test_elements_are_those_of_the_formats_and_of_lacsolvers_rules():
     assert element("TETRA10", "gmsh") == "11" and element("TRIA7", "gmsh") is None
     assert element("PYRAM14", "aster") is None and element("PENTA18", "aster") == "P18"
     assert element("QUAD9", "fenics") == "Quadrilateral_9" and element("PENTA6", "fenics") is None
-    assert element("TRIA6", "abaqus", plane=True) == card("TRIA6", "abaqus", "CPS", False)
+    assert element("TRIA6", "abaqus", plane=True) == element_name("TRIA6", "abaqus", "CPS", False)
     assert [element("SEG4", t) is not None for t in TARGETS] == [True, True, False, False, False, False]
     assert {kind for kind in CELLS if CELLS[kind].dim > 1 and element(kind, "lacsolver")} == set(SOLID_CELLS)
     assert all(element(face.type, "lacsolver") for kind in SOLID_CELLS for face in CELLS[kind].facets)

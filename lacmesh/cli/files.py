@@ -218,8 +218,8 @@ def compile_(*, run: Run) -> None:
     from concurrent.futures import ProcessPoolExecutor, as_completed
     from multiprocessing import get_context
 
-    from lacmesh.errors import WriteError
     from lacmesh.compiled_kernels import compile_listed, listed
+    from lacmesh.errors import WriteError
     from lacmesh.kernels import cache_folder, writable
 
     start, names, folder = time.perf_counter(), list(listed()), cache_folder()

@@ -23,9 +23,8 @@ import numpy as np
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
-from lacmesh.formats.inp.writer_types import card
-from lacmesh.formats.med.types import MED_TYPES
-from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.formats.inp.elements import element_name
+from lacmesh.formats.orders import MED_CELLS, XDMF_CELLS
 from lacmesh.mesh import Mesh
 
 TARGETS: Mapping[str, str] = {
@@ -36,29 +35,28 @@ TARGETS: Mapping[str, str] = {
     "fenics": "dolfinx",
     "lacsolver": "lacsolver",
 }
-_MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
 #: Cells that dolfinx reads as cells of a mesh.
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 
 
-def element(cell_type: str, target: str, plane: bool = False) -> str | None:
+def element(kind: str, target: str, plane: bool = False) -> str | None:
     """Name that a target has for a cell of type `kind`, None if it has none; `plane`: in a plane mesh.
 
     >>> element("HEXA8", "calculix"), element("PYRAM5", "calculix"), element("TRIA3", "calculix", plane=True)
     ('C3D8', None, 'CPS3')
     """
     if target == "gmsh":
-        number = ALL_CELLS[cell_type].msh
+        number = ALL_CELLS[kind].msh
         return None if number is None else str(number)
     if target == "aster":
-        return _MED_NAMES.get(cell_type)
+        return MED_CELLS[kind].name if kind in MED_CELLS else None
     if target == "fenics":
-        return XDMF_OF_TYPE[cell_type].name if cell_type in _FENICS else None
-    if cell_type not in CELLS:
+        return XDMF_CELLS[kind].name if kind in _FENICS else None
+    if kind not in CELLS:
         return None
     if target == "lacsolver":
-        return cell_type if CELLS[cell_type].dim else None
-    return card(cell_type, target, "CPS" if plane else None, skin=False)
+        return kind if CELLS[kind].dim else None
+    return element_name(kind, target, "CPS" if plane else None, skin=False)
 
 
 def refused(mesh: Mesh, target: str) -> dict[str, int]:
@@ -70,11 +68,11 @@ def refused(mesh: Mesh, target: str) -> dict[str, int]:
     if target not in TARGETS:
         raise RequestError(f"no target {target!r}{did_you_mean(target, TARGETS)}")
     lowest = {"gmsh": 0, "aster": 0, "fenics": mesh.dim - 1}.get(target, mesh.dim)
-    asked = {cell_type: n for cell_type, n in mesh.cells_by_type.items() if ALL_CELLS[cell_type].dim >= lowest}
-    wrong = {cell_type: n for cell_type, n in asked.items() if element(cell_type, target, mesh.space_dim == 2) is None}
+    cells = {kind: n for kind, n in mesh.cells_by_type.items() if ALL_CELLS[kind].dim >= lowest}
+    wrong = {kind: n for kind, n in cells.items() if element(kind, target, mesh.space_dim == 2) is None}
     if target == "fenics" and not wrong:
         for dim in (mesh.dim, mesh.dim - 1):
-            mixed = {cell_type: n for cell_type, n in asked.items() if ALL_CELLS[cell_type].dim == dim}
+            mixed = {kind: n for kind, n in cells.items() if ALL_CELLS[kind].dim == dim}
             if len(mixed) > 1:
                 return mixed
     return wrong
@@ -103,38 +101,31 @@ def check_target_cells(
     without its data. Raises RequestError for a target that is none.
     """
     there, done = refused(mesh, target), is_cut(mesh) and recognise is not False
-
-    def cut(variant: str) -> Mesh:
-        if done:
-            return mesh
-        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only, recognise=recognise)
-
-    after = cut(hexa)
+    options: dict[str, Any] = {"interface": interface, "skin_only": skin_only, "recognise": recognise}
+    after = mesh if done else _cut(mesh, slave, hexa=hexa, **options)
     wrong = refused(after, target)
     if not wrong:
         return
     if done:
-        said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
+        reason = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
         advice = f"cut the mesh that it came from with --for {target}, which says what to try"
     else:
-        new = ", ".join(
-            f"{n} {cell_type} ({max(0, n - there.get(cell_type, 0))} of them new)"
-            for cell_type, n in sorted(wrong.items())
-        )
-        said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
-        advice = _advice(mesh, there, cut("hexa"), target)
-    bad = [
-        c for cell_type, cells, _ in after.select(np.arange(after.n_cells)) if cell_type in wrong for c in cells[:1000]
-    ]
-    raise CutError(f"{said}; {advice}", after.cell_number[bad])
+        counts = [f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())]
+        reason = f"the mesh that is cut would have {', '.join(counts)}, and {_reason(after, wrong, target)}"
+        if there:
+            advice = f"it has {_listed(there)} before it is cut: mesh it anew"
+        else:
+            advice = _advice(mesh, _cut(mesh, slave, hexa="hexa", **options), target)
+    bad = [cell for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for cell in cells[:1000]]
+    raise CutError(f"{reason}; {advice}", after.cell_number[bad])
 
 
 def _listed(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{n} {cell_type}" for cell_type, n in sorted(counts.items()))
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items()))
 
 
 def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
-    mixture = all(element(cell_type, target, mesh.space_dim == 2) for cell_type in wrong)
+    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
     return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
 
 
@@ -147,17 +138,14 @@ def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> 
         return cut_skin(bare, slave, **options).mesh
 
 
-def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
-    """Advice on refused cells: `there` are refused before the cut; `with_hexa`: the mesh cut by the variant hexa."""
-    if there:
-        return f"it has {_listed(there)} before it is cut: mesh it anew"
+def _advice(mesh: Mesh, with_hexa: Mesh, target: str) -> str:
+    """Advice on refused cells that the cut makes; `with_hexa`: the mesh cut by the variant hexa."""
     wrong = refused(with_hexa, target)
     if not wrong:
         return "--hexa hexa makes hexahedra instead"
-    children = np.concatenate(
-        [cells for cell_type, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if cell_type in wrong]
-    )
-    parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
-    behind = _listed({cell_type: len(cells) for cell_type, cells, _ in mesh.select(parents)})
+    children = [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+    number = with_hexa.cell_data["lac_parent"][np.concatenate(children)]
+    parents = np.flatnonzero(np.isin(mesh.cell_number, number))
+    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
     anew = "tetrahedra, or with hexahedra and --hexa hexa"
     return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

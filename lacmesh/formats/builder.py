@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import is_cut
 from lacmesh.errors import LacmeshWarning, ReadError, some
+from lacmesh.facts import listed
 from lacmesh.formats import notes
 from lacmesh.formats.ids import Index, repeated
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
@@ -194,7 +195,7 @@ class MeshBuilder:
         return f"number {number}" if self._name_of is None else f"name {self._name_of(number)}"
 
     def _shown(self, numbers: Ints) -> str:
-        return some(map(self._name_of, numbers.tolist()) if self._name_of else numbers)
+        return some(numbers) if self._name_of is None else listed(map(self._name_of, numbers.tolist()))
 
     def _order_cells(self) -> Ints:
         """Sort the runs of cells by type, in the order of the types' first cells; return the cells' positions."""
@@ -203,10 +204,10 @@ class MeshBuilder:
         for run in listed.runs:
             if run.at is not None:
                 free[run.at] = False
-        rest, taken = np.flatnonzero(free), 0
+        rest, n_placed = np.flatnonzero(free), 0
         for run in listed.runs:
             if run.at is None:
-                run.at, taken = rest[taken : taken + len(run.rows)], taken + len(run.rows)
+                run.at, n_placed = rest[n_placed : n_placed + len(run.rows)], n_placed + len(run.rows)
         first = dict[str, int]()
         for run in listed.runs:
             assert run.at is not None
@@ -246,7 +247,7 @@ class MeshBuilder:
         points = np.zeros((listed.size, 3))
         for run in listed.runs:
             points[run.span, : run.rows.shape[1]] = run.rows
-        bad = ~np.isfinite(points).all(axis=1)
+        bad: NDArray[np.bool_] = ~np.isfinite(points).all(axis=1)
         if bad.any():
             run = next(run for run in listed.runs if bad[run.span].any())
             message = f"the coordinates of nodes {self._shown(number[bad])} are not finite numbers"
@@ -258,10 +259,10 @@ class MeshBuilder:
         runs = self._listed["cell"].runs
         dtype = np.int32 if nodes.n < 2**31 else np.int64
         for kind in dict.fromkeys(run.type for run in runs):
-            own = [run for run in runs if run.type == kind]
-            block = np.empty((sum(len(run.rows) for run in own), ALL_CELLS[kind].n_nodes), dtype)
-            for run in own:
-                start = run.first - own[0].first
+            same_type = [run for run in runs if run.type == kind]
+            block = np.empty((sum(len(run.rows) for run in same_type), ALL_CELLS[kind].n_nodes), dtype)
+            for run in same_type:
+                start = run.first - same_type[0].first
                 bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
                 if bad is not None:
                     row = run.rows[bad]
@@ -298,9 +299,9 @@ class MeshBuilder:
         """Return the arrays on nodes or cells, and how many values are left out."""
         listed = self._listed[on]
         data, lost = dict[str, NDArray](), 0
-        for name, given in listed.data.items():
+        for name, by_number in listed.data.items():
             parts: list[tuple[Any, NDArray]] = [(run.span, run.data[name]) for run in listed.runs if name in run.data]
-            for number, values in given:
+            for number, values in by_number:
                 places = np.argsort(place) if number is None else index.places(self._by_number(number))
                 here = places >= 0
                 lost += int((~here).sum())
@@ -312,7 +313,8 @@ class MeshBuilder:
             dtype = np.result_type(*(values for _, values in parts))
             if dtype.kind == "u" and sum(len(values) for _, values in parts) < listed.size:  # it has no -1
                 dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
-            rows = np.full((listed.size, *shapes.pop()), np.nan if dtype.kind == "f" else -1, dtype)
+            blank = np.nan if dtype.kind == "f" else 0 if dtype.kind == "u" else -1  # unsigned ones have all values
+            rows = np.full((listed.size, *shapes.pop()), blank, dtype)
             for where, values in parts:
                 rows[where] = values
             data[name] = rows
@@ -322,4 +324,4 @@ class MeshBuilder:
 def _where(runs: Iterable[_Run], number: int) -> tuple[_Run, int]:
     """Return the first run that has a number, and the row there."""
     run = next(run for run in runs if run.number is not None and (run.number == number).any())
-    return run, int((run.number == number).argmax())
+    return run, int(np.flatnonzero(run.number == number)[0])

@@ -7,10 +7,12 @@ import unicodedata
 from collections.abc import Iterable
 
 
-def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[str] = ()) -> dict[str, str]:
+def labels(
+    names: Iterable[str], allowed: str, limit: int, reserved: Iterable[str] = (), first: str = "A-Za-z"
+) -> dict[str, str]:
     """Label for each name, distinct regardless of case; a name that is allowed is its own label.
 
-    `allowed`: characters allowed after the first one, a letter, written as in the brackets of a regular expression.
+    `allowed`: characters allowed after the `first` one, written as in the brackets of a regular expression.
 
     >>> labels(["rive gauche", "Rive_gauche", "été", "2nd"], "A-Za-z0-9_", 24)
     {'rive gauche': 'rive_gauche_2', 'Rive_gauche': 'Rive_gauche', 'été': 'ete', '2nd': 'G_2nd'}
@@ -18,7 +20,7 @@ def labels(names: Iterable[str], allowed: str, limit: int, reserved: Iterable[st
     names = list(names)
     taken = {word.upper() for word in reserved}
     chosen = {}
-    plain = {name: _plain(name, allowed, limit) for name in names}
+    plain = {name: _plain(name, allowed, limit, first) for name in names}
     for name in sorted(names, key=lambda name: plain[name] != name):  # names that fit come first
         label, k = plain[name], 1
         while label.upper() in taken:
@@ -39,9 +41,9 @@ def changes(chosen: dict[str, str]) -> str:
     return ", ".join(f"{name!r} is {label}" for name, label in chosen.items() if name != label)
 
 
-def _plain(name: str, allowed: str, limit: int) -> str:
+def _plain(name: str, allowed: str, limit: int, first: str) -> str:
     letters = "".join(c for c in unicodedata.normalize("NFKD", name) if not unicodedata.combining(c))
     label = re.sub(rf"[^{allowed}]", "_", name if letters.isascii() and letters == name else letters)
-    if not re.match(r"[A-Za-z]", label):
+    if not re.match(rf"[{first}]", label):
         label = "G_" + label
     return label[:limit]

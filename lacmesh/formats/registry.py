@@ -9,12 +9,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from importlib import import_module
-from inspect import signature
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from lacmesh.errors import ReadError, RequestError, did_you_mean
-from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh
 
 #: how many of a file's bytes are looked at
@@ -88,8 +86,6 @@ class Format:
         module = import_module(self.module)
         if self.meshio:
             module.write(path, mesh, name=self.name)
-        elif "options" in signature(module.write).parameters:
-            module.write(path, mesh, WriteOptions(**options))
         else:
             module.write(path, mesh, **options)
 

@@ -1,8 +1,4 @@
-"""Numbers and names in text files: text to numbers at once, columns of numbers to text at once, bytes to words.
-
-Texts of a megabyte and more are scanned by compiled kernels (`text_kernels.py`), shorter ones by numpy alone, which
-takes less time than to load the compiler.
-"""
+"""Numbers and names in text files: text to numbers at once, columns of numbers to text at once, bytes to words."""
 
 from __future__ import annotations
 
@@ -19,13 +15,8 @@ AS_INTEGERS = bytes.maketrans(b",\t", b"  ")
 AS_REALS = bytes.maketrans(b"Dd,\t", b"ee  ")
 #: Bytes of data looked at in one go.
 _CHUNK = 1 << 22
-#: Texts from this size on are worth the time to load the compiler.
-_COMPILED = 1 << 20
-
-
-def is_long(text: bytes) -> bool:
-    """True if a text is worth the time to load the compiler."""
-    return len(text) >= _COMPILED
+#: Rows written in one go.
+_ROWS = 1 << 14
 
 
 def parsed(text: bytes, dtype: type, *, clip: bool = False) -> NDArray | None:
@@ -71,30 +62,17 @@ def chunks(text: bytes) -> Iterator[tuple[int, bytes]]:
         begin = end
 
 
-def values_in_lines(text: bytes) -> Ints:
-    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
-    if not is_long(text):
-        return values_in_lines_by_arrays(text)
-    from lacmesh.formats.text_kernels import count_fields
-
-    counts = np.empty(text.count(b"\n"), np.int64)
-    count_fields(np.frombuffer(text, np.uint8), counts)
-    return counts
-
-
 def integers(text: bytes) -> Ints | None:
     """Integers in a text; None if it holds anything but integers, commas and blanks."""
-    if not is_long(text):
-        return parsed(text.translate(AS_INTEGERS), np.int64)
-    from lacmesh.formats.text_kernels import scan_integers
-
-    values = np.empty(len(text) // 2 + 1, np.int64)
-    n = scan_integers(np.frombuffer(text, np.uint8), values)
-    return parsed(text.translate(AS_INTEGERS), np.int64) if n < 0 else values[:n]
+    return parsed(text.translate(AS_INTEGERS), np.int64)
 
 
-def values_in_lines_by_arrays(text: bytes) -> Ints:
-    """Count fields as `values_in_lines` does, by numpy alone: without the time to load the compiler."""
+def values_in_lines(text: bytes) -> Ints:
+    """Number of comma-separated fields in each line of a text; a comma at its end adds none, a blank line has 0."""
+    return np.concatenate([np.empty(0, np.int64), *(_fields_in_lines(piece) for _, piece in chunks(text))])
+
+
+def _fields_in_lines(text: bytes) -> Ints:
     letters = np.frombuffer(text, np.uint8)
     ends = np.flatnonzero(letters == 10)
     commas = np.flatnonzero(letters == 44)
@@ -171,3 +149,18 @@ def joined(columns: Iterable[Sequence[str]], separator: str) -> str:
     '1, a\\n2, b\\n'
     """
     return "".join([separator.join(row) + "\n" for row in zip(*columns, strict=True)])
+
+
+def rows_of_cells(numbers: Ints, nodes: Ints, leads: Sequence[bytes]) -> Iterator[bytes]:
+    """Yield the number (k,) and the nodes (k, n) of each cell, each number preceded by its column's lead."""
+    for a in range(0, len(numbers), _ROWS):
+        part = slice(a, a + _ROWS)
+        yield int_rows(np.hstack([numbers[part, None], nodes[part]]), leads)
+
+
+def numbers_in_lines(numbers: Ints, per_line: int, lead: bytes, between: bytes) -> Iterator[bytes]:
+    """Yield numbers in lines; `lead`: what stands before the first of a line, `between`: before the others."""
+    whole = len(numbers) // per_line * per_line
+    for rows in (numbers[:whole].reshape(-1, per_line), numbers[whole:].reshape(1, -1)):
+        if rows.size:
+            yield int_rows(rows, [b"\n" + lead, *[between] * (rows.shape[1] - 1)])

@@ -13,9 +13,8 @@ import numpy as np
 
 from lacmesh.errors import RequestError, check_installed
 from lacmesh.formats.output import check_place, replace_file
-from lacmesh.quality.measures import SCALES, primary_metric
+from lacmesh.quality.measures import ACCEPTED, SCALES, primary_metric
 from lacmesh.quality.summary import Quality, TypeQuality
-from lacmesh.quality.measures import ACCEPTED
 
 _INK, _GOOD, _POOR, _BAD = "#1d2733", "#2563b8", "#e0982c", "#b3261e"
 #: measures drawn for a type: the one that ranks it, then the first of each of these that it has

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
-from lacmesh.threads import in_threads
 from lacmesh.mesh import Floats, Ints
 from lacmesh.surface.maps import coefficients, kinds, monomials
 from lacmesh.surface.record import Surface
+from lacmesh.threads import in_threads
 from lacmesh.topology.boxes import LEAF, along_curve, bounding_tree
 from lacmesh.topology.skin import MAX_CORNERS
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 
+from lacmesh.deck import Deck, DeckCard, key_of
 from lacmesh.errors import ReadError
-from lacmesh.formats.inp.contradictions import contradictions_of_frame
 from lacmesh.formats.inp.flat import flattened
 from lacmesh.mesh import Mesh
 from lacsolver.decks.cards import Card, Finding, Lacking, Refused, look_up
 from lacsolver.decks.content import DeckContent
 from lacsolver.decks.names import Names
 from lacsolver.decks.table import LACKS, NOTES, OF_THE_MESH, PROCEDURES, READ
+
+_PARAMETER = re.compile(r'\s*([^,="]+?)\s*=\s*("[^"]*"|[^,]*?)\s*(?:,|$)')
 
 
 def interpret(mesh: Mesh, *, lenient: bool = False) -> DeckContent:
@@ -26,8 +30,9 @@ def interpret(mesh: Mesh, *, lenient: bool = False) -> DeckContent:
         raise ReadError(mesh.name, "is no deck of CalculiX or Abaqus (.inp)")
     flat, refused = flattened(mesh.deck)
     deck = DeckContent(Names(replace(mesh, deck=flat)), lenient)
-    wrong = (*refused, *contradictions_of_frame(flat))
-    deck.findings += [Finding(one.file, one.line, one.card.name, one.why, "error") for one in wrong]
+    for wrong, line, why in (*refused, *_frame_errors(flat)):
+        place = line or wrong
+        deck.findings.append(Finding(place.file, place.line, wrong.name, why, "error"))
     for deck_card in deck.names.deck.cards:
         card = Card(deck_card)
         try:
@@ -41,6 +46,24 @@ def interpret(mesh: Mesh, *, lenient: bool = False) -> DeckContent:
             deck.error(card, found.message, found.row)
     _check_sections(deck)
     return deck
+
+
+def _frame_errors(deck: Deck) -> Iterator[tuple[DeckCard, None, str]]:
+    """Yield cards of steps inside steps, or without an end, and of parameters that stand twice; and what is wrong."""
+    step: DeckCard | None = None
+    for card in deck.cards:
+        if card.key == "STEP" and step is not None:
+            yield card, None, f"the step of line {step.line} has no *END STEP before it; end it"
+        if card.key == "ENDSTEP" and step is None:
+            yield card, None, "there is no *STEP above it; take it out, or begin the step"
+        step = {"STEP": card, "ENDSTEP": None}.get(card.key, step)
+        values: dict[str, str] = {}
+        for name, value in _PARAMETER.findall("".join(card.head.split("\n")).partition(",")[2]):
+            option = "".join(name.split()).upper()
+            if key_of(values.setdefault(option, value)) != key_of(value):
+                yield card, None, f"{option} is both {values[option]} and {value}; take one out"
+    if step is not None:
+        yield step, None, "this step has no *END STEP; end it"
 
 
 def _check_sections(deck: DeckContent) -> None:

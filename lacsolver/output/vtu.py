@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.formats import write
-from lacmesh.formats.vtu.collection import read_pvd, write_pvd
+from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
 from lacsolver.output.files import make_folder

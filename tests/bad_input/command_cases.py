@@ -18,7 +18,7 @@ from tests.bad_input.mesh_cases import DEFECTS, WRITERS, png
 from tests.bad_input.raw import Cell, two_hexahedra
 
 GOOD = WRITERS["msh 4.1 binary"](two_hexahedra())
-#: Suffix and options -> how the output is called in the page.
+#: Suffix and options -> how the output is called.
 OUTPUTS = {
     "msh 2.2 ASCII": (".msh", "--msh", "2.2", "--ascii"),
     "msh 2.2 binary": (".msh", "--msh", "2.2"),
@@ -132,7 +132,7 @@ def _stl(*triangles):
 
 MESH = ("mesh", "{in}", "-o", "{out}", "--force")
 LIST = ("mesh", "{in}", "--list")
-#: format, what is wrong, content, status, words of gmsh that the page leaves out
+#: format, what is wrong, content, status, words of gmsh
 FILES = [
     ("STEP", "empty", b"", 3, ""),
     ("STEP", "text", b"Dear all,\n", 3, ""),
@@ -295,7 +295,7 @@ STAGES = (
     Stage("while the file is read", "lacmesh.formats.msh.read", _MSH),
     Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin", _MSH),
     Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, _HALF),
-    Stage("while HDF5 writes a MED file", "lacmesh.formats.med.notes.write", _MED, lasts=1),
+    Stage("while HDF5 writes a MED file", "lacmesh.formats.med_fields.write", _MED),
     Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, _HALF),
     Stage("before the new file takes its place", "lacmesh.formats.output._finish", _MSH),
     Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,

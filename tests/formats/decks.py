@@ -14,7 +14,7 @@ import numpy as np
 import lacmesh
 from lacmesh import LacmeshWarning
 from lacmesh.cells import CELLS
-from lacmesh.formats.inp.types import element
+from lacmesh.formats.inp.elements import element
 from lacmesh.generate.parts import assembled
 from tests.lacsolver.deck_texts import Block
 from verification.meshes.blocks import block, joined, rows_of

@@ -14,18 +14,14 @@ import numpy as np
 import pytest
 
 import lacmesh
-from lacmesh import LacmeshWarning, cut_skin, raise_order
+from lacmesh import LacmeshWarning, cut_skin, raise_order, split
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
 from lacmesh.cutting.cut import is_cut
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, WriteError
 from lacmesh.formats import inp
-from lacmesh.formats.inp.deck_writer import variant
-from lacmesh.formats.inp.follow import Followed
-from lacmesh.formats.inp.types import FACETS
-from lacmesh.formats.inp.writer_types import card
-from lacmesh.formats.table import WriteOptions
+from lacmesh.formats.inp.elements import element_name, variant
 from lacmesh.mesh import Mesh
 from tests.formats.decks import LOWER, NODE, UPPER, E, K, P, on_springs, pressed, tables, two
 from tests.formats.decks import solved as run_calculix
@@ -52,6 +48,13 @@ def cut_text(folder, cards, **options):
     keyword = cards.split("\n")[0]
     body = text[text.index(keyword + "\n") + len(keyword) + 1 :]
     return mesh, re.split(r"^\*[A-Z]", body, flags=re.MULTILINE)[0].splitlines()
+
+
+def two_bricks(cards):
+    """A deck of a brick on another, which share the slave."""
+    text = MESH.replace("** the brick\n", "9, 0., 0., 2.\n10, 1., 0., 2.\n11, 1., 1., 2.\n12, 0., 1., 2.\n")
+    text = text.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8\n2, 5, 6, 7, 8, 9, 10, 11, 12\n*NSET", 1)
+    return text + MODEL + STEP.format(cards=cards)
 
 
 def others(text):
@@ -128,82 +131,57 @@ def test_a_cut_deck_is_read_as_the_mesh_that_was_cut(tmp_path):
     assert {c.options["TYPE"] for c in back.deck.named("ELEMENT")} == {"C3D8R"}
 
 
-def _side_area(mesh, number, face):
-    """Area vector of a face of an element, by the numbers of both."""
-    cell = int(np.flatnonzero(mesh.cell_number == number)[0])
-    ((kind, _, nodes),) = mesh.select(np.array([cell]))
-    side = CELLS[kind].facets[FACETS[CELLS[kind].family][face - 1]]
-    x = mesh.points[nodes[0][list(side.nodes[: CELLS[side.type].n_corners])]]
-    if len(x) == 2:
-        return np.array([(x[1] - x[0])[1], -(x[1] - x[0])[0], 0])
-    return np.cross(x[1:-1] - x[0], x[2:] - x[0]).sum(axis=0) / 2
+#: cards on what was cut, and words of the error: it names the line, and what to give instead
+REFUSED_AFTER_A_CUT = {
+    "a load on an element": ("*DLOAD\n1, P3, 2.5\n", "DLOAD: element 1 was cut; give a set"),
+    "a load on a whole element": ("*DLOAD\n1, BX, 7.\n", "DLOAD: element 1 was cut; give a set"),
+    "a load on a face of a set": ("*FILM\nFew, F2, 20., 1.e-3\n", "FILM: elements of Few were cut.*give a surface"),
+    "a change of elements": ("*MODEL CHANGE, REMOVE\n1\n", "MODEL CHANGE: element 1 was cut; give a set"),
+    "a face by its nodes": ("*BOUNDARY\n5, 1, 2\n6, 1\n7, 1\n8, 1\n", "BOUNDARY: it gives nodes by number.*give a set"),
+    "temperatures of all nodes": (
+        "*TEMPERATURE\n" + "".join(f"{k}, 1.\n" for k in range(1, 9)), "TEMPERATURE: it gives nodes by number",
+    ),
+    "an equation of a set": ("*EQUATION\n2\nTop, 1, 1., 1, 1, -1.\n", "EQUATION: it lists the node set Top"),
+    "a normal": ("*NORMAL\n1, 5, 0., 0., 1.\n", "NORMAL: element 1 was cut"),
+}  # fmt: skip
 
 
-KINDS = [
-    kind
-    for kind, cell in CELLS.items()
-    if cell.dim > 1 and card(kind, "calculix", "CPE" if cell.dim == 2 else None, False)
-]
+@pytest.mark.parametrize("name", REFUSED_AFTER_A_CUT)
+def test_a_line_that_a_cut_makes_wrong_is_refused(name, tmp_path):
+    """The file and the line are named; --lenient leaves the line out, or the new nodes; nothing is refused uncut."""
+    cards, words = REFUSED_AFTER_A_CUT[name]
+    text = MESH + MODEL + STEP.format(cards=cards)
+    mesh = read_text(tmp_path, text)
+    assert others(written(tmp_path, mesh)) == others(text)
+    cut = cut_skin(mesh, "slave", hexa="hexa").mesh
+    with pytest.raises(DataError, match=rf"a\.inp, line \d+: \*{words}"):
+        written(tmp_path, cut)
+    with pytest.warns(LacmeshWarning, match="the line is left out|its new nodes get none"):
+        assert "*END STEP" in written(tmp_path, cut, lenient=True)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_load_on_a_face_goes_to_the_children_on_it(kind, tmp_path):
-    """On every face of a cell that is cut on one face, or on two: the faces of children have the same area vector."""
-    n = len(CELLS[kind].facets)
-    for faces in [(j,) for j in range(n)] + [(0, n - 1)]:
-        mesh = cell_with_faces(kind, facets=list(faces), inward=True)
+def test_sets_and_nodes_that_a_cut_leaves_as_they_are_stay(tmp_path):
+    cards = "*DLOAD, OP=NEW\n** kept\nEall, GRAV, 9.81, 0, 0, -1\n"
+    _, lines = cut_text(tmp_path, cards)
+    assert lines == cards.splitlines()[1:]
+    _, lines = cut_text(tmp_path, "*BOUNDARY\n5, 3\n6, 3\n7, 3\nTop, 1\n1, 1\n2, 1\n3, 1\n4, 1\n")
+    assert len(lines) == 8  # three corners are no face, and the bottom face is whole
+
+
+def test_copies_of_nodes_need_a_set(tmp_path):
+    """A crack doubles nodes: a condition on one of them by number says nothing of its copy."""
+    text = two_bricks("*BOUNDARY\n{node}, 1\n")
+    for node, refused in ((5, True), (1, False)):
+        mesh = read_text(tmp_path, text.format(node=node))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", LacmeshWarning)
-            lacmesh.write(tmp_path / "a.inp", mesh, plane="CPE")
-            read = lacmesh.read(tmp_path / "a.inp")
-            cut = cut_skin(read, "slave", hexa="hexa").mesh
-        number = int(read.deck.cards[1].numbers[0])
-        followed = Followed(cut.deck, cut)
-        if not followed.is_changed(number):
-            assert CELLS[kind].dim == 2  # a SEG3 is left whole
-            continue
-        for face in range(1, n + 1):
-            sides = followed.faces(number, face)
-            assert len(sides) == len(set(sides)) > (1 if FACETS[CELLS[kind].family][face - 1] in faces else 0)
-            areas = sum(_side_area(cut, *side) for side in sides)
-            assert np.allclose(areas, _side_area(read, number, face), atol=1e-12)
-
-
-def test_loads_on_elements_that_were_cut(tmp_path):
-    _, lines = cut_text(
-        tmp_path,
-        "*DLOAD, OP=NEW\n1, P3, 2.5\n** kept\nEall, GRAV, 9.81, 0, 0, -1\n1, BX, 7.\n",
-    )
-    assert lines[1:3] == ["** kept", "Eall, GRAV, 9.81, 0, 0, -1"]
-    assert re.fullmatch(r"\d+, P\d, 2.5", lines[0])
-    assert len(lines) == 3 + 6 and all(re.fullmatch(r"\d+, BX, 7.", line) for line in lines[3:])
-    mesh, lines = cut_text(tmp_path, "*FILM\nFew, F2, 20., 1.e-3\n")
-    assert len(lines) == 5 and all(line.endswith(", 20., 1.e-3") for line in lines)
-    sides = [(int(line.split(",")[0]), int(line.split(",")[1].strip()[1:])) for line in lines]
-    assert np.allclose(sum(_side_area(mesh, *side) for side in sides), [0, 0, 1])
-    _, lines = cut_text(tmp_path, "*MODEL CHANGE, TYPE=ELEMENT, REMOVE\n1\n")
-    assert len(lines[0].split(",")) == 6
-
-
-def test_conditions_of_whole_faces_take_the_new_nodes(tmp_path):
-    """By number, with values that are linear: new nodes on the face have those of their places."""
-    x = {1: (0, 0, 0), 2: (1, 0, 0), 3: (1, 1, 0), 4: (0, 1, 0), 5: (0, 0, 1), 6: (1, 0, 1), 7: (1, 1, 1), 8: (0, 1, 1)}
-    field = {k: 1 + 2 * p[0] + 3 * p[1] + 4 * p[2] for k, p in x.items()}
-    top = "".join(f"{k}, 1, 2, {field[k]}\n" for k in (5, 6, 7, 8))
-    mesh, lines = cut_text(tmp_path, "*BOUNDARY\n" + top)
-    at = {int(n): p for n, p in zip(mesh.node_number, mesh.points, strict=True)}
-    rows = [[float(f) for f in line.split(",")] for line in lines[4:]]
-    on_top = [n for n, p in at.items() if n > 8 and p[2] == 1]
-    assert sorted((int(r[0]), int(r[1])) for r in rows) == sorted((n, dof) for n in on_top for dof in (1, 2))
-    for n, first, last, value in rows:
-        assert first == last and value == pytest.approx(1 + at[int(n)] @ [2, 3, 4])
-    every = "".join(f"{k}, {value}\n" for k, value in field.items())
-    _, lines = cut_text(tmp_path, "*TEMPERATURE\n" + every)
-    assert sorted(int(line.split(",")[0]) for line in lines) == sorted(at)
-    for n, value in ([float(f) for f in line.split(",")] for line in lines):
-        assert value == pytest.approx(1 + at[int(n)] @ [2, 3, 4])
-    assert len(cut_text(tmp_path, "*BOUNDARY\n5, 3\n6, 3\n7, 3\n")[1]) == 3  # three corners are no face
-    assert len(cut_text(tmp_path, "*BOUNDARY\nTop, 3\n5, 1\n")[1]) == 2  # the set has its new nodes itself
+            opened = split(mesh, "slave")
+        assert opened.n_nodes > mesh.n_nodes
+        if refused:
+            with pytest.raises(DataError, match="BOUNDARY: it gives nodes by number"):
+                written(tmp_path, opened)
+        else:
+            written(tmp_path, opened)
 
 
 def test_forces_on_nodes_stay_on_those_nodes(tmp_path):
@@ -215,7 +193,7 @@ def test_forces_on_nodes_stay_on_those_nodes(tmp_path):
 def test_initial_conditions_and_children_that_calculix_lacks(tmp_path):
     text = MESH + "*INITIAL CONDITIONS, TYPE=STRESS\n1, 1, 5., 0., 0., 0., 0., 0.\n" + MODEL
     cut = cut_skin(read_text(tmp_path, text), "slave", hexa="hexa").mesh
-    with pytest.raises(DataError, match=r"a\.inp, line 30: .*other integration points"):
+    with pytest.raises(DataError, match=r"a\.inp, line 30: .*integration points"):
         written(tmp_path, cut)
     with pytest.warns(LacmeshWarning, match="line 30: .*the line is left out"):
         assert "*INITIAL CONDITIONS, TYPE=STRESS\n*Material" in written(tmp_path, cut, lenient=True)
@@ -236,16 +214,15 @@ def test_sets_that_would_catch_new_numbers_are_written_anew(tmp_path):
 
 
 def test_a_deck_is_cut_twice(tmp_path):
-    """Children of children: a load on the side goes to what is left of it, sets have all of them."""
-    deck = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*DLOAD\n1, P3, 2.5\n1, P1, 1.\n"))
+    """Children of children: sets and surfaces have all of them."""
+    deck = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*DSLOAD\nside, P, 1.\n"))
     once = cut_skin(deck, "slave", hexa="hexa").mesh
     with pytest.warns(LacmeshWarning, match="records .* are replaced"):
         twice = cut_skin(once, "side", hexa="hexa", recognise=False).mesh
     back = read_text(tmp_path, written(tmp_path, twice), "c.inp")
     assert len(back.cell_groups["Eall"]) == len(twice.cell_groups["Eall"]) > len(once.cell_groups["Eall"]) > 1
-    sides = [(int(line.fields[0]), int(line.fields[1][1:])) for line in next(back.deck.named("DLOAD")).data]
-    areas = [_side_area(back, *side) for side in sides]
-    assert np.allclose(sum(areas), [0, -1, -1]) and len(areas) > 2
+    for name in ("slave", "side"):
+        assert len(back.cell_groups[name]) == len(twice.cell_groups[name]) > 1
 
 
 def test_elements_that_are_no_cells_keep_their_lines_and_numbers(tmp_path):
@@ -291,9 +268,12 @@ def test_a_mesh_that_was_changed_in_python(tmp_path):
 
 def test_elements_that_are_raised_have_their_new_nodes(tmp_path):
     """Also where their lines list more than their nodes, which are carried word for word as long as nothing changes."""
-    mesh = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\n1, 1\n2, 1\n3, 1\n4, 1\n"))
+    mesh = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\nBottom, 1\n5, 1\n"))
     assert "*ELEMENT, TYPE=C3D20R, ELSET=Eall" in written(tmp_path, raise_order(mesh))
-    assert len(next(lacmesh.read(tmp_path / "b.inp").deck.named("BOUNDARY")).data) == 8
+    assert len(lacmesh.read(tmp_path / "b.inp").node_groups["Bottom"]) == 8
+    mesh = read_text(tmp_path, MESH + MODEL + STEP.format(cards="*BOUNDARY\n1, 1\n2, 1\n"))
+    with pytest.raises(DataError, match="BOUNDARY: it gives nodes by number"):
+        written(tmp_path, raise_order(mesh))
     text = MESH.replace("5, 6, 7, 8\n*NSET", "5, 6, 7, 8, 1\n*NSET")
     with pytest.warns(LacmeshWarning, match="more nodes than these have"):
         mesh = read_text(tmp_path, text)
@@ -351,7 +331,7 @@ def test_decks_of_parts_are_carried_as_they_stand(tmp_path):
     """A name of the only instance stands before that of its set where the assembly has a set of the same name."""
     for text in (PARTS.replace("*End Assembly", "*End Assembly\n*Material, name=M"), two()):
         mesh = quiet_read(tmp_path, text)
-        assert mesh.deck.apart
+        assert mesh.deck.numbers_differ
         assert flat(tmp_path, mesh) == (text, "")
     text = two().partition("*Instance, name=Upper-1")[0]
     groups = quiet_read(tmp_path, text + "*Nset, nset=Set-1, instance=Lower-1\nB_Z0\n*End Assembly\n").node_groups
@@ -385,7 +365,7 @@ def test_a_cut_deck_has_no_parts(tmp_path):
 SURFACES = "*SURFACE, NAME=Upper\nC_EZ0, S1\n*SURFACE, NAME=Lower\nB_EZ1, S2\n"
 
 
-def test_records_of_the_cut_are_beside_the_deck(tmp_path):
+def test_records_of_the_cut_are_in_comments_of_the_deck(tmp_path):
     """New nodes follow the first card of nodes, and so stand in another order in the mesh that is read."""
     for name, text in (("parts", two()), ("cards", LOWER.text() + replace(UPPER, first=100).text() + SURFACES)):
         cut = cut_skin(quiet_read(tmp_path, text), "Upper", hexa="hexa")
@@ -515,7 +495,7 @@ def test_calculix_runs_decks_of_parts(tmp_path, monkeypatch):
     assert np.allclose(other[-1], [0, 0, 20.0], atol=1e-5) and len(top) == len(UPPER.at(2, 2))
 
 
-VOLUMES = [kind for kind, cell in CELLS.items() if cell.dim == 3 and card(kind, "calculix", None, False)]
+VOLUMES = [kind for kind, cell in CELLS.items() if cell.dim == 3 and element_name(kind, "calculix", None, False)]
 
 
 @pytest.mark.parametrize("kind", [*VOLUMES, "TRIA3", "QUAD4", "TRIA6", "QUAD8"])
@@ -539,7 +519,7 @@ def test_pressure_pushes_the_facet(tmp_path, kind):
                 raised = replace(mesh, points=mesh.points + np.array([0, 0, 1]), space_dim=3)
                 jobs.append((raised, on_springs(cell.n_nodes, plane.replace("SOLID", "SHELL"))))
         for one, job in jobs:
-            inp.write(tmp_path / "mesh.inp", one, WriteOptions(plane="CPE") if cell.dim < 3 else WriteOptions())
+            inp.write(tmp_path / "mesh.inp", one, plane="CPE" if cell.dim < 3 else None)
             (tmp_path / "job.inp").write_text(job)
             (((_, u),),) = results(tmp_path, "job")
             assert np.allclose(E * u[:, 1:].sum(axis=0), -P * area, atol=1e-5 * np.linalg.norm(P * area))

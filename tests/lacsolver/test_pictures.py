@@ -14,7 +14,7 @@ from lacmesh import Mesh, Surface, generate
 from lacmesh.cells import CELLS
 from lacmesh.drawing import Drawing, rgb
 from lacmesh.errors import ReadError, RequestError, WriteError
-from lacmesh.formats.vtu.collection import read_pvd, write_pvd
+from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacsolver.cli import main
 from lacsolver.output.stored import stored_fields
 from lacsolver.output.tables import read_table

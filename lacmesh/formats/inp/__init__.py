@@ -7,7 +7,7 @@ All cards, those of materials and steps too, are in the record `Mesh.deck`.
 
 from __future__ import annotations
 
-from lacmesh.formats.inp.plain import losses
+from lacmesh.formats.inp.elements import losses
 from lacmesh.formats.inp.reader import read
 from lacmesh.formats.inp.writer import write
 

@@ -1,24 +1,38 @@
-"""Reading .inp: scopes of numbers and names become a mesh."""
+"""Reading .inp: each card goes to its handler, those of a part once for each of its instances."""
 
 from __future__ import annotations
 
+import re
 import warnings
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from lacmesh.deck import INP_CARD, Deck, DeckCard, DeckInstance, key_of, shown_name
 from lacmesh.errors import LacmeshWarning, ReadError, some
-from lacmesh.formats.ids import Index, repeated
-from lacmesh.formats.inp.deck import read_model
-from lacmesh.formats.inp.plain import plane_of
-from lacmesh.formats.inp.record import deck_of
-from lacmesh.formats.inp.scope import ElementCard, NodesOf, Resolver, Scope, SurfaceCard
-from lacmesh.formats.inp.skin import CellBlock, Skin
+from lacmesh.formats import notes
+from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.inp.cards import Card, Cards, Members, element_lines, members_of, node_lines
+from lacmesh.formats.inp.elements import LINE, NO_CELL, PLANE, POINT, element, plane_of, type_of
+from lacmesh.formats.inp.sets import OF_KIND, ElementCard, NamedSet, Resolver, SetKey, Sides, with_surfaces
+from lacmesh.formats.text import values_in_lines
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated
 
-_NONE = np.empty(0, np.int64)
+#: Cards that make nodes or elements, or move them, and that are not read.
+_NOT_READ = {
+    **dict.fromkeys(("NGEN", "NFILL", "NCOPY"), "makes nodes"),
+    **dict.fromkeys(("ELGEN", "ELCOPY", "SYMMETRICMODELGENERATION"), "makes elements"),
+    "NMAP": "moves nodes",
+    "SYSTEM": "turns coordinates",
+}
+#: Cards that make sets, and the parameter with the name.
+_NAMES = {"NODE": "NSET", "ELEMENT": "ELSET", "NSET": "NSET", "ELSET": "ELSET", "SURFACE": "NAME"}
+#: Whose numbers and names are those of the file.
+_PLAIN = DeckInstance("", "", "", 0, 0)
 
 
 def read(path: Path) -> Mesh:
@@ -26,171 +40,384 @@ def read(path: Path) -> Mesh:
 
     All cards are in `Mesh.deck`. One LacmeshWarning names what is read otherwise than it stands.
     """
-    model = read_model(path)
-    said = model.said
-    if not model.scope.nodes:
-        raise ReadError(path, "has no nodes: there is no *NODE")
-    number, points = _nodes(model.scope)
-    listed, place, cell_number = _elements(model.scope, Index(number), said)
-    skin = Skin(listed, len(number))
-    node_groups, cell_groups, surfaces = _groups(model.scope, number, cell_number, skin, said)
-    new, members = skin.finish([cell_groups.get(name, _NONE) for name in surfaces])
-    if skin.unknown:
-        said.append(f"surfaces name sides that are no faces, left out: {', '.join(skin.unknown)}")
-    if said:
-        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=2)
-    for name, which in zip(surfaces, members, strict=True):
-        cell_groups[name] = np.append(cell_groups.get(name, _NONE), which)
-    blocks, before = _with_skin(listed, new)
-    n_new = len(before) - len(place)
-    largest = max(model.largest, int(cell_number.max(initial=0)))
-    cell_number = np.append(cell_number, largest + 1 + np.arange(n_new))[before]
-    place = np.append(place, len(place) + np.arange(n_new))[before]
-    index = np.argsort(before)
-    mesh = Mesh.create(
-        points,
-        blocks,
-        space_dim=_space_dim(model.scope, points),
-        node_number=number,
-        cell_number=cell_number,
-        file_order=None if (np.diff(place) > 0).all() else np.argsort(place),
-        cell_groups={name: index[which] for name, which in cell_groups.items()},
-        node_groups=node_groups,
-        name=model.heading[0] if len(model.heading) == 1 else "mesh",
-        plane=plane_of(model.scope.elements),
-    )
-    return replace(mesh, deck=deck_of(path, model, mesh))
+    reader = _Reader(path)
+    mesh = reader.mesh()
+    if reader.warnings:
+        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(reader.warnings)}"), stacklevel=2)
+    return mesh
 
 
-def _nodes(scope: Scope) -> tuple[Ints, Floats]:
-    number = np.concatenate([n.number for n in scope.nodes])
-    twice = repeated(number) if len(number) else None
-    if twice is not None:
-        owner = [n.card for n in scope.nodes if (n.number == twice).any()][-1]
-        raise owner.error(f"two nodes have the number {twice}")
-    return number, np.concatenate([n.points for n in scope.nodes])
+class _Reader:
+    """Reads the cards of a deck one by one: nodes, elements and sets with the numbers and names of the mesh."""
+
+    def __init__(self, path: Path) -> None:
+        """Read all cards. Raises ReadError."""
+        self.path = path
+        self.warnings: list[str] = []
+        files = Cards(path)
+        self.cards, self.start = files.cards, files.start
+        if any(span.values.strip() for span in self.start):
+            self.warnings.append("the text before the first keyword line is no card")
+        self.nodes: list[tuple[int, Card, Ints, Floats]] = []  # index of the card, the card, numbers, points
+        self.elements: list[ElementCard] = []
+        self.sets: dict[SetKey, NamedSet] = {}
+        self.heading: list[str] = []
+        self.whole: set[int] = set()  # indices of cards whose lines say more than their cells, as of beams
+        self.largest = 0  # number of an element that is no cell
+        self.instances: dict[str, DeckInstance] = {}
+        self.numbers_differ = ""
+        self.assembly = _PLAIN  # raised once the assembly has nodes or elements
+        self._counts: Counter[str] = Counter()  # warnings with a place for their count
+        self._read_all()
+        self.warnings += [text.replace("{}", str(n)) for text, n in self._counts.items()]
+        if not self.nodes:
+            raise ReadError(path, "has no nodes: there is no *NODE")
+
+    # ---- cards, parts and instances
+
+    def _read_all(self) -> None:
+        """Read the cards: those of a part at its instances, or behind all if it has none. Raises ReadError."""
+        parts: dict[str, list[int]] = {}
+        inside: list[int] | None = None  # cards of the part or the instance that is open
+        instance: Card | None = None
+        late: list[int] = []  # sets of an assembly, whose nodes and elements may follow them
+        for k, card in enumerate(self.cards):
+            name, part = card.options.get("NAME", ""), card.options.get("PART", "")
+            if card.key == "PART":
+                if key_of(name) in parts:
+                    raise card.error(f"there are two parts named {name}")
+                inside = parts[key_of(name)] = []
+            elif card.key == "INSTANCE":
+                if key_of(part) not in parts:
+                    raise card.error(f"there is no part named {part!r} above this *INSTANCE")
+                if _instance_key(name) in self.instances or instance is not None:
+                    raise card.error(f"the instance {name!r} is there already, or inside another")
+                instance, inside = card, [*parts[key_of(part)]]
+            elif card.key == "ENDINSTANCE":
+                if instance is None or inside is None:
+                    raise card.error("there is no *INSTANCE above this *END INSTANCE")
+                self._read_instance(instance, inside)
+                instance = inside = None
+            elif card.key == "ENDPART":
+                inside = None
+            elif inside is not None:
+                inside.append(k)
+            elif self.instances and card.key in ("NSET", "ELSET", "SURFACE"):
+                late.append(k)
+            else:
+                self._read(k, self._of_assembly(card))
+        if instance is not None:
+            raise instance.error("this *INSTANCE has no *END INSTANCE")
+        if parts and not self.instances:
+            if len(parts) > 1:
+                second = [card for card in self.cards if card.key == "PART"][1]
+                raise second.error("there are several parts and no assembly: say *INSTANCE where each stands")
+            late = next(iter(parts.values()))
+        for k in late:
+            self._read(k, self.assembly)
+
+    def _has_prefixes(self) -> bool:
+        """True if names of instances precede those of their sets.
+
+        So they do if there are several, or an assembly has a set or surface of the same name as its part.
+        """
+        ends = [k for k, card in enumerate(self.cards) if card.key == "ENDINSTANCE"]
+        names: list[set[SetKey]] = []
+        for cards in (self.cards[: ends[0]], self.cards[ends[0] :]):
+            options = ((_NAMES.get(card.key, ""), card.options) for card in cards)
+            names.append({(option, key_of(given[option])) for option, given in options if given.get(option)})
+        return len(ends) > 1 or bool(names[0] & names[1])
+
+    def _of_assembly(self, card: Card) -> DeckInstance:
+        """By how much numbers of nodes and elements outside parts are raised: past those of the instances."""
+        if self.instances and self.assembly is _PLAIN and card.key in ("NODE", "ELEMENT"):
+            self.assembly = DeckInstance("", "", "", *self._largest())
+            self.numbers_differ = "the assembly has nodes or elements of its own, whose numbers are raised"
+        return self.assembly
+
+    def _largest(self) -> tuple[int, int]:
+        """The largest number of a node, and of an element; 0 where there is none."""
+        nodes = max((int(number.max(initial=0)) for _, _, number, _ in self.nodes), default=0)
+        return nodes, max((int(one.number.max(initial=0)) for one in self.elements), default=0)
+
+    def _read_instance(self, card: Card, cards: list[int]) -> None:
+        """Read the cards of an instance, of its part first. Raises ReadError."""
+        name = shown_name(card.options.get("NAME", ""))
+        by = self._largest()
+        placement = card.rows()
+        prefix = f"{name}." if self._has_prefixes() else ""
+        one = DeckInstance(name, card.options["PART"], prefix, *by, len(placement) > 1)
+        before, raised = len(self.nodes), len(self.cards) * len(self.instances)
+        for k in cards:
+            self._read(k, one, raised)
+        self.nodes[before:] = [(k, c, number, _in_place(card, points)) for k, c, number, points in self.nodes[before:]]
+        self.instances[_instance_key(name)] = one
+        if len(self.instances) > 1 or any(by):
+            self.numbers_differ = f"there are {len(self.instances)} instances of parts"
+        elif placement:
+            self.numbers_differ = f"the instance {name} stands elsewhere than its part"
+        if any(by):
+            self.warnings.append(f"the numbers of instance {name} are raised, nodes by {by[0]} and cells by {by[1]}")
+
+    def _read(self, index: int, inside: DeckInstance, raised: int = 0) -> None:
+        """Read one card; its numbers and names are those of an instance, its index is `raised`. Raises ReadError."""
+        card = self.cards[index]
+        if card.key in _NOT_READ:
+            what = _NOT_READ[card.key]
+            raise card.error(f"*{card.name} {what}, which is not read; write all nodes and elements out")
+        if card.key in _HANDLERS:
+            _HANDLERS[card.key](self, index + raised, card, inside)
+
+    # ---- nodes and elements
+
+    def _node(self, index: int, card: Card, inside: DeckInstance) -> None:
+        number, points = node_lines(card)
+        system = card.options.get("SYSTEM", "R").upper()[:1] or "R"
+        if system == "S":
+            raise card.error("spherical coordinates of nodes (SYSTEM=S) are not read")
+        if system == "C":
+            angle = np.radians(points[:, 1])
+            points = np.stack([points[:, 0] * np.cos(angle), points[:, 0] * np.sin(angle), points[:, 2]], axis=1)
+        self.nodes.append((index, card, number + inside.nodes, points))
+        if card.options.get("NSET"):
+            self._add_to("NSET", card.options["NSET"], card, inside, [Members(number, "node").raised(inside)])
+
+    def _element(self, index: int, card: Card, inside: DeckInstance) -> None:
+        name, elset = type_of(card.options), card.options.get("ELSET")
+        if not name:
+            raise card.error("*ELEMENT should say its TYPE")
+        known = element(name)
+        if known is None:
+            if not NO_CELL.fullmatch(name):
+                raise card.error(f"elements of type {name[:40]} are not known to lacmesh; take them out of the file")
+            words = [row.split(b",", 1)[0].strip() for row in card.rows()]
+            self._counts[f"{{}} elements of type {name} are no cells, and left out of the mesh"] += len(words)
+            self.whole.add(index)
+            numbers = (int(word) for word in words if re.fullmatch(rb"[0-9]{1,9}", word))
+            self.largest = max(self.largest, *numbers, 0)  # lines that continue an element may only make it larger
+            if elset:
+                self._add_to("ELSET", elset, card, inside, [])
+            return
+        rows, surplus = element_lines(card, len(known.nodes))
+        beams = int(np.count_nonzero(surplus == 1)) if known.kind == LINE else 0
+        if beams:
+            self._counts["the orientation nodes of {} beams are left out"] += beams
+        if more := int(np.count_nonzero(surplus)) - beams:
+            text = f"{{}} elements of type {name} list more nodes than these have: the first are taken"
+            self._counts[text] += more
+        if known.kind in (LINE, POINT) or surplus.any():
+            self.whole.add(index)
+        number = rows[:, 0]
+        self.elements.append(ElementCard(card, index, known, number + inside.elements, rows[:, 1:] + inside.nodes))
+        if elset:
+            self._add_to("ELSET", elset, card, inside, [Members(number, "element").raised(inside)])
+
+    # ---- sets and surfaces
+
+    def _add_to(self, kind: str, name: str, card: Card, inside: DeckInstance, members: list[Members]) -> None:
+        """Add members to a set, which need not exist yet."""
+        at = kind, key_of(inside.prefix) + key_of(name)
+        self.sets.setdefault(at, NamedSet(inside.prefix + shown_name(name), card)).members += members
+
+    def _set(self, index: int, card: Card, inside: DeckInstance) -> None:
+        """Read a set, or a surface."""
+        surface = card.key == "SURFACE"
+        kind = card.options.get("TYPE", "ELEMENT").upper() if surface else card.key
+        what, option = ("surface", "NAME") if surface else ("set", card.key)
+        name = card.options.get(option, "")
+        if not name.strip('" '):
+            raise card.error(f"*{card.key} should say the {what}'s name: *{card.key}, {option}=name")
+        if kind not in OF_KIND or (surface and {"COMBINE", "CROP"} & set(card.options)):
+            shown = f"SURFACE of type {kind}" if kind not in OF_KIND else "SURFACE, COMBINE"
+            self._counts[f"no groups are made of: *{shown}"] += 1
+            return
+        if surface and (kind, key_of(inside.prefix) + key_of(name)) in self.sets:
+            raise card.error(f"there are two surfaces of type {kind} named {shown_name(name)!r}")
+        members = members_of(card, OF_KIND[kind])
+        if card.key == "NSET" and card.options.get("ELSET"):
+            members.append(Members(card.options["ELSET"], "element"))
+        self._add_to(kind, name, card, inside, self._in_mesh(card, members, inside))
+
+    def _in_mesh(self, card: Card, members: list[Members], inside: DeckInstance) -> list[Members]:
+        """Members with the numbers and names of the mesh."""
+        name = card.options.get("INSTANCE", "")
+        if name and not any(one.key in ("PART", "INSTANCE") for one in self.cards):
+            self._counts["sets name an instance, and this file has no parts: they are read without it"] = 1
+            return members
+        if name and _instance_key(name) not in self.instances:
+            raise card.error(f"there is no instance named {name}")
+        one = self.instances[_instance_key(name)] if name else inside
+        if one.prefix or not self.instances:
+            return [some.raised(one) for some in members]
+        return [self._with_instance(some, one) for some in members]
+
+    def _with_instance(self, members: Members, inside: DeckInstance) -> Members:
+        """Members of a card of the assembly: `I.5` is number 5 of instance I, `I.SET` its set SET."""
+        before, _, rest = members.listed.rpartition(".") if isinstance(members.listed, str) else ("", "", "")
+        one = self.instances.get(_instance_key(before)) if before else None
+        if one is None:
+            return members.raised(inside)
+        if re.fullmatch(r"[0-9]{1,18}", rest.strip()):
+            return members._replace(listed=np.array([int(rest)])).raised(one)
+        return members._replace(listed=rest).raised(one)
+
+    def _heading(self, index: int, card: Card, inside: DeckInstance) -> None:
+        self.heading += [row.decode("latin-1").strip() for row in card.rows()]
+
+    # ---- the mesh and its deck
+
+    def mesh(self) -> Mesh:
+        """Return the mesh, with its deck. Raises ReadError."""
+        builder = MeshBuilder(self.path, cell="element")
+        for _, card, number, points in self.nodes:
+            builder.nodes(number, points, error=partial(_error, card))
+        for cells in self.elements:
+            rows = cells.nodes[:, np.argsort(cells.element.nodes)]
+            index = np.full(len(rows), cells.index)
+            builder.cells(cells.element.type, cells.number, rows, error=partial(_error, cells.card), inp_card=index)
+        resolver = Resolver(self.sets, concatenated(number for _, _, number, _ in self.nodes), self.elements)
+        for (kind, key), one in self.sets.items():
+            if kind in ("NSET", "ELSET"):
+                builder.group("node" if kind == "NSET" else "cell", one.shown, resolver.numbers(kind, key, one.card))
+            elif kind == "NODE":
+                for members in one.members:
+                    builder.group("node", one.shown, resolver.members(members, one.card))
+        planes = {plane_of(type_of(e.card.options)) for e in self.elements if e.element.kind == PLANE and len(e.number)}
+        spaces = {one.element.space for one in self.elements}
+        solid = any(points[:, 2].any() for *_, points in self.nodes) or (3 in spaces and 2 not in spaces)
+        mesh = builder.mesh(
+            name=self.heading[0] if len(self.heading) == 1 else "mesh",
+            plane=planes.pop() if len(planes) == 1 else "",
+            space_dim=3 if solid else 2,
+        )
+        mesh = self._with_note(self._with_surfaces(self._with_middle_second(mesh), resolver))
+        return replace(mesh, deck=self._deck(mesh))
+
+    def _with_surfaces(self, mesh: Mesh, resolver: Resolver) -> Mesh:
+        order = np.argsort(mesh.cell_number, kind="stable")
+
+        def sides(surface: NamedSet, members: Members) -> Sides:
+            number = resolver.members(members, surface.card)
+            cells = np.sort(order[np.searchsorted(mesh.cell_number, number, sorter=order)])
+            return members.face, cells, surface.card
+
+        surfaces = {
+            one.shown: [sides(one, members) for members in one.members]
+            for (kind, _), one in self.sets.items()
+            if kind == "ELEMENT"
+        }
+        if resolver.strays:
+            text = "members of sets and surfaces are no nodes or cells of the mesh, and left out"
+            self.warnings.append(f"{resolver.strays} {text}")
+        largest = max(self.largest, int(mesh.cell_number.max(initial=0)))
+        card, which = np.unique(mesh.cell_data.get(INP_CARD, np.empty(0, np.int64)), return_inverse=True)
+        kind_of = {one.index: one.element.kind for one in self.elements}
+        kinds = np.array([kind_of[index] for index in card.tolist()], np.int64)[which]
+        return with_surfaces(mesh, kinds, surfaces, largest, self.warnings)
+
+    def _with_middle_second(self, mesh: Mesh) -> Mesh:
+        """The mesh with lines whose middle node is listed last, as gmsh writes them, in lacmesh's order.
+
+        Elements that list a node twice, which is legal (a collapsed brick is a wedge), are reported and kept.
+        """
+        blocks = []
+        for block, first in zip(mesh.blocks, mesh.offsets.tolist(), strict=False):
+            nodes = block.nodes
+            if block.type == "SEG3":
+                a, b, middle = (mesh.points[nodes[:, k]] for k in range(3))
+                as_listed = np.linalg.norm(middle - (a + b) / 2, axis=1)
+                swapped = np.linalg.norm(b - (a + middle) / 2, axis=1) < 0.5 * as_listed  # the third is the middle
+                if swapped.any():
+                    text = "lines have their middle node last, not between their ends: read so"
+                    self.warnings.append(f"{int(swapped.sum())} {text}")
+                    nodes = np.where(swapped[:, None], nodes[:, [0, 2, 1]], nodes)
+            ordered = np.sort(nodes, axis=1)
+            twice = first + np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+            if len(twice):
+                shown = some(mesh.cell_number[twice], 5)
+                self.warnings.append(f"{len(twice)} elements {block.type} have a node twice, kept so: {shown}")
+            blocks.append(block._replace(nodes=nodes))
+        return replace(mesh, blocks=tuple(blocks))
+
+    def _with_note(self, mesh: Mesh) -> Mesh:
+        """The mesh with the note of lacmesh in the comments of its files, if there is one."""
+        spans = [*self.start, *(span for card in self.cards for span in card.body)]
+        text = "".join(span.note for span in spans)
+        try:
+            return notes.load(mesh, notes.parse(text), self.warnings) if text else mesh
+        except ValueError:
+            self.warnings.append("lacmesh's own note is damaged and left out")
+            return mesh
+
+    def _deck(self, mesh: Mesh) -> Deck:
+        """The record of the deck that was read as `mesh`."""
+        entries = [(index, card, number) for index, card, number, _ in self.nodes]
+        # elements whose lines have more numbers than theirs and their nodes' cannot be written from the mesh
+        entries += [
+            (one.index, one.card, one.number)
+            for one in self.elements
+            if not self.instances or values_in_lines(one.card.text()).sum() <= one.nodes.size + len(one.number)
+        ]
+        numbers = {} if self.numbers_differ else {index: number for index, _, number in entries}
+        names = {kind: {key: one.shown for (k, key), one in self.sets.items() if k == kind} for kind in OF_KIND}
+        return Deck(
+            str(self.path),
+            tuple(self._card(k, card, numbers.get(k)) for k, card in enumerate(self.cards)),
+            mesh,
+            tuple(span.lines() for span in self.start),
+            names["NSET"],
+            names["ELSET"],
+            {(kind, key): shown for kind in ("NODE", "ELEMENT") for key, shown in names[kind].items()},
+            numbers_differ=self.numbers_differ,
+            instances=tuple(self.instances.values()),
+            instance_numbers=tuple((k % len(self.cards), number, k) for k, _, number in entries)
+            if self.instances
+            else (),
+            assembly_offset=(self.assembly.nodes, self.assembly.elements),
+        )
+
+    def _card(self, index: int, card: Card, numbers: Ints | None) -> DeckCard:
+        head = card.head.lines()
+        alone = numbers is not None and index not in self.whole
+        body = tuple(span.lines(comments_alone=alone) for span in card.body)
+        return DeckCard(card.name, card.options, head.file, head.line, head.text, body, numbers, index)
 
 
-def _elements(scope: Scope, nodes: Index, said: list[str]) -> tuple[list[CellBlock], Ints, Ints]:
-    """Elements that are cells, a block a type in order of first appearance; their positions in the file and numbers.
-
-    Raises ReadError.
-    """
-    used = [e for e in scope.elements if e.element is not None and len(e.number)]
-    number = concatenated(e.number for e in used)
-    twice = repeated(number) if len(number) else None
-    if twice is not None:
-        owner = [e.card for e in used if (e.number == twice).any()][-1]
-        raise owner.error(f"two elements have the number {twice}")
-    first = np.cumsum([0, *(len(e.number) for e in used)])
-    blocks, order = [], []
-    types = [e.element.type for e in used if e.element is not None]
-    for cell_type in dict.fromkeys(types):
-        mine = [k for k, name in enumerate(types) if name == cell_type]
-        rows = [_placed(used[k], nodes) for k in mine]
-        what = [np.full(len(used[k].number), _what(used[k]), np.int8) for k in mine]
-        blocks.append(CellBlock(cell_type, np.concatenate(rows), np.concatenate(what)))
-        order += [np.arange(first[k], first[k + 1]) for k in mine]
-    if "SEG3" in types:
-        blocks = [_lines(b, nodes, scope, said) if b.type == "SEG3" else b for b in blocks]
-    place = concatenated(order)
-    _say_repeats(blocks, number[place], said)
-    return blocks, place, number[place]
+#: key of a card -> what reads it
+_HANDLERS: Mapping[str, Callable[[_Reader, int, Card, DeckInstance], None]] = {
+    "NODE": _Reader._node,
+    "ELEMENT": _Reader._element,
+    "NSET": _Reader._set,
+    "ELSET": _Reader._set,
+    "SURFACE": _Reader._set,
+    "HEADING": _Reader._heading,
+}
 
 
-def _what(e: ElementCard) -> int:
-    assert e.element is not None
-    return e.element.kind
+def _error(card: Card, message: str, row: int) -> ReadError:
+    return card.error(message)
 
 
-def _placed(e: ElementCard, nodes: Index) -> Ints:
-    """Node indices of a card's elements, in lacmesh's node order. Raises ReadError for an unknown node."""
-    assert e.element is not None
-    places = np.empty(e.nodes.shape, np.int32)
-    bad = nodes.convert(e.nodes, places)
-    if bad is not None:
-        wrong = e.nodes[bad][nodes.places(e.nodes[bad]) < 0][0]
-        raise e.card.error(f"element {e.number[bad]} has the node {wrong}, which is not among the nodes")
-    rows = np.empty_like(places)
-    rows[:, list(e.element.nodes)] = places
-    return rows
+def _instance_key(name: str) -> str:
+    """Name of an instance for comparison, the same with quotes and without."""
+    return key_of(shown_name(name))
 
 
-def _lines(block: CellBlock, nodes: Index, scope: Scope, said: list[str]) -> CellBlock:
-    """Reorder lines of three nodes whose mid-node is listed last, as gmsh writes them, with a message in `said`."""
-    points = np.concatenate([n.points for n in scope.nodes])
-    a, b, middle = (points[block.nodes[:, k]] for k in range(3))
-    as_listed = np.linalg.norm(middle - (a + b) / 2, axis=1)
-    last = np.linalg.norm(b - (a + middle) / 2, axis=1)  # were the third node listed the middle
-    turned = last < 0.5 * as_listed
-    if turned.any():
-        said.append(f"{int(turned.sum())} lines have their middle node last, not between their ends: read so")
-        block.nodes[turned] = block.nodes[turned][:, [0, 2, 1]]
-    return block
-
-
-def _say_repeats(blocks: list[CellBlock], number: Ints, said: list[str]) -> None:
-    """Report elements that list a node twice, which is legal (a collapsed brick is a wedge): they are kept."""
-    start = 0
-    for block in blocks:
-        ordered = np.sort(block.nodes, axis=1)
-        bad = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
-        if len(bad):
-            said.append(f"{len(bad)} elements {block.type} have a node twice, kept so: {some(number[start + bad], 5)}")
-        start += len(block.nodes)
-
-
-def _groups(
-    scope: Scope, node: Ints, cell: Ints, skin: Skin, said: list[str]
-) -> tuple[dict[str, Ints], dict[str, Ints], list[str]]:
-    """Indices of nodes and of cells by group; surfaces of faces are added to the skin, in the order of the names last.
-
-    Raises ReadError.
-    """
-    resolver = Resolver(scope, {"node": np.sort(node), "element": np.sort(cell)}, NodesOf(scope.elements))
-    nodes, elements = Index(node), Index(cell)
-    of_nodes = {s.shown: nodes.places(resolver.numbers("node", k, s.card)) for k, s in scope.node_sets.items()}
-    of_cells = {s.shown: elements.places(resolver.numbers("element", k, s.card)) for k, s in scope.element_sets.items()}
-    surfaces = []
-    for surface in scope.surfaces.values():
-        entries = [_entry(resolver, surface, which) for _, which in surface.entries]
-        if surface.of_nodes:
-            more = concatenated(nodes.places(e) for e in entries)
-            of_nodes[surface.shown] = np.append(of_nodes.get(surface.shown, _NONE), more)
-            continue
-        skin.begin()
-        surfaces.append(surface.shown)
-        for (face, _), which in zip(surface.entries, entries, strict=True):
-            skin.add(surface.card, face, np.sort(elements.places(which)))
-    if resolver.strays:
-        said.append(f"{resolver.strays} members of sets and surfaces are no nodes or cells of the mesh, and left out")
-    return of_nodes, of_cells, surfaces
-
-
-def _entry(resolver: Resolver, surface: SurfaceCard, which: Ints | str) -> Ints:
-    of = "node" if surface.of_nodes else "element"
-    if isinstance(which, str):
-        return resolver.numbers(of, which, surface.card)
-    return resolver.existing(of, which)
-
-
-def _with_skin(listed: list[CellBlock], new: list[tuple[str, Ints]]) -> tuple[list[tuple[str, Ints]], Ints]:
-    """Blocks of the file's cells and of the new ones on surfaces, and the index that each cell had before.
-
-    The new ones had the indices that follow those of the file.
-    """
-    offsets = np.cumsum([0, *(len(b.nodes) for b in listed)])
-    blocks = {b.type: b.nodes for b in listed}
-    index = {b.type: np.arange(lo, hi) for b, (lo, hi) in zip(listed, pairwise(offsets), strict=True)}
-    n = int(offsets[-1])
-    for cell_type, rows in new:
-        index[cell_type] = np.append(index.get(cell_type, _NONE), n + np.arange(len(rows)))
-        blocks[cell_type] = np.concatenate([blocks[cell_type], rows]) if cell_type in blocks else rows
-        n += len(rows)
-    return list(blocks.items()), concatenated(index.values())
-
-
-def _space_dim(scope: Scope, points: Floats) -> int:
-    """Return 2 if all nodes have z = 0 and there are plane elements, or none that need three dimensions; else 3."""
-    spaces = {e.element.space for e in scope.elements if e.element is not None}
-    return 3 if np.any(points[:, 2]) or (3 in spaces and 2 not in spaces) else 2
+def _in_place(card: Card, points: Floats) -> Floats:
+    """Points of a part in the position of its instance: translated, then rotated about an axis (a, b) by degrees."""
+    values = []
+    for row in card.rows()[:2]:
+        try:
+            values.append([float(text) for text in row.split(b",") if text.strip()])
+        except ValueError:
+            raise card.error(f"{row.decode('latin-1').strip()[:60]!r} should be where the instance stands") from None
+    if values:
+        points = points + np.array([*values[0], 0.0, 0.0, 0.0][:3])
+    if len(values) < 2:
+        return points
+    if len(values[1]) != 7:
+        raise card.error("the rotation of an instance should be two points of its axis, and an angle")
+    a, b, angle = np.array(values[1][:3]), np.array(values[1][3:6]), np.radians(values[1][6])
+    axis, x = (b - a) / np.linalg.norm(b - a), points - a  # Rodrigues' formula
+    along = (x @ axis)[:, None] * axis
+    return a + along + np.cos(angle) * (x - along) + np.sin(angle) * np.cross(axis, x)
