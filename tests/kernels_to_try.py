@@ -12,8 +12,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.cells import CELLS
-from lacmesh.formats.vtu.lz4 import expand
-from lacmesh.formats.xdmf.mixed import starts
+from lacmesh.formats.msh import version2
 from lacmesh.quality import corner, determinant
 from lacmesh.quality.linear import LINEAR
 from lacmesh.surface import contact_points
@@ -90,9 +89,8 @@ def _march(model: str, law: str, cells: str, poisson: float) -> None:
 
 
 def _formats() -> None:
-    for data in (b"\x40abcd", b"\x44abcd\x02\x00\x00"):
-        expand(np.frombuffer(data, np.uint8), np.empty(12, np.uint8))
-    starts(np.array([4, 0, 1, 2, 4, 1, 2, 3]), np.array([0, 0, 0, 0, 4]), np.empty(2, np.int64))
+    elements = np.array([1, 15, 0, 1]), 1, False, version2.N_NODES, *np.empty((3, 1), np.int64)
+    version2.find_elements(*elements)
 
 
 def _quality() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 from drawing.architecture import tree
@@ -15,7 +14,7 @@ from drawing.solids import body
 from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import WHOLE, WHOLE_FACES
 from lacmesh.exchange.targets import TARGETS, element
-from lacmesh.formats.table import FEATURES, FORMATS
+from lacmesh.formats.registry import FORMATS
 from lacmesh.quality import corner_jacobian
 from lacmesh.reference.quadrature import rule
 from lacmesh.reference.shapes import shape
@@ -95,22 +94,6 @@ def types_table() -> Iterator[str]:
         )
 
 
-def features_table(by_meshio: bool) -> Iterator[str]:
-    """Feature by format: what becomes of it."""
-    rows = [row for form in FORMATS if form.meshio == by_meshio for row in form.fidelity]
-    yield from _head("", *(row.title for row in rows))
-    for key, title in FEATURES.items():
-        yield f"| {title} | {' | '.join(row.keeps(key) for row in rows)} |"
-
-
-def kept_cells_table(by_meshio: bool) -> Iterator[str]:
-    """Type of cell by format: what becomes of it."""
-    rows = [row for form in FORMATS if form.meshio == by_meshio for row in form.fidelity]
-    yield from _head("", *(row.title for row in rows))
-    for kind in CELLS:
-        yield f"| {kind} | {' | '.join(row.keeps_cells(kind) for row in rows)} |"
-
-
 def suffixes_table() -> Iterator[str]:
     """Every format, and the suffixes that mean it."""
     yield from _head("format", "suffixes", "options of `lacmesh.write`")
@@ -168,10 +151,6 @@ TABLES = {
     "conventions.md": {"families": families_table, "types": types_table},
     "formats.md": {
         "suffixes": suffixes_table,
-        "features": partial(features_table, False),
-        "cells": partial(kept_cells_table, False),
-        "features by meshio": partial(features_table, True),
-        "cells by meshio": partial(kept_cells_table, True),
     },
     "targets.md": {"patterns": targets_table, "elements": elements_table},
     "quality.md": {"own": own_table},

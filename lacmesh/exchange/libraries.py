@@ -6,32 +6,26 @@ Each of them is an extra (`lacmesh[io]`, `lacmesh[view]`), and imported when it 
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.errors import DataError, ReadError, RequestError, check_installed
-from lacmesh.formats import vtu
-from lacmesh.formats.arrays import to_arrays
-from lacmesh.formats.meshio_mesh import from_meshio, to_meshio
-from lacmesh.formats.notes import to_json
-from lacmesh.formats.vtu.types import OF_TYPE
-from lacmesh.formats.vtu.writer import NOTES, vtk_cells
+from lacmesh.formats.arrays import GROUP, NOTE, NUMBER, mesh_of_grid, to_arrays, vtk_cells
+from lacmesh.formats.by_meshio import from_meshio, to_meshio
+from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Ints, Mesh
 
 __all__ = ["from_meshio", "from_pyvista", "to_meshio", "to_pyvista", "to_trimesh"]
 
-_TRIA6 = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
-_TRIA7 = ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6))
 _QUAD8 = ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6), (4, 5, 6), (4, 6, 7))
 _QUAD9 = ((0, 4, 8), (4, 1, 8), (1, 5, 8), (5, 2, 8), (2, 6, 8), (6, 3, 8), (3, 7, 8), (7, 0, 8))
 #: face -> its triangles, which use all its nodes and turn as it does
 TRIANGLES = {
     "TRIA3": ((0, 1, 2),),
-    "TRIA6": _TRIA6,
-    "TRIA7": _TRIA7,
+    "TRIA6": ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
+    "TRIA7": ((0, 3, 6), (3, 1, 6), (1, 4, 6), (4, 2, 6), (2, 5, 6), (5, 0, 6)),
     "QUAD4": ((0, 1, 2), (0, 2, 3)),
     "QUAD8": _QUAD8,
     "QUAD9": _QUAD9,
@@ -48,21 +42,20 @@ def to_pyvista(mesh: Mesh, *, groups: bool = True, data: bool = True) -> Any:
     check_installed("pyvista", "view")
     import pyvista
 
-    for cell_type, n in mesh.cells_by_type.items():
-        if cell_type not in OF_TYPE:
-            raise DataError(f"VTK has no cells of type {cell_type}, the mesh has {n}; lower their order")
+    for kind, n in mesh.cells_by_type.items():
+        if kind not in VTK_CELLS:
+            raise DataError(f"VTK has no cells of type {kind}, the mesh has {n}; lower their order")
     connectivity, ends, types = vtk_cells(mesh)
-    first = ends - np.diff(ends, prepend=0)
-    cells = np.insert(connectivity.astype(np.int64), first, ends - first)
+    width = np.diff(ends, prepend=0)
+    cells = np.insert(connectivity.astype(np.int64), ends - width, width)
     grid = pyvista.UnstructuredGrid(cells, types.astype(np.uint8), mesh.points.astype(float))
     arrays = to_arrays(mesh, [])
     order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
-    wanted = {"cell_number", "node_number"}
     for values, into, rows in ((arrays.cell, grid.cell_data, order), (arrays.node, grid.point_data, slice(None))):
         for name, array in values.items():
-            if name in wanted or (groups if name.startswith("group:") else data):
+            if name in NUMBER.values() or (groups if name.startswith(GROUP) else data):
                 into[name] = array[rows]
-    grid.field_data[NOTES] = [to_json(mesh, arrays.notes)]
+    grid.field_data[NOTE] = [arrays.note(mesh)]
     return grid
 
 
@@ -75,13 +68,10 @@ def from_pyvista(grid: Any) -> Mesh:
     check_installed("pyvista", "view")
     if not hasattr(grid, "cast_to_unstructured_grid"):
         raise RequestError(f"from_pyvista takes the data sets of pyvista, not {type(grid).__name__}")
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "grid.vtu")  # VTK writes what the reader of VTU files knows
-        grid.cast_to_unstructured_grid().save(path)
-        try:
-            return vtu.read(path)
-        except ReadError as error:
-            raise DataError(f"this grid is no mesh of lacmesh: {error.reason}") from None
+    try:
+        return mesh_of_grid(Path("pyvista"), grid.cast_to_unstructured_grid())
+    except ReadError as error:
+        raise DataError(f"this grid is no mesh of lacmesh: {error.reason}") from None
 
 
 def to_trimesh(mesh: Mesh, group: str) -> Any:
@@ -96,8 +86,8 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
 
     cells = mesh.cells_of(group)
     triangles, owners = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
-    for cell_type, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
-        parts = TRIANGLES[cell_type if cell_type in TRIANGLES else ALL_CELLS[cell_type].linear]
+    for kind, chosen, nodes in mesh.select(cells[mesh.cell_dim[cells] == 2]):
+        parts = TRIANGLES[kind if kind in TRIANGLES else ALL_CELLS[kind].linear]
         triangles.append(nodes[:, parts].reshape(-1, 3).astype(np.int64))
         owners.append(np.repeat(chosen, len(parts)))
     faces, cell = np.concatenate(triangles), np.concatenate(owners)
@@ -105,11 +95,6 @@ def to_trimesh(mesh: Mesh, group: str) -> Any:
         raise DataError(f"the group {group!r} has no faces of dimension 2")
     used, inverse = np.unique(faces, return_inverse=True)
     place: Ints = inverse.reshape(-1, 3)
-    metadata = {
-        "group": group,
-        "cell": cell,
-        "cell_number": mesh.cell_number[cell],
-        "node": used,
-        "node_number": mesh.node_number[used],
-    }
+    metadata = {"group": group, "cell": cell, "cell_number": mesh.cell_number[cell]}
+    metadata |= {"node": used, "node_number": mesh.node_number[used]}
     return trimesh.Trimesh(mesh.points[used], place, process=False, validate=False, metadata=metadata)

@@ -14,7 +14,7 @@ import numpy as np
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, split
 from lacmesh.facts import Described
-from lacmesh.mesh import Ints, concatenated
+from lacmesh.mesh import Ints
 from lacmesh.topology.skin import Faces, find_owners
 
 #: (type of the faces, number of them in the macro-element): code of the patch; for each face, E1 first, the places of
@@ -67,45 +67,26 @@ def aster_multipliers(cut: Cut) -> Multipliers:
     size = np.bincount(macro, minlength=cut.n_macros)
     nodes = np.full((len(faces), 4), -1, np.int64)
     code = np.zeros(cut.n_macros, np.int64)
-    for cell_type, cells, connectivity in mesh.select(faces):
+    for kind, cells, connectivity in mesh.select(faces):
         rows = np.searchsorted(faces, cells)
         key = size[macro[rows]] * 8 + cut.child_kind[cells]
         for value in np.unique(key):
             at = np.flatnonzero(key == value)
-            patch, carriers = _PATCHES[cell_type, int(value) // 8]
+            patch, carriers = _PATCHES[kind, int(value) // 8]
             places = carriers[int(value) % 8 - 1]
             nodes[rows[at], : len(places)] = connectivity[at][:, places]
             code[macro[rows[at]]] = patch
-    _code_segments(cut, faces, macro, code)
-    patch_of_cell = np.zeros(mesh.n_cells, np.int64)
+        if kind == "SEG3":  # the code depends on the cell behind each
+            blocks = [(b.type, b.nodes, np.full(len(b.nodes), k)) for k, b in enumerate(mesh.blocks)]
+            plane = [block for block in blocks if block[0] in CELLS and CELLS[block[0]].dim == 2]
+            owners = find_owners(Faces.join([(kind, connectivity)]), plane, mesh.n_nodes)
+            codes = np.array([_SEG3_CODE.get(b.type, 0) for b in mesh.blocks])
+            code[macro[rows[owners.face]]] = codes[owners.cell]
+    patch_of_cell, patch_of_node = np.zeros(mesh.n_cells, np.int64), np.zeros(mesh.n_nodes, np.int64)
     patch_of_cell[faces] = macro + 1
-    patch_of_node = np.zeros(mesh.n_nodes, np.int64)
     carried = nodes >= 0
     patch_of_node[nodes[carried]] = np.broadcast_to(macro[:, None] + 1, nodes.shape)[carried]
     share = 1.0 / carried.sum(axis=1)
     carrying = np.flatnonzero(patch_of_node)
     carriers_of = split(carrying, patch_of_node[carrying] - 1, cut.n_macros)
     return Multipliers(faces, nodes, share, patch_of_cell, patch_of_node, code, carriers_of)
-
-
-def _code_segments(cut: Cut, faces: Ints, macro: Ints, code: Ints) -> None:
-    """Set the patch codes of SEG3 faces, which depend on the cell behind each."""
-    mesh = cut.mesh
-    segments = faces[np.isin(faces, _cells_of_type(cut, "SEG3"))]
-    if not len(segments):
-        return
-    (part,) = mesh.select(segments)
-    cells = [(b.type, b.nodes, np.full(len(b.nodes), k)) for k, b in enumerate(mesh.blocks) if _plane(b.type)]
-    owners = find_owners(Faces.join([("SEG3", part[2])]), cells, mesh.n_nodes)
-    codes = np.array([_SEG3_CODE.get(b.type, 0) for b in mesh.blocks])
-    code[macro[np.searchsorted(faces, segments[owners.face])]] = codes[owners.cell]
-
-
-def _cells_of_type(cut: Cut, name: str) -> Ints:
-    mesh = cut.mesh
-    starts = [mesh.offsets[k] + np.arange(len(b.nodes)) for k, b in enumerate(mesh.blocks) if b.type == name]
-    return concatenated(starts)
-
-
-def _plane(name: str) -> bool:
-    return name in CELLS and CELLS[name].dim == 2

@@ -24,8 +24,7 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import cut_skin, is_cut
 from lacmesh.errors import CutError, DataError, LacmeshWarning, RequestError, did_you_mean
 from lacmesh.formats.inp.elements import element_name
-from lacmesh.formats.med.types import MED_TYPES
-from lacmesh.formats.xdmf.types import OF_TYPE as XDMF_OF_TYPE
+from lacmesh.formats.orders import MED_CELLS, XDMF_CELLS
 from lacmesh.mesh import Mesh
 
 TARGETS: Mapping[str, str] = {
@@ -36,7 +35,6 @@ TARGETS: Mapping[str, str] = {
     "fenics": "dolfinx",
     "lacsolver": "lacsolver",
 }
-_MED_NAMES = {kind.type: kind.name for kind in MED_TYPES}
 #: Cells that dolfinx reads as cells of a mesh.
 _FENICS = ("SEG2", "SEG3", "TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27")
 
@@ -51,9 +49,9 @@ def element(cell_type: str, target: str, plane: bool = False) -> str | None:
         number = ALL_CELLS[cell_type].msh
         return None if number is None else str(number)
     if target == "aster":
-        return _MED_NAMES.get(cell_type)
+        return MED_CELLS[cell_type].name if cell_type in MED_CELLS else None
     if target == "fenics":
-        return XDMF_OF_TYPE[cell_type].name if cell_type in _FENICS else None
+        return XDMF_CELLS[cell_type].name if cell_type in _FENICS else None
     if cell_type not in CELLS:
         return None
     if target == "lacsolver":
@@ -103,38 +101,31 @@ def check_target_cells(
     without its data. Raises RequestError for a target that is none.
     """
     there, done = refused(mesh, target), is_cut(mesh) and recognise is not False
-
-    def cut(variant: str) -> Mesh:
-        if done:
-            return mesh
-        return _cut(mesh, slave, hexa=variant, interface=interface, skin_only=skin_only, recognise=recognise)
-
-    after = cut(hexa)
+    options: dict[str, Any] = {"interface": interface, "skin_only": skin_only, "recognise": recognise}
+    after = mesh if done else _cut(mesh, slave, hexa=hexa, **options)
     wrong = refused(after, target)
     if not wrong:
         return
     if done:
-        said = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
+        reason = f"the mesh is cut already, has {_listed(wrong)}, and {_reason(after, wrong, target)}"
         advice = f"cut the mesh that it came from with --for {target}, which says what to try"
     else:
-        new = ", ".join(
-            f"{n} {cell_type} ({max(0, n - there.get(cell_type, 0))} of them new)"
-            for cell_type, n in sorted(wrong.items())
-        )
-        said = f"the mesh that is cut would have {new}, and {_reason(after, wrong, target)}"
-        advice = _advice(mesh, there, cut("hexa"), target)
-    bad = [
-        c for cell_type, cells, _ in after.select(np.arange(after.n_cells)) if cell_type in wrong for c in cells[:1000]
-    ]
-    raise CutError(f"{said}; {advice}", after.cell_number[bad])
+        counts = [f"{n} {kind} ({max(0, n - there.get(kind, 0))} of them new)" for kind, n in sorted(wrong.items())]
+        reason = f"the mesh that is cut would have {', '.join(counts)}, and {_reason(after, wrong, target)}"
+        if there:
+            advice = f"it has {_listed(there)} before it is cut: mesh it anew"
+        else:
+            advice = _advice(mesh, _cut(mesh, slave, hexa="hexa", **options), target)
+    bad = [cell for kind, cells, _ in after.select(np.arange(after.n_cells)) if kind in wrong for cell in cells[:1000]]
+    raise CutError(f"{reason}; {advice}", after.cell_number[bad])
 
 
 def _listed(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{n} {cell_type}" for cell_type, n in sorted(counts.items()))
+    return ", ".join(f"{n} {kind}" for kind, n in sorted(counts.items()))
 
 
 def _reason(mesh: Mesh, wrong: Mapping[str, int], target: str) -> str:
-    mixture = all(element(cell_type, target, mesh.space_dim == 2) for cell_type in wrong)
+    mixture = all(element(kind, target, mesh.space_dim == 2) for kind in wrong)
     return f"{TARGETS[target]} {'takes no mixture of cells' if mixture else 'has no such cells'}"
 
 
@@ -147,17 +138,14 @@ def _cut(mesh: Mesh, slave: str | int | Sequence[str | int], **options: Any) -> 
         return cut_skin(bare, slave, **options).mesh
 
 
-def _advice(mesh: Mesh, there: Mapping[str, int], with_hexa: Mesh, target: str) -> str:
-    """Advice on refused cells: `there` are refused before the cut; `with_hexa`: the mesh cut by the variant hexa."""
-    if there:
-        return f"it has {_listed(there)} before it is cut: mesh it anew"
+def _advice(mesh: Mesh, with_hexa: Mesh, target: str) -> str:
+    """Advice on refused cells that the cut makes; `with_hexa`: the mesh cut by the variant hexa."""
     wrong = refused(with_hexa, target)
     if not wrong:
         return "--hexa hexa makes hexahedra instead"
-    children = np.concatenate(
-        [cells for cell_type, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if cell_type in wrong]
-    )
-    parents = np.flatnonzero(np.isin(mesh.cell_number, with_hexa.cell_data["lac_parent"][children]))
-    behind = _listed({cell_type: len(cells) for cell_type, cells, _ in mesh.select(parents)})
+    children = [cells for kind, cells, _ in with_hexa.select(np.arange(with_hexa.n_cells)) if kind in wrong]
+    number = with_hexa.cell_data["lac_parent"][np.concatenate(children)]
+    parents = np.flatnonzero(np.isin(mesh.cell_number, number))
+    behind = _listed({kind: len(cells) for kind, cells, _ in mesh.select(parents)})
     anew = "tetrahedra, or with hexahedra and --hexa hexa"
     return f"no option changes that for the {behind} behind the slave skin: mesh these with {anew}"

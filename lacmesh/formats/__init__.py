@@ -109,7 +109,7 @@ def write(
             titles = listed([taker.title for taker in takers(name)], "and")
             raise RequestError(f"the option {name!r} is for {titles}, not for {form.title}")
     if form.meshio:
-        import_module("lacmesh.formats.meshio_mesh").needed()
+        import_module("lacmesh.formats.by_meshio").needed()
     finite = np.isfinite(mesh.points).all(axis=1)
     if not finite.all():
         nodes = some(mesh.node_number[~finite])

@@ -1,43 +1,54 @@
-"""A mesh as named arrays on its cells and nodes, for formats that know nothing else (VTU, XDMF, pyvista, meshio).
+"""A mesh as named arrays and as VTK's list of cells, for formats that know nothing else (VTU, XDMF, pyvista, meshio).
 
     group:NAME      0 or 1: membership of a group; groups may overlap, and ParaView can threshold them
     cell_number     the file's numbers of the cells;  node_number: of the nodes
     anything else   the data of the mesh, under its own name: fields, the records of a cut (lac_*), entity, partition
 
-What an array itself cannot hold (a name illegal in the format, rows of several dimensions) goes into the notes.
+What an array itself cannot hold (a name illegal in the format, rows of several dimensions) goes into the note.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Mapping
+from dataclasses import replace
 from itertools import chain, count
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
-from lacmesh.errors import listed
+from lacmesh.errors import LacmeshWarning, ReadError, listed
 from lacmesh.facts import listed as first_of
-from lacmesh.formats.notes import fitting, zone_names
-from lacmesh.mesh import Floats, Ints, Mesh, Tag, distinct
+from lacmesh.formats import notes
+from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.orders import LAGRANGE_HEXAHEDRON, VTK_BY_NUMBER, VTK_CELLS, VTK_NOT_READ, lagrange_8_to_9
+from lacmesh.mesh import Ints, Mesh, Tag
 
+#: name of the array of a file, or of pyvista's field data, that has the note
+NOTE = "lacmesh"
 GROUP = "group:"
-CELL_NUMBER, NODE_NUMBER = "cell_number", "node_number"
+NUMBER = {"cell": "cell_number", "node": "node_number"}
 #: most tags that an array of integers may have to be tags, and arrays of integers that are no tags
 _MOST_TAGS = 1000
 _NO_TAGS = frozenset({"vtkGhostType", "vtkOriginalCellIds", "entity", "partition", *CELL_RECORDS})
-_NUMBER = {"cell": CELL_NUMBER, "node": NODE_NUMBER}
 
 
 class Arrays(NamedTuple):
-    """Arrays on cells and on nodes, each (n,) or (n, m); `notes`: names and shapes that the arrays cannot hold."""
+    """Arrays on cells and on nodes, each (n,) or (n, m); `names`, `shapes`: what the arrays cannot hold, for a note."""
 
     cell: dict[str, NDArray]
     node: dict[str, NDArray]
-    notes: dict[str, Any]
+    names: dict[str, dict[str, str]]
+    shapes: dict[str, dict[str, list[int]]]
+
+    def note(self, mesh: Mesh, **more: Any) -> str:
+        """Return the text of the mesh's note, in JSON; it is never empty, so that a file of lacmesh is known by it."""
+        fields = ("name", "space_dim", "zones", "group_tags", "steps", "model")
+        return notes.dump(mesh, *fields, names=self.names, shapes=self.shapes, of="lacmesh", **more)
 
 
 def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> Arrays:
@@ -45,31 +56,26 @@ def to_arrays(mesh: Mesh, said: list[str], tidy: Callable[[str], str] = str) -> 
 
     Data that cannot be an array of numbers are left out, with a message in `said`.
     """
-    parts: dict[str, dict[str, NDArray]] = {}
-    notes: dict[str, Any] = {"names": {}, "shapes": {}}
-    for on, groups, data, number in (
-        ("cell", mesh.cell_groups, mesh.cell_data, mesh.cell_number),
-        ("node", mesh.node_groups, mesh.node_data, mesh.node_number),
+    arrays = Arrays({}, {}, {"cell": {}, "node": {}}, {"cell": {}, "node": {}})
+    for on, groups, data, number, named in (
+        ("cell", mesh.cell_groups, mesh.cell_data, mesh.cell_number, arrays.cell),
+        ("node", mesh.node_groups, mesh.node_data, mesh.node_number, arrays.node),
     ):
-        arrays: dict[str, NDArray] = {_NUMBER[on]: np.asarray(number, np.int64)}
-        names: dict[str, str] = {}
+        named[NUMBER[on]] = np.asarray(number, np.int64)
         for name, members in groups.items():
             inside = np.zeros(len(number), np.uint8)
             inside[members] = 1
-            arrays[_unique(GROUP, name, tidy, arrays, names)] = inside
+            named[_unique(GROUP, name, tidy, named, arrays.names[on])] = inside
         for name, given in data.items():
             values = _storable(given)
             if values is None:
                 said.append(f"data {name!r} ({np.asarray(given).dtype}, shape {np.shape(given)}) are left out")
                 continue
-            key = _unique("" if not name.startswith(GROUP) else "data:", name, tidy, arrays, names)
-            arrays[key] = values
+            key = _unique("data:" if name.startswith(GROUP) else "", name, tidy, named, arrays.names[on])
+            named[key] = values
             if np.shape(given)[1:] != values.shape[1:] or np.shape(given)[1:] == (1,):
-                notes["shapes"].setdefault(on, {})[key] = list(np.shape(given)[1:])
-        if names:
-            notes["names"][on] = names
-        parts[on] = arrays
-    return Arrays(parts["cell"], parts["node"], {key: value for key, value in notes.items() if value})
+                arrays.shapes[on][key] = list(np.shape(given)[1:])
+    return arrays
 
 
 def _unique(prefix: str, name: str, tidy: Callable[[str], str], taken: Container[str], names: dict[str, str]) -> str:
@@ -90,74 +96,92 @@ def _storable(given: NDArray) -> NDArray | None:
         values = values.astype(np.uint8)
     elif values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
         values = values.astype(np.float32 if values.dtype.itemsize < 4 else np.float64)
-    if values.dtype.byteorder not in "=|":
-        values = values.astype(values.dtype.newbyteorder("="))
+    values = values.astype(values.dtype.newbyteorder("="), copy=False)
     if values.ndim > 2:
         return values.reshape(len(values), int(np.prod(values.shape[1:])))
     return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
 
-def from_arrays(
-    cell: Mapping[str, NDArray],
-    node: Mapping[str, NDArray],
-    sizes: tuple[int, int],
-    notes: Mapping[str, Any],
-    said: list[str],
-) -> dict[str, Any]:
-    """Fields of a Mesh (numbers, groups, data) from the arrays on its cells and nodes; `sizes`: how many of each.
-
-    Arrays `group:NAME` of integers 0 or 1 become groups; numbers that are not positive and distinct are replaced by
-    1, 2 ..., with a message in `said`.
-    """
-    fields: dict[str, Any] = {}
-    for on, arrays, size in (("cell", cell, sizes[0]), ("node", node, sizes[1])):
-        names: Mapping[str, str] = notes.get("names", {}).get(on, {})
-        shapes: Mapping[str, tuple[int, ...]] = notes.get("shapes", {}).get(on, {})
-        groups: dict[str, Ints] = {}
-        data: dict[str, NDArray] = {}
-        for key, values in arrays.items():
-            if key == _NUMBER[on] and values.shape == (size,):
-                fields[key] = _numbers(values, on, said)
-            elif key.startswith(GROUP) and _is_mark(values):
-                groups[names.get(key, key.removeprefix(GROUP))] = np.flatnonzero(values)
-            else:
-                data[names.get(key, key)] = _shaped(values, shapes.get(key))
-        fields[f"{on}_groups"] = groups
-        fields[f"{on}_data"] = _sound(data, said)
-    return fields
+def numbers_in(arrays: Mapping[str, NDArray], on: str, size: int, out: MeshBuilder) -> Ints | None:
+    """Return the numbers (size,) of nodes or cells among their arrays; None, with a warning, if they are not such."""
+    values = arrays.get(NUMBER[on])
+    if values is None or values.shape != (size,):
+        return None
+    numbers = _integers(values)
+    if numbers is None or numbers.min(initial=1) < 1:
+        out.warnings.append(f"{on}s are counted from 1: {NUMBER[on]} is not positive and distinct")
+        return None
+    return numbers.astype(np.int64)
 
 
-def assembled(
-    points: Floats,
-    blocks: Mapping[str, Ints],
-    place: Ints,
-    arrays: tuple[Mapping[str, NDArray], Mapping[str, NDArray]],
-    fields: Mapping[str, Any],
-    noted: Mapping[str, Any],
-    said: list[str],
-    groups: Mapping[str, Mapping[str, Ints]] | None = None,
-) -> Mesh:
-    """Assemble a mesh from points (n, 3), nodes by cell type, and `arrays` on cells and on nodes.
+def add_arrays(out: MeshBuilder, on: str, arrays: Mapping[str, NDArray], rows: Ints | None = None) -> None:
+    """Add arrays on nodes or cells, of all or of some `rows`: marks of groups, and data; numbers go with the cells."""
+    names, shapes = (_noted(out, key, on) for key in ("names", "shapes"))
+    for key, values in arrays.items():
+        name = str(names.get(key, key))
+        if key == NUMBER[on] and values.ndim == 1:
+            continue
+        if key.startswith(GROUP) and _is_mark(values):
+            inside = np.flatnonzero(values)
+            out.group(on, str(names.get(key, key.removeprefix(GROUP))), inside if rows is None else rows[inside])
+        else:
+            name, values = _sound(name, _shaped(values, shapes.get(key)), out)
+            out.values(on, name, rows, values)
 
-    `place`: for each cell, block after block, its position in the file, which is its row in the arrays on cells.
-    `fields`: those read from its notes; `groups`: further ones (on "cell", "node").
-    """
-    in_order = bool((np.diff(place) > 0).all())
-    of_cells, of_nodes = arrays
-    rows = {name: values if in_order else values[place] for name, values in of_cells.items()}
-    more = {**fields, **from_arrays(rows, of_nodes, (len(place), len(points)), noted, said)}
-    if not in_order:
-        more["file_order"] = np.argsort(place)
-    for on, given in (groups or {}).items():
-        more[f"{on}_groups"] = {**given, **more[f"{on}_groups"]}
-    if not noted and not more["cell_groups"] and CELL_NUMBER not in of_cells:  # lacmesh writes names of groups
-        dims = np.repeat([ALL_CELLS[kind].dim for kind in blocks], [len(nodes) for nodes in blocks.values()])
-        more["cell_groups"], more["group_tags"] = groups_of_tags(dims, more["cell_data"], said)
-    known = {*more["cell_data"], *more["node_data"]}
-    more["steps"] = {key: step for key, step in more.get("steps", {}).items() if key in known}
-    if not more.get("zones"):
-        more["zones"] = zone_names(more["cell_data"], more["cell_groups"])
-    return fitting(Mesh.create(points, blocks.items(), **more))
+
+def _noted(out: MeshBuilder, key: str, on: str) -> Mapping[str, Any]:
+    """Return what the note has of the arrays on nodes or cells; nothing, with a warning, if it is no such mapping."""
+    noted = out.note.get(key, {})
+    noted = noted.get(on, {}) if isinstance(noted, dict) else None
+    if not isinstance(noted, dict):
+        out.warnings.append("lacmesh's own note is damaged and left out")
+        return {}
+    return noted
+
+
+def _is_mark(values: NDArray) -> bool:
+    whole = _integers(values) if values.ndim == 1 else None
+    return whole is not None and (not len(whole) or (whole.min() >= 0 and whole.max() <= 1))
+
+
+def _integers(values: NDArray) -> Ints | None:
+    """Values as integers, also if a tool stored them as reals; None if some are not integers."""
+    if values.dtype.kind in "iu":
+        return None if values.dtype == np.uint64 and len(values) and values.max() >= 2**63 else values
+    if values.dtype.kind != "f" or not np.isfinite(values).all():
+        return None
+    whole = np.rint(values)
+    return values.astype(np.int64) if (whole == values).all() and (np.abs(whole) < 2.0**53).all() else None
+
+
+def _shaped(values: NDArray, shape: Any) -> NDArray:
+    """Reshape the rows of an array as the note says, if its size allows."""
+    if not isinstance(shape, list) or any(type(n) is not int or n <= 0 for n in shape):
+        return values
+    fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
+    return values.reshape(len(values), *shape) if fits else values
+
+
+def _sound(name: str, values: NDArray, out: MeshBuilder) -> tuple[str, NDArray]:
+    """Return data whose name lacmesh reserves as integers, or under another name if they do not fit its meaning."""
+    if name not in ("entity", NODE_RECORD, *CELL_RECORDS):
+        return name, values
+    whole = _integers(values)
+    if whole is None or values.shape[1:] != ((2,) if name == "entity" else ()):
+        out.warnings.append(f"data {name!r} are not what lacmesh means by that name: they are {name + '_'!r} now")
+        return name + "_", values
+    return name, values if values.dtype.kind == "i" else whole.astype(np.int64)
+
+
+def with_tag_groups(mesh: Mesh, out: MeshBuilder, arrays: Container[str]) -> Mesh:
+    """Return a mesh without groups with those of its tags, and a LacmeshWarning; lacmesh's own files have names."""
+    if out.note or mesh.cell_groups or NUMBER["cell"] in arrays:
+        return mesh
+    said: list[str] = []
+    groups, tags = groups_of_tags(mesh.cell_dim, mesh.cell_data, said)
+    for message in said:
+        warnings.warn(LacmeshWarning(f"{out.path}: {message}"), stacklevel=4)
+    return replace(mesh, cell_groups=groups, group_tags=tags)
 
 
 def groups_of_tags(
@@ -188,9 +212,8 @@ def groups_of_tags(
     of_tag = Counter(tag for _, tag, _ in tagged)
     groups, group_tags = dict[str, Ints](), dict[str, tuple[Tag, ...]]()
     for array, tag, cells in tagged:
-        name = (
-            str(tag[1]) if of_number[tag[1]] == 1 else f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
-        )
+        name = f"{tag[0]}:{tag[1]}" if of_tag[tag] == 1 else f"{array} {tag[1]}"
+        name = str(tag[1]) if of_number[tag[1]] == 1 else name
         groups[name] = cells
         if of_tag[tag] == 1 and tag[1] > 0:
             group_tags[name] = (tag,)
@@ -201,76 +224,101 @@ def groups_of_tags(
     return groups, group_tags
 
 
-def _is_mark(values: NDArray) -> bool:
-    if values.ndim != 1 or values.dtype.kind not in "iu":
-        return False
-    return not len(values) or (values.min() >= 0 and values.max() <= 1)
+# ---- cells as VTK lists them
 
 
-def _numbers(values: NDArray, on: str, said: list[str]) -> Ints:
-    numbers = _integers(values)
-    if numbers is not None and (not len(numbers) or (numbers.min() > 0 and distinct(numbers))):
-        return numbers.astype(np.int64)
-    said.append(f"{on}s are counted from 1: {_NUMBER[on]} is not positive and distinct")
-    return np.arange(1, len(values) + 1)
+class VtkCells(NamedTuple):
+    """Cells as VTK lists them: nodes one cell after the other, where each cell ends, VTK's numbers of the types."""
+
+    connectivity: Ints
+    ends: Ints
+    types: Ints
 
 
-def _integers(values: NDArray) -> Ints | None:
-    """Values as integers, also if a tool stored them as reals; None if some are not integers."""
-    if values.dtype.kind in "iu":
-        return None if values.dtype == np.uint64 and len(values) and values.max() >= 2**63 else values
-    if values.dtype.kind != "f" or not np.isfinite(values).all():
-        return None
-    whole = np.rint(values)
-    return values.astype(np.int64) if (whole == values).all() and (np.abs(whole) < 2.0**53).all() else None
+def vtk_cells(mesh: Mesh) -> VtkCells:
+    """Return the cells of a mesh as VTK lists them, in the order of the file."""
+    order = slice(None) if mesh.file_order is None else np.asarray(mesh.file_order)
+    blocks = [(block, VTK_CELLS[block.type]) for block in mesh.blocks if len(block.nodes)]
+    sizes = [len(block.nodes) for block, _ in blocks]
+    width = np.repeat(np.array([len(cell.nodes) for _, cell in blocks], np.int64), sizes)
+    types = np.repeat(np.array([cell.number for _, cell in blocks], np.uint8), sizes)
+    ends = np.cumsum(width[order], dtype=np.int64)
+    total = int(ends[-1]) if len(ends) else 0
+    dtype = np.int32 if max(mesh.n_nodes, total) < 2**31 else np.int64
+    rows = [block.nodes[:, cell.nodes].astype(dtype, copy=False) for block, cell in blocks]
+    flat = np.concatenate([np.empty(0, dtype), *(nodes.ravel() for nodes in rows)])
+    if mesh.file_order is not None:
+        start = np.cumsum(width) - width  # of each cell in `flat`, and its places in the order of the file
+        flat = flat[np.repeat(start[order] - ends + width[order], width[order]) + np.arange(total)]
+    return VtkCells(flat, ends.astype(dtype), types[order])
 
 
-def _shaped(values: NDArray, shape: tuple[int, ...] | None) -> NDArray:
-    """Reshape the rows of an array as the notes say, if its size allows."""
-    if shape is None or any(n <= 0 for n in shape):
-        return values
-    fits = int(np.prod([len(values), *shape], dtype=object)) == values.size
-    return values.reshape(len(values), *shape) if fits else values
+def add_cells(
+    out: MeshBuilder,
+    cells: VtkCells,
+    number: Ints | None,
+    error: Callable[[str], ReadError],
+    *,
+    at: Ints | None = None,
+    first_node: int = 0,
+    old: bool = False,
+) -> None:
+    """Add cells as VTK lists them, whose points are rows from `first_node` on; `old`: in the orders of VTK 8.
 
-
-def _sound(data: dict[str, NDArray], said: list[str]) -> dict[str, NDArray]:
-    """Convert data with names that lacmesh reserves to integers, or rename them if they do not fit that meaning."""
-    sound: dict[str, NDArray] = {}
-    for name, values in data.items():
-        reserved = name in ("entity", NODE_RECORD, *CELL_RECORDS)
-        whole = _integers(values) if reserved else None
-        if not reserved:
-            sound[name] = values
-        elif whole is None or (values.shape[1:] != ((2,) if name == "entity" else ())):
-            said.append(f"data {name!r} are not what lacmesh means by that name: they are {name + '_'!r} now")
-            sound[name + "_"] = values
-        else:
-            sound[name] = values if values.dtype.kind == "i" else whole.astype(np.int64)
-    return sound
-
-
-def merged(parts: Iterable[tuple[Mapping[str, NDArray], int]], said: list[str], what: str) -> dict[str, NDArray]:
-    """Concatenate the arrays of several pieces (arrays, size); a piece that lacks one gets NaN, -1, or 0 in a group.
-
-    An array whose pieces have different widths is left out, with a message in `said`.
+    `at` (k,): their positions among all cells, by default behind those that are there; -1 leaves a cell out. Raises
+    ReadError for cells that lacmesh does not have.
     """
-    parts = list(parts)
-    names = dict.fromkeys(name for arrays, _ in parts for name in arrays)
-    result: dict[str, NDArray] = {}
-    for name in names:
-        given = [arrays[name] for arrays, _ in parts if name in arrays]
-        if len({a.shape[1:] for a in given}) > 1:
-            said.append(f"{what} data {name!r} have other widths in other pieces: they are left out")
-            continue
-        dtype = np.result_type(*given)
-        if len(given) < len(parts) and dtype.kind == "u" and not name.startswith(GROUP):
-            dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
-        blank = 0 if name.startswith(GROUP) else np.nan if dtype.kind == "f" else -1
-        shape = given[0].shape[1:]
-        result[name] = np.concatenate(
-            [
-                np.asarray(arrays[name], dtype) if name in arrays else np.full((size, *shape), blank, dtype)
-                for arrays, size in parts
-            ]
-        )
-    return result
+    width = np.diff(cells.ends, prepend=0)
+    code = cells.types.astype(np.int64) << 32 | width
+    at = out.size("cell") + np.arange(len(code)) if at is None else at
+    for value in np.unique(code).tolist():
+        vtk_number, n = value >> 32, value & 0xFFFFFFFF
+        cell = VTK_BY_NUMBER.get((vtk_number, n))
+        if cell is None:
+            what = VTK_NOT_READ.get(vtk_number, "cells that lacmesh does not know")
+            raise error(f"{what} (VTK's type {vtk_number}, {n} nodes) are not read")
+        here = np.flatnonzero((code == value) & (at >= 0))
+        if len(here) == len(code):
+            rows = cells.connectivity.reshape(-1, n)
+        else:
+            rows = cells.connectivity[(cells.ends[here] - n)[:, None] + np.arange(n)]
+        if old and vtk_number == LAGRANGE_HEXAHEDRON and n > 8:
+            rows = rows[:, lagrange_8_to_9(n)]
+        nodes = np.empty_like(rows)
+        nodes[:, cell.nodes] = rows + first_node if first_node else rows
+        out.cells(cell.type, None if number is None else number[here], nodes, at=at[here])
+
+
+def checked_cells(cells: VtkCells, n_points: int, error: Callable[[str], ReadError]) -> VtkCells:
+    """Return cells whose ends fit their nodes, and whose nodes are points. Raises ReadError."""
+    nodes, ends = cells.connectivity, cells.ends.astype(np.int64)
+    if (np.diff(ends, prepend=0) < 0).any() or (ends[-1] if len(ends) else 0) != len(nodes):
+        raise error(f"the offsets do not fit the {len(nodes)} nodes of connectivity")
+    if len(nodes) and (nodes.min() < 0 or nodes.max() >= n_points):
+        at = int(((nodes < 0) | (nodes >= n_points)).argmax())
+        cell = int(np.searchsorted(ends, at, side="right"))
+        raise error(f"cell {cell} (from 0) has point {nodes[at]}, and there are {n_points}")
+    return cells._replace(ends=ends)
+
+
+def mesh_of_grid(path: Path, grid: Any) -> Mesh:
+    """Return the mesh of a `pyvista.UnstructuredGrid`. Raises ReadError."""
+    out = MeshBuilder(path, rows_from=0)
+    if NOTE in grid.field_data:
+        note = np.asarray(grid.field_data[NOTE])
+        out.read_note(note.tobytes() if note.dtype == np.uint8 else str(note[0]))
+    arrays = {}
+    for on, data in (("node", grid.point_data), ("cell", grid.cell_data)):
+        given = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
+        kinds = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in given.items()}
+        arrays[on] = {name: values for name, values in kinds.items() if values.dtype.kind in "iuf"}
+        left = [name for name in given if name not in arrays[on]]
+        out.warnings += [f"{on} data {', '.join(map(repr, left))} are no numbers, they are left out"] if left else []
+    out.nodes(numbers_in(arrays["node"], "node", grid.n_points, out), np.asarray(grid.points, float))
+    offsets = grid.cell_offsets if hasattr(grid, "cell_offsets") else grid.offset
+    cells = VtkCells(np.asarray(grid.cell_connectivity), np.asarray(offsets)[1:], np.asarray(grid.celltypes))
+    error = lambda message: ReadError(path, message)  # noqa: E731
+    add_cells(out, cells, numbers_in(arrays["cell"], "cell", grid.n_cells, out), error)
+    for on in arrays:
+        add_arrays(out, on, arrays[on])
+    return with_tag_groups(out.mesh(), out, arrays["cell"])

@@ -203,10 +203,10 @@ class MeshBuilder:
         for run in listed.runs:
             if run.at is not None:
                 free[run.at] = False
-        rest, taken = np.flatnonzero(free), 0
+        rest, n_placed = np.flatnonzero(free), 0
         for run in listed.runs:
             if run.at is None:
-                run.at, taken = rest[taken : taken + len(run.rows)], taken + len(run.rows)
+                run.at, n_placed = rest[n_placed : n_placed + len(run.rows)], n_placed + len(run.rows)
         first = dict[str, int]()
         for run in listed.runs:
             assert run.at is not None
@@ -258,10 +258,10 @@ class MeshBuilder:
         runs = self._listed["cell"].runs
         dtype = np.int32 if nodes.n < 2**31 else np.int64
         for kind in dict.fromkeys(run.type for run in runs):
-            own = [run for run in runs if run.type == kind]
-            block = np.empty((sum(len(run.rows) for run in own), ALL_CELLS[kind].n_nodes), dtype)
-            for run in own:
-                start = run.first - own[0].first
+            same_type = [run for run in runs if run.type == kind]
+            block = np.empty((sum(len(run.rows) for run in same_type), ALL_CELLS[kind].n_nodes), dtype)
+            for run in same_type:
+                start = run.first - same_type[0].first
                 bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
                 if bad is not None:
                     row = run.rows[bad]
@@ -298,9 +298,9 @@ class MeshBuilder:
         """Return the arrays on nodes or cells, and how many values are left out."""
         listed = self._listed[on]
         data, lost = dict[str, NDArray](), 0
-        for name, given in listed.data.items():
+        for name, by_number in listed.data.items():
             parts: list[tuple[Any, NDArray]] = [(run.span, run.data[name]) for run in listed.runs if name in run.data]
-            for number, values in given:
+            for number, values in by_number:
                 places = np.argsort(place) if number is None else index.places(self._by_number(number))
                 here = places >= 0
                 lost += int((~here).sum())
@@ -312,7 +312,8 @@ class MeshBuilder:
             dtype = np.result_type(*(values for _, values in parts))
             if dtype.kind == "u" and sum(len(values) for _, values in parts) < listed.size:  # it has no -1
                 dtype = np.result_type(dtype, np.int8) if dtype.itemsize < 8 else np.dtype(np.int64)
-            rows = np.full((listed.size, *shapes.pop()), np.nan if dtype.kind == "f" else -1, dtype)
+            blank = np.nan if dtype.kind == "f" else 0 if dtype.kind == "u" else -1  # unsigned ones have all values
+            rows = np.full((listed.size, *shapes.pop()), blank, dtype)
             for where, values in parts:
                 rows[where] = values
             data[name] = rows

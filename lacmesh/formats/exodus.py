@@ -7,7 +7,6 @@ their numbers. Faces of side sets become cells. Source: Schoof and Yarberry, EXO
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Container, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -17,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS, Facet
-from lacmesh.errors import LacmeshWarning, ReadError, check_installed
-from lacmesh.formats.arrays import CELL_NUMBER, NODE_NUMBER, assembled
+from lacmesh.errors import ReadError, check_installed
+from lacmesh.formats.builder import MeshBuilder
 from lacmesh.mesh import Floats, Ints, Mesh, distinct
 from lacmesh.topology.skin import label_rows
 
@@ -62,62 +61,43 @@ def read(path: Path) -> Mesh:
     check_installed("netCDF4", "io")
     import netCDF4
 
-    said: list[str] = []
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_mask(False)
-            mesh = _mesh(path, file, said)
+            return _mesh(path, file)
     except (OSError, KeyError, IndexError, ValueError, TypeError, AttributeError, RuntimeError) as error:
         raise ReadError(path, f"is no whole Exodus file ({type(error).__name__}: {error})") from None
-    if said:
-        warnings.warn(LacmeshWarning(f"{path}: {'; '.join(said)}"), stacklevel=3)
-    return mesh
 
 
 class _Part(NamedTuple):
-    """Cells of one type, with their nodes (k, n) in lacmesh's order. `sides`: element types of sides of shells."""
+    """Cells of one type, with their nodes (k, n) in lacmesh's order; `shell`: their first two sides are themselves."""
 
     type: str
     nodes: Ints
     shell: bool = False
 
 
-def _mesh(path: Path, file: Any, said: list[str]) -> Mesh:
-    points = _points(file)
+def _mesh(path: Path, file: Any) -> Mesh:
+    out, points = MeshBuilder(path, rows_from=0), _points(file)
     blocks = [_block(path, file, name, len(points)) for name in _numbered(file, "connect")]
     if not blocks:
         raise ReadError(path, "has no element blocks")
-    starts = np.cumsum([0, *(len(block.nodes) for block in blocks)])
-    bounds = pairwise(starts.tolist())
-    groups = {name: np.arange(*ab) for name, ab in zip(_names(file, "eb", len(blocks), {}), bounds, strict=True)}
-    faces, sets = _side_sets(path, file, blocks, starts, groups)
+    starts = np.cumsum([0, *(len(block.nodes) for block in blocks)]).tolist()
+    names = _names(file, "eb", len(blocks), {})
+    faces, sets = _side_sets(path, file, blocks, starts, names)
+    out.nodes(_numbers(file, "node_num_map", len(points), 0), points)
+    number = _numbers(file, "elem_num_map", starts[-1], sum(len(face.nodes) for face in faces))
+    for part, name in [*zip(blocks, names, strict=True), *((face, None) for face in faces)]:
+        first = out.size("cell")
+        own = None if number is None else number[first : first + len(part.nodes)]
+        out.cells(part.type, own, part.nodes, groups=() if name is None else (name,))
     for name, members in sets.items():
-        groups[name] = np.union1d(groups.get(name, members), members)
-    sets_of_nodes = [_indices(path, file[name][:], len(points), name) for name in _numbered(file, "node_ns")]
-    node_groups = dict(zip(_names(file, "ns", len(sets_of_nodes), {}), sets_of_nodes, strict=True))
-    cell, node = _fields(file, starts, sum(len(face.nodes) for face in faces), said)
-    cell |= _numbers(file, "elem_num_map", CELL_NUMBER, starts[-1], sum(len(face.nodes) for face in faces))
-    node |= _numbers(file, "node_num_map", NODE_NUMBER, len(points), 0)
-    by_type, place = _by_type([*blocks, *faces])
-    index = np.argsort(place)
-    more: dict[str, dict[str, Ints]] = {
-        "cell": {name: np.sort(index[cells]) for name, cells in groups.items()},
-        "node": node_groups,
-    }
-    return assembled(points, by_type, place, (cell, node), {}, {}, said, more)
-
-
-def _by_type(parts: list[_Part]) -> tuple[dict[str, Ints], Ints]:
-    """Return the nodes by type, and the position in the file of each of these cells."""
-    rows: dict[str, list[Ints]] = {}
-    place: dict[str, list[Ints]] = {}
-    first = 0
-    for part in parts:
-        rows.setdefault(part.type, []).append(part.nodes)
-        place.setdefault(part.type, []).append(np.arange(first, first + len(part.nodes)))
-        first += len(part.nodes)
-    order = np.concatenate([one for of_type in place.values() for one in of_type])
-    return {kind: np.concatenate(of_type) for kind, of_type in rows.items()}, order
+        out.group("cell", name, members)
+    node_sets = _numbered(file, "node_ns")
+    for name, variable in zip(_names(file, "ns", len(node_sets), {}), node_sets, strict=True):
+        out.group("node", name, _indices(path, file[variable][:], len(points), name))
+    _add_fields(file, starts, out)
+    return out.mesh()
 
 
 def _points(file: Any) -> Floats:
@@ -173,7 +153,7 @@ def _names(file: Any, stem: str, n: int, taken: Container[str]) -> list[str]:
 
 
 def _side_sets(
-    path: Path, file: Any, blocks: list[_Part], starts: Ints, taken: Container[str]
+    path: Path, file: Any, blocks: list[_Part], starts: list[int], taken: Container[str]
 ) -> tuple[list[_Part], dict[str, Ints]]:
     """Return the faces of side sets, each once, and the cells of each set, in the order of the file; faces are last."""
     numbered = _numbered(file, "elem_ss")
@@ -192,7 +172,7 @@ def _side_sets(
                 continue
             facet = _facet(path, part, side - 2 * part.shell, variable)
             rows.setdefault(facet.type, []).append((name, part.nodes[here - starts[block]][:, list(facet.nodes)]))
-    faces, first = [], int(starts[-1])
+    faces, first = [], starts[-1]
     for kind, parts in rows.items():
         nodes = np.concatenate([part for _, part in parts])
         label = label_rows(np.sort(nodes[:, : CELLS[kind].n_corners], axis=1))[0]
@@ -215,30 +195,30 @@ def _facet(path: Path, part: _Part, side: int, variable: str) -> Facet:
     return next(f for f in cell.facets if set(f.nodes[: len(corners)]) == corners)
 
 
-def _numbers(file: Any, map_name: str, key: str, n: int, further: int) -> dict[str, NDArray]:
-    """Return the numbers of nodes or elements that the file gives, those of further cells after them; none if odd."""
-    numbers = np.asarray(file[map_name][:]).astype(np.int64) if map_name in file.variables else np.empty(0, np.int64)
+def _numbers(file: Any, name: str, n: int, further: int) -> Ints | None:
+    """Return the numbers of nodes or elements that the file gives, and those of further cells; None if they are odd."""
+    numbers = np.asarray(file[name][:]).astype(np.int64) if name in file.variables else np.empty(0, np.int64)
     if len(numbers) != n or not n or numbers.min() < 1 or not distinct(numbers):
-        return {}
-    return {key: np.concatenate([numbers, numbers.max() + 1 + np.arange(further)])}
+        return None
+    return np.concatenate([numbers, numbers.max() + 1 + np.arange(further)])
 
 
-def _fields(file: Any, starts: Ints, further: int, said: list[str]) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
-    """Return the fields on cells, NaN where a block has none, and on nodes, at the first time of the file."""
-    node = {
-        name: file[f"vals_nod_var{k}"][0].astype(float)
-        for k, name in enumerate(_texts(file, "name_nod_var"), start=1)
-        if f"vals_nod_var{k}" in file.variables and len(file[f"vals_nod_var{k}"])
-    }
-    cell = {}
+def _add_fields(file: Any, starts: list[int], out: MeshBuilder) -> None:
+    """Add the fields on cells, NaN where a block has none, and on nodes, at the first time of the file."""
+    data: dict[str, dict[str, NDArray]] = {"node": {}, "cell": {}}
+    for k, name in enumerate(_texts(file, "name_nod_var"), start=1):
+        if f"vals_nod_var{k}" in file.variables and len(file[f"vals_nod_var{k}"]):
+            data["node"][name] = file[f"vals_nod_var{k}"][0].astype(float)
     for k, name in enumerate(_texts(file, "name_elem_var"), start=1):
-        cell[name] = np.full(starts[-1] + further, np.nan)
-        for b, (first, last) in enumerate(pairwise(starts.tolist()), start=1):
+        data["cell"][name] = np.full(out.size("cell"), np.nan)
+        for b, (first, last) in enumerate(pairwise(starts), start=1):
             if f"vals_elem_var{k}eb{b}" in file.variables and len(file[f"vals_elem_var{k}eb{b}"]):
-                cell[name][first:last] = file[f"vals_elem_var{k}eb{b}"][0]
-    if (node or cell) and len(file.dimensions.get("time_step", ())) > 1:
-        said.append("fields are read at the first time alone")
-    return _vectors(cell), _vectors(node)
+                data["cell"][name][first:last] = file[f"vals_elem_var{k}eb{b}"][0]
+    if (data["node"] or data["cell"]) and len(file.dimensions.get("time_step", ())) > 1:
+        out.warnings.append("fields are read at the first time alone")
+    for on, fields in data.items():
+        for name, values in _vectors(fields).items():
+            out.values(on, name, None, values)
 
 
 def _texts(file: Any, name: str) -> list[str]:

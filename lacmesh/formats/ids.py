@@ -1,6 +1,6 @@
-"""The ids (numbers) of nodes and cells in a file, and the way back from an id to an index.
+"""Numbers (ids) of nodes and cells in a file, and the way back from a number to an index.
 
-Ids that count 1..n in order need no table; others have one, or a sorted list where they are scattered.
+Numbers that count 1..n in order need no table; others have one, or a sorted list where they are scattered.
 """
 
 from __future__ import annotations
@@ -35,61 +35,43 @@ def repeated(numbers: Ints) -> int | None:
     return int(twice[0]) if len(twice) else None
 
 
+def numbered(numbers: Ints) -> Ints:
+    """The numbers of nodes or cells; 1, 2 ... if they are not positive and distinct."""
+    positive = numbers.min(initial=1) > 0 and repeated(numbers) is None
+    return numbers if positive else np.arange(1, len(numbers) + 1)
+
+
 def _dense(numbers: Ints) -> bool:
     return int(numbers.max()) < 10 * len(numbers) + 1_000_000
 
 
 class Index:
-    """Map from distinct positive numbers (n,) to indices 0..n-1; `more`: further numbers, which stand for `meant`.
+    """Map from distinct numbers (n,) to indices 0..n-1."""
 
-    `table`: False for a map that is searched, so that it takes no more room than its numbers.
-    """
-
-    def __init__(
-        self, numbers: Ints, more: Ints | None = None, meant: Ints | None = None, *, table: bool = True
-    ) -> None:
-        self.n = len(numbers)
-        self.numbers, self._tabled = numbers, table
-        self._places: Ints | None = None
-        if more is not None and meant is not None and len(more):
-            self._places = np.append(np.arange(self.n), Index(numbers).places(meant))
-            self.numbers = np.append(numbers, more)
-
-    @classmethod
-    def counting(cls, n: int) -> Index:
-        """Return the map from 1, 2, ... n to 0, 1, ... n - 1."""
-        index = cls(np.empty(0, np.int64))
-        index.n = n
-        return index
-
-    @classmethod
-    def of_places(cls, numbers: Ints, places: Ints, n: int) -> Index:
-        """Return the map from some numbers (k,) to their places (k,), indices below n, or -1."""
-        index = cls(numbers, table=False)
-        index.n, index._places = n, places
-        return index
+    def __init__(self, numbers: Ints) -> None:
+        self.n, self.numbers = len(numbers), numbers
 
     @cached_property
     def _up(self) -> bool:
-        return self._places is None and counts_up(self.numbers)
+        return counts_up(self.numbers)
 
     @cached_property
     def _table(self) -> Ints | None:
         """Table from number to index, the last entry (-1) for unknown numbers; None if numbers are too scattered."""
-        if not self._tabled or not _dense(self.numbers):
+        if self.numbers.min(initial=0) < 0 or not _dense(self.numbers):
             return None
         table: Ints = np.full(int(self.numbers.max()) + 2, -1, np.int32 if self.n < 2**31 else np.int64)
-        table[self.numbers] = np.arange(self.n) if self._places is None else self._places
+        table[self.numbers] = np.arange(self.n)
         return table
 
     @cached_property
     def _ordered(self) -> tuple[Ints, Ints]:
-        """The numbers in ascending order, and their places."""
+        """The numbers in ascending order, and their indices."""
         order = np.argsort(self.numbers, kind="stable")
-        return self.numbers[order], order if self._places is None else self._places[order]
+        return self.numbers[order], order
 
     def places(self, numbers: Ints) -> Ints:
-        """The place of each number, any shape, int64; -1 where it is unknown."""
+        """The index of each number, any shape, int64; -1 where it is unknown."""
         numbers = np.asarray(numbers)
         if self._up:
             known = (numbers >= 1) & (numbers <= self.n)
@@ -99,8 +81,6 @@ class Index:
             known = (numbers >= 0) & (numbers < last)
             return self._table[np.where(known, numbers, last)].astype(np.int64)
         ordered, places = self._ordered
-        if not len(ordered):
-            return np.full(numbers.shape, -1)
         k = np.minimum(np.searchsorted(ordered, numbers), len(ordered) - 1)
         return np.where(ordered[k] == numbers, places[k], -1)
 

@@ -1,22 +1,15 @@
-"""Notes: data of a mesh that a format has no place for, as JSON in its files; one description of all of them.
+"""The note of a file: what its format has no place for, as one JSON object of plain arrays, in ASCII.
 
-A table lists the notes of a kind of file: the name of each, and how its value becomes JSON and is checked when it is
-read. A format only stores and fetches the text:
-
-    ARRAY_NOTES     VTU, XDMF, objects of pyvista and meshio: what named arrays on cells and nodes do not hold
-    MED_NOTES       MED: the root group LACMESH (`med/notes.py`)
-    MSH_NOTES       msh, and gmsh's model: the section $LacMesh (`msh/notes.py`)
-    CUT_NOTES       formats without fields: the records of a cut, in the sidecar (`sidecar.py`)
-
-In the first two, nodes and cells are given by their index, in the others by their numbers in the file.
+Every format keeps it where it can: VTU, XDMF, meshio and MED in a place for texts, msh in a section of its own, .inp
+and .mail in comments. Nodes and cells are named by their numbers in the file.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -25,215 +18,14 @@ from numpy.typing import NDArray
 from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, with_records
 from lacmesh.errors import CutError
-from lacmesh.formats.ids import Index, repeated
-from lacmesh.formats.note_types import (
-    DAMAGE,
-    FLAG,
-    INTEGER,
-    INTEGERS,
-    PAIRS,
-    REAL,
-    TEXT,
-    NoteTable,
-    columns,
-    from_plain,
-    mapping_of,
-    named,
-    object_of,
-    optional,
-    record_of,
-    to_plain,
-    tuple_of,
-)
+from lacmesh.formats.ids import Index, numbered, repeated
 from lacmesh.mesh import Ints, Mesh, Model, Periodic, Step, Tag
 from lacmesh.topology.skin import label_rows
 
-#: Of the notes of every format.
-VERSION = 1
-
-
-class FieldNote(NamedTuple):
-    """Properties of a field that a section of msh cannot hold: its key in the mesh, true name and step, shape, type."""
-
-    key: str
-    name: str
-    number: int
-    order: int
-    shape: tuple[int, ...] | None
-    integer: bool
-
-
-class CellsNote(NamedTuple):
-    """Cells of a type that msh lacks: numbers (k,), nodes (k, n) by number, entities (k, 2), places in the file."""
-
-    type: str
-    number: Ints
-    nodes: Ints
-    entity: Ints
-    at: Ints
-
-
-def to_json(mesh: Mesh, more: Mapping[str, Any]) -> str:
-    """JSON text of the ARRAY_NOTES of a mesh; `more`: those that belong to its arrays."""
-    return json.dumps({"version": VERSION, **to_plain({**_of_mesh(mesh), **more}, ARRAY_NOTES)}, ensure_ascii=True)
-
-
-def from_json(text: str, n_nodes: int, said: list[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Mesh fields in the ARRAY_NOTES, and these notes; both empty, with a message in `said`, if they are damaged."""
-    try:
-        data = json.loads(text)
-        if data["version"] > VERSION:
-            said.append("the notes of a newer lacmesh are left out")
-            return {}, {}
-        notes = from_plain(data, ARRAY_NOTES)
-        return {"name": "mesh", **mesh_fields(notes, n_nodes)}, notes
-    except DAMAGE:
-        said.append("lacmesh's own notes are damaged and left out")
-        return {}, {}
-
-
-def mesh_fields(notes: Mapping[str, Any], n_nodes: int) -> dict[str, Any]:
-    """The notes that are fields of a mesh. Raises ValueError for a periodic link of nodes that the mesh lacks."""
-    fields = {key: value for key, value in notes.items() if key in _MESH_NOTES}
-    for link in fields["model"].periodic if "model" in fields else ():
-        if link.nodes.size and (link.nodes.min() < 0 or link.nodes.max() >= n_nodes):
-            raise ValueError("a periodic node outside the mesh")
-    return fields
-
-
-def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
-    """Names of the zones of a cut: of the smallest group whose slave faces are the zone's, else zone1, zone2, ..."""
-    zone, macro = (cell_data.get(name) for name in ("lac_zone", "lac_macro"))
-    if zone is None or macro is None or zone.ndim != 1 or macro.ndim != 1:
-        return ()
-    cut = np.flatnonzero((macro >= 0) & (zone >= 0))
-    cells = {int(z): cut[zone[cut] == z] for z in np.unique(zone[cut])}
-    if max(cells, default=-1) >= len(cut):
-        return ()
-    names = {}
-    for name, members in sorted(cell_groups.items(), key=lambda g: (len(g[1]), g[0]), reverse=True):
-        inside = members[macro[members] >= 0]
-        first = int(zone[inside[0]]) if len(inside) else -1
-        if first in cells and np.array_equal(inside, cells[first]):
-            names[first] = name
-    return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))
-
-
-def fitting(mesh: Mesh) -> Mesh:
-    """The mesh without tags of groups that it does not have, as noted before another program removed them."""
-    if all(name in mesh.cell_groups for name in mesh.group_tags):
-        return mesh
-    return replace(mesh, group_tags={name: t for name, t in mesh.group_tags.items() if name in mesh.cell_groups})
-
-
-def _of_mesh(mesh: Mesh) -> dict[str, Any]:
-    return {key: getattr(mesh, key) for key in _MESH_NOTES}
-
-
-def _space_dim(dim: int) -> int:
-    if dim not in (1, 2, 3):
-        raise ValueError("space_dim is not 1, 2 or 3")
-    return dim
-
-
-def _bounded(row: tuple[int, ...]) -> tuple[Tag, tuple[int, ...]]:
-    """Entity and its signed boundary, which follow one another in a row."""
-    dim, tag, *signed = row
-    return (dim, tag), tuple(signed)
-
-
-def _cells_note(parts: dict[str, Any]) -> CellsNote:
-    if parts["type"] not in ALL_CELLS:
-        raise ValueError(f"there is no cell type {parts['type']!r}")
-    parts["nodes"] = parts["nodes"].reshape(-1, ALL_CELLS[parts["type"]].n_nodes)
-    return CellsNote(**parts)
-
-
-def _plain_fields(notes: Mapping[tuple[str, str, int], FieldNote]) -> list[dict[str, Any]]:
-    return [{"on": on, "field": name, "step": step, **note._asdict()} for (on, name, step), note in notes.items()]
-
-
-def _field_notes(entries: tuple[dict[str, Any], ...]) -> dict[tuple[str, str, int], FieldNote]:
-    return {(e.pop("on"), e.pop("field"), e.pop("step")): FieldNote(**e) for e in entries}
-
-
-_TAG = record_of(INTEGER, INTEGER)
-_TAGS = tuple_of(_TAG)
-_STEP = record_of(TEXT, INTEGER, INTEGER, REAL).through(lambda step: vars(step).values(), lambda row: Step(*row))
-_PERIODIC = object_of(slave=_TAG, master=_TAG, affine=tuple_of(REAL), nodes=PAIRS)
-_MODEL = object_of(
-    boundary=tuple_of(tuple_of(INTEGER)).through(
-        lambda boundary: [(*tag, *signed) for tag, signed in boundary.items()],
-        lambda rows: dict(map(_bounded, rows)),
-    ),
-    periodic=tuple_of(_PERIODIC.through(vars, lambda parts: Periodic(**parts))),
-)
-_ROWS_OF_3 = INTEGERS.through(np.asarray, lambda values: values.reshape(-1, 3))
-_PAIRS_IN_A_ROW = INTEGERS.through(np.asarray, lambda values: values.reshape(-1, 2))
-_CELLS = object_of(type=TEXT, number=INTEGERS, nodes=INTEGERS, entity=_PAIRS_IN_A_ROW, at=INTEGERS)
-_FIELD = object_of(
-    on=TEXT,
-    field=TEXT,
-    step=INTEGER,
-    key=TEXT,
-    name=TEXT,
-    number=INTEGER,
-    order=INTEGER,
-    shape=optional(tuple_of(INTEGER)),
-    integer=FLAG,
-)
-
-#: Notes that are fields of a mesh, in formats where all else is in arrays.
-_MESH_NOTES: NoteTable = {
-    "name": TEXT,
-    "space_dim": INTEGER.through(int, _space_dim),
-    "zones": tuple_of(TEXT),
-    "group_tags": mapping_of(_TAGS),
-    "steps": mapping_of(_STEP),
-    "model": _MODEL.through(vars, lambda parts: Model(**parts)),
-}
-ARRAY_NOTES: NoteTable = {
-    **_MESH_NOTES,
-    #: on "cell" or "node": the true names of arrays, and the shape of their rows if these have several dimensions
-    "names": mapping_of(mapping_of(TEXT)),
-    "shapes": mapping_of(mapping_of(tuple_of(INTEGER))),
-    #: of XDMF: arrays that the writer added, and those of all groups
-    "own": tuple_of(TEXT),
-    "groups": tuple_of(TEXT),
-    #: of meshio's objects
-    "file_order": INTEGERS,
-}
-MED_NOTES: NoteTable = {"mesh": TEXT, **{key: _MESH_NOTES[key] for key in ("zones", "group_tags", "model")}}
-MSH_NOTES: NoteTable = {
-    #: how many the mesh has for which the numbers are meant
-    "nodes": INTEGER,
-    "cells": INTEGER,
-    **{key: _MESH_NOTES[key] for key in ("name", "space_dim", "zones")},
-    "groups": named("tags", _TAGS),
-    "node_groups": named("nodes", INTEGERS),
-    "cell_groups": named("cells", INTEGERS),
-    "extra_cells": tuple_of(_CELLS.through(CellsNote._asdict, _cells_note)),
-    "node_entity": _ROWS_OF_3,
-    "boundary": tuple_of(record_of(INTEGER, INTEGER, tuple_of(INTEGER))).through(
-        lambda boundary: [(*tag, signed) for tag, signed in boundary.items()],
-        lambda rows: {(dim, tag): signed for dim, tag, signed in rows},
-    ),
-    "fields": tuple_of(_FIELD).through(_plain_fields, _field_notes),
-}
-CUT_NOTES: NoteTable = {
-    "nodes": INTEGER,
-    "cells": mapping_of(INTEGER),
-    "digest": TEXT,
-    "zones": tuple_of(TEXT),
-    #: slave faces and children by number: macro-element, zone, place among the children of a face, parent's number
-    "children": columns("cell", "macro", "zone", "child", "parent"),
-    "internal": columns("node", "macro"),
-}
-
-# ---- one note for every format: what it has no place for, as one JSON object of plain arrays, by numbers of the file
-
+#: of the notes of every format; in version 1 the nodes of periodic links were given by index
+VERSION = 2
 #: what a damaged note may raise while it is read
-_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
+DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
 #: slave faces of a macro-element at most
 _MOST_CHILDREN = 5
 
@@ -273,7 +65,11 @@ def dump(
     note = {key: note[key] for key in names} | more
     if not boundary and not periodic:
         note.pop("model", None)
-    note = {key: value for key, value in note.items() if value is not None and value not in ((), [], {})}
+    note = {
+        key: value
+        for key, value in note.items()
+        if not (value is None or (isinstance(value, Sized) and not len(value)))
+    }
     text = json.dumps({"version": VERSION, **note}, separators=(",\n", ":"), default=_plain)
     return text.replace("$", "\\u0024") if note else ""
 
@@ -296,8 +92,10 @@ def parse(text: str | bytes) -> dict[str, Any]:
     """Return the note in a text, {} if a newer lacmesh wrote it. Raises ValueError if it is damaged."""
     try:
         note: dict[str, Any] = json.loads(text)
-        return note if note.get("version", VERSION) <= VERSION else {}
-    except _DAMAGED as error:
+        if note.get("version", 1) < VERSION:
+            note.pop("model", None)  # whose nodes were given by index
+        return note if note.get("version", 1) <= VERSION else {}
+    except DAMAGED as error:
         raise ValueError(str(error)) from error
 
 
@@ -307,8 +105,8 @@ def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
     Groups and data that the mesh lacks, since another program took them out, are passed without a word.
     """
     try:
-        mesh = replace(mesh, **_noted_fields(mesh, note))
-    except _DAMAGED:
+        mesh = replace(mesh, **noted_fields(mesh, note))
+    except DAMAGED:
         warnings.append("lacmesh's own note is damaged and left out")
         return mesh
     if "records" not in note:
@@ -317,14 +115,9 @@ def load(mesh: Mesh, note: Mapping[str, Any], warnings: list[str]) -> Mesh:
         return _with_records(mesh, note["records"])
     except UnfitError as error:
         warnings.append(f"the records of the cut are left out: {error}")
-    except (*_DAMAGED, CutError):
+    except (*DAMAGED, CutError):
         warnings.append("the records of the cut are left out: they are damaged")
     return replace(mesh, zones=())
-
-
-def numbered(number: Ints) -> Ints:
-    """The numbers of nodes or cells; 1, 2 ... if they are not positive and distinct."""
-    return number if number.min(initial=1) > 0 and repeated(number) is None else np.arange(1, len(number) + 1)
 
 
 def integers(values: Any, shape: tuple[int, ...] = (-1,)) -> Ints:
@@ -335,27 +128,39 @@ def integers(values: Any, shape: tuple[int, ...] = (-1,)) -> Ints:
     return array.astype(np.int64).reshape(shape)
 
 
+def text_of(value: Any) -> str:
+    """Return a text of a note. Raises TypeError for anything else."""
+    if not isinstance(value, str):
+        raise TypeError(f"{str(value)[:40]!r} should be text")
+    return value
+
+
 def _plain(value: Any) -> Any:
     """Value of a note that JSON does not know: an array or a number of numpy."""
     return value.tolist()
 
 
-def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a mesh in its note. Raises one of _DAMAGED."""
+def noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a mesh in its note. Raises one of DAMAGED."""
     fields: dict[str, Any] = {}
     if "name" in note:
-        fields["name"] = str(note["name"])
+        fields["name"] = text_of(note["name"])
     if "space_dim" in note:
-        fields["space_dim"] = (1, 2, 3)[(1, 2, 3).index(note["space_dim"])]
+        (fields["space_dim"],) = integers([note["space_dim"]]).tolist()
+        if fields["space_dim"] not in (1, 2, 3):
+            raise ValueError("space_dim is not 1, 2 or 3")
     if "zones" in note:
-        fields["zones"] = tuple(map(str, note["zones"]))
+        fields["zones"] = tuple(map(text_of, [*note["zones"]]))
     if "group_tags" in note:
         tags = {name: [tuple(integers(tag).tolist()) for tag in tags] for name, tags in note["group_tags"].items()}
-        if any(len(tag) != 2 for own in tags.values() for tag in own):
+        if any(len(tag) != 2 for pairs in tags.values() for tag in pairs):
             raise ValueError("a tag is a dimension and a number")
-        fields["group_tags"] = {name: tuple(own) for name, own in tags.items() if name in mesh.cell_groups}
+        fields["group_tags"] = {name: tuple(pairs) for name, pairs in tags.items() if name in mesh.cell_groups}
     if "steps" in note:
-        steps = {key: Step(str(f), int(n), int(order), float(t)) for key, (f, n, order, t) in note["steps"].items()}
+        steps = {}
+        for key, (name, number, order, time) in note["steps"].items():
+            number, order = integers([number, order]).tolist()
+            steps[key] = Step(text_of(name), number, order, float(time))
         known = {*mesh.cell_data, *mesh.node_data}
         fields["steps"] = {key: step for key, step in steps.items() if key in known}
     if "model" in note:
@@ -364,8 +169,8 @@ def _noted_fields(mesh: Mesh, note: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def boundary_of(rows: Iterable[Any]) -> dict[Tag, tuple[int, ...]]:
-    """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of _DAMAGED."""
-    return {(int(dim), int(tag)): tuple(integers(signed).tolist()) for dim, tag, signed in rows}
+    """Boundary of entities in a note: rows of dimension, tag and signed tags. Raises one of DAMAGED."""
+    return {tuple(integers([dim, tag]).tolist()): tuple(integers(signed, (-1,)).tolist()) for dim, tag, signed in rows}
 
 
 def _links(mesh: Mesh, rows: Iterable[Any]) -> Iterator[Periodic]:
@@ -389,21 +194,23 @@ def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[s
         return None
     has = np.flatnonzero(np.any([values >= 0 for values in cut.cell_records.values()], axis=0))
     inner = np.flatnonzero(cut.macro_of_node >= 0)
+    columns = {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}}
+    internal = {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]}
     return {
         "nodes": mesh.n_nodes,
         "bodies": int((mesh.cell_dim == mesh.dim).sum()),
-        "digest": _digest(mesh, has, nodes, cells),
+        "digest": _digest(mesh, has, nodes, cells, columns, internal),
         "faces": {
-            kind: {"number": cells[own], "nodes": nodes[rows].ravel()}
-            for kind, own, rows in (mesh.select(faces) if faces is not None else ())
+            kind: {"number": cells[rows_of], "nodes": nodes[rows].ravel()}
+            for kind, rows_of, rows in (mesh.select(faces) if faces is not None else ())
         },
-        "cells": {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}},
-        "internal": {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]},
+        "cells": columns,
+        "internal": internal,
     }
 
 
 def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
-    """The mesh with the records of a cut. Raises UnfitError, CutError, one of _DAMAGED."""
+    """The mesh with the records of a cut. Raises UnfitError, CutError, one of DAMAGED."""
     bodies = int((mesh.cell_dim == mesh.dim).sum())
     if (note["nodes"], note["bodies"]) != (mesh.n_nodes, bodies):
         raise UnfitError(
@@ -411,12 +218,12 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
             f"{mesh.n_nodes} and {bodies}"
         )
     mesh = _with_numbers(mesh, note["faces"])
-    columns = {key: integers(values) for key, values in note["cells"].items()}
-    inner = {key: integers(values) for key, values in note["internal"].items()}
-    at = Index(mesh.cell_number).places(columns["number"])
-    at_node = Index(mesh.node_number).places(inner["number"])
-    if (at < 0).any() or (at_node < 0).any() or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number):
-        raise UnfitError("they are of other cells than those of the file")
+    columns = {name: integers(note["cells"][name]) for name in ("number", *CELL_RECORDS)}
+    inner = {name: integers(note["internal"][name]) for name in ("number", NODE_RECORD)}
+    at, at_node = Index(mesh.cell_number).places(columns["number"]), Index(mesh.node_number).places(inner["number"])
+    known = (at >= 0).all() and (at_node >= 0).all()
+    if not known or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number, columns, inner):
+        raise UnfitError("they are of other cells than those of the file, or were changed")
     data: dict[str, Ints] = {}
     for name in CELL_RECORDS:
         narrow = columns[name].max(initial=-1) < 2**31
@@ -426,8 +233,9 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
     internal[at_node] = inner[NODE_RECORD]
     whole = with_records(mesh, data, internal, mesh.zones)
     cut = Cut(whole)
-    child = cut.child_kind[cut.macro_of_face >= 0]
-    if min(map(len, cut.faces_of_macro)) < 1 or child.min() < 1 or child.max() > _MOST_CHILDREN:
+    macro, child = (values[cut.macro_of_face >= 0] for values in (cut.macro_of_face, cut.child_kind))
+    all_used = cut.n_macros <= len(macro) and bool(np.bincount(macro).all())
+    if not all_used or not 1 <= child.min() <= child.max() <= _MOST_CHILDREN or internal.max() >= cut.n_macros:
         raise ValueError("records that no cut leaves")
     return whole
 
@@ -438,12 +246,12 @@ def _with_numbers(mesh: Mesh, faces: Mapping[str, Any]) -> Mesh:
     index = Index(numbered(mesh.node_number))
     for kind, listed in faces.items():
         theirs = index.places(integers(listed["nodes"], (-1, ALL_CELLS[kind].n_nodes)))
-        own = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
+        cells = np.flatnonzero(np.repeat([b.type == kind for b in mesh.blocks], np.diff(mesh.offsets)))
         rows = np.sort(np.concatenate([theirs, mesh.block(kind)]), axis=1)
         label, _ = label_rows(rows)
         keys = _distinct_keys(label[: len(theirs)]), _distinct_keys(label[len(theirs) :])
         _, a, b = np.intersect1d(*keys, assume_unique=True, return_indices=True)
-        number[own[b]] = integers(listed["number"])[a]
+        number[cells[b]] = integers(listed["number"])[a]
     if repeated(number) is not None:
         raise UnfitError("the file gives their numbers to other cells")
     return replace(mesh, cell_number=number)
@@ -459,9 +267,29 @@ def _distinct_keys(label: Ints) -> Ints:
     return keys
 
 
-def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints) -> int:
-    """Checksum of the nodes, by number and in any order, of some cells, in the order of their numbers."""
-    digest = 0
+def _digest(mesh: Mesh, cells: Ints, node_number: Ints, cell_number: Ints, *columns: Mapping[str, Ints]) -> int:
+    """Checksum of records, and of the cells that have them: nodes by number, in any order; by the cells' numbers."""
+    digest = crc32("\n".join(mesh.zones).encode(errors="surrogateescape"))
+    for values in (values for table in columns for values in table.values()):
+        digest = crc32(values.astype("<i8").tobytes(), digest)
     for kind, _, rows in sorted(mesh.select(cells[np.argsort(cell_number[cells])]), key=lambda part: part[0]):
         digest = crc32(np.sort(node_number[rows], axis=1).astype("<i8").tobytes(), crc32(kind.encode(), digest))
     return digest
+
+
+def zone_names(cell_data: Mapping[str, NDArray], cell_groups: Mapping[str, Ints]) -> tuple[str, ...]:
+    """Names of the zones of a cut: of the smallest group whose slave faces are the zone's, else zone1, zone2, ..."""
+    zone, macro = (cell_data.get(name) for name in ("lac_zone", "lac_macro"))
+    if zone is None or macro is None or zone.ndim != 1 or macro.ndim != 1:
+        return ()
+    cut = np.flatnonzero((macro >= 0) & (zone >= 0))
+    cells = {int(z): cut[zone[cut] == z] for z in np.unique(zone[cut])}
+    if max(cells, default=-1) >= len(cut):
+        return ()
+    names = {}
+    for name, members in sorted(cell_groups.items(), key=lambda g: (len(g[1]), g[0]), reverse=True):
+        inside = members[macro[members] >= 0]
+        first = int(zone[inside[0]]) if len(inside) else -1
+        if first in cells and np.array_equal(inside, cells[first]):
+            names[first] = name
+    return tuple(names.get(k, f"zone{k + 1}") for k in range(max(cells, default=-1) + 1))

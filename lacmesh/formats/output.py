@@ -15,7 +15,6 @@ import threading
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from itertools import compress
 from pathlib import Path
 
 from lacmesh.errors import RequestError, WriteError, writing
@@ -43,7 +42,12 @@ def check_place(path: Path, *, force: bool) -> None:
         folder = Path(os.path.realpath(path)).parent
         if not os.access(folder, os.W_OK | os.X_OK, effective_ids=os.access in os.supports_effective_ids):
             raise WriteError(path, f"no file may be made in the folder {path.parent}; choose another one")
-        clear_abandoned(path)
+        place = Path(os.path.realpath(path))
+        new = re.compile(re.escape(_hidden(place)) + "[0-9a-f]{24}" + re.escape(suffix_of(place)))
+        with suppress(OSError):  # a folder that may not be listed
+            there = [beside for beside in place.parent.iterdir() if new.fullmatch(beside.name)]
+            for beside in filter(is_abandoned, there):
+                beside.unlink()
 
 
 @contextmanager
@@ -51,8 +55,7 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
     """Yield new files beside `places`, to be filled; at the end they are forced to the disk and take their places.
 
     On any failure, and when the process is interrupted, they are removed, and the old files stay. The last place is
-    replaced first, so that the first file may name the others. If a new file was unlinked inside the block, the file at
-    its place is removed. Raises WriteError, which names the first place.
+    replaced first, so that the first file may name the others. Raises WriteError, which names the first place.
     """
     real = [Path(os.path.realpath(place)) for place in places]  # a link stays one, what it points to is replaced
     # the names are known before the files are there: whenever a signal arrives, what is there can be removed
@@ -62,15 +65,13 @@ def replacing(*places: Path) -> Iterator[list[Path]]:
         for name in beside:
             os.close(os.open(name, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
         yield beside
-        there = [name.exists() for name in beside]
-        for name, place in zip(compress(beside, there), compress(real, there), strict=True):
-            _finish(name, place)
+        for name, place in zip(beside, real, strict=True):
+            with name.open("rb") as file:
+                os.fsync(file.fileno())
+            name.chmod(place.stat().st_mode & 0o777 if place.exists() else 0o666 & ~_UMASK)
         with signals_wait():  # one without the other would be half of it
-            for name, place, stays in zip(beside[::-1], real[::-1], there[::-1], strict=True):
-                if stays:
-                    name.replace(place)
-                else:
-                    place.unlink(missing_ok=True)
+            for name, place in zip(beside[::-1], real[::-1], strict=True):
+                name.replace(place)
     except WriteError as error:
         if error.path not in map(str, beside):
             raise
@@ -104,16 +105,6 @@ def is_abandoned(beside: Path, *, locked: bool = False) -> bool:
     return False
 
 
-def clear_abandoned(path: Path) -> None:
-    """Remove new files that were to take the place of `path` when their process was killed."""
-    place = Path(os.path.realpath(path))
-    name = re.compile(re.escape(_hidden(place)) + "[0-9a-f]{24}" + re.escape(suffix_of(place)))
-    with suppress(OSError):
-        for beside in [there for there in place.parent.iterdir() if name.fullmatch(there.name)]:
-            if is_abandoned(beside):
-                beside.unlink()
-
-
 def _hidden(place: Path) -> str:
     """Beginning of the name of the new file beside a place; a token with the machine and the process follows."""
     return f".{place.stem[:40]}-"
@@ -144,13 +135,6 @@ def temporary_folder() -> Iterator[Path]:
         raise WriteError(
             tempfile.gettempdir(), f"temporary files cannot be kept there ({error.strerror or error})"
         ) from error
-
-
-def _finish(beside: Path, path: Path) -> None:
-    """Force a new file to the disk, and give it the permissions of the file that it replaces, or the default ones."""
-    with beside.open("rb") as file:
-        os.fsync(file.fileno())
-    beside.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_UMASK)
 
 
 @contextmanager

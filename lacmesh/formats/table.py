@@ -21,6 +21,7 @@ class WriteOptions:
 
     @property
     def in_binary(self) -> bool:
+        """True for binary files."""
         return self.binary is None or self.binary
 
 

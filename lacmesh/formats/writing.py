@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lacmesh.errors import WriteError
 from lacmesh.cutting.records import without_records
+from lacmesh.errors import WriteError
 from lacmesh.mesh import Block, Ints, Mesh
 
 

@@ -28,7 +28,7 @@ from lacmesh.checks import check
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, RequestError
 from lacmesh.formats import read, write
 from lacmesh.formats.ids import Index
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.vtu import read_pvd
 from lacmesh.gmsh import cut_model, from_mesh, geometry, session, to_mesh
 from lacmesh.gmsh.cad import SUFFIXES, check_source
 from lacmesh.gmsh.views import RESULT_MARK

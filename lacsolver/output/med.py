@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import reduce
 from operator import or_
@@ -22,9 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.formats import write
-from lacmesh.formats.med.fields import NO_PROFILE, title
-from lacmesh.formats.med.hdf5 import add_array, add_group, changing, set_attributes, set_mask
-from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.hdf5 import add_array, add_group, image, set_attributes, set_mask
+from lacmesh.formats.med_fields import NO_PROFILE, title
+from lacmesh.formats.orders import MED_CELLS
+from lacmesh.formats.output import replacing
 from lacmesh.mesh import Ints, places_of
 from lacsolver.output.names import MED
 from lacsolver.output.parts import Part, on_faces, whole
@@ -39,7 +41,6 @@ _KINDS = {"float64": 6, "int32": 24}
 _CELLS, _NODES, _SHORT = 1, 8, 16
 #: longest suffix to the name of a zone
 _LONGEST = "pressure_recovered.nodes"
-_OF_TYPE = {kind.type: kind for kind in MED_TYPES}
 
 
 class _Support(NamedTuple):
@@ -82,7 +83,7 @@ class MedSeries:
         names = _names(self._path, [field.name for field in series])
         if not self._path.exists():
             write(self._path, self._part.mesh)
-        with changing(self._path) as root:
+        with _changed(self._path) as root:
             for name, field in zip(names, series, strict=True):
                 home = _home(root, name, self._name, field)
                 _add_time(root, home, field, fields.time, number)
@@ -148,7 +149,7 @@ def _face_supports(zone: ZoneFields, part: Part) -> Iterator[_Support]:
         here = rows[(where[rows] >= lo) & (where[rows] < lo + len(block.nodes))]
         if len(here):
             places = where[here] - lo
-            kind = _OF_TYPE[block.type]
+            kind = MED_CELLS[block.type]
             yield _Support(f"MAI.{kind.name}", 1 << kind.bit, here, None if len(here) == len(block.nodes) else places)
 
 
@@ -199,9 +200,16 @@ def _profile(root: h5py.Group, places: Ints) -> str:
     return name
 
 
+@contextmanager
+def _changed(path: Path) -> Iterator[h5py.File]:
+    """Yield the file with its content in memory; at the end the new file takes its place. Raises WriteError."""
+    with replacing(path) as (beside,), image(beside, path) as root:
+        yield root
+
+
 def _cut_off(path: Path, end: float) -> None:
     """Remove the times after `end` from a file. Raises WriteError."""
-    with changing(path) as root:
+    with _changed(path) as root:
         for home in list(root["CHA"].values()) if "CHA" in root else ():
             later = [name for name, step in home.items() if not until(float(step.attrs["PDT"]), end)]
             for name in later:

@@ -17,7 +17,7 @@ from lacmesh import __version__
 from lacmesh.errors import RequestError, writing
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtu.collection import write_pvd
+from lacmesh.formats.vtu import write_pvd
 from lacsolver.output.files import read_json
 from lacsolver.output.folder import check_folder
 from lacsolver.output.names import FIELDS, MODES, MODES_PVD, mode_file, modes_in

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtu.writer import quoted
+from lacmesh.formats.vtu import quoted
 from lacmesh.mesh import Mesh
 from lacsolver.distributed.share import Share
 from lacsolver.output.names import vtu_file

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lacmesh.formats import write
 from lacmesh.formats.output import replace_file
-from lacmesh.formats.vtu.collection import read_pvd, write_pvd
+from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacmesh.mesh import Floats
 from lacsolver.case import Cyclic
 from lacsolver.output.files import make_folder

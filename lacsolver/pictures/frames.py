@@ -20,7 +20,7 @@ import lacmesh
 from lacmesh.cells import CELLS
 from lacmesh.errors import DataError, RequestError
 from lacmesh.formats.ids import Index
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.vtu import read_pvd
 from lacmesh.mesh import Floats, Ints, Mesh
 from lacmesh.scene.colours import ends_of
 from lacmesh.scene.visible import find_visible

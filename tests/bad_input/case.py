@@ -31,7 +31,7 @@ PRECIOUS = b"an older result"
 CUT = ("cut", "{in}", "--slave", "SLAVE", "-o", "{out}", "--force")
 INFO = ("info", "{in}")
 CONVERT = ("convert", "{in}", "{out}", "--force")
-#: Suffixes of files, by the first word of what formats are called in the page, where they are not that word.
+#: Suffixes of files, by the first word of what formats are called, where they are not that word.
 SUFFIXES = {"IGES": ".igs", "any": ".msh"}
 
 
@@ -39,8 +39,8 @@ SUFFIXES = {"IGES": ".igs", "any": ".msh"}
 class Case:
     """`make`: the content of the input, or what makes it or puts files into a folder.
 
-    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words that the page leaves
-    out, as the line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
+    `{in}`, `{out}` in the command stand for the input and the output. `says`: a pattern of words in the sentence, as the
+    line of a file. Status 0: the sentence is a warning, and `then` looks at the folder. `nobody`: run as a
     user who owns nothing; `file_size`: no file may grow beyond; `needs`: a package that may be missing, by its marker.
     """
 
@@ -66,7 +66,7 @@ class Case:
 
     @property
     def key(self):
-        """A name for the case, as in the page."""
+        """A name for the case."""
         return f"{self.kind}: {self.format}: {self.what}"
 
 

@@ -18,7 +18,7 @@ from tests.bad_input.mesh_cases import DEFECTS, WRITERS, png
 from tests.bad_input.raw import Cell, two_hexahedra
 
 GOOD = WRITERS["msh 4.1 binary"](two_hexahedra())
-#: Suffix and options -> how the output is called in the page.
+#: Suffix and options -> how the output is called.
 OUTPUTS = {
     "msh 2.2 ASCII": (".msh", "--msh", "2.2", "--ascii"),
     "msh 2.2 binary": (".msh", "--msh", "2.2"),
@@ -132,7 +132,7 @@ def _stl(*triangles):
 
 MESH = ("mesh", "{in}", "-o", "{out}", "--force")
 LIST = ("mesh", "{in}", "--list")
-#: format, what is wrong, content, status, words of gmsh that the page leaves out
+#: format, what is wrong, content, status, words of gmsh
 FILES = [
     ("STEP", "empty", b"", 3, ""),
     ("STEP", "text", b"Dear all,\n", 3, ""),

@@ -95,7 +95,7 @@ NOTES = {
 LEFT_OUT = {
     "for another number of nodes": {**_HEAD, "nodes": 5, "node_groups": [{"name": "g", "nodes": [11]}]},
     "members that are not there": {**_HEAD, "node_groups": [{"name": "g", "nodes": [999]}]},
-    "of a newer lacmesh": {"version": 2},
+    "of a newer lacmesh": {"version": 3},
 }
 _MORE = ("*NODE\n", "*INCLUDE, INPUT=more.inp\n*NODE\n")
 _WARNED = {}, {"status": 0, "command": INFO}

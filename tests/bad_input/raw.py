@@ -14,11 +14,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from lacmesh.formats.med.families import derive
-from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.med import families_of
+from lacmesh.formats.orders import MED_CELLS
 
 _MSH = {"HEXA8": 5, "QUAD4": 3, "TRIA3": 2, "SEG2": 1}
-_MED = {kind.type: kind for kind in MED_TYPES}
 _INP = {"HEXA8": "C3D8", "QUAD4": "S4", "TRIA3": "S3", "SEG2": "B31"}
 _VTK = {"HEXA8": 12, "QUAD4": 9, "TRIA3": 5, "SEG2": 3}
 _XDMF = {"HEXA8": 9, "QUAD4": 5, "TRIA3": 4}
@@ -165,9 +164,9 @@ def _put_cells(step, raw):
     _array(nodes, "NUM", np.array(raw.node_number), n)
     for kind in dict.fromkeys(c.type for c in raw.cells):
         cells = [c for c in raw.cells if c.type == kind]
-        part = step.create_group(f"MAI/{_MED[kind].name if kind in _MED else kind}")
+        part = step.create_group(f"MAI/{MED_CELLS[kind].name if kind in MED_CELLS else kind}")
         rows = np.array([[index.get(number, number) for number in c.nodes] for c in cells])
-        places = _MED[kind].nodes if kind in _MED else range(rows.shape[1])
+        places = MED_CELLS[kind].nodes if kind in MED_CELLS else range(rows.shape[1])
         _array(part, "NOD", rows[:, list(places)].T.ravel(), raw.count.get("cells", len(cells)))
         _array(part, "NUM", np.array([c.number for c in cells]), len(cells))
         _array(part, "FAM", np.array([-_tag(raw, c.group) for c in cells]), len(cells))
@@ -291,8 +290,8 @@ def write_old(path, mesh, med_types, faces=(), esp=True):
         home = _made(_made(file, "ENS_MAA"), mesh.name, DIM=3 if esp else mesh.space_dim, TYP=0, DES="d")
         if esp:
             _attrs(home, ESP=mesh.space_dim)
-        cell_family, cell_families = derive(mesh.cell_groups, mesh.cell_dim)
-        node_family, node_families = derive(mesh.node_groups, np.zeros(mesh.n_nodes, int))
+        cell_family, cell_families = families_of(mesh.cell_groups, mesh.cell_dim)
+        node_family, node_families = families_of(mesh.node_groups, np.zeros(mesh.n_nodes, int))
         nodes = _made(home, "NOE")
         n, blank = mesh.n_nodes, " " * (16 * mesh.space_dim)
         _put(nodes, "COO", mesh.points[:, : mesh.space_dim].T.ravel(), NBR=n, REP=0, NOM=blank, UNI=blank)

@@ -1,4 +1,4 @@
-"""Every bad input gets one sentence and its status, leaves nothing behind, and stands in docs/bad_input.md."""
+"""Every bad input gets one sentence and its status, and leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -10,39 +10,18 @@ import sys
 import tempfile
 import warnings
 from functools import cache
-from itertools import product
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from lacmesh import read
 from lacmesh.errors import LacmeshWarning, ReadError
-from tests import REPOSITORY
 from tests.bad_input import case, command_cases, format_cases, mesh_cases
 from tests.bad_input.case import Case, listing
 from tests.bad_input.command_cases import GOOD
 from tests.samples import each_option
 
-# ---- the page, which docs/make_bad_input.py writes
-
-PAGE = REPOSITORY / "docs" / "bad_input.md"
-#: kind -> title of its section in the page, where that is another one
-TITLES = {
-    "not a mesh": "Files that are no mesh", "cut short": "Files that are cut short",
-    "magic": "Files that begin otherwise", "version": "Versions", "sections": "Parts of a file",
-    "numbers": "Numbers of nodes and cells, and what is no number", "types": "Types of cells",
-    "content": "Meshes without content", "links": "Links inside and between files",
-    "our notes": "lacmesh's own notes", "several meshes": "Several meshes in a file",
-    "verdicts": "Meshes that cannot be used", "decks": "Decks that a cut makes wrong", "request": "Commands",
-    "output": "Places of the output", "permission": "Permissions", "full disk": "A full disk",
-    "stopped": "Interrupted, terminated",
-}  # fmt: skip
-
-
-def title_of(kind):
-    """The title of the section of a kind of case."""
-    return TITLES.get(kind, kind.capitalize())
+# ---- the cases
 
 
 @cache
@@ -51,79 +30,16 @@ def all_cases():
     return tuple(one for some in (mesh_cases, format_cases, command_cases) for one in some.cases())
 
 
-class Row(NamedTuple):
-    """An answer of the page: cases of several formats that get the same one are one."""
-
-    what: str
-    status: int
-    said: str
-
-
-#: what depends on the library or the machine, and what the page has in its place
-GENERAL = {
-    r"\((HDF5: |choose from ).*\)": r"(\1…)", r"is damaged \(.*\);": "is damaged (…);",
-    r"\d+ of its \d+ bytes": "… of its … bytes", r"(declares \d+ bytes, in a file of) \d+": r"\1 …", "x{50,}": "x…",
-    rf"^{re.escape(tempfile.gettempdir())}/\w+": "TMPDIR",
-    r"(there are: (?:[^,]+, ){2}[^,]+), .* and \d+ more": r"\1, …",
-}  # fmt: skip
-#: and words of gmsh, of whatever version
-OF_GMSH = {r"(gmsh [\w ]+) \(.*\)": r"\1 (…)", r"([?)]); (Undefined|Incorrect) .*": r"\1"}
-
-
-def row(one, outcome):
-    """The line of one case."""
-    said = outcome.sentence
-    for pattern, words in (GENERAL | (OF_GMSH if one.kind == "geometry" else {})).items():
-        said = re.sub(pattern, words, said)
-    said = re.sub(r"\bbad\.\w+(, (line|byte) \d+| holds|(, |: )/[\w/.-]+?(?=: )|:)?", _place, said)
-    return Row(safe(one.what), outcome.status, safe(said) or "nothing")
-
-
-def _place(found):
-    """Replace a file name and a place in it by words that are the same for all formats."""
-    rest = found[1] or ""
-    if found[2]:
-        return "FILE, PLACE"
-    if rest.startswith((", /", ": /")):
-        return "FILE, " + re.sub(r"^[,:] /(?:.*/)?([^/]+/[^/]+|[^/]+)$", r"…/\1", rest)
-    return f"FILE{rest}"
-
-
-def safe(text):
-    """The text as Markdown, whose signs stand for themselves."""
-    return re.sub(r"([|<>*])", r"\\\1", text)
-
-
-@cache
-def the_page():
-    """(title, what is wrong, format) -> status and sentence."""
-    found, title = {}, ""
-    for line in PAGE.read_text(encoding="utf-8").splitlines():
-        title = line[3:] if line.startswith("## ") else title
-        cells = [word.strip() for word in re.split(r"(?<!\\)\|", line)[1:-1]]
-        if len(cells) == 4 and cells[0] != "what is wrong" and cells[0].strip("-"):
-            for what, name in product(cells[0].split("; "), cells[1].split(", ")):
-                found[title, what, name] = f"{cells[2]} {cells[3]}"
-    return found
-
-
-def holds(one, outcome):
-    """The status that is expected, the sentence in the page, and the words that the page leaves out."""
+def check(one, outcome):
+    """Assert the status that is expected, and words on the place."""
     assert outcome.status == one.status, outcome.sentence
     assert re.search(one.says, outcome.sentence), outcome.sentence
-    line = row(one, outcome)
-    there = the_page().get((title_of(one.kind), line.what, one.format))
-    assert there == f"{line.status} {line.said}", "run: python docs/make_bad_input.py"
+    assert len(outcome.sentence) < 1500 and outcome.sentence.isprintable(), outcome.sentence
 
 
-def test_the_page_holds_these_cases_and_no_other():
-    every = (*all_cases(), *command_cases.stops())
-    keys = [(title_of(one.kind), safe(one.what), one.format) for one in every]
-    assert len(set(keys)) == len(keys), "two cases have the same name"
-    assert set(keys) == set(the_page())
-
-
-# ---- the cases
+def test_no_two_cases_have_one_name():
+    keys = [one.key for one in (*all_cases(), *command_cases.stops())]
+    assert len(set(keys)) == len(keys)
 
 
 def parameters(rows):
@@ -150,7 +66,7 @@ def reader_and_error(row):
 @pytest.mark.parametrize("one", parameters(each_option(((one,) for one in all_cases()), of=reader_and_error)))
 def test_one_sentence_and_nothing_left(one, folder):
     outcome = case.run(one, folder)
-    holds(one, outcome)
+    check(one, outcome)
     if outcome.status == 3:  # it names the file: the input, one that belongs to it, the output, or where it is made
         names = [Path(path).name for path in (*folder.iterdir(), one.input, one.out, *one.command)]
         assert any(name in outcome.sentence for name in (*names, tempfile.gettempdir()))
@@ -169,7 +85,7 @@ def test_the_reader_says_what_the_command_says(one, folder):
         case.made(one, folder)
         with pytest.raises(ReadError) as caught:
             read(one.input)
-    holds(one, case.Outcome(3, [f"lacmesh: error: {caught.value}"]))
+    check(one, case.Outcome(3, [f"lacmesh: error: {caught.value}"]))
 
 
 def every_command():
@@ -199,7 +115,7 @@ STOPS = {stop.key: stop for stop in command_cases.stops()}
 def test_stopped(key, tmp_path):
     outcome = command_cases.run_stopped(STOPS[key], tmp_path)
     assert len(outcome.lines) == 1
-    holds(STOPS[key], outcome)
+    check(STOPS[key], outcome)
 
 
 def in_process(args, folder, file_size):

@@ -5,15 +5,14 @@ Cells of two meshes are matched by type and node coordinates, so that numbers an
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from dataclasses import replace as but
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.cutting.cut import Cut, cut_skin
-from lacmesh.formats.registry import OF_NAME, SUFFIXES
+from lacmesh.formats.registry import FORMATS, OF_NAME, SUFFIXES
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
 #: suffix -> name of a format of meshio
@@ -128,13 +127,13 @@ def turned(one):
 def with_entities(one):
     mesh = one()
     dim = mesh.dim
-    return but(mesh, cell_data={"entity": np.array([[dim, 7], [dim, 7], [dim, 3], [dim, 3]], np.int32)})
+    return replace(mesh, cell_data={"entity": np.array([[dim, 7], [dim, 7], [dim, 3], [dim, 3]], np.int32)})
 
 
 def two_zones():
     """Two zones that have the same cells in a group that would else give its name."""
     mesh = solid(cell_groups={"slave": [4], "other": [5], "above": [4], "beside": [5]})
-    return but(cut_skin(mesh, ["slave", "other"]).mesh, zones=("left side", "right side"))
+    return replace(cut_skin(mesh, ["slave", "other"]).mesh, zones=("left side", "right side"))
 
 
 def records(before, after, to):
@@ -165,7 +164,7 @@ def told(cut):
 def periodic():
     mesh = solid(cell_data={"entity": np.array([[3, 1]] * 4 + [[2, 1], [2, 2], [2, 3]], np.int32)})
     link = Periodic((2, 1), (2, 2), (1.0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1), np.array([[0, 1], [2, 3]]))
-    return but(mesh, model=Model({}, (link,)))
+    return replace(mesh, model=Model({}, (link,)))
 
 
 def links(before, after, to):
@@ -265,7 +264,7 @@ FEATURES = {
     ),
     "name": Feature(lambda one: one(name="beam"), lambda b, a, to: a.name == "beam", "name"),
     "digits": Feature(
-        lambda one: but(one(), points=one().points * np.pi / 3),
+        lambda one: replace(one(), points=one().points * np.pi / 3),
         lambda b, a, to: np.array_equal(b.points[b.blocks[0].nodes], a.points[a.blocks[0].nodes]),
         "digits",
         also=("node_number",),
@@ -283,3 +282,108 @@ def one_cell(kind):
     x = np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
     bent = x @ np.array([[1, 0.1, 0.2], [0.05, 1.1, 0.1], [0.15, 0.2, 0.9]]) + 0.02 * np.sin(3 * x + [1, 2, 3])
     return Mesh.create(bent + np.array([1, 2, 3]), [(kind, [range(cell.n_nodes)])])
+
+
+# ---- what each format keeps, with some options: all but what stands here
+
+
+KEPT, LOST, REFUSED = "yes", "lost", "error"
+#: cells stand together by type in the file, without a word; kept where only lacmesh reads it again, which is warned of
+BY_TYPE, OURS = "by type", "for lacmesh"
+
+
+class Fidelity(NamedTuple):
+    """Types of cells that a format `takes`, and features that are `lost`, `refused`, `ours`, or kept `by_type`."""
+
+    form: str
+    takes: frozenset[str]
+    lost: frozenset[str] = frozenset()
+    refused: frozenset[str] = frozenset()
+    ours: frozenset[str] = frozenset()
+    by_type: bool = False
+    options: tuple[tuple[str, str], ...] = ()
+
+    def keeps(self, feature):
+        """The fate of a feature."""
+        if feature == "order" and self.by_type:
+            return BY_TYPE
+        return next(
+            (f for f, some in ((OURS, self.ours), (LOST, self.lost), (REFUSED, self.refused)) if feature in some), KEPT
+        )
+
+    def keeps_cells(self, kind):
+        """The fate of cells of a type."""
+        return OURS if kind in self.ours else KEPT if kind in self.takes else REFUSED
+
+
+def words(text):
+    return frozenset(text.split())
+
+
+def but(text):
+    return frozenset(CELLS) - words(text)
+
+
+FIELDS = words("field vector gap integer steps partition entity periodic tags")
+ALL_BUT_CELLS = FIELDS | words("group overlap empty nodes names long node_number cell_number name")
+#: what only meshes of several types of cells have
+MIXED = words("lower loose_skin dims order cut zones periodic")
+LINEAR = "POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5"
+
+
+def one_type(form, takes, keeps="", loses="flat", refuses=""):
+    """A format of meshio that takes cells of one type in a mesh."""
+    return Fidelity(form, words(takes), (ALL_BUT_CELLS - MIXED | words(loses)) - words(keeps), words(refuses) | MIXED)
+
+
+def mixed(form, takes, loses="flat"):
+    """A format of meshio that takes cells of several types in one mesh, and nothing else."""
+    return Fidelity(form, words(takes), ALL_BUT_CELLS | MIXED - {"loose_skin"} | words(loses))
+
+
+TABLE = (
+    Fidelity("msh", but(""), ours=words("TRIA7 partition"), by_type=True),
+    Fidelity("msh", but(""), ours=words("TRIA7"), options=(("msh", "2.2"),)),
+    Fidelity("med", but("PYRAM14"), by_type=True),
+    Fidelity("mail", but("PYRAM14"), FIELDS | words("names long"), by_type=True),
+    Fidelity(
+        "inp",
+        but("TRIA7 QUAD9 HEXA27 PENTA18 PYRAM5 PYRAM13 PYRAM14"),
+        FIELDS | words("loose_skin empty names long"),
+        by_type=True,
+    ),
+    Fidelity(
+        "inp",
+        but("TRIA7 PYRAM13 PYRAM14"),
+        FIELDS | words("loose_skin empty names"),
+        by_type=True,
+        options=(("target", "abaqus"),),
+    ),
+    Fidelity("vtu", but("PYRAM14")),
+    Fidelity("xdmf", but("TRIA7 PYRAM14")),
+    one_type("flac3d", "TETRA4 HEXA8 PYRAM5", loses="", refuses="plane flat turn"),
+    mixed("mdpa", "POI1 SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6"),
+    one_type("ply", "POI1 SEG2 TRIA3 QUAD4"),
+    one_type("stl", "TRIA3", loses="flat orphan"),
+    Fidelity("vtk", but("TRIA7 PENTA15 PYRAM13 PYRAM14"), words("order steps flat name periodic tags zones")),
+    mixed("h5m", "SEG2 TRIA3 TETRA4"),
+    one_type(
+        "avsucd",
+        "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5",
+        keeps="group overlap empty nodes node_number cell_number field vector gap entity",
+    ),
+    one_type("dolfin-xml", "TRIA3 TETRA4"),
+    mixed("exodus", LINEAR),
+    Fidelity("hmf", words(LINEAR), words("names long steps flat tags name"), MIXED),
+    mixed("medit", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5"),
+    mixed("nastran", "TRIA3 TETRA4 PENTA6", loses="flat digits"),
+    mixed("netgen", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8 PENTA6 PYRAM5"),
+    one_type("obj", "TRIA3 QUAD4"),
+    one_type("off", "TRIA3"),
+    mixed("permas", LINEAR),
+    one_type("su2", "TETRA4 HEXA8 PENTA6 PYRAM5", loses="", refuses="plane flat"),
+    one_type(
+        "tecplot", "SEG2 TRIA3 QUAD4 TETRA4 HEXA8", keeps="group overlap empty nodes node_number cell_number field gap"
+    ),
+)
+assert [row.form for row in TABLE if not row.options] == [form.name for form in FORMATS]

@@ -22,12 +22,12 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, write
 from lacmesh.formats.mail import NODES
-from lacmesh.formats.table import BESIDE, BY_TYPE, FEATURES, FORMATS, KEPT, LOST, OF_NAME, OURS, REFUSED
-from lacmesh.formats.truncation import AT_RISK
+from lacmesh.formats.meshio_checks import AT_RISK
+from lacmesh.formats.registry import FORMATS, OF_NAME
 from tests.bad_input.case import SECONDS, alarm
 from tests.formats import feature_cases as cases
 from tests.formats import test_xml, texts
-from tests.formats.feature_cases import OF_MESHIO
+from tests.formats.feature_cases import BY_TYPE, KEPT, LOST, OF_MESHIO, OURS, REFUSED, TABLE
 from tests.samples import samples
 
 #: formats of surfaces, whose features are tried on triangles
@@ -42,12 +42,12 @@ CHOSEN = re.compile(
 #: further codings of a file, which keep the same
 CODINGS = {"binary": {"binary": False}, "compress": {"compress": True}}
 WAYS = [
-    pytest.param(
-        form, row, options, id="-".join([row.title.replace(" ", "_"), *(f"{k}={v}" for k, v in options.items())])
+    pytest.param(OF_NAME[row.form], row, options, id="-".join([row.form, *(f"{k}={v}" for k, v in options.items())]))
+    for row in TABLE
+    for options in (
+        {**dict(row.options), **coding}
+        for coding in ({}, *(CODINGS[o] for o in CODINGS if o in OF_NAME[row.form].options))
     )
-    for form in FORMATS
-    for row in form.fidelity
-    for options in ({**row.options, **coding} for coding in ({}, *(CODINGS[o] for o in CODINGS if o in form.options)))
 ]
 
 
@@ -73,20 +73,10 @@ def observed(form, row, options, path, mesh, case):
         ours = said and all("only lacmesh reads" in clause for clause in said)
         if said:
             return OURS if ours else f"kept, and yet warned: {said}"
-        return BESIDE if lost_without_its_records(path, mesh, case) else KEPT
+        return KEPT
     if re.search(case.word, " ".join(said)):
         return LOST
     return BY_TYPE if case is cases.FEATURES["order"] else f"lost without a word ({said})"
-
-
-def lost_without_its_records(path, mesh, case):
-    """True if the feature is lost once the file beside the mesh is deleted."""
-    side = path.with_name(path.name + ".lac.json")
-    if not side.exists():
-        return False
-    side.unlink()
-    back = read(path)
-    return not case.kept(mesh, back, cases.matched(mesh, back))
 
 
 def file_in(folder, form):
@@ -101,7 +91,7 @@ def test_features_are_kept_as_the_table_says(form, row, options, tmp_path):
     outcomes = {}
     for name, case in cases.FEATURES.items():
         outcomes[name] = observed(form, row, options, file_in(tmp_path / name, form), case.mesh(bodies), case)
-    assert outcomes == {name: row.keeps(name) for name in FEATURES}
+    assert outcomes == {name: row.keeps(name) for name in cases.FEATURES}
 
 
 @pytest.mark.parametrize(("form", "row", "options"), WAYS)
@@ -161,14 +151,6 @@ def test_order_of_nodes(suffix, tmp_path):
     assert tried >= 14
 
 
-def test_every_feature_and_format_is_in_the_table():
-    assert set(cases.FEATURES) == set(FEATURES)
-    rows = [row for form in FORMATS for row in form.fidelity]
-    assert all(form.fidelity for form in FORMATS)
-    assert all(r.lost | r.refused | r.beside <= set(FEATURES) and r.ours <= set(FEATURES) | set(CELLS) for r in rows)
-    assert len({r.title for r in rows}) == len(rows)
-
-
 OPTIONS = [
     *[("med", "compress", True), ("med", "plane", "CAX"), ("med", "msh", "banana"), ("med", "msh", "2.2")],
     *[("med", "binary", False), ("med", "binary", True), ("vtk", "msh", "2.2")],
@@ -223,7 +205,7 @@ def test_cells_that_are_refused_are_named_and_nothing_is_left(form, tmp_path):
         except WriteError as error:
             assert re.search(rf"{kind}\b.*the mesh has 1; \w+", str(error)) and not list(tmp_path.iterdir())
         else:
-            assert kind not in CELLS or form.fidelity[0].keeps_cells(kind) != REFUSED
+            assert kind not in CELLS or next(row for row in TABLE if row.form == form.name).keeps_cells(kind) != REFUSED
             for file in tmp_path.iterdir():
                 file.unlink()
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
-from lacmesh.formats.med.types import MED_TYPES
+from lacmesh.formats.orders import MED_CELLS
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
@@ -64,12 +64,12 @@ def cube():
 # There and back
 def test_numbers_and_bits_of_types():
     """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
-    for kind in MED_TYPES:
+    for kind in MED_CELLS.values():
         cell = ALL_CELLS[kind.type]
         assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
-    geos = sorted([*(kind.geo for kind in MED_TYPES), 312])
-    assert [geos.index(kind.geo) for kind in MED_TYPES] == [kind.bit for kind in MED_TYPES]
-    assert [kind.geo for kind in MED_TYPES] == sorted(kind.geo for kind in MED_TYPES)
+    geos = sorted([*(kind.geo for kind in MED_CELLS.values()), 312])
+    assert [geos.index(kind.geo) for kind in MED_CELLS.values()] == [kind.bit for kind in MED_CELLS.values()]
+    assert [kind.geo for kind in MED_CELLS.values()] == sorted(kind.geo for kind in MED_CELLS.values())
 
 
 def arrays(rng, n):

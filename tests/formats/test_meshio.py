@@ -17,8 +17,8 @@ from lacmesh.cutting.cut import Cut, cut_skin
 from lacmesh.errors import DataError, GroupNotFoundError, LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.exchange.libraries import TRIANGLES, from_meshio, to_meshio, to_pyvista, to_trimesh
 from lacmesh.formats import detect_format, read, title_of, write
-from lacmesh.formats.round_trip import misplaced_mid_nodes
-from lacmesh.formats.vtu.types import OF_TYPE
+from lacmesh.formats.meshio_checks import misplaced_mid_nodes
+from lacmesh.formats.orders import VTK_CELLS
 from lacmesh.mesh import Mesh
 from lacmesh.reference.shapes import shape
 from tests.bad_input.case import small_files
@@ -162,8 +162,8 @@ def test_every_type_goes_through_meshio(kind):
     n = ALL_CELLS[kind].n_nodes
     mesh = Mesh.create(np.random.default_rng(0).random((n, 3)), [(kind, [np.random.default_rng(1).permutation(n)])])
     given = to_meshio(mesh)
-    if kind in OF_TYPE and kind in CELLS:  # meshio's own order is VTK's
-        assert given.cells[0].data[0].tolist() == mesh.blocks[0].nodes[0][list(OF_TYPE[kind].nodes)].tolist()
+    if kind in VTK_CELLS and kind in CELLS:  # meshio's own order is VTK's
+        assert given.cells[0].data[0].tolist() == mesh.blocks[0].nodes[0][list(VTK_CELLS[kind].nodes)].tolist()
     assert plain(from_meshio(given)) == plain(mesh)
 
 
@@ -205,13 +205,13 @@ def test_pyvista_has_cells_groups_data_and_numbers():
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("kind", OF_TYPE)
+@pytest.mark.parametrize("kind", VTK_CELLS)
 def test_pyvista_has_every_type_of_vtk(kind):
     pytest.importorskip("pyvista")
     n = ALL_CELLS[kind].n_nodes
     grid = to_pyvista(Mesh.create(np.random.default_rng(0).random((n, 3)), [(kind, [range(n)])]))
-    assert grid.n_cells == 1 and int(grid.celltypes[0]) == OF_TYPE[kind].number
-    assert list(grid.get_cell(0).point_ids) == list(OF_TYPE[kind].nodes)
+    assert grid.n_cells == 1 and int(grid.celltypes[0]) == VTK_CELLS[kind].number
+    assert list(grid.get_cell(0).point_ids) == list(VTK_CELLS[kind].nodes)
 
 
 # trimesh

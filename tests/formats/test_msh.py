@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +15,6 @@ from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
 from lacmesh.formats.ids import Index
-from lacmesh.formats.table import WriteOptions
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.formats.msh_meshes import (
     as_seen,
@@ -43,7 +43,7 @@ TRIANGLE = [("TRIA3", [[0, 1, 2]])]
 def again(tmp_path, mesh, version="4.1", binary=True):
     """A mesh written and read."""
     path = tmp_path / "again.msh"
-    msh.write(path, mesh, WriteOptions(msh=version, binary=binary))
+    msh.write(path, mesh, msh=version, binary=binary)
     return msh.read(path)
 
 
@@ -239,8 +239,9 @@ def test_boxes_of_entities(tmp_path):
 #: a text in our section, another one, the warning of it, and what is read of a group of node 4
 NOT_OURS = [
     ('"nodes":4', '"nodes":5', "written for 5 nodes", {}),
-    ('"nodes":[4]', '"nodes":[9]', "1 values or members belong", {"g": []}),
-    ('"version":1', '"version":2', "of a newer lacmesh", {}),
+    ('{"g":[4]}', '{"g":[9]}', "1 values or members belong", {"g": []}),
+    ('{"g":[4]}', '[{"name":"g","nodes":[3]}]', "", {"g": [2]}),  # as version 1 wrote it
+    ('"version":2', '"version":3', "of a newer lacmesh", {}),
 ]
 
 
@@ -253,7 +254,7 @@ def test_our_section(tmp_path):
     for old, new, words, found in NOT_OURS:
         again(tmp_path, Mesh.create(np.eye(4)[:, :3], TRIANGLE, node_groups={"g": [3]}), "4.1", False)
         path.write_text(path.read_text().replace(old, new))
-        with pytest.warns(LacmeshWarning, match=words):
+        with pytest.warns(LacmeshWarning, match=words) if words else nullcontext():
             assert {name: nodes.tolist() for name, nodes in msh.read(path).node_groups.items()} == found
     mesh = Mesh.create(np.eye(4)[:, :3], TRIANGLE, cell_groups={"g": [0]}, node_data={"U": np.eye(4, 3)})
     for version, binary in KINDS:
@@ -272,8 +273,6 @@ def test_numbers_and_places(numbers):
     assert out.ravel().tolist() == [1, 0]
     for wrong in (0, -1, -3, 11, 2**63 - 1, -(2**63)):
         assert index.convert(np.array([[numbers[0]], [wrong]]), out) == 1
-    aliased = Index(np.array(numbers), np.array([50, 60]), np.array([numbers[2], numbers[0]]))
-    assert aliased.places(np.array([60, 50, 70, numbers[1]])).tolist() == [0, 2, -1, 1]
 
 
 def data(name, partition, number, value):
@@ -403,9 +402,9 @@ def test_what_is_left_out_is_said_once(tmp_path):
     path.write_text("$Comments\nhello\n$EndComments\n" + text + extra + quiet)
     with pytest.warns(LacmeshWarning) as said:
         mesh = msh.read(path)
-    left, unknown = (str(w.message) for w in said)
-    assert left.endswith("left out: parametric coordinates of nodes, $GhostElements, $ElementNodeData")
-    assert unknown.endswith("unknown sections: $Strange, $Edges")
+    (words,) = (str(w.message) for w in said)
+    assert "left out: parametric coordinates of nodes, $GhostElements, $ElementNodeData;" in words
+    assert words.endswith("unknown sections: $Strange, $Edges")
     assert plain(mesh)["points"] == {1: (0, 0, 0), 2: (1, 0, 0), 3: (1, 1, 0), 4: (0, 1, 0)}
 
 

@@ -1,38 +1,32 @@
-"""The records of a cut beside a file, which come back with their mesh and no other; notes in files; the journal."""
+"""The note of a file: fields of a mesh, and the records of a cut, which come back with their own mesh and no other."""
 
 from __future__ import annotations
 
 import json
-import shutil
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
-from lacmesh import Cut, Mesh, cut_skin, raise_order, read, write
+from lacmesh import Cut, Mesh, cut_skin, read, write
 from lacmesh.cells import CELLS
 from lacmesh.cutting.patterns import RING_PARENTS
-from lacmesh.cutting.records import CELL_RECORDS, is_cut
-from lacmesh.errors import LacmeshWarning, RequestError, WriteError
-from lacmesh.formats import notes, sidecar
-from lacmesh.formats.med.hdf5 import changing
-from lacmesh.formats.note_types import DAMAGE, from_plain, to_plain
-from lacmesh.formats.notes import ARRAY_NOTES, CUT_NOTES, MSH_NOTES
-from lacmesh.formats.table import BESIDE, FORMATS, REFUSED
-from lacmesh.mesh import Model, Periodic
-from lacmesh.topology.skin import FACE_TYPES
-from tests.formats import feature_cases
-from tests.formats.feature_cases import told
+from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, is_cut, without_records
+from lacmesh.formats import notes
+from lacmesh.formats.builder import MeshBuilder
+from lacmesh.mesh import Model, Periodic, Step
+from tests.formats.feature_cases import KEPT, REFUSED, TABLE, told
 from tests.meshes import cell_with_faces, random_mesh
 
 SOLIDS = [(name, "pyramid") for name, cell in CELLS.items() if cell.dim > 1]
 SOLIDS += [(name, "hexa") for name in RING_PARENTS if CELLS[name].dim == 3]
-WAYS = [(form, row, dict(row.options)) for form in FORMATS for row in form.fidelity if row.keeps("cut") == BESIDE]
-WAYS += [(form, row, {**options, "all_cells": True}) for form, row, options in WAYS if form.name == "inp"]
-#: families whose cut a format cannot take, for want of a type of cell
-LACKS = {".inp for CalculiX": "PENTA", "mdpa": "PENTA", "nastran": "TRIA QUAD HEXA PENTA", "h5m": "QUAD HEXA PENTA"}
+#: formats that have no fields, and keep a cut in comments
+WAYS = [(row, dict(row.options)) for row in TABLE if row.form in ("mail", "inp")]
+WAYS += [(row, {**options, "all_cells": True}) for row, options in WAYS if row.form == "inp"]
+#: families whose cut CalculiX cannot take, for want of a type of cell
+LACKS = {"CalculiX": {"PENTA"}}
 
 
 def one_cell(name, variant):
@@ -43,11 +37,11 @@ def one_cell(name, variant):
 
 def quiet(path, mesh, **options):
     """Write and read a mesh; return it and the warnings."""
-    with warnings.catch_warnings(record=True) as said:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         write(path, mesh, **options)
         found = read(path)
-    return found, [str(w.message) for w in said]
+    return found, [str(w.message) for w in caught]
 
 
 def same(before, after):
@@ -64,40 +58,21 @@ def same(before, after):
     assert all(now.mesh.cell_data[n].dtype.kind == "i" for n in CELL_RECORDS)
 
 
-@pytest.mark.parametrize(("form", "row", "options"), WAYS, ids=[f"{row.title}-{len(o)}" for _, row, o in WAYS])
-def test_every_family_by_every_format_of_cells_and_skin(form, row, options, tmp_path):
-    if form.meshio:
-        pytest.importorskip("meshio")
-    suffix, tried = form.suffixes[0], set()
+@pytest.mark.parametrize(("row", "options"), WAYS, ids=[f"{row.form}-{'-'.join(map(str, o))}" for row, o in WAYS])
+def test_every_family_by_formats_without_fields(row, options, tmp_path):
+    tried = set()
     for k, (name, variant) in enumerate(SOLIDS):
         mesh = one_cell(name, variant)
         lacks = any(row.keeps_cells(kind) == REFUSED for kind in mesh.cells_by_type)
-        if lacks or (name == "QUAD9" and suffix == ".inp"):  # which Abaqus has, but not in the plane
+        if lacks or (name == "QUAD9" and row.form == "inp"):  # which Abaqus has, but not in the plane
             continue
-        if form.name == "nastran":  # meshio fails on coordinates of many digits
-            mesh = replace(mesh, points=np.round(mesh.points, 6))
-        path = tmp_path / f"{k}{suffix}"
-        found, said = quiet(path, mesh, **options)
-        assert not any("records" in s or "lac_" in s or "zone" in s for s in said)
-        assert sidecar.place_of(path).exists()
+        found, messages = quiet(tmp_path / f"{k}.{row.form}", mesh, **options)
+        assert not any("records" in s or "lac_" in s or "zone" in s for s in messages)
         same(mesh, found)
         tried.add(CELLS[name].family)
-    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - set(LACKS.get(row.title, "").split())
-
-
-@pytest.mark.parametrize("form", [form for form in FORMATS if form.sidecar], ids=lambda form: form.name)
-def test_skin_alone_by_every_format(form, tmp_path):
-    """Formats of one type of cells take the cut of a skin; those that keep arrays need no second file."""
-    if form.meshio:
-        pytest.importorskip("meshio")
-    kinds = [kind for kind in FACE_TYPES if CELLS[kind].dim == 2 and form.fidelity[0].keeps_cells(kind) != REFUSED]
-    for kind in kinds:
-        one = feature_cases.one_cell(kind)
-        mesh = cut_skin(replace(one, cell_groups={"slave": np.array([0])}), "slave", skin_only=True).mesh
-        path = tmp_path / f"{kind}{form.suffixes[0]}"
-        same(mesh, quiet(path, mesh)[0])
-        assert sidecar.place_of(path).exists() == (form.name not in ("vtk", "hmf"))
-    assert kinds or form.name in ("su2", "flac3d")  # formats of volumes
+    calculix = row.form == "inp" and "target" not in options
+    assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - (LACKS["CalculiX"] if calculix else set())
+    assert row.keeps("cut") == row.keeps("zones") == KEPT
 
 
 @pytest.mark.filterwarnings("ignore:slave faces stand twice")
@@ -115,290 +90,142 @@ def test_random_numbers_groups_and_twins(suffix, seed, tmp_path):
         for name in CELL_RECORDS:
             assert np.array_equal(mesh.cell_data[name][order], found.cell_data[name][back])
         order, back = np.argsort(mesh.node_number), np.argsort(found.node_number)
-        assert np.array_equal(mesh.node_data["lac_internal"][order], found.node_data["lac_internal"][back])
+        assert np.array_equal(mesh.node_data[NODE_RECORD][order], found.node_data[NODE_RECORD][back])
         assert found.zones == mesh.zones
     else:
         same(mesh, found)
 
 
-@pytest.mark.parametrize("suffix", [".mail", ".inp"])
-def test_a_file_that_numbers_anew_has_its_parents_under_the_new_numbers(suffix, tmp_path):
-    mesh = cut_skin(raise_order(cell_with_faces("HEXA8", facets=[0, 3]), "2"), "slave", hexa="hexa").mesh
-    big = np.int64(3_000_000_000)
-    parent = mesh.cell_data["lac_parent"].astype(np.int64)
-    moved = replace(
-        mesh,
-        cell_number=mesh.cell_number + big,
-        node_number=mesh.node_number[::-1] + big,
-        cell_data={**mesh.cell_data, "lac_parent": np.where(parent >= 0, parent + big, -1)},
-    )
-    found, said = quiet(tmp_path / f"a{suffix}", moved)
-    assert "they are 1, 2 ... in the file" in said[0] and found.cell_number.max() < 100
-    same(moved, found)
-    assert set(found.cell_data["lac_parent"].tolist()) <= {-1, *found.cell_number.tolist()}
-    again, _ = quiet(tmp_path / f"b{suffix}", found)
-    for name in CELL_RECORDS:
-        assert np.array_equal(again.cell_data[name], found.cell_data[name])
+def noted(mesh, note, number=None):
+    """The mesh without a cut, built anew with a note; `number`: of its cells. And the warnings of it."""
+    bare = without_records(mesh)
+    out = MeshBuilder(Path("part.mail"))
+    out.nodes(bare.node_number, bare.points)
+    number = bare.cell_number if number is None else number
+    for block, a, b in zip(bare.blocks, bare.offsets, bare.offsets[1:], strict=False):
+        out.cells(block.type, number[a:b], bare.node_number[block.nodes])
+    for name, cells in bare.cell_groups.items():
+        out.group("cell", name, number[cells])
+    out.read_note(note)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = out.mesh()
+    return found, "; ".join(str(w.message) for w in caught)
 
 
-def pair(tmp_path):
-    """A .mail file of a cut mesh and its records."""
-    path = tmp_path / "part.mail"
-    write(path, one_cell("HEXA8", "hexa"))
-    return path, sidecar.place_of(path)
+def note_of(mesh, **rest):
+    return notes.dump(mesh, "zones", "records", **rest)
 
 
-def refused(path):
-    """Read a file whose records are left out, and return its only warning; the mesh then has no records."""
-    with pytest.warns(LacmeshWarning) as said:
-        found = read(path)
-    assert len(said) == 1 and not is_cut(found) and not found.zones and "lac_internal" not in found.node_data
-    text = str(said[0].message)
-    assert text.startswith(f"{sidecar.place_of(path)}: the records of a cut are left out: ")
-    assert text.endswith("; write the mesh again, or take this file away")
-    return text
+def test_records_go_with_their_own_mesh_alone():
+    mesh = one_cell("HEXA8", "hexa")
+    found, words = noted(mesh, note_of(mesh))
+    same(mesh, found)
+    assert not words
+    moved = replace(mesh, points=mesh.points + 0.125)
+    assert Cut(noted(moved, note_of(mesh))[0]).n_macros == 2  # a moved mesh is the same one
+    other = one_cell("TETRA4", "hexa")
+    swapped = mesh.cell_number[::-1].copy()
+    for wrong, number, why in (
+        (other, None, f"of {mesh.n_nodes} nodes"),
+        (mesh, mesh.cell_number + 1000, "other cells"),
+        (mesh, swapped, "other cells"),
+    ):
+        found, words = noted(wrong, note_of(mesh), number)
+        assert "part.mail: the records of the cut are left out: they are" in words and why in words
+        assert not is_cut(found) and not found.zones and NODE_RECORD not in found.node_data
 
 
-def test_records_go_with_their_own_mesh_alone(tmp_path):
-    path, side = pair(tmp_path)
-    text = path.read_text()
-    x = next(line for line in text.splitlines() if line.startswith("N1 "))
-    path.write_text(text.replace(x, "N1 0.125 0.25 0.5"))
-    assert Cut(read(path)).n_macros == 2  # a moved mesh is the same one
-    path.write_text(text.replace("M1\n", "M1000\n").replace("M1 N", "M1000 N").replace("M1 ", "M1000 "))
-    assert "name cells or nodes that the file has not" in refused(path)
-    a, b = text.index("QUAD4"), text.index("GROUP_")
-    begin = text.index("HEXA8")
-    path.write_text(text[:begin] + text[a:b] + text[begin:a] + text[b:])
-    assert Cut(read(path)).n_macros == 2  # nor does the order of its parts matter
-    cells = text.index("QUAD4")
-    first, second = (line.split()[0] for line in text[cells:].splitlines()[1:3])
-    swapped = text[cells:].replace(first + " ", "M\0 ").replace(second + " ", first + " ").replace("M\0 ", second + " ")
-    path.write_text(text[:cells] + swapped)
-    assert "of other cells than those of part.mail, or were changed" in refused(path)
-    write(tmp_path / "b.mail", one_cell("TETRA4", "hexa"))
-    shutil.copy(tmp_path / "b.mail", path)
-    assert "part.mail has 6 and 11" in refused(path)
-    shutil.copy(sidecar.place_of(tmp_path / "b.mail"), side)
-    assert Cut(read(path)).n_macros == 2
+def test_faces_get_back_the_numbers_that_a_file_has_no_place_for():
+    mesh = one_cell("HEXA8", "hexa")
+    faces = np.flatnonzero(mesh.cell_dim == 2)
+    number = mesh.cell_number.copy()
+    number[faces] = number.max() + 1 + np.arange(len(faces))[::-1]
+    found, words = noted(mesh, note_of(mesh, faces=faces), number)
+    assert not words and np.array_equal(found.cell_number, mesh.cell_number)
+    same(mesh, found)
+    number[np.flatnonzero(mesh.cell_dim == 3)[0]] = mesh.cell_number[faces[0]]
+    assert "gives their numbers to other cells" in noted(mesh, note_of(mesh, faces=faces), number)[1]
 
 
-def test_no_damage_is_an_error_or_a_wrong_record(tmp_path):
-    path, side = pair(tmp_path)
-    whole = side.read_bytes()
-    right = read(path)
-    rng = np.random.default_rng(1)
-    for cut in rng.integers(0, len(whole) - 2, 30).tolist():
-        side.write_bytes(whole[:cut])
-        refused(path)
-    n = 0
-    for at in rng.integers(0, len(whole), 150).tolist():
-        damaged = bytearray(whole)
-        damaged[at] = int(rng.integers(256))
-        side.write_bytes(damaged)
-        with warnings.catch_warnings(record=True) as said:
-            warnings.simplefilter("always")
-            found = read(path)
-        assert len(said) <= 1 and is_cut(found) != bool(said)
-        n += bool(said)
+def test_damaged_records_are_left_out():
+    mesh = one_cell("HEXA8", "hexa")
+    whole = note_of(mesh).encode()
+    right = noted(mesh, whole)[0]
+    rng, n = np.random.default_rng(1), 0
+    texts = [whole[:cut] for cut in rng.integers(0, len(whole) - 2, 20).tolist()]
+    places = rng.integers(0, len(whole), 100).tolist()
+    texts += [whole[:at] + bytes([int(rng.integers(256))]) + whole[at + 1 :] for at in places]
+    for text in texts:
+        found, words = noted(mesh, text)
+        assert is_cut(found) or words or b'"records"' not in text
+        n += bool(words)
         for name in CELL_RECORDS if is_cut(found) else ():  # a blank, or the same byte
             assert np.array_equal(found.cell_data[name], right.cell_data[name])
-    assert n > 100
+    assert n > 60
 
 
-HEAD = '{"lacmesh": "records of a cut", "version": 1, '
-NO_RECORD = {
-    "": "lacmesh did not write it",
-    '{"a": 1}': "lacmesh did not write it",
-    "[1, 2]": "lacmesh did not write it",
-    HEAD: "damaged",
-    HEAD + '"nodes": ' + "[" * 100_000: "damaged",
-    HEAD + '"nodes": ' + "9" * 10_000 + "}": "damaged",
-    HEAD + '"nodes": "many", "cells": 3}': "damaged",
-    '{"lacmesh": "records of a cut", "version": 2}': "newer lacmesh",
-    '{"lacmesh": "records of a cut", "version": "x"}': "damaged",
-    HEAD + " " * 2_000_000: "larger than the records",
-    HEAD + '"nodes": "\udcff"}': "damaged",
-}
-
-
-def test_what_is_no_record(tmp_path, monkeypatch):
-    path, side = pair(tmp_path)
-    held = json.loads(side.read_text())
-    held["cells"] |= {"HEXA8": held["cells"]["HEXA8"] - 1, "PENTA6": 1}
-    for text, why in (NO_RECORD | {json.dumps(held): "of other types"}).items():
-        side.write_bytes(text.encode(errors="surrogateescape"))
-        assert why in refused(path)
-    with monkeypatch.context() as patch:
-        patch.setattr(sidecar, "_loaded", lambda *_: (_ for _ in ()).throw(PermissionError(13, "Permission denied")))
-        assert "(Permission denied)" in refused(path)
-    side.unlink()
-    side.mkdir()
-    assert "no regular file" in refused(path)
-
-
-#: the last value of a column of the records; None for the whole value: there is none
+#: the last value of a column of the records, `()` for none: the columns do not fit each other then
 WRONG = {
-    ("children", "macro"): (10**15, 3, [1], None),
-    ("children", "zone"): (1, -1, ()),
-    ("children", "child"): (6, 0),
-    ("children", "parent"): (-2, "1", 1.5, 2**70),
-    ("children", "cell"): (10**12,),
-    ("internal", "node"): (10**12, ()),
-    ("internal", "macro"): (2, -1),
+    ("cells", "lac_macro"): (10**15, 3, [1], None),
+    ("cells", "lac_zone"): (1, -1, ()),
+    ("cells", "lac_child"): (6, 0),
+    ("cells", "lac_parent"): ("1", 1.5, 2**70),
+    ("cells", "number"): (10**12,),
+    ("internal", "number"): (10**12, ()),
 }
 
 
 @pytest.mark.parametrize(
     ("part", "column", "value"), [(*where, value) for where, some in WRONG.items() for value in some]
 )
-def test_absurd_values_under_a_right_digest(part, column, value, tmp_path, monkeypatch):
-    """`()`: the last value is missing, so that the columns do not fit each other."""
-    path, side = pair(tmp_path)
-    held = json.loads(side.read_text())
-    held[part][column][-1:] = [] if value == () else [value]
-    side.write_text(json.dumps(held))
-    refused(path)
-    monkeypatch.setattr(sidecar, "_digest", lambda *_: held["digest"])
-    why = refused(path)
-    assert "is damaged" in why or "has not, or twice" in why
+def test_absurd_records(part, column, value, monkeypatch):
+    mesh = one_cell("HEXA8", "hexa")
+    note = json.loads(note_of(mesh))
+    values = note["records"][part][column]
+    at = next(
+        k for k in range(len(values) - 1, -1, -1) if column == "number" or note["records"][part]["lac_macro"][k] >= 0
+    )
+    values[at : at + 1] = [] if value == () else [value]
+    found, words = noted(mesh, json.dumps(note))
+    assert "left out" in words and not is_cut(found)
+    monkeypatch.setattr(notes, "_digest", lambda *_: note["records"]["digest"])
+    found, words = noted(mesh, json.dumps(note))
+    assert "left out" in words and not is_cut(found)
 
 
-def test_a_mesh_without_a_cut_takes_old_records_away_and_no_other_file(tmp_path):
-    path, side = pair(tmp_path)
-    bare = cell_with_faces("HEXA8")
-    with pytest.raises(RequestError, match="exists already"):
-        write(path, bare, force=False)
-    path.unlink()
-    with pytest.raises(RequestError, match=r"part\.mail\.lac\.json exists"):
-        write(path, bare, force=False)
-    assert side.exists() and not path.exists()
-    write(path, bare)
-    assert not side.exists() and not is_cut(read(path))
-    side.write_text('{"mine": 1}')
-    write(path, bare)
-    assert side.read_text() == '{"mine": 1}'
-    side.unlink()
-    with pytest.warns(LacmeshWarning, match="cell data lac_macro"):  # data that are no cut are fields like others
-        write(path, replace(bare, cell_data={"lac_macro": np.array([0.5, 1.5])}))
-    assert [p.name for p in tmp_path.iterdir()] == ["part.mail"]
-
-
-def test_a_failure_leaves_both_files_as_they_were(tmp_path, monkeypatch):
-    """A damaged file of ours is replaced, and another's is not."""
-    path, side = pair(tmp_path)
-    side.write_bytes(side.read_bytes()[:100])
-    write(path, one_cell("HEXA8", "hexa"))
-    assert is_cut(read(path))
-    before = path.read_bytes(), side.read_bytes()
-
-    def fails(*_):
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(sidecar, "to_json", fails)
-        with pytest.raises(WriteError, match=r"part\.mail: .*No space left"):
-            write(path, one_cell("TETRA4", "hexa"))
-    assert (path.read_bytes(), side.read_bytes()) == before and len(list(tmp_path.iterdir())) == 2
-    side.write_text("precious")
-    with pytest.raises(WriteError, match="lacmesh did not write it"):
-        write(path, one_cell("TETRA4", "hexa"))
-    assert side.read_text() == "precious" and path.read_bytes() == before[0]
-
-
-def test_records_go_whole_or_not_at_all(tmp_path):
-    """Slave faces that the file does not hold: nothing is written of the cut, and that is said."""
-    mesh = replace(one_cell("HEXA8", "hexa"), cell_groups={})
-    found, said = quiet(tmp_path / "a.inp", mesh)
-    assert said[1:] == ["the records of the cut are left out: 10 of its slave faces are not in the file"]
-    assert not is_cut(found) and [p.name for p in tmp_path.iterdir()] == ["a.inp"]
-    wrong = one_cell("HEXA8", "hexa")
-    odd = replace(wrong, cell_data={**wrong.cell_data, "lac_child": wrong.cell_data["lac_child"] + 7})
-    with pytest.warns(LacmeshWarning, match="left out: there are records that no cut leaves"):
-        write(tmp_path / "b.mail", odd)
-    assert not sidecar.place_of(tmp_path / "b.mail").exists()
-
-
-def test_skin_on_skin_becomes_one_face_with_the_slaves_record(tmp_path):
-    """An .inp file keeps two skin cells on one face as a single face, which is the slave's."""
-    one = cell_with_faces("HEXA8")
-    skin = np.vstack([one.block("QUAD4"), one.block("QUAD4")[:, ::-1]])
-    for slave in (1, 2):
-        blocks = [("HEXA8", one.block("HEXA8")), ("QUAD4", skin)]
-        twins = Mesh.create(one.points, blocks, cell_groups={"slave": [slave], "twin": [3 - slave]})
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            mesh = cut_skin(twins, "slave", hexa="hexa").mesh
-        found, said = quiet(tmp_path / f"{slave}.inp", mesh)
-        assert "5 skin cells lie on others" in said[0] and len(said) == 1
-        cut = Cut(found)
-        assert np.bincount(cut.macro_of_face[cut.macro_of_face >= 0]).tolist() == [5]
-        assert sorted(cut.child_kind[cut.macro_of_face >= 0]) == [1, 2, 3, 4, 5]
-        assert np.array_equal(cut.macro_of_node, Cut(mesh).macro_of_node)
-        same_faces = found.cell_groups["slave"]
-        assert np.array_equal(same_faces, np.flatnonzero(cut.macro_of_face >= 0))
-
-
-#: a note of lacmesh -> JSON data that are none; what comes back is in the tests of each format
+#: a field in a note -> JSON data that are none
 NO_NOTE = {
-    "name": [7, None, ["a"]], "space_dim": [0, 4, 2.0, "2", True], "zones": ["a", [7], {"a": 1}],
+    "name": [7, ["a"]], "space_dim": [0, 4, 2.0, "2"], "zones": [[7], 7],
     "group_tags": [{"g": [[2]]}, {"g": [[2, 5, 1]]}, [["g"]], {"g": [[2, 5.0]]}],
     "steps": [{"T@0": ["T", 0, -1]}, {"T@0": ["T", "0", -1, 0.5]}, {"T": 1}],
-    "model": [
-        {}, {"boundary": [], "periodic": [{}]}, {"boundary": [[3]], "periodic": []}, {"boundary": 1, "periodic": []},
-    ],
-    "names": [{"cell": ["a"]}, {"cell": {"a": 1}}, "a"], "shapes": [{"node": {"s": 3}}, {"node": {"s": [1.5]}}],
-    "own": [[1], "tags"], "groups": [[None], {}], "file_order": [[1.5], [[1]], ["1"], [2**70]],
-}  # fmt: skip
-NO_NOTE_OF_MSH = {
-    "nodes": ["12", 1.5, 2**63, None], "cells": [[6]],
-    "groups": [{"g": []}, [{"name": "g"}], [{"name": 1, "tags": []}], [7]],
-    "node_groups": [[{"name": "g", "nodes": ["4"]}], [{"nodes": [4]}]],
-    "cell_groups": [[{"name": "g", "nodes": [1]}], 7],
-    "extra_cells": [
-        [{"type": "TRIA7"}], [{"type": "?", "number": [], "nodes": [], "entity": [], "at": []}],
-        [{"type": "TRIA7", "number": [9], "nodes": [1, 2], "entity": [2, 5], "at": [3]}],
-    ],
-    "node_entity": [[1, 2], [[1, 2, 3]], "1"], "boundary": [[[3, 1]], [[3, 1, 5]], [3]],
-    "fields": [[{"on": "node"}], {"on": "node"}],
-}  # fmt: skip
-NO_NOTE_OF_A_CUT = {
-    "nodes": ["12"], "cells": [2, {"HEXA8": "2"}], "digest": [7], "zones": ["slave"],
-    "children": [{"cell": [1]}, [1]],
-    "internal": [{"node": [7], "macro": []}, {"node": [7], "macro": [-2]}, {"node": [7], "macro": [0.5]}],
+    "model": [{}, {"boundary": [], "periodic": [{}]}, {"boundary": [[3]], "periodic": []}],
 }  # fmt: skip
 
 
-def test_other_data_are_refused():
-    for table, wrong in ((ARRAY_NOTES, NO_NOTE), (MSH_NOTES, NO_NOTE_OF_MSH), (CUT_NOTES, NO_NOTE_OF_A_CUT)):
-        assert set(table) <= set(wrong) | set(NO_NOTE)
-        for key, value in ((key, value) for key, values in wrong.items() for value in values):
-            with pytest.raises(DAMAGE):
-                from_plain({key: value}, table)
-    empty = {"zones": (), "group_tags": {}, "steps": {}, "model": None, "names": {}, "name": "", "space_dim": 3}
-    assert to_plain(empty, ARRAY_NOTES) == {"name": "", "space_dim": 3}
-    link = Periodic((2, 1), (2, 7), (1.0, 0.5), np.array([[0, 4], [1, 5]]))
-    assert notes.mesh_fields({"model": Model({}, (link,)), "mesh": "m"}, 6).keys() == {"model"}
-    with pytest.raises(ValueError, match="periodic node outside"):
-        notes.mesh_fields({"model": Model({}, (link,))}, 5)
-
-
-def test_an_error_inside_leaves_the_file(tmp_path):
-    path = tmp_path / "a.h5"
-    with h5py.File(path, "w") as file:
-        file["x"] = np.arange(1000.0)
-    before = path.read_bytes()
-    with pytest.raises(ZeroDivisionError), changing(path) as root:
-        del root["x"]
-        root["y"] = np.arange(2000.0)
-        raise ZeroDivisionError
-    assert path.read_bytes()[: len(before)] == before
-    with h5py.File(path) as file:
-        assert list(file) == ["x"]
-    with changing(path) as root:  # over what is left behind the end
-        root["z"] = np.arange(3000.0)
-    with h5py.File(path) as file:
-        assert file["x"][-1] == 999 and file["z"][-1] == 2999
-    path.write_bytes(b"no HDF5" * 100)
-    with pytest.raises(WriteError, match=r"a\.h5: cannot be written \(HDF5"), changing(path):
-        pass
+def test_fields_of_a_note_and_other_data():
+    """All fields come back, on several lines too; what is none of them leaves the mesh as it is, with a warning."""
+    names = ("name", "space_dim", "zones", "group_tags", "steps", "model")
+    link = Periodic((2, 1), (2, 7), (1.0, 0.5), np.array([[0, 1]]))
+    mesh = Mesh.create(
+        np.eye(3)[:, :2], [("TRIA3", [[0, 1, 2]])], node_number=[7, 3, 5], space_dim=3, name="$ é", zones=("a,\n",),
+        cell_groups={"g": [0]}, group_tags={"g": ((2, 5),)}, node_data={"T@0": np.ones(3)},
+        steps={"T@0": Step("T", 0, -1, 0.5)}, model=Model({(2, 1): (1, -2)}, (link,)),
+    )  # fmt: skip
+    text = notes.dump(mesh, *names)
+    assert text.isascii() and "$" not in text and "".join(notes.in_lines(text, 30)) == text.replace("\n", "")
+    bare = replace(mesh, name="mesh", space_dim=2, zones=(), group_tags={}, steps={}, model=None)
+    found = notes.load(bare, notes.parse(text), [])
+    assert all(getattr(found, name) == getattr(mesh, name) for name in names[:-1])
+    assert found.model.boundary == mesh.model.boundary
+    (back,) = found.model.periodic
+    assert (back.slave, back.master, back.affine, back.nodes.tolist()) == ((2, 1), (2, 7), (1.0, 0.5), [[0, 1]])
+    assert notes.dump(bare, *names) == ""
+    for key, value in ((key, value) for key, values in NO_NOTE.items() for value in values):
+        messages = []
+        assert notes.load(bare, {key: value}, messages) is bare
+        assert messages == ["lacmesh's own note is damaged and left out"], (key, value)
+    assert notes.parse('{"version": 3, "name": "a"}') == {}
+    for text in ("[1]", "{", "[" * 100_000, "7"):
+        with pytest.raises(ValueError):
+            notes.parse(text)

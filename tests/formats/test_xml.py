@@ -26,12 +26,8 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, vtu, write
-from lacmesh.formats.table import WriteOptions
-from lacmesh.formats.vtu.lz4 import expand
-from lacmesh.formats.vtu.types import OF_NUMBER, OF_TYPE, READ_TOO, VTK_TYPES
-from lacmesh.formats.xdmf import types as of_xdmf
-from lacmesh.formats.xdmf.mixed import starts
-from lacmesh.formats.xdmf.writer import told
+from lacmesh.formats.orders import VTK_BY_NUMBER, VTK_CELLS, XDMF_CELLS
+from lacmesh.formats.xdmf import information_text
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, same
@@ -40,11 +36,10 @@ from tests.samples import samples
 
 
 def test_the_tables_are_sound():
-    for kind in (*VTK_TYPES, *READ_TOO):
-        assert sorted(kind.nodes) == list(range(ALL_CELLS[kind.type].n_nodes))
-    assert len(OF_NUMBER) == len(VTK_TYPES) + len(READ_TOO) and len(OF_TYPE) == len(VTK_TYPES)
-    assert len(of_xdmf.OF_TYPE) == len(of_xdmf.OF_NAME) == len(of_xdmf.OF_NUMBER) == len(of_xdmf.XDMF_TYPES)
-    assert set(of_xdmf.ALIASES.values()) <= set(of_xdmf.OF_NAME) and not set(of_xdmf.ALIASES) & set(of_xdmf.OF_NAME)
+    for cell in (*VTK_CELLS.values(), *VTK_BY_NUMBER.values()):
+        assert sorted(cell.nodes) == list(range(ALL_CELLS[cell.type].n_nodes))
+    assert set(VTK_CELLS.values()) <= set(VTK_BY_NUMBER.values()) and XDMF_CELLS.keys() <= VTK_CELLS.keys()
+    assert len({(cell.name, cell.number) for cell in XDMF_CELLS.values()}) == len(XDMF_CELLS)
 
 
 #: how a file is coded
@@ -53,7 +48,7 @@ codings = pytest.mark.parametrize("options", CODINGS.values(), ids=CODINGS)
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize(("suffix", "kinds"), [(".vtu", tuple(OF_TYPE)), (".xdmf", tuple(of_xdmf.OF_TYPE))])
+@pytest.mark.parametrize(("suffix", "kinds"), [(".vtu", tuple(VTK_CELLS)), (".xdmf", tuple(XDMF_CELLS))])
 @settings(max_examples=samples(20, 120), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_what_is_written_is_read(suffix, kinds, data, tmp_path):
@@ -71,7 +66,7 @@ def test_what_is_written_is_read(suffix, kinds, data, tmp_path):
 def test_every_kind_of_number(dtype, options, tmp_path):
     values = np.array([0, 1, 100, 127], dtype) if "f" not in dtype else np.array([np.pi, np.nan, -1e-30, 1e30], dtype)
     mesh = Mesh.create(np.eye(4, 3), [("POI1", [[0], [1], [2], [3]])], cell_data={"x": values}, space_dim=3)
-    vtu.write(tmp_path / "a.vtu", mesh, WriteOptions(**options))
+    vtu.write(tmp_path / "a.vtu", mesh, **options)
     back = vtu.read(tmp_path / "a.vtu").cell_data["x"]
     np.testing.assert_array_equal(back, values)
     assert back.dtype == np.dtype(dtype).newbyteorder("=")
@@ -99,12 +94,12 @@ def grid_of(path):
 
 
 @pytest.mark.vtk
-@pytest.mark.parametrize("kind", [k for k in ALL_CELLS if k not in CELLS and k in OF_TYPE])
+@pytest.mark.parametrize("kind", [k for k in ALL_CELLS if k not in CELLS and k in VTK_CELLS])
 def test_vtk_and_gmsh_agree_on_lagrange_cells(kind):
     """The place of each node in VTK's reference cell is that of the node in gmsh's."""
     vtk, gmsh = pytest.importorskip("vtk"), pytest.importorskip("gmsh")
     names = {68: "Curve", 69: "Triangle", 70: "Quadrilateral", 71: "Tetra", 72: "Hexahedron"}
-    cell, table = OF_TYPE[kind], ALL_CELLS[kind]
+    cell, table = VTK_CELLS[kind], ALL_CELLS[kind]
     gmsh.initialize(["-nt", "1"], readConfigFiles=False)
     try:
         _, dim, degree, n, x, _ = gmsh.model.mesh.getElementProperties(table.msh)
@@ -205,7 +200,7 @@ def test_lagrange_hexahedra_of_vtk_8(tmp_path, kind, n):
     for version in ("1.0", "2.1"):
         path = tmp_path / f"{version}.vtu"
         path.write_text(text_of(x, range(n), [n], [72], version))
-        found[version] = read(path).block(kind)[0][list(OF_TYPE[kind].nodes)].tolist()
+        found[version] = read(path).block(kind)[0][list(VTK_CELLS[kind].nodes)].tolist()
         if kind == "HEXA64" and find_spec("pyvista"):
             assert list(grid_of(path).get_cell(0).point_ids) == found[version]
     assert found["2.1"] == list(range(n))
@@ -261,13 +256,7 @@ def _claimed(compressor, expand, n):
     return f' compressor="vtk{compressor}DataCompressor"', "".join(base64.b64encode(part).decode() for part in parts)
 
 
-def _lz4_zeros(raw):
-    """A block of lz4: a literal 0, and a match one byte back of all the others but 5, which are literals."""
-    more, last = divmod(len(raw) - 6 - 4 - 15, 255)
-    return b"\x1f\0\1\0" + b"\xff" * more + bytes([last]) + b"\x50" + bytes(5)
-
-
-EXPANDABLE = {"ZLib": zlib.compress, "LZMA": lzma.compress, "LZ4": _lz4_zeros}
+EXPANDABLE = {"ZLib": zlib.compress, "LZMA": lzma.compress}
 
 
 @pytest.mark.parametrize("compressor", EXPANDABLE)
@@ -312,21 +301,6 @@ def test_lists_of_files_are_named(tmp_path):
         (tmp_path / name).write_text(text)
         with pytest.raises(ReadError, match="one of them: part"):
             read(tmp_path / name)
-
-
-def test_the_compiled_lz4_is_the_plain_one():
-    rng = np.random.default_rng(2)
-    blocks = [b"\x50hello", b"\x14ab\x02\x00\x50hello", bytes([0xF0, 0, *range(15)]), b"\x0fa", b"\x10a\x05\x00", b""]
-    blocks += [rng.integers(0, 256, int(n), np.uint8).tobytes() for n in rng.integers(1, 60, 300)]
-    for block in blocks:
-        data = np.frombuffer(block, np.uint8)
-        outs = [np.zeros(64, np.uint8) for _ in range(2)]
-        counts = [expand(data, outs[0]), expand.py_func(data, outs[1])]
-        assert counts[0] == counts[1]
-        np.testing.assert_array_equal(*outs)
-    out = np.zeros(20, np.uint8)
-    assert expand(np.frombuffer(b"\x25ab\x02\x00\x10c", np.uint8), out) == 12
-    assert out[:12].tobytes() == b"ababababababac"[:11] + b"c"
 
 
 def test_both_files_are_written_or_none(tmp_path):
@@ -405,7 +379,7 @@ def test_dolfinx_finds_the_mesh_and_its_tags(tmp_path):
         np.testing.assert_array_equal(facets, mesh.block("QUAD4"))
         np.testing.assert_array_equal(np.flatnonzero(values) + 8, mesh.cell_groups[name])
         np.testing.assert_array_equal(again, points)
-    table = json.loads(told(ElementTree.parse(path).find("Domain/Grid/Information[@Name='tags']")))
+    table = json.loads(information_text(ElementTree.parse(path).find("Domain/Grid/Information[@Name='tags']")))
     tags = as_dolfinx(path, "facets")[2]
     assert [table.get(str(t), []) for t in tags] == [["slave"], ["slave", "half été"], ["half été"], []]
     assert {tuple(table[str(t)]) for t in as_dolfinx(path, "mesh")[2]} == {("body",)}
@@ -415,14 +389,14 @@ def test_dolfinx_finds_the_mesh_and_its_tags(tmp_path):
     assert as_dolfinx(path, "facets")[0].tolist() == [[0, 1]]
     for kind in ("TRIA3", "TRIA6", "QUAD4", "QUAD9", "TETRA4", "TETRA10", "HEXA8", "HEXA27", "SEG3"):
         write(path, one_cell(kind))
-        assert as_dolfinx(path, "mesh")[0].tolist() == [list(OF_TYPE[kind].nodes)]
+        assert as_dolfinx(path, "mesh")[0].tolist() == [list(VTK_CELLS[kind].nodes)]
 
 
 # What others see
 @pytest.mark.vtk
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.parametrize(
-    "kinds", [[k] for k in of_xdmf.OF_TYPE] + [["TETRA4", "PYRAM5", "PENTA18"], ["SEG2", "SEG3"], ["HEXA20", "PENTA15"]]
+    "kinds", [[k] for k in XDMF_CELLS] + [["TETRA4", "PYRAM5", "PENTA18"], ["SEG2", "SEG3"], ["HEXA20", "PENTA15"]]
 )
 def test_vtk_sees_the_cells(kinds, binary, tmp_path):
     vtk, pyvista = pytest.importorskip("vtkmodules.vtkIOXdmf2"), pytest.importorskip("pyvista")
@@ -442,7 +416,7 @@ def test_vtk_sees_the_cells(kinds, binary, tmp_path):
     np.testing.assert_allclose(grid.points, mesh.points, rtol=1e-6)
     np.testing.assert_array_equal(grid.cell_data["x"], mesh.cell_data["x"])
     for k, (kind, nodes) in enumerate(blocks):
-        assert list(grid.get_cell(k).point_ids) == nodes[0][list(OF_TYPE[kind].nodes)].tolist()
+        assert list(grid.get_cell(k).point_ids) == nodes[0][list(VTK_CELLS[kind].nodes)].tolist()
 
 
 @pytest.mark.parametrize("form", ["XML", "HDF", "Binary"])
@@ -457,7 +431,7 @@ def test_what_meshio_writes_is_read(form, tmp_path):
     assert mesh.n_cells == 15 and set(mesh.cells_by_type) == {"HEXA8", "TETRA4", "PENTA6", "TRIA6", "HEXA27"}
     np.testing.assert_array_equal(mesh.points, given.points)
     for kind, ours in (("hexahedron27", "HEXA27"), ("wedge", "PENTA6")):
-        nodes = mesh.block(ours)[:, OF_TYPE[ours].nodes]
+        nodes = mesh.block(ours)[:, VTK_CELLS[ours].nodes]
         np.testing.assert_array_equal(nodes, dict(cells)[kind])
     np.testing.assert_array_equal(mesh.node_data["u"], given.point_data["u"])
     np.testing.assert_array_equal(mesh.cell_data["s"], np.concatenate(given.cell_data["s"]))
@@ -541,20 +515,3 @@ WRONG_XDMF = {
     "a broken mixture": (grid("a", "Mixed", 2, item("4 0 1 2 4 0 1", "7")), "the mixture is damaged"),
     "a long line": (grid("a", "Mixed", 1, item("2 3 0 1", "4")), "lines and vertices of several pieces"),
 }  # fmt: skip
-
-
-def test_the_compiled_walk_is_the_plain_one():
-    rng = np.random.default_rng(4)
-    width = np.zeros(51, np.int64)
-    for kind in of_xdmf.XDMF_TYPES:
-        width[kind.number] = len(OF_TYPE[kind.type].nodes) + (2 if kind.counted else 1)
-    for _ in range(200):
-        cells = []
-        for _ in range(int(rng.integers(0, 6))):
-            kind = of_xdmf.XDMF_TYPES[int(rng.integers(len(of_xdmf.XDMF_TYPES)))]
-            cells += [kind.number, *rng.integers(0, 60, width[kind.number] - 1).tolist()]
-        values = np.array(cells, np.int64)[: int(rng.integers(len(cells) + 1)) if rng.random() < 0.5 else None]
-        found = [np.zeros(len(values) // 2 + 1, np.int64) for _ in range(2)]
-        counts = [starts(values, width, found[0]), starts.py_func(values, width, found[1])]
-        assert counts[0] == counts[1]
-        np.testing.assert_array_equal(*found)

@@ -16,8 +16,8 @@ import pytest
 from lacmesh import Surface, read
 from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, WriteError
-from lacmesh.formats.med.types import MED_TYPES
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.orders import MED_CELLS
+from lacmesh.formats.vtu import read_pvd
 from lacmesh.scene.colours import RESULT
 from lacsolver.output import files, paraview_state, summary
 from lacsolver.output.med import MedSeries
@@ -293,7 +293,7 @@ def test_medcoupling_reads_every_field_at_every_time(in_med):
     assert said["name"] == "blocks" and said["space_dim"] == d
     assert set(said["groups"]) == {"lower", "upper", "slave", "master", "plate"}
     assert said["node_number"] == mesh.node_number.tolist()
-    med_name = {kind.type: kind.name for kind in MED_TYPES}
+    med_name = {kind.type: kind.name for kind in MED_CELLS.values()}
     ours = {name: steps for name, steps in said["fields"].items() if not name.startswith("lac_")}
     assert set(ours) == set(expected(in_med, 1.0))
     for name, steps in ours.items():

@@ -17,7 +17,7 @@ import pytest
 
 from lacmesh.errors import ReadError, RequestError, WriteError
 from lacmesh.formats import output
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.vtu import read_pvd
 from lacsolver.case import Material, Output, Pressure, Solver, Steps
 from lacsolver.output import create_output, read_state
 from lacsolver.output import writer as writers

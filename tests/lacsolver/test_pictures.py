@@ -14,7 +14,7 @@ import lacsolver as ls
 from lacmesh import Mesh, Surface, generate
 from lacmesh.cells import CELLS
 from lacmesh.errors import ReadError, RequestError, WriteError
-from lacmesh.formats.vtu.collection import read_pvd, write_pvd
+from lacmesh.formats.vtu import read_pvd, write_pvd
 from lacmesh.scene.colours import RESULT, STATES, rgb
 from lacsolver.cli import main
 from lacsolver.output.stored import stored_fields

@@ -12,7 +12,7 @@ import pytest
 import lacmesh
 import lacsolver as ls
 from lacmesh.errors import ReadError, RequestError
-from lacmesh.formats.vtu.collection import read_pvd
+from lacmesh.formats.vtu import read_pvd
 from lacsolver.case import read_case
 from lacsolver.cli import main
 from lacsolver.output import read_state

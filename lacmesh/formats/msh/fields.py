@@ -1,4 +1,4 @@
-"""Conversion between the arrays of a mesh and $NodeData, $ElementData: fields, one section for each step.
+"""Fields of a msh file: $NodeData and $ElementData, one section for each step, and the data of a mesh.
 
 A header of text (name; time; step, components, rows, partition) is followed by rows: a number and its values, in binary
 an int of 4 bytes and doubles. Nodes or cells without a row have no value: NaN, or -1 in integers.
@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lacmesh.errors import WriteError
-from lacmesh.formats.ids import CHUNK, Index
-from lacmesh.formats.msh.names import quoted, safe_names
-from lacmesh.formats.msh.output import Output
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.notes import FieldNote
+from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.msh.streams import MshSource, quoted, safe_names
 from lacmesh.mesh import Floats, Ints, Step
 
 #: section -> what its rows are on
@@ -42,8 +38,7 @@ class Head(NamedTuple):
     time: float
 
 
-@dataclass(frozen=True)
-class Rows:
+class Rows(NamedTuple):
     """A section as it stands in the file, in a binary one as views: `number` (m,), `values` (m, components)."""
 
     head: Head
@@ -52,7 +47,7 @@ class Rows:
     values: Floats
 
 
-def read_rows(source: MshBytes, section: str) -> Rows:
+def read_rows(source: MshSource, section: str) -> Rows:
     """Read the section that starts here. Raises ReadError."""
     strings = [source.line() for _ in range(source.count(section))]
     reals = [source.line() for _ in range(source.count(section))]
@@ -70,10 +65,61 @@ def read_rows(source: MshBytes, section: str) -> Rows:
     if not 1 <= width <= source.size or n < 0:
         raise source.error(f"a ${section} cannot have {width} components and {n} rows", at)
     head = Head(SECTIONS[section], quoted(strings[0]), step, time)
-    numbers = source.numbers(section, True)
-    rows = Rows(head, rest[0] if rest else 0, *numbers.numbered(n, width, head.on))
-    numbers.done()
+    source.begin(section)
+    rows = Rows(head, rest[0] if rest else 0, *source.numbered(n, width, head.on))
+    source.end()
     return rows
+
+
+def add_to(
+    out: MeshBuilder, source: MshSource, sections: Sequence[Rows], notes: Sequence[Mapping[str, Any]]
+) -> dict[str, Step]:
+    """Add the arrays of all sections to a mesh; return the steps of those that are one of several. Raises ReadError.
+
+    `notes`: what the headers cannot hold (`FieldRows.note`).
+    """
+    noted = {(note["on"], note["field"], note["step"]): note for note in notes}
+    arrays: dict[tuple[Head, int, int], list[Rows]] = {}  # one of several sections: of one step, on several partitions
+    seen: dict[tuple[Head, int, int], int] = {}
+    for rows in sections:
+        one = (rows.head, rows.values.shape[1], rows.partition)
+        seen[one] = seen.get(one, -1) + 1
+        arrays.setdefault((*one[:2], seen[one]), []).append(rows)
+    steps: dict[str, Step] = {}
+    budget = 64 * source.size + 2**28
+    for ((head, width, _), parts), (key, step) in zip(arrays.items(), keys([head for head, *_ in arrays]), strict=True):
+        note = noted.get((head.on, head.name, head.step))
+        budget -= 8 * out.size(head.on) * width
+        if budget < 0:
+            raise source.error(f"the field {head.name!r} would take far more memory than the file has values")
+        if note is not None:
+            key = note["key"] if note["key"] not in RESERVED else key
+            step = Step(note["name"], note["number"], note["order"], head.time)
+            step = None if step == Step(key, 0, -1, 0.0) else step
+        for rows in parts:
+            out.values(head.on, key, rows.number, _shaped(source, key, head, rows.values, note))
+        if step is not None:
+            steps[key] = step
+    return steps
+
+
+def _shaped(source: MshSource, key: str, head: Head, values: Floats, note: Mapping[str, Any] | None) -> NDArray:
+    """Values in the shape and type of the mesh's array. Raises ReadError."""
+    shape = () if values.shape[1] == 1 else (values.shape[1],)
+    if note is not None and note["shape"] is not None:
+        shape = tuple(note["shape"])
+    width = int(np.prod(shape, dtype=object)) if all(n >= 0 for n in shape) else -1
+    if not 0 <= width <= values.shape[1]:
+        raise source.error(f"the field {head.name!r} has {values.shape[1]} components, and our notes say {shape}")
+    values = values[:, :width].reshape(len(values), *shape)
+    ours = key.startswith("lac_")
+    if not ours and (note is None or not note["integer"]):
+        return values
+    whole = np.where(np.isnan(values), -1.0, values)
+    limit = 2.0**31 if ours or key == "partition" else 2.0**63
+    if not ((whole == np.rint(whole)) & (np.abs(whole) < limit)).all():
+        raise source.error(f"the field {head.name!r} should have integers only")
+    return whole.astype(np.int32 if limit < 2.0**32 else np.int64)
 
 
 def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
@@ -88,158 +134,58 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
     for head in heads:
         times.setdefault(head.name, set()).add((head.step, head.time))
     place = {name: {when: k for k, when in enumerate(sorted(steps))} for name, steps in times.items()}
-    used: dict[tuple[str, str], None] = {(on, key): None for on in SECTIONS.values() for key in RESERVED}
-    said: dict[str, Step | None] = {}
+    used = {(on, key) for on in SECTIONS.values() for key in RESERVED}
+    step_of: dict[str, Step | None] = {}
     result: list[tuple[str, Step | None]] = []
     for on, name, number, time in heads:
         many = len(place[name]) > 1
         step = Step(name, number, -1, time) if many or number or time else None
         key, k = (f"{name}@{place[name][number, time]}" if many else name), len(place[name])
-        while (on, key) in used or said.setdefault(key, step) != step:
+        while (on, key) in used or step_of.setdefault(key, step) != step:
             key, k, step = f"{name}@{k}", k + 1, Step(name, number, -1, time)
-        used[on, key] = None
+        used.add((on, key))
         result.append((key, step))
     return result
 
 
-def to_mesh(
-    source: MshBytes,
-    rows: Sequence[Rows],
-    index: Mapping[str, Index],
-    sizes: Mapping[str, int],
-    notes: Mapping[tuple[str, str, int], FieldNote],
-) -> tuple[dict[str, NDArray], dict[str, NDArray], dict[str, Step], int]:
-    """The arrays on cells and on nodes, their steps, and how many rows of the sections have a place.
+class FieldRows(NamedTuple):
+    """One array of a mesh for a section: its header, the indices (m,) that have values, these values (m, components).
 
-    `index`: from numbers of nodes ("node") and cells ("cell") to their indices; `sizes`: how many of them the
-    whole mesh has. Raises ReadError.
+    `note`: what the header cannot hold; None where nothing is left.
     """
-    cell_data: dict[str, NDArray] = {}
-    node_data: dict[str, NDArray] = {}
-    steps: dict[str, Step] = {}
-    arrays = _joined(rows)
-    budget = 64 * source.size + 2**28
-    known = 0
-    for (head, parts), (key, step) in zip(arrays, keys([head for head, _ in arrays]), strict=True):
-        note = notes.get((head.on, head.name, head.step))
-        width = parts[0].values.shape[1]
-        budget -= 8 * sizes[head.on] * width
-        if budget < 0:
-            raise source.error(f"the field {head.name!r} would take far more memory than the file has values")
-        values = np.full((index[head.on].n, width), np.nan)
-        known += sum(_fill(values, part, index[head.on]) for part in parts)
-        if note is not None:
-            key = note.key if note.key not in RESERVED else key
-            step = Step(note.name, note.number, note.order, head.time)
-            step = None if step == Step(key, 0, -1, 0.0) else step
-        data = node_data if head.on == "node" else cell_data
-        data[key] = _shaped(source, key, head, values, note)
-        if step is not None:
-            steps[key] = step
-    return cell_data, node_data, steps, known
+
+    head: Head
+    there: Ints
+    values: Floats
+    note: dict[str, Any] | None
 
 
-def _fill(values: Floats, rows: Rows, index: Index) -> int:
-    """Write the rows of a section to the places of their numbers, piece by piece; return how many have a place."""
-    known = 0
-    for a in range(0, len(rows.number), CHUNK):
-        place = index.places(rows.number[a : a + CHUNK])
-        here = place >= 0
-        values[place[here]] = rows.values[a : a + CHUNK][here]
-        known += int(here.sum())
-    return known
-
-
-def _joined(rows: Sequence[Rows]) -> list[tuple[Head, list[Rows]]]:
-    """Group the sections that make one array together: the same step, on different partitions."""
-    joined: dict[tuple[Head, int, int], list[Rows]] = {}
-    seen: dict[tuple[Head, int, int], int] = {}
-    for r in rows:
-        width = r.values.shape[1]
-        again = seen.get((r.head, width, r.partition), 0)
-        seen[r.head, width, r.partition] = again + 1
-        joined.setdefault((r.head, width, again), []).append(r)
-    return [(head, parts) for (head, _, _), parts in joined.items()]
-
-
-def _shaped(source: MshBytes, key: str, head: Head, values: Floats, note: FieldNote | None) -> NDArray:
-    """Values in the shape and type of the mesh's array."""
-    shape = (1,) if note is None or note.shape is None else note.shape
-    if note is None or note.shape is None:
-        shape = () if values.shape[1] == 1 else (values.shape[1],)
-    width = int(np.prod(shape, dtype=object)) if all(n >= 0 for n in shape) else -1
-    if not 0 <= width <= values.shape[1]:
-        raise source.error(f"the field {head.name!r} has {values.shape[1]} components, and our notes say {shape}")
-    values = values[:, :width].reshape(len(values), *shape)
-    ours = key.startswith("lac_")
-    if not ours and (note is None or not note.integer):
-        return values
-    whole = np.where(np.isnan(values), -1.0, values)
-    limit = 2.0**31 if ours or key == "partition" else 2.0**63
-    if not ((whole == np.rint(whole)) & (np.abs(whole) < limit)).all():
-        raise source.error(f"the field {head.name!r} should have integers only")
-    return whole.astype(np.int32 if limit < 2.0**32 else np.int64)
-
-
-def to_file(
-    out: Output,
-    path: Path,
-    on: str,
-    number: Ints,
-    data: Mapping[str, NDArray],
-    steps: Mapping[str, Step],
-    notes: dict[tuple[str, str, int], FieldNote],
-) -> None:
-    """Write all arrays on nodes or cells; what the sections cannot hold is added to `notes`. Raises WriteError."""
-    section = next(s for s, what in SECTIONS.items() if what == on)
-    for _, head, there, values in to_rows(path, on, data, steps, notes):
-        width = values.shape[1]
-        out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n3\n{head.step}\n{width}\n{len(there)}\n')
-        out.numbered_rows(number[there], values)
-        out.end(section)
-
-
-def to_rows(
-    path: Path,
-    on: str,
-    data: Mapping[str, NDArray],
-    steps: Mapping[str, Step],
-    notes: dict[tuple[str, str, int], FieldNote],
-) -> Iterator[tuple[str, Head, Ints, Floats]]:
-    """Yield each array on nodes or cells: its key, its header, the indices (m,) with values, these values (m, width).
-
-    What headers cannot hold is added to `notes`. Raises WriteError, for `path`.
-    """
-    meant = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
-    heads = _heads(on, meant)
+def field_rows(path: Path, on: str, data: Mapping[str, NDArray], steps: Mapping[str, Step]) -> Iterator[FieldRows]:
+    """Yield each array on nodes or cells as a section has it. Raises WriteError, for `path`."""
+    step_of = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
+    heads = _heads(on, step_of)
     for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
         there, values, integer = _as_reals(path, key, np.asarray(array))
         width = next((w for w in _WIDTHS if w >= values.shape[1]), values.shape[1])
-        trailing = () if width == 1 else (width,)
-        truth = meant[key]
-        note = FieldNote(
-            key,
-            truth.field,
-            truth.number,
-            truth.order,
-            None if array.shape[1:] == trailing else array.shape[1:],
-            integer and not key.startswith("lac_"),
-        )
-        plain = step or Step(default, 0, -1, 0.0)
-        if note != FieldNote(default, plain.field, plain.number, -1, None, False):
-            notes[on, head.name, head.step] = note
-        yield key, head, there, np.pad(values, ((0, 0), (0, width - values.shape[1])))
+        shape = None if array.shape[1:] == (() if width == 1 else (width,)) else list(array.shape[1:])
+        truth, plain = step_of[key], step or Step(default, 0, -1, 0.0)
+        note = {"key": key, "name": truth.field, "number": int(truth.number), "order": int(truth.order), "shape": shape}
+        note["integer"] = integer and not key.startswith("lac_")
+        usual = {"key": default, "name": plain.field, "number": plain.number, "order": -1, "shape": None}
+        place = {"on": on, "field": head.name, "step": head.step}
+        values = np.pad(values, ((0, 0), (0, width - values.shape[1])))
+        yield FieldRows(head, there, values, None if note == usual | {"integer": False} else place | note)
 
 
-def _heads(on: str, meant: Mapping[str, Step]) -> list[Head]:
+def _heads(on: str, step_of: Mapping[str, Step]) -> list[Head]:
     """Header of each array in the file; step numbers are kept small, as gmsh makes room for all up to the largest."""
-    safe = safe_names(step.field for step in meant.values())
+    safe = safe_names(step.field for step in step_of.values())
     numbers: dict[str, list[int]] = {}
-    for step in meant.values():
+    for step in step_of.values():
         numbers.setdefault(step.field, []).append(step.number)
     heads = []
     count: dict[str, int] = {}
-    for step in meant.values():
+    for step in step_of.values():
         used = numbers[step.field]
         plain = len(set(used)) == len(used) and min(used) >= 0 and max(used) < _MANY_STEPS
         k = count[step.field] = count.get(step.field, -1) + 1
@@ -254,8 +200,8 @@ def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]
         raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
     integer = array.dtype.kind in "iub"
     rows = array.reshape(len(array), -1) if array.size else np.empty((len(array), int(np.prod(array.shape[1:]))))
-    given = (rows != -1) if integer else ~np.isnan(rows)
-    there = np.flatnonzero(given[:, 0] if given.shape[1] == 1 else given.any(axis=1))
+    filled = (rows != -1) if integer else ~np.isnan(rows)
+    there = np.flatnonzero(filled[:, 0] if filled.shape[1] == 1 else filled.any(axis=1))
     values = rows[there].astype(np.float64)
     if integer and (np.abs(values) > 2.0**53).any():
         raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")

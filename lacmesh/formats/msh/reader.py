@@ -1,117 +1,327 @@
-"""Reading msh: the version, then section by section."""
+"""Reading msh: the version, then section by section; at the end cells get their groups, and our note what msh lacks."""
 
 from __future__ import annotations
 
 import re
-import warnings
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from lacmesh.communicator import SERIAL, Communicator
-from lacmesh.errors import LacmeshWarning
-from lacmesh.formats.msh import fields as msh_fields
-from lacmesh.formats.msh import names as msh_names
-from lacmesh.formats.msh import notes as msh_notes
-from lacmesh.formats.msh import reader4 as msh_read4
-from lacmesh.formats.msh.assembly import to_mesh, to_slice
-from lacmesh.formats.msh.content import Content
-from lacmesh.formats.msh.scan import MshBytes
-from lacmesh.formats.slices import MeshSlice, Slice
-from lacmesh.mesh import Mesh
-
-if TYPE_CHECKING:
-    from lacmesh.formats.msh.reader2 import Reader2
+from lacmesh.cells import ALL_CELLS
+from lacmesh.formats.builder import MeshBuilder
+from lacmesh.formats.ids import Index
+from lacmesh.formats.msh import fields
+from lacmesh.formats.msh.streams import MshSource, physical_names, unnamed
+from lacmesh.formats.notes import DAMAGED, boundary_of, integers, noted_fields, parse
+from lacmesh.mesh import Ints, Mesh, Model, Periodic, Tag, places_of
 
 #: Versions that we read -> the layout they have.
 LAYOUTS = {"2": "2.2", "2.0": "2.2", "2.1": "2.2", "2.2": "2.2", "4.1": "4.1"}
-#: Sections that a mesh has no place for.
+#: The section of our note: JSON text without a `$`, also in a binary file. gmsh passes it, and keeps it when it saves.
+NOTE = "LacMesh"
+#: Fields of a mesh in it.
+_FIELDS = ("name", "space_dim", "zones")
+#: gmsh's number of a type -> our name
+TYPE_NAMES = {cell.msh: name for name, cell in ALL_CELLS.items() if cell.msh is not None}
+#: What to say of a type that has no name.
+UNKNOWN_TYPE = "there are elements of type {} of gmsh, which lacmesh does not know; take them out of the mesh"
+LARGEST_TAG = 2**31 - 1
+#: Sections that a mesh has no place for, and one of an older tool, which is passed without a word.
 _DROPPED = ("GhostElements", "ElementNodeData", "InterpolationScheme", "Parametrizations")
+_PASSED = ("Comments", "LacNodeGroups")
 _SAVE_AS = "open it in gmsh and save it as msh 4.1"
 
 
-def read(path: Path) -> Mesh:
-    """Read the mesh in a msh file of version 2.0, 2.1, 2.2 or 4.1, ASCII or binary. Raises ReadError.
+@dataclass
+class Elements:
+    """Elements of one type: `number` (m,), `nodes` (m, n of the type) by number.
 
-    Warns of content that a mesh has no place for, of unknown sections, and of whatever looks wrong.
-    """
-    source = MshBytes(path)
-    read_format(source)
-    content, said = _read_content(source, Slice())
-    for message in said:
-        warnings.warn(LacmeshWarning(message), stacklevel=3)
-    return to_mesh(content)
-
-
-def slice_of(path: Path, comm: Communicator = SERIAL) -> MeshSlice | None:
-    """Return the slice that this process reads of the mesh in a file; None for a file that is read as a whole.
-
-    Such a file is not msh 4.1 in binary, or has cells of a type that msh lacks. Raises ReadError.
+    `entity` (2,) or (m, 2), -1 where it is unknown; `partition`: one, or one for each, -1 for none; `groups`: physical
+    groups that all are in; `physical` (m,): tags of physical groups of the cells' dimension, 0 for none; `at` (m,):
+    positions in the file, None of those that stand behind the last.
     """
 
-    def content() -> tuple[Content, list[str]] | None:
-        source = MshBytes(path)
-        read_format(source)
-        if not source.binary or source.version != "4.1":
-            return None
-        return _read_content(source, Slice(comm.rank, comm.size))
-
-    read = comm.on_each(content)
-    if read is None or read[0].notes.extra_cells:
-        return None
-    part = to_slice(read[0], comm)
-    return replace(part, said=(*read[1], *part.said))
+    type: str
+    number: Ints
+    nodes: Ints
+    entity: Any
+    partition: int | Ints = -1
+    groups: tuple[Tag, ...] = ()
+    physical: Ints | None = None
+    at: Ints | None = None
 
 
-def _read_content(source: MshBytes, piece: Slice) -> tuple[Content, list[str]]:
-    """Read what follows the format, of msh 4.1 a slice of the nodes; return what is left out, too. Raises ReadError."""
-    dropped: dict[str, None] = {}
-    reader = msh_read4.Reader4(source, dropped, piece) if source.version == "4.1" else _reader2(source)
-    unknown, seen = _sections(source, reader, dropped)
-    if "Nodes" not in seen:
-        raise source.error("the file has no section $Nodes", source.size)
-    content, said = reader.finish(), []
-    name = source.path.name
-    for about, names in (("what a mesh has no place for is left out", dropped), ("unknown sections", unknown)):
-        if names:
-            said.append(f"{name}: {about}: {', '.join(names)}")
-    said += [f"{name}: {message}" for message in (_part(content), _lost(content)) if message]
-    if "Elements" not in seen:
-        said.append(f"{name}: the file has no section $Elements, so no cells")
-    return content, said
+class MshReader:
+    """Reads the sections of one file; `read_section` reads those that differ between versions.
 
-
-def _part(content: Content) -> str:
-    """Return a sentence about a file that has one part of a mesh that gmsh divided; "" for a whole mesh.
-
-    msh 2.2 does not give the number of parts, and a whole mesh has cells of several, or of none.
+    `elements`, `links` and `boundary` are what these give. `dropped`: what a mesh has no place for.
+    `repeats` (4, m): elements of msh 2.2 that repeat a cell for a further physical group: number, the cell's number,
+    dimension and tag of the group. `n_partitions`: parts of the whole mesh, 0 where the file has no number.
     """
-    parts = {int(p) for piece in content.pieces for p in np.unique(piece.partition)} if content.pieces else set()
-    there, n = sorted(parts - {-1}), content.n_partitions
-    if not there or (len(there) >= n if n else -1 in parts or len(there) > 1):
-        return ""
-    of = f" of {n}" if n else ""
-    what = f"partition {there[0]}{of} alone" if len(there) == 1 else f"{len(there)} partitions{of}"
-    return f"it has {what}, a part of a mesh that gmsh divided; save the whole mesh: Mesh.PartitionSplitMeshFiles = 0"
+
+    def __init__(self, source: MshSource) -> None:
+        self.source, self.out = source, MeshBuilder(source.path)
+        self.names: list[tuple[int | None, int, str]] = []
+        self.elements: list[Elements] = []
+        self.links: list[tuple[Tag, Tag, tuple[float, ...], Ints]] = []
+        self.boundary: dict[Tag, tuple[int, ...]] = {}
+        self.repeats: Ints = np.empty((4, 0), np.int64)
+        self.n_partitions = 0
+        self.dropped: dict[str, None] = {}
+        self._unknown: dict[str, None] = {}
+        self._rows: list[fields.Rows] = []
+        self._note: dict[str, Any] = {}
+        self._starts: dict[str, int] = {}
+
+    def read_section(self, name: str) -> bool:
+        """Read the section that starts here, if it is one of those that differ between versions. Raises ReadError."""
+        raise NotImplementedError
+
+    def complete(self) -> None:
+        """Complete what the sections have given, once all are read. Raises ReadError."""
+
+    def mesh(self) -> Mesh:
+        """Read all sections and return the mesh. Raises ReadError."""
+        source, out = self.source, self.out
+        while (name := source.section()) is not None:
+            if name in self._starts and name in ("PhysicalNames", "Entities", "Nodes", "Elements"):
+                raise source.error(f"there is a second section ${name}")
+            if name == "Elements" and "Nodes" not in self._starts:
+                raise source.error("the section $Elements stands before $Nodes")
+            self._starts[name] = source.section_start
+            if not self.read_section(name):
+                self._read(name)
+        if "Nodes" not in self._starts:
+            raise source.error("the file has no section $Nodes", source.size)
+        self.complete()
+        self._warn()
+        self._fit_note()
+        members = list(self._members())
+        groups, group_tags = self._groups(
+            {tag for e in self.elements for tag in e.groups} | {tag for tag, _ in members}
+        )
+        self._add_cells(groups)
+        for tag, number in members:
+            out.group("cell", groups[tag], number)
+        for on in ("cell", "node"):
+            for name, number in self._note.get(f"{on}_groups", {}).items():
+                out.group(on, name, number)
+        steps = fields.add_to(out, source, [self._merged(rows) for rows in self._rows], self._note.get("fields", ()))
+        out.note = {key: self._note[key] for key in _FIELDS if key in self._note}
+        return self._with_model(out.mesh(group_tags=group_tags, steps=steps))
+
+    def error(self, section: str) -> Any:
+        """Return the function that makes the error of a message about a section."""
+        return lambda message, _: self.source.error(message, self._starts[section])
+
+    def check_tag(self, dim: int, tag: int) -> Tag:
+        """Return an entity's dimension and tag. Raises ReadError."""
+        if not 0 <= dim <= 3 or not -LARGEST_TAG <= tag <= LARGEST_TAG:
+            raise self.source.here(f"there cannot be an entity {tag} of dimension {dim}")
+        return int(dim), int(tag)
+
+    def _read(self, name: str) -> None:
+        """Read a section that is the same in all versions, or pass it."""
+        source = self.source
+        if name == "MeshFormat":
+            before = source.version, source.binary, source.order
+            _read_version(source)
+            if before != (source.version, source.binary, source.order):
+                raise source.error("a second $MeshFormat that differs from the first stands here")
+        elif name == "PhysicalNames":
+            self.names = physical_names(source)
+        elif name in fields.SECTIONS:
+            self._rows.append(fields.read_rows(source, name))
+        elif name == NOTE:
+            self._note = _read_note(source)
+            if not self._note:
+                self._unknown[f"${name} of a newer lacmesh"] = None
+        else:
+            source.body(name)
+            if name in _DROPPED:
+                self.dropped[f"${name}"] = None
+            elif name not in _PASSED:
+                self._unknown[f"${name}"] = None
+
+    def _warn(self) -> None:
+        """Note what is left out, and what looks as if the file were not whole."""
+        out = self.out
+        if self.dropped:
+            out.warnings.append(f"what a mesh has no place for is left out: {', '.join(self.dropped)}")
+        if self._unknown:
+            out.warnings.append(f"unknown sections: {', '.join(self._unknown)}")
+        there = {int(p) for e in self.elements for p in np.unique(e.partition)}
+        parts, n = sorted(there - {-1}), self.n_partitions
+        # msh 2.2 does not give the number of parts, and a whole mesh has cells of several, or of none
+        if 0 < len(parts) < n or (len(parts) == 1 and not n and -1 not in there):
+            of = f" of {n}" if n else ""
+            what = f"partition {parts[0]}{of} alone" if len(parts) == 1 else f"{len(parts)} partitions{of}"
+            out.warnings.append(
+                f"it has {what}, a part of a mesh that gmsh divided; save the whole mesh: "
+                "Mesh.PartitionSplitMeshFiles = 0"
+            )
+        physical = [e.physical for e in self.elements if e.physical is not None]
+        if self.names and physical and not any(tags.any() for tags in physical):
+            out.warnings.append(
+                "no cell is in any of its groups, as gmsh saves msh 2.2 with Mesh.SaveAll = 1; save as msh 4.1"
+            )
+        if "Elements" not in self._starts:
+            out.warnings.append("the file has no section $Elements, so no cells")
+
+    def _fit_note(self) -> None:
+        """Add the cells of our note; drop what it has by number, with a warning, if it is of another mesh."""
+        note, source = self._note, self.source
+        extra = note.get("extra_cells", [])
+        n = sum(len(e.number) for e in self.elements)
+        counts = self.out.size("node"), n + sum(len(e.number) for e in extra)
+        by_number = [key for key in ("node_groups", "cell_groups", "extra_cells", "node_entity") if key in note]
+        if by_number and (note["nodes"], note["cells"]) != counts:
+            self.out.warnings.append(
+                f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file "
+                f"now has {counts[0]} and {counts[1]}: its node groups and further cells are left out"
+            )
+            for key in by_number:
+                del note[key]
+        elif extra:
+            places = np.concatenate([e.at for e in extra])
+            fits = all(len(e.number) == len(e.nodes) == len(e.entity) == len(e.at) for e in extra)
+            if not fits or len(np.unique(places)) < len(places) or places.min() < 0 or places.max() >= counts[1]:
+                raise source.error(f"the cells of the section ${NOTE} do not fit together")
+            if any((np.abs(e.entity) > LARGEST_TAG).any() for e in extra):
+                raise source.error(f"the cells of the section ${NOTE} have an entity beyond all limits")
+            free = np.flatnonzero(places_of(places, counts[1]) < 0)
+            for e in self.elements:
+                e.at = None if e.at is None else free[e.at]
+            self.elements += extra
+
+    def _members(self) -> Iterator[tuple[Tag, Ints]]:
+        """Yield physical groups and numbers of cells in them, as tags of single elements give them."""
+        for e in self.elements:
+            if e.physical is not None:
+                for tag, rows in _by_value(e.physical):
+                    yield (ALL_CELLS[e.type].dim, tag), e.number[rows]
+        _, keeper, dims, tags = self.repeats
+        for dim in range(4):
+            for tag, rows in _by_value(np.where(dims == dim, tags, 0)):
+                yield (dim, tag), keeper[rows]
+
+    def _groups(self, there: set[Tag]) -> tuple[dict[Tag, str], dict[str, tuple[Tag, ...]]]:
+        """Return the name of each physical group, and the tags of each cell group; all groups are added, empty.
+
+        `there`: physical groups that have cells. A group without a name is named after its tag.
+        """
+        named: dict[Tag, str] = {}
+        for dim, tag, name in self.names:
+            for d in (dim,) if dim is not None else sorted({d for d, t in there if t == tag}):
+                if named.setdefault((d, tag), name) != name:
+                    names = f"{named[d, tag]!r} and {name!r}"
+                    self.out.warnings.append(f"the physical group {d}:{tag} has two names, {names}: the first is kept")
+        noted: dict[str, tuple[Tag, ...]] = self._note.get("groups", {})
+        for name, tags in noted.items():
+            named.update(dict.fromkeys(tags, name))
+        group_tags: dict[str, tuple[Tag, ...]] = {}
+        for name in [*named.values(), *noted]:
+            self.out.group("cell", name)
+        used, names_of = {*named.values(), *noted}, dict[Tag, str]()
+        for group in [*named, *sorted(there - named.keys())]:
+            name = named.get(group, unnamed(group))
+            while group not in named and name in used:
+                name += "'"
+            used.add(name)
+            names_of[group] = name
+            group_tags[name] = (*group_tags.get(name, ()), group)
+            self.out.group("cell", name)
+        return names_of, group_tags
+
+    def _add_cells(self, names: dict[Tag, str]) -> None:
+        """Add the cells, with their entities and partitions if some have one."""
+        with_entity = any((np.asarray(e.entity) > 0).any() for e in self.elements)
+        with_partition = any(not isinstance(e.partition, int) or e.partition >= 0 for e in self.elements)
+        for e in self.elements:
+            n, data = len(e.number), dict[str, Any]()
+            if with_entity:
+                data["entity"] = np.broadcast_to(np.asarray(e.entity, np.int32), (n, 2))
+            if with_partition:
+                data["partition"] = np.broadcast_to(np.asarray(e.partition, np.int32), n)
+            groups = [names[tag] for tag in e.groups]
+            self.out.cells(e.type, e.number, e.nodes, groups=groups, at=e.at, error=self.error("Elements"), **data)
+
+    def _merged(self, rows: fields.Rows) -> fields.Rows:
+        """Rows of a field; values of an element that was merged into a cell are the cell's."""
+        if rows.head.on == "node" or not self.repeats.size:
+            return rows
+        place = Index(self.repeats[0]).places(rows.number)
+        return rows._replace(number=np.where(place < 0, rows.number, self.repeats[1][place]))
+
+    def _with_model(self, mesh: Mesh) -> Mesh:
+        """The mesh with the boundary of its entities, periodic links, and the entities of nodes in our note."""
+        if "node_entity" in self._note and "entity" not in mesh.node_data:
+            dim, tag, count = self._note["node_entity"].T
+            if (count < 0).any() or count.sum() != mesh.n_nodes or (np.abs([dim, tag]) > LARGEST_TAG).any():
+                raise self.source.error(f"the entities of nodes in the section ${NOTE} do not fit the nodes")
+            entity = np.repeat(np.stack([dim, tag], axis=1).astype(np.int32), count, axis=0)
+            mesh = replace(mesh, node_data={**mesh.node_data, "entity": entity})
+        boundary = self.boundary or self._note.get("boundary", {})
+        index, links = Index(mesh.node_number), []
+        for slave, master, affine, pairs in self.links:
+            places = index.places(pairs)
+            links.append(Periodic(slave, master, affine, places[(places >= 0).all(axis=1)]))
+        return replace(mesh, model=Model(boundary, tuple(links))) if boundary or links else mesh
 
 
-def _lost(content: Content) -> str:
-    """Return a sentence about a file of msh 2.2 whose groups have no cells, as with Mesh.SaveAll; "" for others."""
-    physical = [piece.physical for piece in content.pieces if piece.physical is not None]
-    if not content.names or not physical or any(tags.any() for tags in physical):
-        return ""
-    return "no cell is in any of its groups, as gmsh saves msh 2.2 with Mesh.SaveAll = 1; save as msh 4.1"
+def _read_note(source: MshSource) -> dict[str, Any]:
+    """The note in the section that starts here, {} of a newer lacmesh. Raises ReadError where it makes no sense."""
+    try:
+        note = parse(source.body(NOTE))
+        if not note:
+            return note
+        integers([note["nodes"], note["cells"]])
+        noted_fields(Mesh.create(np.empty((0, 3)), []), {key: note[key] for key in _FIELDS if key in note})
+        for key, of in (("groups", "tags"), ("node_groups", "nodes"), ("cell_groups", "cells")):
+            listed = note.get(key, {})
+            if isinstance(listed, list):  # of version 1
+                listed = {entry["name"]: entry[of] for entry in listed}
+            note[key] = {name: integers(values) if of != "tags" else _tags(values) for name, values in listed.items()}
+        note["extra_cells"] = [
+            Elements(
+                e["type"],
+                integers(e["number"]),
+                integers(e["nodes"], (-1, ALL_CELLS[e["type"]].n_nodes)),
+                integers(e["entity"], (-1, 2)),
+                at=integers(e["at"]),
+            )
+            for e in note.get("extra_cells", ())
+            if len(e["number"])
+        ]
+        if "node_entity" in note:
+            note["node_entity"] = integers(note["node_entity"], (-1, 3))
+        note["boundary"] = boundary_of(note.get("boundary", ()))
+        for field in note.get("fields", ()):
+            integers([field["step"], field["number"], field["order"], *(field["shape"] or ())])
+            {field["on"], field["field"], field["name"], field["key"], field["integer"]}
+        return note
+    except DAMAGED as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
+        message = f"the section ${NOTE} is damaged ({what[:80]}); without it the rest can be read"
+        raise source.error(message) from None
 
 
-def _reader2(source: MshBytes) -> Reader2:
-    from lacmesh.formats.msh.reader2 import Reader2
+def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
+    """Yield each value other than 0, and the rows that have it."""
+    order = np.argsort(values, kind="stable")
+    cuts = np.flatnonzero(np.diff(values[order])) + 1
+    for rows in np.split(order, cuts):
+        if len(rows) and values[rows[0]]:
+            yield int(values[rows[0]]), rows
 
-    return Reader2(source)
+
+def _tags(values: Iterable[Any]) -> tuple[Tag, ...]:
+    return tuple((int(dim), int(tag)) for dim, tag in values)
 
 
-def read_format(source: MshBytes) -> None:
+def read_format(source: MshSource) -> None:
     """Pass $MeshFormat (and comments before it); the source then knows its version and byte order. Raises ReadError."""
     name = source.section()
     while name == "Comments":
@@ -124,7 +334,7 @@ def read_format(source: MshBytes) -> None:
     _read_version(source)
 
 
-def _read_version(source: MshBytes) -> None:
+def _read_version(source: MshSource) -> None:
     at = source.position
     match = re.fullmatch(rb"\s*(\d+(?:\.\d+)?)\s+([01])\s+(\d{1,4})\s*", source.line())
     if match is None:
@@ -137,51 +347,8 @@ def _read_version(source: MshBytes) -> None:
     source.version = "2.0" if version == "2" else version
     if match[2] == b"1":
         source.binary = True
-        mark = bytes(source.take("u1", 4))
+        mark = source.records(4, 1).tobytes()
         if mark not in (b"\1\0\0\0", b"\0\0\0\1"):
             raise source.error("the file says that it is binary, but its byte order mark is missing", at)
         source.order = "<" if mark == b"\1\0\0\0" else ">"
     source.end("MeshFormat")
-
-
-def _sections(
-    source: MshBytes, reader: Reader2 | msh_read4.Reader4, dropped: dict[str, None]
-) -> tuple[dict[str, None], set[str]]:
-    """Read all sections; return the names of the unknown ones, and of all that are there. Raises ReadError."""
-    content = reader.content
-    unknown: dict[str, None] = {}
-    seen: set[str] = set()
-    while (name := source.section()) is not None:
-        if name in seen and name in ("PhysicalNames", "Entities", "Nodes", "Elements"):
-            raise source.error(f"there is a second section ${name}")
-        if name == "Elements" and "Nodes" not in seen:
-            raise source.error("the section $Elements stands before $Nodes")
-        seen.add(name)
-        if name == "Nodes":
-            content.nodes_at = source.section_start
-        elif name == "Elements":
-            content.elements_at = source.section_start
-        if reader.read(name):
-            continue
-        if name == "MeshFormat":
-            before = source.version, source.binary, source.order
-            _read_version(source)
-            if before != (source.version, source.binary, source.order):
-                raise source.error("a second $MeshFormat that differs from the first stands here")
-        elif name == "PhysicalNames":
-            content.names = msh_names.physical_names(source)
-        elif name in msh_fields.SECTIONS:
-            content.rows.append(msh_fields.read_rows(source, name))
-        elif name == msh_notes.SECTION:
-            notes = msh_notes.from_text(source.body(name), source)
-            if notes is None:
-                unknown[f"${name} of a newer lacmesh"] = None
-            else:
-                content.notes = notes
-        else:
-            source.body(name)
-            if name in _DROPPED:
-                dropped[f"${name}"] = None
-            elif name not in ("Comments", *msh_notes.FORMER):
-                unknown[f"${name}"] = None
-    return unknown, seen
