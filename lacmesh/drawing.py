@@ -336,7 +336,7 @@ class Drawing:
             return
         pyvista, x = import_module("pyvista"), self.grid.points[nodes]
         near = import_module("scipy.spatial").cKDTree(x).query(x, k=2)[0][:, 1]
-        radius = min(radius, 0.2 * float(np.quantile(near, 0.25)) / self.span)
+        radius = min(radius, 0.2 * float(np.sort(near)[len(near) // 4]) / self.span)
         around = int(np.clip(np.sqrt(1e6 / len(nodes)), 6, 24))
         ball = pyvista.Sphere(radius=radius * self.span, theta_resolution=around, phi_resolution=around)
         balls = pyvista.PolyData(x).glyph(geom=ball, scale=False, orient=False)

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
+from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -169,7 +170,10 @@ def page(mesh: MeshLike, path: str | os.PathLike[str], **options: Any) -> None:
     if path.suffix.lower() not in PAGES:
         raise RequestError(f"{path}: a page is written as .html")
     check_request(path)
-    replace_file(path, page_of(plotter(as_mesh(mesh), **options)).encode("utf-8", "replace"))
+    plot = plotter(as_mesh(mesh), **options)
+    plot.disable_parallel_projection()
+    plot.reset_camera()
+    replace_file(path, page_of(plot).encode("utf-8", "replace"))
 
 
 def window(mesh: MeshLike, **options: Any) -> None:
@@ -203,7 +207,8 @@ def image_of(plot: Any) -> bytes:
 
 def page_of(plot: Any) -> str:
     """Return what a plotter shows as a page of HTML, by pyvista's export (trame-pyvista), and close it."""
-    text: str = plot.trame.export_html(None).getvalue()
+    with redirect_stderr(io.StringIO()):  # trame looks for a newer viewer in the network, and prints that there is none
+        text: str = plot.trame.export_html(None).getvalue()
     plot.close()
     return text
 

@@ -109,8 +109,6 @@ def build(gmsh, name, text=""):
         file.flush()
         gmsh.merge(file.name)
     gmsh.model.mesh.generate(gmsh.model.getDimension())
-    if name == "partitioned":
-        gmsh.model.mesh.partition(3)
 
 
 @pytest.fixture(params=MODELS)
@@ -459,14 +457,17 @@ def test_random_meshes_go_into_a_model_and_back(seed):
 
 
 def test_a_wrong_mesh_leaves_no_model_behind(gmsh):
-    build(gmsh, "partitioned")
+    build(gmsh, "boxes")
     mesh = to_mesh()
     before = dump(gmsh)
     wrong = replace(mesh, cell_data={"entity": np.ones(mesh.n_cells)})
     for change, *asked, words in (
-        (from_mesh, mesh, "partitioned", "already"),
+        (from_mesh, mesh, "boxes", "already"),
         (from_mesh, wrong, "wrong", "entity"),
     ):
         with pytest.raises((RequestError, DataError), match=words):
             change(*asked)
-    assert gmsh.model.list() == ["", "partitioned"] and dump(gmsh) == before
+    assert gmsh.model.list() == ["", "boxes"] and dump(gmsh) == before
+    gmsh.model.mesh.partition(3)
+    with pytest.raises(RequestError, match="unpartition"):
+        cut_model("2:5")
