@@ -247,11 +247,11 @@ class MeshBuilder:
         points = np.zeros((listed.size, 3))
         for run in listed.runs:
             points[run.span, : run.rows.shape[1]] = run.rows
-        bad: NDArray[np.bool_] = ~np.isfinite(points).all(axis=1)
-        if bad.any():
-            run = next(run for run in listed.runs if bad[run.span].any())
+        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        if len(bad):
+            run = next(run for run in listed.runs if run.first <= bad[0] < run.span.stop)
             message = f"the coordinates of nodes {self._shown(number[bad])} are not finite numbers"
-            raise run.error(message, int(bad[run.span].argmax()))
+            raise run.error(message, int(bad[0]) - run.first)
         return points
 
     def _blocks(self, nodes: Index, number: Ints) -> Iterator[tuple[str, Ints]]:
