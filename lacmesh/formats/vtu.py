@@ -77,7 +77,7 @@ class _Document(NamedTuple):
         """A ReadError about the file, at an element."""
         return ReadError(self.path, message, place)
 
-    def count(self, element: XmlElement, name: str, default: int | None = None) -> int:
+    def whole_number(self, element: XmlElement, name: str, default: int | None = None) -> int:
         """Integer value of an attribute that counts something. Raises ReadError."""
         text = element.get(name)
         if text is None and default is not None:
@@ -96,7 +96,7 @@ class _Document(NamedTuple):
             if form == "ascii":
                 return from_text(element.text or "", dtype)
             if form == "appended":
-                offset = self.count(element, "offset")
+                offset = self.whole_number(element, "offset")
                 if offset >= len(self.appended):
                     raise ValueError(f"offset {offset} is past the end")
                 encoded, in_base64 = self.appended[offset:], self.base64
@@ -224,7 +224,7 @@ def read(path: Path) -> Mesh:
     known: set[str] = set()
     for piece in pieces:
         known |= _read_piece(document, piece, out, several=len(pieces) > 1)
-    if len(pieces) > 1 and sum(document.count(piece, "NumberOfPoints") > 0 for piece in pieces) > 1:
+    if len(pieces) > 1 and sum(document.whole_number(piece, "NumberOfPoints") > 0 for piece in pieces) > 1:
         out.warnings.append(f"{len(pieces)} pieces are put together; nodes that several have stay apart")
     return with_tag_groups(out.mesh(), out, known)
 
@@ -245,14 +245,14 @@ def _read_by_pyvista(document: _Document, pieces: Sequence[XmlElement]) -> Mesh:
     except Exception as error:
         raise document.error(f"cannot be read (VTK: {' '.join(str(error).split())[:160]})") from None
     for name, n in (("NumberOfPoints", mesh.n_nodes), ("NumberOfCells", mesh.n_cells)):
-        if n != sum(document.count(piece, name) for piece in pieces):
+        if n != sum(document.whole_number(piece, name) for piece in pieces):
             raise document.error(f"cannot be read (VTK finds {n} as {name})")
     return mesh
 
 
 def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, several: bool) -> set[str]:
     """Add a piece; return the names of its arrays on cells. Raises ReadError."""
-    n, k = document.count(piece, "NumberOfPoints"), document.count(piece, "NumberOfCells")
+    n, k = document.whole_number(piece, "NumberOfPoints"), document.whole_number(piece, "NumberOfCells")
     place = piece.find("Points/DataArray")
     points = document.array(place, 3 * n) if place is not None else np.empty(0)
     if len(points) != 3 * n or points.dtype.kind != "f":
@@ -295,7 +295,7 @@ def _read_data(document: _Document, piece: XmlElement, section: str, size: int, 
         if element.get("type") == "String":
             out.warnings.append(f"{section} {name!r} are strings, they are left out")
             continue
-        width = document.count(element, "NumberOfComponents", 1)
+        width = document.whole_number(element, "NumberOfComponents", 1)
         values = document.array(element, size * width)
         if width < 1 or len(values) != size * width:
             raise document.error(f"{name!r} has {len(values)} values for {size} times {width}", f"<{section}>")
