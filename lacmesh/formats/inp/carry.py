@@ -17,8 +17,7 @@ from lacmesh.deck import INP_CARD, DataLine, Deck, DeckCard
 from lacmesh.errors import DataError
 from lacmesh.formats.ids import Index
 from lacmesh.mesh import Ints, Mesh, mask_of
-from lacmesh.topology.faces import cells_of_dim
-from lacmesh.topology.skin import Faces, find_owners
+from lacmesh.topology.skin import Faces, cells_of_dim, find_owners
 
 NUMBER = re.compile(r"[0-9]{1,9}")
 #: Cards of loads on elements; a load on a face of an element, as P3, F1NU, EDNOR2.

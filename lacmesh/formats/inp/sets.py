@@ -20,19 +20,21 @@ from lacmesh.formats.inp.cards import Card, Members
 from lacmesh.formats.inp.elements import FACETS, LINE, PLANE, SHELL, SIDES, SOLID, DeckElement
 from lacmesh.joining import with_cells
 from lacmesh.mesh import Ints, Mesh, concatenated, positions
-from lacmesh.topology.faces import cells_of_dim, faces_of, facets_of
+from lacmesh.topology.orientation import relative_listing
 from lacmesh.topology.skin import (
     FACE_TYPES,
     N_NODES,
     TYPE_CODE,
     FaceIncidence,
     Faces,
+    cells_of_dim,
+    faces_of,
+    facets_of,
     find_owners,
     find_repeats,
     first_of_each,
     label_faces,
 )
-from lacmesh.topology.winding import relative_listing
 
 #: Kinds of sets: of nodes and of elements, and surfaces of nodes and of element faces -> what their members are.
 OF_KIND = {"NSET": "node", "ELSET": "element", "NODE": "node", "ELEMENT": "element"}
