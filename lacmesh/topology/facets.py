@@ -154,20 +154,19 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     opposite[(FACET_TABLE[:, :, 0] >= 0)[solid.family].ravel()] = ALONE
     same = np.zeros(len(opposite), bool)
     number = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
-    place, new = sort_hashes(_hashes(solid, number))
-    number = number[place]
-    del place
-    _divide_clashes(solid, number, new)
+    key, forward = _hashes(solid, number)
+    place, new = sort_hashes(key)
+    number, forward = number[place], forward[place]
+    del key, place
+    _divide_clashes(solid, number, new, forward)
     first = np.flatnonzero(new)
     length = np.diff(first, append=len(number))
     crowd = np.repeat(length > 2, length)
     opposite[number[crowd]] = CROWDED
-    a, b = (number[first[length == 2] + k] for k in range(2))
+    two = first[length == 2]
+    a, b = number[two], number[two + 1]
     opposite[a], opposite[b] = b, a
-    for piece in _pieces(len(a)):
-        one, other = a[piece], b[piece]
-        alike = _is_forward(solid.corners_of(one)) == _is_forward(solid.corners_of(other))
-        same[one], same[other] = alike, alike
+    same[a] = same[b] = forward[two] == forward[two + 1]
     return opposite, same
 
 
@@ -177,17 +176,20 @@ def _pieces(size: int) -> Iterator[slice]:
         yield slice(k, min(k + PIECE, size))
 
 
-def _hashes(solid: Solid, number: Ints) -> NDArray[np.uint64]:
-    """(m,): a hash of each of some facets, which does not depend on the order of their corners."""
+def _hashes(solid: Solid, number: Ints) -> tuple[NDArray[np.uint64], Bools]:
+    """(m,): a hash of each of some facets, which does not depend on the order of their corners; (m,): their winding."""
     weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 2))
     weight[-1] = 0  # of the corner -1, which a facet of fewer corners lists
     key = np.empty(len(number), np.uint64)
+    forward = np.empty(len(number), bool)
     for piece in _pieces(len(number)):
-        key[piece] = sum(weight[column] for column in solid.corners_of(number[piece]))
-    return key
+        corners = solid.corners_of(number[piece])
+        key[piece] = sum(weight[column] for column in corners)
+        forward[piece] = _is_forward(corners)
+    return key, forward
 
 
-def _divide_clashes(solid: Solid, number: Ints, new: Bools) -> None:
+def _divide_clashes(solid: Solid, number: Ints, new: Bools, forward: Bools) -> None:
     """Sort the few runs of alike hashes that hold different facets, in place: afterwards each run is one facet."""
     wrong = [np.empty(0, np.int64)]
     for piece in _pieces(len(number)):
@@ -201,7 +203,7 @@ def _divide_clashes(solid: Solid, number: Ints, new: Bools) -> None:
         at = np.flatnonzero(np.isin(run, run[clash]))
         label, _ = label_rows(np.sort(np.column_stack(solid.corners_of(number[at])), axis=1) + 1)
         order = np.lexsort((label, run[at]))
-        number[at] = number[at[order]]
+        number[at], forward[at] = number[at[order]], forward[at[order]]
         new[at] = np.diff(label[order], prepend=-1) != 0
 
 
