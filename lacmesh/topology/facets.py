@@ -4,11 +4,13 @@ A facet is identified by its corners, in any order. Facet j of cell k has the nu
 the number of the same facet in the neighbouring cell, ALONE if there is none, CROWDED if there are several
 (non-manifold), ABSENT for a number that a cell of few facets does not use.
 
-The facets are sorted by their sorted corners (`skin.sort_rows`).
+The facets are sorted by a hash that does not depend on the order of their corners (`skin.sort_hashes`); neighbours in
+that order are then compared corner by corner, so that the result is exact.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +28,8 @@ from lacmesh.topology.skin import (
     facets_of,
     first_of_each,
     label_rows,
-    sort_rows,
+    mixed_bits,
+    sort_hashes,
 )
 
 #: most facets and corners of a cell
@@ -151,21 +154,57 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     opposite[(FACET_TABLE[:, :, 0] >= 0)[solid.family].ravel()] = ALONE
     same = np.zeros(len(opposite), bool)
     number = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
-    rows = np.empty((len(number), MAX_CORNERS), solid.corners.dtype)
-    forward = np.empty(len(number), bool)
-    for k in range(0, len(number), PIECE):  # whole arrays of what is only passed through would double the memory
-        corners = solid.corners_of(number[k : k + PIECE])
-        rows[k : k + PIECE] = np.sort(np.column_stack(corners), axis=1)
-        forward[k : k + PIECE] = _is_forward(corners)
-    order, new = sort_rows(rows)
-    del rows
+    key, forward = _hashes(solid, number)
+    place, new = sort_hashes(key)
+    number, forward = number[place], forward[place]
+    del key, place
+    _divide_clashes(solid, number, new, forward)
     first = np.flatnonzero(new)
     length = np.diff(first, append=len(number))
-    opposite[number[order[np.repeat(length > 2, length)]]] = CROWDED
-    a, b = (order[first[length == 2] + k] for k in range(2))
-    opposite[number[a]], opposite[number[b]] = number[b], number[a]
-    same[number[a]] = same[number[b]] = forward[a] == forward[b]
+    crowd = np.repeat(length > 2, length)
+    opposite[number[crowd]] = CROWDED
+    two = first[length == 2]
+    a, b = number[two], number[two + 1]
+    opposite[a], opposite[b] = b, a
+    same[a] = same[b] = forward[two] == forward[two + 1]
     return opposite, same
+
+
+def _pieces(size: int) -> Iterator[slice]:
+    """Iterate over 0..size, PIECE at a time: whole arrays of what is only passed through would double the memory."""
+    for k in range(0, size, PIECE):
+        yield slice(k, min(k + PIECE, size))
+
+
+def _hashes(solid: Solid, number: Ints) -> tuple[NDArray[np.uint64], Bools]:
+    """(m,): a hash of each of some facets, which does not depend on the order of their corners; (m,): their winding."""
+    weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 2))
+    weight[-1] = 0  # of the corner -1, which a facet of fewer corners lists
+    key = np.empty(len(number), np.uint64)
+    forward = np.empty(len(number), bool)
+    for piece in _pieces(len(number)):
+        corners = solid.corners_of(number[piece])
+        key[piece] = sum(weight[column] for column in corners)
+        forward[piece] = _is_forward(corners)
+    return key, forward
+
+
+def _divide_clashes(solid: Solid, number: Ints, new: Bools, forward: Bools) -> None:
+    """Sort the few runs of alike hashes that hold different facets, in place: afterwards each run is one facet."""
+    wrong = [np.empty(0, np.int64)]
+    for piece in _pieces(len(number)):
+        at = np.flatnonzero(~new[piece]) + piece.start
+        mine, before = solid.corners_of(number[at]), solid.corners_of(number[at - 1])
+        equal = np.all([np.any([c == other for other in before], axis=0) for c in mine], axis=0)
+        wrong.append(at[~equal])
+    clash = np.concatenate(wrong)
+    if len(clash):
+        run = np.cumsum(new)
+        at = np.flatnonzero(np.isin(run, run[clash]))
+        label, _ = label_rows(np.sort(np.column_stack(solid.corners_of(number[at])), axis=1) + 1)
+        order = np.lexsort((label, run[at]))
+        number[at], forward[at] = number[at[order]], forward[at[order]]
+        new[at] = np.diff(label[order], prepend=-1) != 0
 
 
 def _is_forward(corners: list[Ints]) -> Bools:
