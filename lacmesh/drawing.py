@@ -75,7 +75,8 @@ class Drawing:
         self.of_slave = np.isin(self.body, self.body[self._nodes(self.slaves)])
         self.hidden = bool(len(self.slaves)) and not self.of_slave[in_sight].all()
         self.whole, self.plane = cutaway is None, mesh.space_dim == 2
-        self.span = float(np.linalg.norm(np.ptp(mesh.points[in_sight], axis=0))) if len(in_sight) else 1.0
+        diagonal = float(np.linalg.norm(np.ptp(mesh.points[in_sight], axis=0))) if len(in_sight) else 0.0
+        self.span = diagonal or 1.0  # of nodes that all lie at one point
         self.grid, self.size, self.unit = grid_of(mesh), size, min(size[1] / 1000, size[0] / 1200)
         curved = np.count_nonzero(~np.isin(self.grid.celltypes, LINEAR))
         self.level = 3 if curved < 3_000 else 2 if curved < 100_000 else 1

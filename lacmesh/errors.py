@@ -29,7 +29,11 @@ class LacmeshError(Exception):
 class LacmeshWarning(UserWarning):
     """Warning: something was left out or looks wrong, but the work went on.
 
-    `warnings.simplefilter("error", LacmeshWarning)` stops where something is left out.
+    >>> import warnings
+    >>> from lacmesh import read
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", LacmeshWarning)  # stop where something is left out
+    ...     mesh = read("data/two_blocks.msh")
     """
 
 

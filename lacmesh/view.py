@@ -5,12 +5,14 @@ from __future__ import annotations
 import base64
 import io
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from contextlib import redirect_stderr
 from dataclasses import dataclass
 from functools import cache
+from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -173,7 +175,9 @@ def page(mesh: MeshLike, path: str | os.PathLike[str], **options: Any) -> None:
     plot = plotter(as_mesh(mesh), **options)
     plot.disable_parallel_projection()
     plot.reset_camera()
-    replace_file(path, page_of(plot).encode("utf-8", "replace"))
+    title = f"<title>{escape(options.get('title') or path.name)}</title>"
+    text = re.sub("<title>.*?</title>", lambda _: title, page_of(plot), count=1)
+    replace_file(path, text.encode("utf-8", "replace"))
 
 
 def window(mesh: MeshLike, **options: Any) -> None:

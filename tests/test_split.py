@@ -350,15 +350,18 @@ def test_the_command_asks_before_it_replaces(tmp_path, capsys):
     assert statuses == [0, 2, 1]
 
 
-def test_a_deck_follows_the_split(tmp_path):
-    """Elements of side b take the copies, a node set has them too, a condition of a node by number gets its copy."""
+def test_a_deck_follows_the_split(tmp_path, capsys):
+    """Elements of side b take the copies, a set of nodes has them too; a condition of a node by number is an error."""
     mesh = skins_of("HEXA8", n=2, G=plane_of(2, 0.5))
     source, target = tmp_path / "in.inp", tmp_path / "out.inp"
     lacmesh.write(source, mesh)
     node = int(mesh.node_number[np.isclose(mesh.points[:, 2], 0.5)][0])
-    text = source.read_text() + f"*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*BOUNDARY\n{node}, 1, 3\n"
-    source.write_text(text)
+    text = source.read_text() + f"*NSET, NSET=ONE\n{node}\n*MATERIAL, NAME=M\n*ELASTIC\n1., 0.\n*BOUNDARY\n"
+    source.write_text(text + "ONE, 1, 3\n")
     assert main(["split", str(source), "--faces", "G", "-o", str(target), "-q"]) == 0
-    assert lacmesh.read(target).n_nodes == mesh.n_nodes + 9
-    fixed = [line.split(",")[0] for line in target.read_text().split("*BOUNDARY")[1].splitlines()[1:] if line.strip()]
-    assert str(node) in fixed and str(mesh.node_number.max() + 1) in fixed
+    divided = lacmesh.read(target)
+    assert divided.n_nodes == mesh.n_nodes + 9
+    assert {node, int(mesh.node_number.max()) + 1} <= {*divided.node_number[divided.node_groups["ONE"]].tolist()}
+    source.write_text(text + f"{node}, 1, 3\n")
+    assert main(["split", str(source), "--faces", "G", "-o", str(target), "-q", "--force"]) == 1
+    assert "*BOUNDARY" in (message := capsys.readouterr().err) and "give a set of nodes" in message

@@ -107,13 +107,12 @@ def run(words: list[str]) -> str:
 
 def main() -> None:
     """Run all pages, and keep their pictures."""
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for page in PAGES:
-            for command, printed in run_page(HERE / page, folder):
+    for page in PAGES:
+        with tempfile.TemporaryDirectory() as folder:
+            for command, printed in run_page(HERE / page, Path(folder)):
                 print(f"$ {shlex.join(command.words)}\n{printed}")
-        for picture in folder.glob("*.png"):
-            shutil.copy(picture, HERE)
+            for picture in Path(folder).glob("*.png"):
+                shutil.copy(picture, HERE)
 
 
 if __name__ == "__main__":

@@ -128,9 +128,10 @@ class MshOutput:
         """Check early that a mesh can be written with these options. Raises RequestError, WriteError."""
         from lacmesh.formats.registry import format_of, takers
 
+        options = format_of(target).options
         for option in ("msh", "ascii", "plane", "all_cells", "lenient"):
             name = "binary" if option == "ascii" else option  # of lacmesh.write
-            if getattr(self, option, None) and name not in format_of(target).options:
+            if getattr(self, option, None) and name not in options:
                 suffixes = listed([taker.suffixes[0] for taker in takers(name)], "or")
                 of = f"{'an' if suffixes.startswith('.i') else 'a'} {suffixes} output"
                 raise RequestError(f"--{option.replace('_', '-')} is for {of}, and {target} is none")

@@ -78,7 +78,7 @@ def in_lines(text: str, width: int = 160) -> list[str]:
     """Split a note into lines, most of them of `width` letters at most; joined, they are the note again.
 
     >>> in_lines(dump(Mesh.create([[0, 0]], [], name="block", zones=("a", "b")), "zones", "name"), 20)
-    ['{"version":1,', '"zones":["a","b"],', '"name":"block"}']
+    ['{"version":2,', '"zones":["a","b"],', '"name":"block"}']
     """
     lines = [""]
     for part in text.split("\n"):

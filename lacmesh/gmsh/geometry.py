@@ -98,7 +98,10 @@ def opened(path: Path, dim: int | None) -> Iterator[tuple[Any, int]]:
 def _open(gmsh: Any, path: Path, dim: int | None) -> int:
     """Open a file and return the dimension of its bodies. Raises ReadError, DataError."""
     file_type = SUFFIXES[path.suffix.lower()]
-    if path.suffix.lower() == ".geo" and path.read_bytes().rpartition(b"\n")[2].count(b";") > 1:
+    script = path.read_bytes() if path.suffix.lower() == ".geo" else b""
+    if re.search(rb"\bExit\b", re.sub(rb'"[^"]*"|//[^\n]*|/\*.*?\*/', b"", script, flags=re.DOTALL)):
+        raise ReadError(path, "its statement Exit would end this program; take it out")
+    if script.rpartition(b"\n")[2].count(b";") > 1:
         warn(f"{path}: its last line has no end, and gmsh may leave out what stands on it; add a line end")
     failed: ReadError | None = None
     with tempfile.TemporaryFile() as printed:  # gmsh's readers of STEP and IGES print their errors
@@ -118,6 +121,8 @@ def _open(gmsh: Any, path: Path, dim: int | None) -> int:
         warn(f"{path}: its reader says {complaint}; shapes may be missing")
     if not gmsh.model.getEntities():
         raise ReadError(path, f"there is no geometry in it; is it {file_type}?")
+    if not np.isfinite(gmsh.model.mesh.getNodes()[1]).all():  # of the triangles of an STL
+        raise ReadError(path, "some of its coordinates are not finite numbers")
     if errors := gmsh_errors(gmsh):
         raise ReadError(path, f"gmsh reads it with errors ({errors[0]})")
     gmsh.option.setNumber("Geometry.OCCBoundsUseStl", 1)  # boxes that fit, where OCC would leave room
@@ -204,6 +209,16 @@ def diagonal(gmsh: Any) -> float:
 # ---- shapes
 
 
+def _part_name(path: str) -> str:
+    """Name of a part in an assembly, the last of its path; empty for the name that Open CASCADE invents where none is.
+
+    >>> _part_name("Shapes/Pump/Shaft"), _part_name("Shapes/Open CASCADE STEP translator 7.8 1.1")
+    ('Shaft', '')
+    """
+    name = path.rpartition("/")[2]
+    return "" if name.startswith("Open CASCADE STEP translator") else name
+
+
 def shapes(gmsh: Any, dim: int) -> list[CadShape]:
     """Shapes of the bodies, of dimension `dim`, and of the entities that bound them."""
     bounds = _boundary(gmsh, dim)
@@ -238,7 +253,7 @@ def shapes(gmsh: Any, dim: int) -> list[CadShape]:
                 radius=radius,
                 bodies=bodies,
                 groups=tuple(gmsh.model.getPhysicalName(d, g) or f"{d}:{g}" for g in groups),
-                name=gmsh.model.getEntityName(d, tag).rpartition("/")[2],
+                name=_part_name(gmsh.model.getEntityName(d, tag)),
             )
         )
     return listed

@@ -194,15 +194,21 @@ def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
 
 
 def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
-    """The current model as gmsh saves it, with the data of some views."""
+    """The current model as gmsh saves it, with the data of some views; warnings name the model, not the file."""
     with TemporaryDirectory(prefix="lacmesh-") as folder, _options(gmsh, _WHOLE):
         path = Path(folder, "model.msh")
         gmsh.write(str(path))
         for view in views:
             gmsh.view.write(view, str(path), append=True)
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*(InterpolationScheme|Parametrizations)")
-            return read(path)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            mesh = read(path)
+    for message in (str(warning.message).removeprefix(f"{path}: ") for warning in caught):
+        lost = [part for part in message.split("; ") if not part.startswith("what a mesh has no place for")]
+        if lost:
+            text = f"gmsh's model {gmsh.model.getCurrent()!r}: {'; '.join(lost)}"
+            warnings.warn(LacmeshWarning(text), stacklevel=3)
+    return mesh
 
 
 @contextmanager

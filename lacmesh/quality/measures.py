@@ -117,7 +117,7 @@ def default_measures(name: str) -> tuple[str, ...]:
     """Return the default measures of a type, all computed by lacmesh; the second one ranks its cells.
 
     >>> default_measures("TRIA3")
-    ('validity', 'scaled_jacobian', 'edge_ratio', 'min_corner_angle', 'max_corner_angle', 'aspect_ratio', 'area')
+    ('validity', 'scaled_jacobian', 'edge_ratio', 'min_corner_angle', 'max_corner_angle', 'area', 'aspect_ratio')
     """
     rank = primary_metric(name)
     own = [m for m in measures_of(name) if m in OWN and m not in (rank, "corner_jacobian")]

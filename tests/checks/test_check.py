@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 from itertools import combinations
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -276,7 +277,7 @@ def test_a_pair_is_split_where_both_sides_are_groups(fresh):
 # ---- the commands and the page
 
 
-def test_the_commands_take_pairs(fresh, capsys):
+def test_the_commands_take_pairs(fresh, capsys, monkeypatch):
     lacmesh.write("bolted.msh", bolted())
     pairs = [word for a, b in PAIRS for word in ("--pair", f"{a}:{b}")]
     assert main(["cut", "bolted.msh", *pairs, "-o", "cut.msh", "--report", "cut.html"]) == 0
@@ -288,8 +289,13 @@ def test_the_commands_take_pairs(fresh, capsys):
     assert main(["check", "cut.msh", *pairs, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert [one["covered_macro_elements"] for one in found["summary"]["pairs"]] == [7, 6]
-    assert main(["view", "cut.msh", *pairs, "--check", "-o", "cut_view.html", "-q"]) == 0
-    assert "head on flange" in (fresh / "cut_view.html").read_text()
+    plotter = Mock(wraps=lacmesh.view.plotter)
+    monkeypatch.setattr(lacmesh.view, "plotter", plotter)
+    assert main(["view", "cut.msh", *pairs, "--check", "--title", "<pairs>", "-o", "cut_view.html", "-q"]) == 0
+    assert "<title>&lt;pairs&gt;</title>" in (fresh / "cut_view.html").read_text()
+    drawn = plotter.call_args.kwargs
+    assert drawn["slave"] == [a for a, _ in PAIRS] and drawn["master"] == [b for _, b in PAIRS]
+    assert any("head on flange" in finding.message for finding in drawn["findings"])
 
 
 @pytest.mark.parametrize("command", ["check", "cut", "view"])

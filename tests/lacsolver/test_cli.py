@@ -213,7 +213,7 @@ def test_validate_tells_what_would_be_solved_and_counts_as_the_run_does(printed,
 PRESENT = "present in the mesh"
 CUTS = {
     "cut": (lambda: lacmesh.cut_skin(blocks(), "slave").mesh, PRESENT),
-    "bare": (lambda: bare(), "of an earlier cut without records, and are cut as they are"),
+    "bare": (lambda: bare(), "made for this run"),
     "recognised": (lambda: lacmesh.recognise(bare(), "slave").mesh, PRESENT),
     **{
         kind: (lambda kind=kind: stack(kind, "QUAD4", 2, counts=(3, 2)), "not needed: every slave face is a macro")

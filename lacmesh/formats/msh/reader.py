@@ -176,7 +176,8 @@ class MshReader:
         extra = note.get("extra_cells", [])
         n = sum(len(e.number) for e in self.elements)
         counts = self.out.size("node"), n + sum(len(e.number) for e in extra)
-        by_number = [key for key in ("node_groups", "cell_groups", "extra_cells", "node_entity") if key in note]
+        of_numbers = ("node_groups", "cell_groups", "extra_cells", "node_entity")
+        by_number = [key for key in of_numbers if len(note.get(key, ()))]
         if by_number and (note["nodes"], note["cells"]) != counts:
             self.out.warnings.append(
                 f"the section ${NOTE} was written for {note['nodes']} nodes and {note['cells']} cells, and the file "
