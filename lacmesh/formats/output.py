@@ -127,7 +127,7 @@ def readable(name: str) -> str:
 
 @contextmanager
 def temporary_folder() -> Iterator[Path]:
-    """Yield a folder to exchange files with a child process. Raises WriteError if it takes no files."""
+    """Yield a folder to exchange files with gmsh. Raises WriteError if it takes no files."""
     try:
         with tempfile.TemporaryDirectory(prefix="lacmesh-") as name:
             yield Path(name)

@@ -9,7 +9,6 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from lacmesh.cells import ALL_CELLS
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD
 from lacmesh.errors import LacmeshWarning, RequestError
 from lacmesh.formats import read, write
-from lacmesh.formats.output import signals_wait
+from lacmesh.formats.output import signals_wait, temporary_folder
 from lacmesh.mesh import Floats, Ints, Mesh
 
 if TYPE_CHECKING:
@@ -86,7 +85,7 @@ def from_mesh(mesh: Mesh, name: str | None = None) -> None:
     name = mesh.name if name is None else name
     if name in gmsh.model.list():
         raise RequestError(f"gmsh has a model named {name!r} already; choose another name")
-    with TemporaryDirectory(prefix="lacmesh-") as folder:
+    with temporary_folder() as folder:
         path = Path(folder, "mesh.msh")
         write(path, mesh)
         gmsh.model.add(name)
@@ -133,7 +132,7 @@ def cut_model(
         recognise=recognise,
     )
     if cut.mesh is not before:
-        with TemporaryDirectory(prefix="lacmesh-") as folder, signals_wait():
+        with temporary_folder() as folder, signals_wait():
             path = Path(folder, "cut.msh")
             write(path, cut.mesh if views else _without_records(cut.mesh))
             content = path.read_bytes()  # without its mesh: the head, and what follows the cells
@@ -195,7 +194,7 @@ def _parameters(gmsh: Any, dim: int, tag: int, points: Floats) -> Floats:
 
 def _saved(gmsh: Any, views: Iterable[int]) -> Mesh:
     """The current model as gmsh saves it, with the data of some views; warnings name the model, not the file."""
-    with TemporaryDirectory(prefix="lacmesh-") as folder, _options(gmsh, _WHOLE):
+    with temporary_folder() as folder, _options(gmsh, _WHOLE):
         path = Path(folder, "model.msh")
         gmsh.write(str(path))
         for view in views:

@@ -13,14 +13,13 @@ from lacmesh.report.cut_report import (
     summarise,
     write_report,
 )
-from lacmesh.report.quality_plot import bar, check_plot, plot_quality
+from lacmesh.report.quality_plot import check_plot, plot_quality
 from lacmesh.report.touched import refuse_poor, refuse_poor_children, touched
 
 __all__ = [
     "ChildrenQuality",
     "CutReport",
     "CutSummary",
-    "bar",
     "check_plot",
     "check_report",
     "children_quality",

@@ -82,13 +82,3 @@ def _draw(axis: Any, kind: TypeQuality, measure: str | None) -> None:
     axis.set_xlabel(summary, fontsize=8.5)
     axis.tick_params(labelsize=8.5, length=3)
     axis.spines[["top", "right", "left"]].set_visible(False)
-
-
-def bar(count: int, total: int, width: int = 24) -> str:
-    """Bar as long as the share of `count` in `total`; any count above 0 is visible.
-
-    >>> bar(1, 4, 8), bar(1, 10**6), bar(0, 4)
-    ('██', '▏', '')
-    """
-    eighths = max(round(8 * width * count / max(total, 1)), 1 if count else 0)
-    return "█" * (eighths // 8) + " ▏▎▍▌▋▊▉"[eighths % 8].strip()
