@@ -31,6 +31,8 @@ from lacmesh.mesh import Floats, Mesh, MeshLike, as_mesh
 PICTURES, PAGES = (".png",), (".html", ".htm")
 #: the largest side of a picture in pixels, the widest gap in diagonals of the mesh, cells that a thumbnail may have
 _LARGEST, _WIDEST, _SMALL = 16384, 100.0, 50_000
+#: address from which the viewer of pyvista's pages takes an icon
+_ICON = "https://kitware.github.io/vtk-js/icon/favicon-"
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,7 @@ def page_of(plot: Any) -> str:
     with redirect_stderr(io.StringIO()):  # trame looks for a newer viewer in the network, and prints that there is none
         text: str = plot.trame.export_html(None).getvalue()
     plot.close()
-    return text
+    return text.replace(_ICON, "data:,")  # the viewer would ask the network for the icon of its tab
 
 
 @cache

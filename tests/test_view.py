@@ -334,10 +334,13 @@ def test_a_page_opens_offline_and_turns(tmp_path, capsys):
     assert status(capsys, cut_blocks(tmp_path), "--master", "master", "-o", target)[0] == 0
     text = target.read_text(encoding="utf-8")
     assert not re.search(r"""(?:src|href)\s*=\s*["']https?:""", text) and target.stat().st_size < 5e6
-    started = Browser(tmp_path / "browser")
+    started = Browser(tmp_path / "browser", size=(400, 300))  # software draws large pages in minutes
     try:
         started.ask("Page.navigate", url=target.as_uri())
         started.wait("document.querySelector('canvas')?.width > 100")
+        before = started.screenshot()
+        started.drag((200, 150), (120, 100))
+        assert started.screenshot() != before
         assert not [line for line in started.said if "error" in json.dumps(line).lower()]
     finally:
         started.close()

@@ -92,13 +92,6 @@ class Browser:
             raise RuntimeError(f"the page opened a dialog: {event['params']['message']}")
         return event
 
-    def open(self, path, anchor="", seconds=300):
-        """Open a page of a file and wait until it says that it is done, or has failed."""
-        self.said.clear()
-        self.ask("Page.navigate", url="about:blank")
-        self.ask("Page.navigate", url=f"{path.as_uri()}#{anchor}")
-        self.wait("location.protocol == 'file:' && document.documentElement?.dataset.state", seconds)
-
     def wait(self, expression, seconds=300):
         """The value of an expression of JavaScript, once it is true."""
         until = time.monotonic() + seconds
@@ -115,9 +108,9 @@ class Browser:
             raise RuntimeError(str(found["exceptionDetails"]))
         return found["result"].get("value")
 
-    def data(self, name):
-        """A `data-` attribute of the page's root."""
-        return self.value(f"document.documentElement.dataset.{name}")
+    def screenshot(self):
+        """The picture of the page, as text."""
+        return self.ask("Page.captureScreenshot", format="png")["data"]
 
     def mouse(self, kind, x, y, **rest):
         """A `mousePressed`, `mouseReleased` or `mouseMoved` at a point of the page."""
@@ -130,12 +123,6 @@ class Browser:
             x, y = (a + (b - a) * k / 5 for a, b in zip(start, end, strict=True))
             self.mouse("mouseMoved", x, y, button="left", buttons=1)
         self.mouse("mouseReleased", *end, button="left", clickCount=1)
-
-    def click(self, x, y):
-        """A click of the left button."""
-        self.mouse("mouseMoved", x, y)
-        for kind in ("mousePressed", "mouseReleased"):
-            self.mouse(kind, x, y, button="left", clickCount=1)
 
     def close(self):
         """End the browser."""
