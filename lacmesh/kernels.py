@@ -32,7 +32,7 @@ from typing import Any, ClassVar, overload
 import numpy as np
 
 #: numbers in the arrays of a call from which it runs compiled, if the kernel is cached, and if it is not. As it stands,
-#: a number takes one to ten microseconds; to load a kernel takes 2 to 15 ms, numba 200
+#: a number takes one to ten microseconds; to load a kernel takes 2 to 15 ms, numba 400
 CACHED_FROM, COMPILED_FROM = 300, 100_000
 #: numbers in all calls of a process from which a kernel that is not cached is compiled by later ones
 WORTH_CACHING = 500_000

@@ -72,10 +72,10 @@ def size_of(mesh: Mesh) -> float:
     return float(np.ptp(x, axis=0).max()) if len(x) else 0.0
 
 
-def told(x: Iterable[float], size: float, digits: int = 5) -> list[str]:
+def format_coordinates(x: Iterable[float], size: float, digits: int = 5) -> list[str]:
     """Format coordinates to `digits` significant digits of the model's size, or of themselves if they are smaller.
 
-    >>> told([500001.25, 1 / 3, 1e-17], 2.0)
+    >>> format_coordinates([500001.25, 1 / 3, 1e-17], 2.0)
     ['500001.25', '0.33333', '0']
     """
     return [f"{0.0 if abs(v) <= _NOTHING * size else v:.{digits + _more(v, size)}g}" for v in x]

@@ -9,7 +9,7 @@ import pytest
 
 from lacmesh import Mesh, check, cut_skin, measure_quality, orient
 from lacmesh.drawing import Drawing
-from lacmesh.origin import from_origin, origin_of, origin_of_mesh, size_of, told
+from lacmesh.origin import format_coordinates, from_origin, origin_of, origin_of_mesh, size_of
 from tests.lacsolver.patch_meshes import stack
 from verification.meshes.stacks import tilt
 
@@ -115,5 +115,5 @@ def test_the_origin_costs_no_digit_and_is_not_moved_by_nodes_of_no_cell_and_wild
     assert origin_of_mesh(mesh).tolist() == [5e5, 0, 0]
     assert origin_of(np.full((2, 3), np.inf)).tolist() == [0, 0, 0]
     assert from_origin(mesh, np.zeros(3)) is mesh and size_of(Mesh.create([[np.inf, 0]], [])) == 0
-    assert told([0.123456789, -7.0, 1e-12], 1.0) == ["0.12346", "-7", "0"]
-    assert told([5000001.25], 2.0) == ["5000001.25"] and told([1.0], 0.0) == ["1"]
+    assert format_coordinates([0.123456789, -7.0, 1e-12], 1.0) == ["0.12346", "-7", "0"]
+    assert format_coordinates([5000001.25], 2.0) == ["5000001.25"] and format_coordinates([1.0], 0.0) == ["1"]

@@ -68,7 +68,7 @@ def _print_findings(findings: lacmesh.Findings, mesh: lacmesh.Mesh) -> None:
     for f in findings:
         places = [f"in {f.where.group}"] if f.where.group and not f.where.pair else []
         if f.where.box and f.severity != "info":
-            axes = zip("xyz", *(lacmesh.origin.told(corner, size) for corner in f.where.box), strict=True)
+            axes = zip("xyz", *(lacmesh.origin.format_coordinates(corner, size) for corner in f.where.box), strict=True)
             places.append(", ".join(f"{a} {lo}" if lo == hi else f"{a} {lo} to {hi}" for a, lo, hi in axes))
         where = f" [{'; '.join(places)}]" if places else ""
         rows.append((Text(f.severity, _STYLE[f.severity]), f.rule, f.message + where))

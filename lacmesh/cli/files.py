@@ -57,7 +57,7 @@ def _print_content(title: str, described: dict[str, Any], tags: Mapping[str, tup
     if described["bounding_box"]:
         low, high = described["bounding_box"]
         size = max(b - a for a, b in zip(low, high, strict=True))
-        ends = (lacmesh.origin.told(corner, size, 6) for corner in (low, high))
+        ends = (lacmesh.origin.format_coordinates(corner, size, 6) for corner in (low, high))
         print("box: " + ", ".join(f"{a} in [{lo}, {hi}]" for a, lo, hi in zip("xyz", *ends, strict=True)))
     print_table(("type", "+cells"), [(name, f"{count:,}") for name, count in described["cells_by_type"].items()])
     groups = []

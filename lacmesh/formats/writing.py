@@ -52,7 +52,7 @@ def left_out(mesh: Mesh) -> list[str]:
         "tags of groups": bool(mesh.group_tags),
         "periodic links": mesh.model is not None and bool(mesh.model.periodic),
     }
-    said = [f"fields are left out: {', '.join(fields)}"] if fields else []
-    said += [f"the zones of the cut are left out: {', '.join(mesh.zones)}"] if mesh.zones else []
+    clauses = [f"fields are left out: {', '.join(fields)}"] if fields else []
+    clauses += [f"the zones of the cut are left out: {', '.join(mesh.zones)}"] if mesh.zones else []
     of_gmsh = [what for what, there in has.items() if there]
-    return said + ([f"what only gmsh knows is left out: {', '.join(of_gmsh)}"] if of_gmsh else [])
+    return clauses + ([f"what only gmsh knows is left out: {', '.join(of_gmsh)}"] if of_gmsh else [])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lacmesh.errors import listed
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Ints, Mesh
-from lacmesh.origin import told
+from lacmesh.origin import format_coordinates
 
 Array = NDArray[Any]
 #: a sum, or the largest values, over all processes
@@ -190,5 +190,5 @@ def _boxes(mesh: Mesh, node: Ints, n: int, largest: OverAll) -> Iterator[str]:
     low, high = -(both := largest(ends))[0], both[1]
     size = float((high.max(axis=0) - low.min(axis=0)).max())
     for corners in zip(low, high, strict=True):
-        a, b = (", ".join(told(corner[: mesh.space_dim], size)) for corner in corners)
+        a, b = (", ".join(format_coordinates(corner[: mesh.space_dim], size)) for corner in corners)
         yield f"between ({a}) and ({b})"

@@ -23,7 +23,7 @@ from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, some
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
-from lacmesh.origin import from_origin, origin_of_mesh, told
+from lacmesh.origin import format_coordinates, from_origin, origin_of_mesh
 from lacmesh.quality.determinant import validity_among
 from lacmesh.reference.shapes import shape
 from lacmesh.smooth import surface_of
@@ -267,6 +267,6 @@ def _check_kept(mesh: Mesh, done: Sequence[tuple[_Pair, Ints, float]], origin: F
             if off_by.max(initial=0.0) > _KEPT * longest:
                 at = nodes[int(off_by.argmax())]
                 place, size = (mesh.points[at] + origin)[: mesh.space_dim], float(np.ptp(mesh.points, axis=0).max())
-                where = ", ".join(told(place, size))
+                where = ", ".join(format_coordinates(place, size))
                 message = f"adjust moves nodes off the master of {pair.record.name!r} again, as near ({where})"
                 raise wrong(later.record, f"{message}; adjust one of the two, or the other one first")

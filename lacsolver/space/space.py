@@ -26,7 +26,7 @@ from scipy.sparse import csr_array
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, RequestError, did_you_mean
 from lacmesh.mesh import Floats, Ints, Mesh, concatenated, fixed, mask_of
-from lacmesh.origin import from_origin, origin_of_mesh, told
+from lacmesh.origin import format_coordinates, from_origin, origin_of_mesh
 from lacmesh.reference.shapes import gradient
 from lacmesh.topology.bodies import label_bodies
 from lacmesh.topology.skin import lacking
@@ -198,7 +198,7 @@ class Space:
 
     def told(self, x: Floats, digits: int = 6) -> list[str]:
         """Return the formatted coordinates of a place x (3,) or (dim,), those of the model only."""
-        return told(x[: self.dim], self.extent, digits)
+        return format_coordinates(x[: self.dim], self.extent, digits)
 
     @property
     def dim(self) -> int:
