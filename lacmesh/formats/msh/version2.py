@@ -71,11 +71,11 @@ class Reader2(MshReader):
         source = self.source
         n = source.count("Elements")
         source.begin("Elements", integers=True)
-        table = source.rest().astype(np.int64, copy=False)
+        table = source.left().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
         n_found, end = find_elements(table, n, source.binary, N_NODES, start, kind, n_tags)
-        source.rewind(len(table) - end)
+        source.take("int", end)
         if n_found < n:
             self._refuse(table[end : end + 3].tolist(), n - n_found)
         gmsh_types, first = np.unique(kind, return_index=True)
@@ -204,7 +204,7 @@ def write_sections(
 ) -> None:
     """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped."""
     out.text(f"$Nodes\n{mesh.n_nodes}\n")
-    out.numbered_rows(node_number, mesh.points)
+    out.rows(("<i4", "<f8"), node_number, mesh.points)
     out.end("Nodes")
     _write_elements(out, mesh, entities, node_number, cell_number, partition)
     _write_periodic(out, mesh, node_number)
@@ -240,7 +240,7 @@ def _write_elements(
             out.array(np.column_stack([cell_number[cells], *tags, nodes]).astype("<i4"))
         else:
             head = np.broadcast_to([kinds[k], len(tags)], (b - a, 2))
-            out.int_rows(np.column_stack([cell_number[cells], head, *tags, nodes]))
+            out.rows((), cell_number[cells], head, *tags, nodes)
     out.end("Elements")
 
 

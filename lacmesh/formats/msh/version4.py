@@ -10,7 +10,7 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
-from lacmesh.formats.ids import CHUNK, counts_up
+from lacmesh.formats.ids import CHUNK
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import MshSource, Output
 from lacmesh.formats.writing import file_order
@@ -163,8 +163,8 @@ def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: I
     for row, which in of_nodes:
         number = node_number[which]
         out.record("3iq", *entities.entities[row][:2], 0, len(number))
-        out.int_rows(number[:, None])
-        out.real_rows(mesh.points[which])
+        out.rows(["<i8"], number)
+        out.rows(["<f8"], mesh.points[which])
     out.end("Nodes")
     _write_elements(out, entities, [c for c in chunks if c.type is not None], node_number)
     links = () if mesh.model is None else mesh.model.periodic
@@ -175,7 +175,7 @@ def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: I
             out.record("3i", *link.slave, link.master[1])
             out.record(f"q{len(link.affine)}d", len(link.affine), *link.affine)
             out.record("q", len(link.nodes))
-            out.int_rows(node_number[np.asarray(link.nodes, np.int64).reshape(-1, 2)])
+            out.rows(["<i8"], node_number[np.asarray(link.nodes, np.int64).reshape(-1, 2)])
         out.end("Periodic")
 
 
@@ -242,21 +242,12 @@ def _widen(box: Floats, points: Floats) -> None:
 
 
 def _write_elements(out: Output, entities: Assignment, chunks: list[_Chunk], node_number: Ints) -> None:
-    up = counts_up(node_number)
     out.text("$Elements\n")
     out.record("4q", len(chunks), sum(len(c.number) for c in chunks), *_extremes([c.number for c in chunks]))
     for c in chunks:
         out.record("3iq", *entities.entities[c.row][:2], c.type or 0, len(c.number))
-        rows = np.empty((min(len(c.number), CHUNK), 1 + c.nodes.shape[1]), "<i8")
         for a in range(0, len(c.number), CHUNK):
-            nodes = c.nodes[a : a + CHUNK]
-            some = rows[: len(nodes)]
-            some[:, 0] = c.number[a : a + CHUNK]
-            if up:
-                np.add(nodes, 1, out=some[:, 1:])
-            else:
-                some[:, 1:] = node_number[nodes]
-            out.int_rows(some)
+            out.rows(("<i8", "<i8"), c.number[a : a + CHUNK], node_number[c.nodes[a : a + CHUNK]])
     out.end("Elements")
 
 

@@ -59,7 +59,7 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
             for head, there, values, field in field_rows(path, on, data, mesh.steps):
                 shape = f"3\n{head.step}\n{values.shape[1]}\n{len(there)}"
                 out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n{shape}\n')
-                out.numbered_rows(numbers[there], values)
+                out.rows(("<i4", "<f8"), numbers[there], values)
                 out.end(section)
                 note["fields"] += [field] if field else []
         note = {key: value for key, value in note.items() if len(value)}
