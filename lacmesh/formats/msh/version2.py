@@ -7,6 +7,7 @@ for each of them: such elements are made one cell again. We write it once, with 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, El
 from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.writing import file_order
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints, Mesh, concatenated
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
@@ -50,10 +51,15 @@ class Reader2(MshReader):
     def complete(self) -> None:
         """Merge elements that repeat a cell for a group, and warn of them. Raises ReadError."""
         number = concatenated(e.number for e in self.elements)
-        twice = repeated(number) if number.min(initial=1) > 0 else None
+        twice, further = (repeated(number) if number.min(initial=1) > 0 else None), list[tuple[Tag, Ints]]()
         if twice is not None:
             raise self.error("Elements")(f"two cells have the number {twice}", 0)
-        self.repeats = np.concatenate([self.repeats, *map(_merge, self.elements)], axis=1)
+        for e in self.elements:
+            repeats, tags = _merge(e)
+            self.repeats = np.concatenate([self.repeats, repeats], axis=1)
+            self.members += _by_value(ALL_CELLS[e.type].dim, e.physical, e.number)
+            further += _by_value(ALL_CELLS[e.type].dim, tags, repeats[1])
+        self.members += further
         n_merged = self.repeats.shape[1]
         if not n_merged:
             return
@@ -165,8 +171,17 @@ def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: igno
     return n_found, place
 
 
-def _merge(e: Elements) -> Ints:
-    """Remove the elements that repeat another one for a further group, and return their `MshReader.repeats`.
+def _by_value(dim: int, tags: Ints | None, numbers: Ints) -> Iterator[tuple[Tag, Ints]]:
+    """Yield each physical group other than 0 of elements of a dimension, and the numbers of those in it."""
+    assert tags is not None
+    order = np.argsort(tags, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(tags[order])) + 1):
+        if len(rows) and tags[rows[0]]:
+            yield (dim, int(tags[rows[0]])), numbers[rows]
+
+
+def _merge(e: Elements) -> tuple[Ints, Ints]:
+    """Remove elements that repeat another one for a further group; return `MshReader.repeats` and their groups' tags.
 
     Repeats have the same nodes in the same order and the same entity, and each another group; the smallest number is
     kept.
@@ -174,7 +189,7 @@ def _merge(e: Elements) -> Ints:
     assert e.physical is not None and e.at is not None
     rows = np.flatnonzero(e.physical)
     if not len(rows) or e.physical.min() == e.physical.max():
-        return np.empty((4, 0), np.int64)
+        return np.empty((2, 0), np.int64), np.empty(0, np.int64)
     label, n = label_rows(np.column_stack([e.nodes, e.entity[:, 1]])[rows])
     several = np.bincount(label, minlength=n)[label] > 1
     label, rows = label[several], rows[several]
@@ -187,13 +202,12 @@ def _merge(e: Elements) -> Ints:
     label, rows = label[order], rows[order]
     begins = np.append(True, label[1:] != label[:-1])[: len(rows)]
     keeper, merged = rows[begins][np.cumsum(begins) - 1][~begins], rows[~begins]
-    dim = np.full(len(merged), ALL_CELLS[e.type].dim)
-    repeats = np.stack([e.number[merged], e.number[keeper], dim, e.physical[merged]])
+    repeats, tags = np.stack([e.number[merged], e.number[keeper]]), e.physical[merged]
     kept = np.ones(len(e.number), bool)
     kept[merged] = False
     e.number, e.nodes, e.entity, e.at, e.physical = (a[kept] for a in (e.number, e.nodes, e.entity, e.at, e.physical))
     e.partition = e.partition if isinstance(e.partition, int) else e.partition[kept]
-    return repeats
+    return repeats, tags
 
 
 # ---- writing
