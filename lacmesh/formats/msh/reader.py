@@ -256,15 +256,11 @@ def _read_note(source: MshSource) -> dict[str, Any]:
             return note
         integers([note["nodes"], note["cells"]])
         noted_fields(Mesh.create(np.empty((0, 3)), []), {key: note[key] for key in _FIELDS if key in note})
-        for key, of, shape in (
-            ("groups", "tags", (-1, 2)),
-            ("node_groups", "nodes", (-1,)),
-            ("cell_groups", "cells", (-1,)),
-        ):
+        for key, of, *shape in (("groups", "tags", 2), ("node_groups", "nodes"), ("cell_groups", "cells")):
             listed = note.get(key, {})
             if isinstance(listed, list):  # of version 1
                 listed = {entry["name"]: entry[of] for entry in listed}
-            note[key] = {name: integers(values, shape) for name, values in listed.items()}
+            note[key] = {name: integers(values, (-1, *map(int, shape))) for name, values in listed.items()}
         note["groups"] = {name: tuple(map(tuple, tags.tolist())) for name, tags in note["groups"].items()}
         note["extra_cells"] = [
             Elements(
