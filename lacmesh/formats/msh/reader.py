@@ -224,14 +224,14 @@ class MshReader:
         used, group_tags = {*named.values(), *noted}, dict[str, tuple[Tag, ...]]()
         for name in [*named.values(), *noted]:
             out.group("cell", name)
-        for group in sorted(there - named.keys()):
-            name = unnamed(group)
+        for key in sorted(there - named.keys()):
+            name = unnamed(key)
             while name in used:
                 name += "'"
             used.add(name)
-            named[group] = name
-        for group, name in named.items():
-            group_tags[name] = (*group_tags.get(name, ()), group)
+            named[key] = name
+        for key, name in named.items():
+            group_tags[name] = (*group_tags.get(name, ()), key)
             out.group("cell", name)
         with_entity = any((np.asarray(e.entity) > 0).any() for e in self.elements)
         with_partition = any(not isinstance(e.partition, int) or e.partition >= 0 for e in self.elements)
