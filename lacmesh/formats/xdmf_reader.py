@@ -402,12 +402,8 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
 
 def _first_of_equal(cells: VtkCells) -> Ints:
     """Return for each cell (n,) the first one of the same type on the same nodes."""
-    width = np.diff(cells.ends, prepend=0)
-    first = np.arange(len(width))
-    code = cells.types.astype(np.int64) << 32 | width
-    for value in np.unique(code):
-        here = np.flatnonzero(code == value)
-        n = int(width[here[0]])
-        label, _ = label_rows(np.sort(cells.connectivity[(cells.ends[here] - n)[:, None] + np.arange(n)], axis=1))
-        first[here] = here[np.unique(label, return_index=True)[1][label]]
+    first = np.arange(len(cells.types))
+    for _, _, rows, nodes in cells.by_kind():
+        label, _ = label_rows(np.sort(nodes, axis=1))
+        first[rows] = rows[np.unique(label, return_index=True)[1][label]]
     return first

@@ -213,26 +213,21 @@ def _merge(e: Elements) -> tuple[Ints, Ints]:
 # ---- writing
 
 
-def write_sections(
-    out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
-) -> None:
-    """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped."""
-    out.text(f"$Nodes\n{mesh.n_nodes}\n")
-    out.rows(("<i4", "<f8"), node_number, mesh.points)
-    out.end("Nodes")
-    _write_elements(out, mesh, entities, node_number, cell_number, partition)
-    _write_periodic(out, mesh, node_number)
-
-
 def first_group(entities: Assignment) -> Ints:
     """Tag of the one physical group of each entity that msh 2.2 has room for, 0 for none."""
     return np.array([e.groups[0] if e.groups else 0 for e in entities.entities], np.int64)
 
 
-def _write_elements(
+def write_sections(
     out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
 ) -> None:
-    """Write the elements in the file's order, in runs of one type and one count of tags."""
+    """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped.
+
+    Elements are in the file's order, in runs of one type and one count of tags. Links are text in binary files too.
+    """
+    out.text(f"$Nodes\n{mesh.n_nodes}\n")
+    out.rows(("<i4", "<f8"), node_number, mesh.points)
+    out.end("Nodes")
     order = file_order(mesh)
     block = np.searchsorted(mesh.offsets, order, side="right") - 1
     kinds = np.array([ALL_CELLS[b.type].msh or 0 for b in mesh.blocks], np.int64)
@@ -256,10 +251,6 @@ def _write_elements(
             head = np.broadcast_to([kinds[k], len(tags)], (b - a, 2))
             out.rows((), cell_number[cells], head, *tags, nodes)
     out.end("Elements")
-
-
-def _write_periodic(out: Output, mesh: Mesh, node_number: Ints) -> None:
-    """Write the periodic links, as text in binary files too."""
     links = () if mesh.model is None else mesh.model.periodic
     if not links:
         return
