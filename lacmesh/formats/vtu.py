@@ -265,19 +265,19 @@ def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, sev
 
 
 def _read_cells(document: _Document, piece: XmlElement, n_points: int, k: int) -> VtkCells:
-    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
     arrays = {array.get("Name"): array for array in piece.findall("Cells/DataArray")}
     read: dict[str, Ints] = {}
     for name in ("offsets", "types", "connectivity"):
         most = k + 1 if name != "connectivity" else max([0, *read["offsets"].tolist()[-1:]])
         read[name] = document.array(arrays[name], most) if name in arrays else np.empty(0, np.int64)
         if read[name].dtype.kind not in "iu":
-            raise error(f"{name} should be integers")
+            raise document.error(f"{name} should be integers", "<Cells>")
     ends, types = read["offsets"], read["types"]
     if len(ends) == len(types) + 1 and ends[0] == 0:
         ends = ends[1:]
     if len(ends) != k or len(types) != k:
-        raise error(f"holds {len(types)} types and {len(ends)} offsets for {k} cells")
+        raise document.error(f"holds {len(types)} types and {len(ends)} offsets for {k} cells", "<Cells>")
+    error = lambda message: document.error(message, "<Cells>")  # noqa: E731
     return checked_cells(VtkCells(read["connectivity"], ends, types), n_points, error)
 
 

@@ -23,7 +23,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
@@ -38,20 +37,16 @@ from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
 from lacmesh.formats.output import readable
 from lacmesh.formats.vtu import legal
 from lacmesh.formats.writing import file_order, is_plane
+from lacmesh.formats.xdmf_reader import ID, PLACE, read
 from lacmesh.mesh import Ints, Mesh, mask_of
 
-ID, TAGS, PLACE = "lacmesh_id", "tags", "file_place"
+__all__ = ["read", "write"]
+
+TAGS = "tags"
 #: where the two files' common mark goes, once all arrays are written
 _MARK = "<!-- mark -->"
 _KINDS = {1: "Scalar", 3: "Vector", 6: "Tensor6", 9: "Tensor"}
 _NUMBERS = {"i": "Int", "u": "UInt", "f": "Float"}
-
-
-def read(path: Path, mesh: str | None = None) -> Mesh:
-    """Read the mesh of an XDMF file, or its grid `mesh`, see `xdmf_reader.py`."""
-    from lacmesh.formats import xdmf_reader
-
-    return xdmf_reader.read(path, mesh)
 
 
 def write(
@@ -124,14 +119,6 @@ class _Sink:
 def _information(name: str, value: str) -> str:
     """Information with a named text, which is wrapped in an XML element of its own, as meshio expects."""
     return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
-
-
-def information_text(information: ElementTree.Element) -> str:
-    """The text of an Information. Raises ValueError."""
-    try:
-        return ElementTree.fromstring("".join(information.itertext())).get("value", "")
-    except ElementTree.ParseError as error:
-        raise ValueError(str(error)) from None
 
 
 def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:

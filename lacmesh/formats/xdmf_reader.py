@@ -35,12 +35,12 @@ from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
 from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
-from lacmesh.formats.xdmf import ID, PLACE, information_text
 from lacmesh.mesh import Floats, Ints, Mesh, Step, mask_of
 from lacmesh.topology.skin import label_rows
 
 Element = ElementTree.Element
 
+ID, PLACE = "lacmesh_id", "file_place"
 _KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
 _POINTER = re.compile(r"\s*(?:xpointer\()?(/[^()]*?)(?:/\*\[([^\]]*)\])?\)?\s*")
 _OF_NAME = {cell.name.lower(): cell for cell in XDMF_CELLS.values()}
@@ -208,8 +208,8 @@ def _read_information(source: _Source, domain: Element, out: MeshBuilder) -> Non
     for information in domain.iter("Information"):
         if (name := information.get("Name", "")) in (ID, NOTE):
             try:
-                texts[name] = information_text(information)
-            except ValueError:
+                texts[name] = ElementTree.fromstring("".join(information.itertext())).get("value", "")
+            except (ElementTree.ParseError, ValueError):
                 out.warnings.append(f"lacmesh's own note ({name}) is damaged and left out")
     if texts.get(NOTE):
         out.read_note(texts[NOTE])
@@ -310,7 +310,7 @@ def _parts(
 
 def _values(source: _Source, element: Element, size: int) -> NDArray:
     values = source.array(element)
-    if (size and values.size % size) or (not size and values.size):
+    if values.size % size if size else values.size:
         raise source.error(f"holds {values.size} values for {size} rows", element)
     width = values.size // size if size else values.shape[-1] if values.ndim == 2 else 1
     return values.reshape(size) if width == 1 else values.reshape(size, width)

@@ -243,8 +243,8 @@ class MshReader:
                 data["partition"] = np.broadcast_to(np.asarray(e.partition, np.int32), n)
             groups = [named[tag] for tag in e.groups]
             out.cells(e.type, e.number, e.nodes, groups=groups, at=e.at, error=self.error("Elements"), **data)
-        for tag, number in self.members:
-            out.group("cell", named[tag], number)
+        for key, number in self.members:
+            out.group("cell", named[key], number)
         return group_tags
 
 
