@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, count
 from pathlib import Path
@@ -123,7 +123,8 @@ def add_arrays(out: MeshBuilder, on: str, arrays: Mapping[str, NDArray], rows: I
         name = str(names.get(key, key))
         if key == NUMBER[on] and values.ndim == 1:
             continue
-        if key.startswith(GROUP) and _is_mark(values):
+        whole = _integers(values) if key.startswith(GROUP) and values.ndim == 1 else None
+        if whole is not None and whole.min(initial=0) >= 0 and whole.max(initial=0) <= 1:
             inside = np.flatnonzero(values)
             out.group(on, str(names.get(key, key.removeprefix(GROUP))), inside if rows is None else rows[inside])
         else:
@@ -139,11 +140,6 @@ def _noted(out: MeshBuilder, key: str, on: str) -> Mapping[str, Any]:
         out.warnings.append("lacmesh's own note is damaged and left out")
         return {}
     return noted
-
-
-def _is_mark(values: NDArray) -> bool:
-    whole = _integers(values) if values.ndim == 1 else None
-    return whole is not None and (not len(whole) or (whole.min() >= 0 and whole.max() <= 1))
 
 
 def _integers(values: NDArray) -> Ints | None:
@@ -236,6 +232,16 @@ class VtkCells(NamedTuple):
     ends: Ints
     types: Ints
 
+    def by_kind(self) -> Iterator[tuple[int, int, Ints, Ints]]:
+        """Yield each type's number and size n, the rows (k,) of its cells and their nodes (k, n)."""
+        code = self.types.astype(np.int64) << 32 | np.diff(self.ends, prepend=0)
+        for value in np.unique(code).tolist():
+            rows, n = np.flatnonzero(code == value), value & 0xFFFFFFFF
+            if len(rows) == len(code):
+                yield value >> 32, n, rows, self.connectivity.reshape(len(rows), n)
+            else:
+                yield value >> 32, n, rows, self.connectivity[(self.ends[rows] - n)[:, None] + np.arange(n)]
+
 
 def vtk_cells(mesh: Mesh) -> VtkCells:
     """Return the cells of a mesh as VTK lists them, in the order of the file."""
@@ -270,24 +276,18 @@ def add_cells(
     `at` (k,): their positions among all cells, by default behind those that are there; -1 leaves a cell out. Raises
     ReadError for cells that lacmesh does not have.
     """
-    width = np.diff(cells.ends, prepend=0)
-    code = cells.types.astype(np.int64) << 32 | width
-    at = out.size("cell") + np.arange(len(code)) if at is None else at
-    for value in np.unique(code).tolist():
-        vtk_number, n = value >> 32, value & 0xFFFFFFFF
+    at = out.size("cell") + np.arange(len(cells.types)) if at is None else at
+    for vtk_number, n, rows, listed_nodes in cells.by_kind():
         cell = VTK_BY_NUMBER.get((vtk_number, n))
         if cell is None:
             what = VTK_NOT_READ.get(vtk_number, "cells that lacmesh does not know")
             raise error(f"{what} (VTK's type {vtk_number}, {n} nodes) are not read")
-        here = np.flatnonzero((code == value) & (at >= 0))
-        if len(here) == len(code):
-            rows = cells.connectivity.reshape(-1, n)
-        else:
-            rows = cells.connectivity[(cells.ends[here] - n)[:, None] + np.arange(n)]
+        there = at[rows] >= 0
+        here = rows[there]
         if old and vtk_number == LAGRANGE_HEXAHEDRON and n > 8:
-            rows = rows[:, lagrange_8_to_9(n)]
-        nodes = np.empty_like(rows)
-        nodes[:, cell.nodes] = rows + first_node if first_node else rows
+            listed_nodes = listed_nodes[:, lagrange_8_to_9(n)]
+        nodes = np.empty((len(here), n), listed_nodes.dtype)
+        nodes[:, cell.nodes] = (listed_nodes if there.all() else listed_nodes[there]) + first_node
         out.cells(cell.type, None if number is None else number[here], nodes, at=at[here])
 
 
@@ -311,12 +311,10 @@ def mesh_of_grid(path: Path, grid: Any) -> Mesh:
         out.read_note(note.tobytes() if note.dtype == np.uint8 else str(note[0]))
     arrays = {}
     for on, data in (("node", grid.point_data), ("cell", grid.cell_data)):
-        everything = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
-        kinds = {
-            name: values.astype(np.uint8) if values.dtype == bool else values for name, values in everything.items()
-        }
-        arrays[on] = {name: values for name, values in kinds.items() if values.dtype.kind in "iuf"}
-        left = [name for name in everything if name not in arrays[on]]
+        named = {name: np.asarray(data[name]) for name in data.keys()}  # noqa: SIM118, it is no mapping
+        named = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in named.items()}
+        arrays[on] = {name: values for name, values in named.items() if values.dtype.kind in "iuf"}
+        left = [name for name in named if name not in arrays[on]]
         out.warnings += [f"{on} data {', '.join(map(repr, left))} are no numbers, they are left out"] if left else []
     out.nodes(numbers_in(arrays["node"], "node", grid.n_points, out), np.asarray(grid.points, float))
     offsets = grid.cell_offsets if hasattr(grid, "cell_offsets") else grid.offset

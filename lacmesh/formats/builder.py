@@ -9,6 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -50,16 +51,45 @@ class _Run:
 
 @dataclass
 class _Listed:
-    """Nodes or cells of a file in runs; groups and data by number: members (k,), pairs of numbers and values."""
+    """Nodes or cells of a file in runs; groups and data by number: members (k,), pairs of numbers and values.
+
+    `place` (n,): positions in the file, `number` (n,), and `index`, from a number or a row, once all are there.
+    """
 
     word: str
     runs: list[_Run] = field(default_factory=list)
     groups: dict[str, list[tuple[Ints, ErrorAt | None]]] = field(default_factory=dict)
     data: dict[str, list[tuple[Ints | None, Any]]] = field(default_factory=dict)
+    place: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    number: Ints = field(default_factory=lambda: np.empty(0, np.int64))
+    index: Index = field(default_factory=lambda: Index(np.empty(0, np.int64)))
 
     @property
     def size(self) -> int:
         return sum(len(run.rows) for run in self.runs)
+
+    def order(self) -> None:
+        """Sort the runs by type, in the order of the types' first rows in the file, and find all places."""
+        n = self.size
+        free = np.ones(n, bool)
+        for run in self.runs:
+            if run.at is not None:
+                free[run.at] = False
+        rest, first = np.flatnonzero(free), dict[str, int]()
+        for run in self.runs:
+            if run.at is None:
+                run.at, rest = rest[: len(run.rows)], rest[len(run.rows) :]
+            first[run.type] = min(first.get(run.type, n), int(run.at.min(initial=n)))
+        self.runs.sort(key=lambda run: first[run.type])
+        following = 0
+        for run in self.runs:
+            run.first, following = following, following + len(run.rows)
+        self.place = concatenated(run.at for run in self.runs if run.at is not None)
+
+    def error(self, index: int, message: str) -> ReadError:
+        """Return the error about the node or cell of an index."""
+        run = next(run for run in self.runs if run.first <= index < run.span.stop)
+        return run.error(message, index - run.first)
 
 
 class MeshBuilder:
@@ -81,6 +111,7 @@ class MeshBuilder:
     ) -> None:
         self.path, self.warnings, self.note = path, list[str](), dict[str, Any]()
         self._rows_from, self._name_of = rows_from, name_of
+        self._lost = 0
         self._listed = {"node": _Listed("node"), "cell": _Listed(cell)}
 
     def nodes(self, number: Ints | None, points: Floats, *, error: ErrorAt | None = None, **data: Any) -> None:
@@ -143,28 +174,21 @@ class MeshBuilder:
 
         Raises ReadError for a number that is there twice, a node that is not, and coordinates that are not finite.
         """
-        nodes = self._listed["node"]
-        first = 0
-        for run in nodes.runs:
-            run.first, first = first, first + len(run.rows)
-        node_number, node_index = self._numbered("node", np.arange(nodes.size))
-        place = self._order_cells()
-        cell_number, cell_index = self._numbered("cell", place)
+        nodes, cells = self._listed.values()
+        for part in (nodes, cells):
+            part.order()
+            self._number(part)
         values: dict[str, Any] = {
-            "node_number": node_number,
-            "cell_number": cell_number,
-            "file_order": None if (place[1:] > place[:-1]).all() else np.argsort(place),
+            "node_number": nodes.number,
+            "cell_number": cells.number,
+            "file_order": None if (cells.place[1:] > cells.place[:-1]).all() else np.argsort(cells.place),
         }
-        points = self._points(node_number)
-        blocks = list(self._blocks(node_index, cell_number))
-        lost = 0
-        for on, index, at in (("node", node_index, np.arange(nodes.size)), ("cell", cell_index, place)):
-            values[f"{on}_groups"], lost_members = self._groups(on, index)
-            values[f"{on}_data"], lost_values = self._data(on, index, at)
-            lost += lost_members + lost_values
-        if lost:
+        points, blocks = self._points(nodes), list(self._blocks(nodes.index, cells))
+        for on, part in self._listed.items():
+            values |= {f"{on}_groups": self._groups(part), f"{on}_data": self._data(on, part)}
+        if self._lost:
             self.warnings.append(
-                f"{lost} values or members belong to nodes or cells that the file does not hold: left out"
+                f"{self._lost} values or members belong to nodes or cells that the file does not hold: left out"
             )
         mesh = Mesh.create(points, blocks, **values | rest)
         known = {*mesh.cell_data, *mesh.node_data}
@@ -197,77 +221,50 @@ class MeshBuilder:
     def _shown(self, numbers: Ints) -> str:
         return some(numbers) if self._name_of is None else listed(map(self._name_of, numbers.tolist()))
 
-    def _order_cells(self) -> Ints:
-        """Sort the runs of cells by type, in the order of the types' first cells; return the cells' positions."""
-        listed = self._listed["cell"]
-        free = np.ones(listed.size, bool)
-        for run in listed.runs:
-            if run.at is not None:
-                free[run.at] = False
-        rest, n_placed = np.flatnonzero(free), 0
-        for run in listed.runs:
-            if run.at is None:
-                run.at, n_placed = rest[n_placed : n_placed + len(run.rows)], n_placed + len(run.rows)
-        first = dict[str, int]()
-        for run in listed.runs:
-            assert run.at is not None
-            first[run.type] = min(first.get(run.type, listed.size), int(run.at.min()))
-        listed.runs.sort(key=lambda run: first[run.type])
-        following = 0
-        for run in listed.runs:
-            run.first, following = following, following + len(run.rows)
-        return concatenated(run.at for run in listed.runs if run.at is not None)
-
-    def _numbered(self, on: str, place: Ints) -> tuple[Ints, Index]:
-        """Return the numbers, and the map from a number (or a row) to the index; `place` (n,): positions in the file.
-
-        Raises ReadError for a number that is there twice, or below 1.
-        """
-        listed = self._listed[on]
-        runs = [run for run in listed.runs if run.number is not None]
-        counted = any(run.number is None for run in listed.runs)
-        number = place + 1 if counted else concatenated(run.number for run in runs if run.number is not None)
-        twice = None if counted else repeated(number)
+    def _number(self, listed: _Listed) -> None:
+        """Choose the numbers, and the index of a number (or a row). Raises ReadError for one twice, or below 1."""
+        by_run = [run.number for run in listed.runs if run.number is not None]
+        counted = len(by_run) < len(listed.runs)
+        listed.number = listed.place + 1 if counted else concatenated(by_run)
+        twice = None if counted else repeated(listed.number)
         if self._rows_from is not None:
+            listed.index = Index(listed.place + 1)
             if twice is not None:
                 self.warnings.append(f"{listed.word}s are numbered from 1, the file gives several the number {twice}")
-                number = place + 1
-            return number, Index(place + 1)
-        least = int(number.min(initial=1))
+                listed.number = listed.place + 1
+            return
+        least = int(listed.number.min(initial=1))
         if least < 1:
-            run, row = _where(runs, least)
-            raise run.error(f"a {listed.word} has the number {least}; numbers start at 1", row)
+            message = f"a {listed.word} has the number {least}; numbers start at 1"
+            raise listed.error(int(listed.number.argmin()), message)
         if twice is not None:
-            run, row = _where(runs[::-1], twice)
-            raise run.error(f"two {listed.word}s have the {self._name(twice)}", row)
-        return number, Index(number)
+            last = int(np.flatnonzero(listed.number == twice)[-1])
+            raise listed.error(last, f"two {listed.word}s have the {self._name(twice)}")
+        listed.index = Index(listed.number)
 
-    def _points(self, number: Ints) -> Floats:
-        listed = self._listed["node"]
-        points = np.zeros((listed.size, 3))
-        for run in listed.runs:
+    def _points(self, nodes: _Listed) -> Floats:
+        points = np.zeros((nodes.size, 3))
+        for run in nodes.runs:
             points[run.span, : run.rows.shape[1]] = run.rows
         bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
         if len(bad):
-            run = next(run for run in listed.runs if run.first <= bad[0] < run.span.stop)
-            message = f"the coordinates of nodes {self._shown(number[bad])} are not finite numbers"
-            raise run.error(message, int(bad[0]) - run.first)
+            message = f"the coordinates of nodes {self._shown(nodes.number[bad])} are not finite numbers"
+            raise nodes.error(int(bad[0]), message)
         return points
 
-    def _blocks(self, nodes: Index, number: Ints) -> Iterator[tuple[str, Ints]]:
+    def _blocks(self, nodes: Index, cells: _Listed) -> Iterator[tuple[str, Ints]]:
         """Yield each type and the nodes of its cells, by index. Raises ReadError for a node that is not there."""
-        runs = self._listed["cell"].runs
         dtype = np.int32 if nodes.n < 2**31 else np.int64
-        for kind in dict.fromkeys(run.type for run in runs):
-            same_type = [run for run in runs if run.type == kind]
-            block = np.empty((sum(len(run.rows) for run in same_type), ALL_CELLS[kind].n_nodes), dtype)
-            for run in same_type:
-                start = run.first - same_type[0].first
+        for kind, group in groupby(cells.runs, key=lambda run: run.type):
+            runs = list(group)
+            block = np.empty((runs[-1].span.stop - runs[0].first, ALL_CELLS[kind].n_nodes), dtype)
+            for run in runs:
+                start = run.first - runs[0].first
                 bad = nodes.convert(self._by_number(run.rows), block[start : start + len(run.rows)])
                 if bad is not None:
                     row = run.rows[bad]
                     lost = self._shown(row[nodes.places(self._by_number(row)) < 0])
-                    cell = self._shown(number[run.first + bad : run.first + bad + 1])
+                    cell = self._shown(cells.number[run.first + bad : run.first + bad + 1])
                     raise run.error(f"the {kind} {cell} has node {lost}, which is not among the nodes", bad)
             yield kind, block
 
@@ -275,37 +272,35 @@ class MeshBuilder:
         """Return numbers, or rows as numbers that count from 1."""
         return members + 1 if self._rows_from == 0 else members
 
-    def _groups(self, on: str, index: Index) -> tuple[dict[str, Ints], int]:
-        """Return the members of each group, and how many are left out. Raises ReadError."""
-        listed = self._listed[on]
-        groups, lost = dict[str, list[Ints]](), 0
+    def _groups(self, listed: _Listed) -> dict[str, Ints]:
+        """Return the members of each group, and count those that are left out. Raises ReadError."""
+        groups = dict[str, list[Ints]]()
         for name, parts in listed.groups.items():
             groups[name] = []
             for members, error in parts:
-                places = index.places(self._by_number(members))
+                places = listed.index.places(self._by_number(members))
                 here = places >= 0
                 if error is not None and not here.all():
                     strays = self._shown(members[~here][:5])
                     message = f"the group {name!r} has members that are not among the {listed.word}s: {strays}"
                     raise error(message, int(here.argmin()))
-                lost += int((~here).sum())
+                self._lost += int((~here).sum())
                 groups[name].append(places[here])
         for run in listed.runs:
             for name in run.groups:
                 groups[name].append(np.arange(run.span.start, run.span.stop))
-        return {name: concatenated(parts) for name, parts in groups.items()}, lost
+        return {name: concatenated(parts) for name, parts in groups.items()}
 
-    def _data(self, on: str, index: Index, place: Ints) -> tuple[dict[str, NDArray], int]:
-        """Return the arrays on nodes or cells, and how many values are left out."""
-        listed = self._listed[on]
-        data, lost = dict[str, NDArray](), 0
+    def _data(self, on: str, listed: _Listed) -> dict[str, NDArray]:
+        """Return the arrays on nodes or cells, and count the values that are left out."""
+        data = dict[str, NDArray]()
         for name, by_number in listed.data.items():
             parts: list[tuple[Any, NDArray]] = [(run.span, run.data[name]) for run in listed.runs if name in run.data]
             for number, values in by_number:
-                places = np.argsort(place) if number is None else index.places(self._by_number(number))
-                here = places >= 0
-                lost += int((~here).sum())
-                parts.append((places[here], values[here]) if not here.all() else (places, values))
+                at = np.argsort(listed.place) if number is None else listed.index.places(self._by_number(number))
+                here = at >= 0
+                self._lost += int((~here).sum())
+                parts.append((at[here], values[here]) if not here.all() else (at, values))
             shapes = {values.shape[1:] for _, values in parts}
             if len(shapes) > 1:
                 self.warnings.append(f"{on} data {name!r} have several widths: they are left out")
@@ -318,10 +313,4 @@ class MeshBuilder:
             for where, values in parts:
                 rows[where] = values
             data[name] = rows
-        return data, lost
-
-
-def _where(runs: Iterable[_Run], number: int) -> tuple[_Run, int]:
-    """Return the first run that has a number, and the row there."""
-    run = next(run for run in runs if run.number is not None and (run.number == number).any())
-    return run, int(np.flatnonzero(run.number == number)[0])
+        return data

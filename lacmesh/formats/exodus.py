@@ -7,7 +7,7 @@ their numbers. Faces of side sets become cells. Source: Schoof and Yarberry, EXO
 from __future__ import annotations
 
 import re
-from collections.abc import Container, Sequence
+from collections.abc import Container
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -142,14 +142,11 @@ def _indices(path: Path, numbers: Any, n: int, name: str) -> Ints:
 
 def _names(file: Any, stem: str, n: int, known: Container[str]) -> list[str]:
     """Return names of n blocks or sets; of one without a name its number, with what it is where others have that."""
-    names = [""] * n
-    if f"{stem}_names" in file.variables:
-        rows = file[f"{stem}_names"][:]
-        names = [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
     ids = file[f"{stem}_prop1"][:].tolist() if f"{stem}_prop1" in file.variables else range(1, n + 1)
     what = {"eb": "block", "ss": "side set", "ns": "node set"}[stem]
-    plain = [name or str(number) for name, number in zip(names, ids, strict=True)]
-    return [f"{what} {one}" if not name and one in known else one for name, one in zip(names, plain, strict=True)]
+    names = _texts(file, f"{stem}_names") if f"{stem}_names" in file.variables else [""] * n
+    pairs = zip(names, map(str, ids), strict=True)
+    return [name or (f"{what} {number}" if number in known else number) for name, number in pairs]
 
 
 def _side_sets(
@@ -226,11 +223,6 @@ def _texts(file: Any, name: str) -> list[str]:
     return [b"".join(row.tolist()).partition(b"\0")[0].decode("utf-8", "replace").strip() for row in rows]
 
 
-def _stem(names: Sequence[str]) -> str:
-    """Return the name of a vector, of whose components the last letters differ."""
-    return names[0][:-1].rstrip("_")
-
-
 def _vectors(fields: dict[str, NDArray]) -> dict[str, NDArray]:
     """Return fields with those put together whose names are one name with X, Y, Z, or _R, _Z, after it."""
     out, used = dict[str, NDArray](), set[str]()
@@ -238,7 +230,7 @@ def _vectors(fields: dict[str, NDArray]) -> dict[str, NDArray]:
         ways = ([name.removesuffix(ends[0]) + end for end in ends] for ends in _VECTORS if name.endswith(ends[0]))
         names = next((way for way in ways if set(way) <= fields.keys() - used), [])
         if len(names) > 1:
-            out[_stem(names)] = np.stack([fields[one] for one in names], axis=1)
+            out[names[0][:-1].rstrip("_")] = np.stack([fields[one] for one in names], axis=1)
             used.update(names)
         elif name not in used:
             out[name] = values

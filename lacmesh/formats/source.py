@@ -5,7 +5,7 @@ from __future__ import annotations
 import mmap
 from pathlib import Path
 
-from lacmesh.errors import ReadError
+from lacmesh.errors import ReadError, reading
 
 #: A file smaller than this is read, a larger one is mapped.
 _MAPPED = 1 << 20
@@ -20,7 +20,12 @@ class SourceFile:
         self.position = 0
         self.section_start = 0
         self.binary = False
-        self.data: bytes | mmap.mmap = head or _content(path)
+        self.data: bytes | mmap.mmap = head
+        if not head:
+            with reading(path), path.open("rb") as file:
+                large = file.seek(0, 2) > _MAPPED
+                file.seek(0)
+                self.data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) if large else file.read()
         self.size = len(self.data)
 
     def error(self, message: str, at: int | None = None) -> ReadError:
@@ -40,14 +45,3 @@ class SourceFile:
         line = self.data[self.position : end]
         self.position = end + 1
         return line.rstrip(b"\r")
-
-
-def _content(path: Path) -> bytes | mmap.mmap:
-    try:
-        with path.open("rb") as file:
-            if file.seek(0, 2) > _MAPPED:
-                return mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-            file.seek(0)
-            return file.read()
-    except OSError as error:
-        raise ReadError(path, f"cannot be read ({error.strerror or error})") from error

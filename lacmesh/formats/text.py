@@ -131,15 +131,11 @@ def reals(values: Floats, limit: int = 24) -> list[str]:
         text = texts[k]
         if "e" in text and "." not in text:  # code_aster reads no exponent without a point before it
             text = text.replace("e", ".0e")
-        texts[k] = text if len(text) <= limit else _short(float(values[k]), limit)
+        digits = limit
+        while len(text) > limit:
+            digits, text = digits - 1, f"{values[k]:.{digits}e}"
+        texts[k] = text
     return texts
-
-
-def _short(value: float, limit: int) -> str:
-    digits = limit
-    while len(text := f"{value:.{digits}e}") > limit:
-        digits -= 1
-    return text
 
 
 def joined(columns: Iterable[Sequence[str]], separator: str) -> str:

@@ -20,7 +20,7 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -122,10 +122,7 @@ def _decoded(encoded: memoryview, in_base64: bool, header: np.dtype, compressor:
     def take(start: int, n: int) -> bytes:
         """Return n bytes that are encoded from a position on."""
         part = encoded[start : start + chars(n)]
-        content = base64.b64decode(part, validate=True)[:n] if in_base64 else bytes(part)
-        if len(content) != n:
-            raise ValueError(f"{len(content)} bytes where {n} should be")
-        return content
+        return _complete(base64.b64decode(part, validate=True)[:n] if in_base64 else bytes(part), n)
 
     size = header.itemsize
     if not compressor:
@@ -139,26 +136,23 @@ def _decoded(encoded: memoryview, in_base64: bool, header: np.dtype, compressor:
     claimed = (blocks - 1) * block + (last or block) if blocks else 0
     if most is not None and claimed > most:  # each byte may give a thousand
         raise ValueError(f"its header claims {claimed} bytes, where {most} should be")
-    at, parts = chars((3 + blocks) * size), []
     sizes = np.frombuffer(take(0, (3 + blocks) * size), header)[3:].tolist()
-    packed, start = take(at, sum(sizes)), 0
-    for k, n in enumerate(sizes):
-        wanted = last if k == blocks - 1 and last else block
-        part = _expanded(packed[start : start + n], wanted, compressor)
-        if len(part) != wanted:
-            raise ValueError(f"{len(part)} bytes where {wanted} should be")
-        parts.append(part)
+    packed, start, parts = take(chars((3 + blocks) * size), sum(sizes)), 0, []
+    for n, wanted in zip(sizes, [*[block] * (blocks - 1), last or block], strict=False):
+        unpacker: Any = zlib.decompressobj()
+        if compressor == "vtkLZMADataCompressor":
+            unpacker = lzma.LZMADecompressor(memlimit=2**28)
+        elif compressor != "vtkZLibDataCompressor":
+            raise ValueError(f"the compressor {compressor} is not known")
+        parts.append(_complete(unpacker.decompress(packed[start : start + n], wanted + 1), wanted))
         start += n
     return b"".join(parts)
 
 
-def _expanded(packed: bytes, n: int, compressor: str) -> bytes:
-    """Return a block that was compressed, n bytes and one more if there are more."""
-    if compressor == "vtkZLibDataCompressor":
-        return zlib.decompressobj().decompress(packed, n + 1)
-    if compressor == "vtkLZMADataCompressor":
-        return lzma.LZMADecompressor(memlimit=2**28).decompress(packed, n + 1)
-    raise ValueError(f"the compressor {compressor} is not known")
+def _complete(content: bytes, n: int) -> bytes:
+    if len(content) != n:
+        raise ValueError(f"{len(content)} bytes where {n} should be")
+    return content
 
 
 def from_text(text: str, dtype: np.dtype) -> NDArray:
@@ -272,13 +266,12 @@ def _read_piece(document: _Document, piece: XmlElement, out: MeshBuilder, *, sev
 
 def _read_cells(document: _Document, piece: XmlElement, n_points: int, k: int) -> VtkCells:
     arrays = {array.get("Name"): array for array in piece.findall("Cells/DataArray")}
-    read: dict[str, Ints] = {name: np.empty(0, np.int64) for name in ("offsets", "types", "connectivity")}
-    for name in read:
-        most = k + 1 if name != "connectivity" else max(read["offsets"].tolist()[-1:] or [0], default=0)
-        if name in arrays:
-            read[name] = document.array(arrays[name], max(most, 0))
-            if read[name].dtype.kind not in "iu":
-                raise document.error(f"{name} should be integers", "<Cells>")
+    read: dict[str, Ints] = {}
+    for name in ("offsets", "types", "connectivity"):
+        most = k + 1 if name != "connectivity" else max([0, *read["offsets"].tolist()[-1:]])
+        read[name] = document.array(arrays[name], most) if name in arrays else np.empty(0, np.int64)
+        if read[name].dtype.kind not in "iu":
+            raise document.error(f"{name} should be integers", "<Cells>")
     ends, types = read["offsets"], read["types"]
     if len(ends) == len(types) + 1 and ends[0] == 0:
         ends = ends[1:]

@@ -23,7 +23,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
@@ -38,20 +37,16 @@ from lacmesh.formats.orders import VTK_BY_NUMBER, XDMF_CELLS
 from lacmesh.formats.output import readable
 from lacmesh.formats.vtu import legal
 from lacmesh.formats.writing import file_order, is_plane
-from lacmesh.mesh import Ints, Mesh
+from lacmesh.formats.xdmf_reader import ID, PLACE, read
+from lacmesh.mesh import Ints, Mesh, mask_of
 
-ID, TAGS, PLACE = "lacmesh_id", "tags", "file_place"
+__all__ = ["read", "write"]
+
+TAGS = "tags"
 #: where the two files' common mark goes, once all arrays are written
 _MARK = "<!-- mark -->"
 _KINDS = {1: "Scalar", 3: "Vector", 6: "Tensor6", 9: "Tensor"}
 _NUMBERS = {"i": "Int", "u": "UInt", "f": "Float"}
-
-
-def read(path: Path, mesh: str | None = None) -> Mesh:
-    """Read the mesh of an XDMF file, or its grid `mesh`, see `xdmf_reader.py`."""
-    from lacmesh.formats import xdmf_reader
-
-    return xdmf_reader.read(path, mesh)
 
 
 def write(
@@ -126,14 +121,6 @@ def _information(name: str, value: str) -> str:
     return f'<Information Name="{name}" Value="">{escape(f"<told value={quoteattr(value)}/>")}</Information>\n'
 
 
-def information_text(information: ElementTree.Element) -> str:
-    """The text of an Information. Raises ValueError."""
-    try:
-        return ElementTree.fromstring("".join(information.itertext())).get("value", "")
-    except ElementTree.ParseError as error:
-        raise ValueError(str(error)) from None
-
-
 def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:
     """XML of the domain: the grids, with the Information elements in the first."""
     arrays = to_arrays(mesh, left_out, legal)
@@ -154,13 +141,17 @@ def _domain(mesh: Mesh, sink: _Sink, left_out: list[str]) -> str:
     flat, listed = is_plane(mesh), vtk_cells(mesh)
     points = sink.item("mesh/geometry", mesh.points[:, : 2 if flat else 3].astype(np.float64))
     geometry = f'<Geometry GeometryType="{"XY" if flat else "XYZ"}">\n{points}</Geometry>\n'
-    place, parts = np.argsort(order), list[str]()
+    width, place, parts = np.diff(listed.ends, prepend=0), np.argsort(order), list[str]()
     for k, (title, cells) in enumerate(grids):
+        inside = mask_of(mesh.n_cells, place[cells])
+        here = VtkCells(listed.connectivity[np.repeat(inside, width)], np.cumsum(width[inside]), listed.types[inside])
         parts.append(f'<Grid Name="{title}" GridType="Uniform">\n')
-        parts.append(_topology(_chosen(listed, place[cells]), title, sink) + geometry)
+        parts.append(_topology(here, title, sink) + geometry)
         for name, values in cell.items():
-            if name in extra or _says_something(name, values[cells], first=k == 0):
-                parts.append(_attribute(f"{title}/cell/{len(parts)}", name, "Cell", values[cells], sink))
+            some = values[cells]
+            lacking = np.isnan(some) if some.dtype.kind == "f" else some == (0 if name.startswith(GROUP) else -1)
+            if name in extra or not lacking.all() or (k == 0 and not name.startswith(GROUP)):
+                parts.append(_attribute(f"{title}/cell/{len(parts)}", name, "Cell", some, sink))
         for name, values in node.items() if k == 0 else ():
             parts.append(_attribute(f"{title}/node/{len(parts)}", name, "Node", values, sink))
         parts.append((information + _MARK if k == 0 else "") + "</Grid>\n")
@@ -174,28 +165,13 @@ def _widened(values: NDArray) -> NDArray:
     return values.astype(np.int64 if values.dtype == np.uint32 else np.int32)
 
 
-def _says_something(name: str, values: NDArray, *, first: bool) -> bool:
-    """False if an array can be left out on a grid: no cell in the group; or no value, and not the `first` grid."""
-    if name.startswith(GROUP):
-        return bool(values.any())
-    return first or not (np.isnan(values).all() if values.dtype.kind == "f" else (values == -1).all())
-
-
 def _grids(mesh: Mesh, order: Ints) -> Iterator[tuple[str, Ints]]:
     """The grids, one for each dimension that has cells, the highest first: its name, its cells in the file's order."""
-    names = {mesh.dim - 1: "facets", mesh.dim: "mesh"}
+    names = {0: "vertices", 1: "edges", mesh.dim - 1: "facets", mesh.dim: "mesh"}
     for dim in range(mesh.dim, -1, -1):
         cells = order[mesh.cell_dim[order] == dim]
         if len(cells) or dim == mesh.dim:
-            yield names.get(dim) or ("vertices", "edges")[dim], cells
-
-
-def _chosen(cells: VtkCells, rows: Ints) -> VtkCells:
-    """Some of the cells, in ascending rows."""
-    width = np.diff(cells.ends, prepend=0)
-    inside = np.zeros(len(width), bool)
-    inside[rows] = True
-    return VtkCells(cells.connectivity[np.repeat(inside, width)], np.cumsum(width[rows]), cells.types[rows])
+            yield names[dim], cells
 
 
 def _topology(cells: VtkCells, title: str, sink: _Sink) -> str:

@@ -35,12 +35,12 @@ from lacmesh.formats.hdf5 import attribute, member, opened
 from lacmesh.formats.hdf5 import values as dataset
 from lacmesh.formats.orders import VTK_CELLS, XDMF_ALIASES, XDMF_CELLS
 from lacmesh.formats.vtu import DAMAGE, from_text, parsed
-from lacmesh.formats.xdmf import ID, PLACE, information_text
-from lacmesh.mesh import Floats, Ints, Mesh, Step
+from lacmesh.mesh import Floats, Ints, Mesh, Step, mask_of
 from lacmesh.topology.skin import label_rows
 
 Element = ElementTree.Element
 
+ID, PLACE = "lacmesh_id", "file_place"
 _KINDS = {"Float": "f", "Int": "i", "UInt": "u"}
 _POINTER = re.compile(r"\s*(?:xpointer\()?(/[^()]*?)(?:/\*\[([^\]]*)\])?\)?\s*")
 _OF_NAME = {cell.name.lower(): cell for cell in XDMF_CELLS.values()}
@@ -208,8 +208,8 @@ def _read_information(source: _Source, domain: Element, out: MeshBuilder) -> Non
     for information in domain.iter("Information"):
         if (name := information.get("Name", "")) in (ID, NOTE):
             try:
-                texts[name] = information_text(information)
-            except ValueError:
+                texts[name] = ElementTree.fromstring("".join(information.itertext())).get("value", "")
+            except (ElementTree.ParseError, ValueError):
                 out.warnings.append(f"lacmesh's own note ({name}) is damaged and left out")
     if texts.get(NOTE):
         out.read_note(texts[NOTE])
@@ -242,10 +242,11 @@ def _grids(
 
 
 def _only(source: _Source, children: list[Element], tag: str) -> Element:
-    for child in children:
-        if child.tag == tag:
-            return child
-    raise source.error(f"a grid has no <{tag}>")
+    """Return the first child of that tag. Raises ReadError."""
+    child = next((child for child in children if child.tag == tag), None)
+    if child is None:
+        raise source.error(f"a grid has no <{tag}>")
+    return child
 
 
 def _wanted(source: _Source, grids: list[_Grid], name: str | None, out: MeshBuilder) -> list[_Grid]:
@@ -309,7 +310,7 @@ def _parts(
 
 def _values(source: _Source, element: Element, size: int) -> NDArray:
     values = source.array(element)
-    if (size and values.size % size) or (not size and values.size):
+    if values.size % size if size else values.size:
         raise source.error(f"holds {values.size} values for {size} rows", element)
     width = values.size // size if size else values.shape[-1] if values.ndim == 2 else 1
     return values.reshape(size) if width == 1 else values.reshape(size, width)
@@ -347,29 +348,23 @@ def _uniform(source: _Source, topology: Element, name: str, values: Ints) -> Vtk
 
 def _mixed(source: _Source, values: Ints) -> VtkCells:
     """Cells of a mixture: each is its number, for lines and vertices how many nodes follow, and its nodes."""
-    widths = {number: len(VTK_CELLS[cell.type].nodes) for number, cell in _OF_NUMBER.items()}
-    first, at, listed = list[int](), 0, values.tolist()
+    table = np.zeros((max(_OF_NUMBER) + 1, 3), np.int64)  # by XDMF's number: nodes, 1 if their count follows, VTK's
+    for number, cell in _OF_NUMBER.items():
+        table[number] = len(VTK_CELLS[cell.type].nodes), cell.counted, VTK_CELLS[cell.type].number
+    first, at, listed, lengths = list[int](), 0, values.tolist(), (1 + table[:, 0] + table[:, 1]).tolist()
     while at < len(listed):
         first.append(at)
-        if listed[at] not in widths or at + widths[listed[at]] >= len(listed):
+        if listed[at] not in _OF_NUMBER or at + lengths[listed[at]] > len(listed):
             message = f"cells of XDMF's type {listed[at]} are not read, or the mixture is damaged"
             raise source.error(message, "<Topology Mixed>")
-        at += 1 + _OF_NUMBER[listed[at]].counted + widths[listed[at]]
+        at += lengths[listed[at]]
     start = np.array(first, np.int64)
-    number = values[start]
-    counted = start[np.isin(number, [cell.number for cell in XDMF_CELLS.values() if cell.counted])]
-    if (values[counted + 1] != _lookup(widths, values[counted])).any():
+    width, counts, vtk = table[values[start]].T
+    counted = start[counts > 0]
+    if (values[counted + 1] != width[counts > 0]).any():
         raise source.error("lines and vertices of several pieces are not read", "<Topology Mixed>")
-    inside = np.ones(len(values), bool)
-    inside[start] = inside[counted + 1] = False
-    vtk = _lookup({number: VTK_CELLS[cell.type].number for number, cell in _OF_NUMBER.items()}, number)
-    return VtkCells(values[inside], np.cumsum(_lookup(widths, number)), vtk.astype(np.uint8))
-
-
-def _lookup(table: dict[int, int], keys: Ints) -> Ints:
-    values = np.zeros(max(table) + 1, np.int64)
-    values[list(table)] = list(table.values())
-    return values[keys]
+    inside = ~mask_of(len(values), np.append(start, counted + 1))
+    return VtkCells(values[inside], np.cumsum(width), vtk.astype(np.uint8))
 
 
 def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
@@ -407,12 +402,8 @@ def _add_parts(source: _Source, parts: list[_Part], out: MeshBuilder) -> None:
 
 def _first_of_equal(cells: VtkCells) -> Ints:
     """Return for each cell (n,) the first one of the same type on the same nodes."""
-    width = np.diff(cells.ends, prepend=0)
-    first = np.arange(len(width))
-    code = cells.types.astype(np.int64) << 32 | width
-    for value in np.unique(code):
-        here = np.flatnonzero(code == value)
-        n = int(width[here[0]])
-        label, _ = label_rows(np.sort(cells.connectivity[(cells.ends[here] - n)[:, None] + np.arange(n)], axis=1))
-        first[here] = here[np.unique(label, return_index=True)[1][label]]
+    first = np.arange(len(cells.types))
+    for _, _, rows, nodes in cells.by_kind():
+        label, _ = label_rows(np.sort(nodes, axis=1))
+        first[rows] = rows[np.unique(label, return_index=True)[1][label]]
     return first

@@ -27,7 +27,6 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, vtu, write
 from lacmesh.formats.orders import VTK_BY_NUMBER, VTK_CELLS, XDMF_CELLS
-from lacmesh.formats.xdmf import information_text
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, same
@@ -379,7 +378,8 @@ def test_dolfinx_finds_the_mesh_and_its_tags(tmp_path):
         np.testing.assert_array_equal(facets, mesh.block("QUAD4"))
         np.testing.assert_array_equal(np.flatnonzero(values) + 8, mesh.cell_groups[name])
         np.testing.assert_array_equal(again, points)
-    table = json.loads(information_text(ElementTree.parse(path).find("Domain/Grid/Information[@Name='tags']")))
+    information = ElementTree.parse(path).find("Domain/Grid/Information[@Name='tags']")
+    table = json.loads(ElementTree.fromstring("".join(information.itertext())).get("value"))
     tags = as_dolfinx(path, "facets")[2]
     assert [table.get(str(t), []) for t in tags] == [["slave"], ["slave", "half été"], ["half été"], []]
     assert {tuple(table[str(t)]) for t in as_dolfinx(path, "mesh")[2]} == {("body",)}

@@ -7,6 +7,7 @@ an int of 4 bytes and doubles. Nodes or cells without a row have no value: NaN, 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -76,7 +77,7 @@ def add_to(
 ) -> dict[str, Step]:
     """Add the arrays of all sections to a mesh; return the steps of those that are one of several. Raises ReadError.
 
-    `notes`: what the headers cannot hold (`FieldRows.note`).
+    `notes`: what the headers cannot hold (`field_rows`).
     """
     noted = {(note["on"], note["field"], note["step"]): note for note in notes}
     arrays: dict[tuple[Head, int, int], list[Rows]] = {}  # one of several sections: of one step, on several partitions
@@ -148,33 +149,35 @@ def keys(heads: Sequence[Head]) -> list[tuple[str, Step | None]]:
     return result
 
 
-class FieldRows(NamedTuple):
-    """One array of a mesh for a section: its header, the indices (m,) that have values, these values (m, components).
+def field_rows(
+    path: Path, on: str, data: Mapping[str, NDArray], steps: Mapping[str, Step]
+) -> Iterator[tuple[Head, Ints, Floats, dict[str, Any] | None]]:
+    """Yield each array on nodes or cells as a section has it. Raises WriteError, for `path`.
 
-    `note`: what the header cannot hold; None where nothing is left.
+    A header, the indices (m,) that have values, these values (m, components), and a note of what the header cannot
+    hold, None where nothing is left.
     """
-
-    head: Head
-    there: Ints
-    values: Floats
-    note: dict[str, Any] | None
-
-
-def field_rows(path: Path, on: str, data: Mapping[str, NDArray], steps: Mapping[str, Step]) -> Iterator[FieldRows]:
-    """Yield each array on nodes or cells as a section has it. Raises WriteError, for `path`."""
     step_of = {key: steps.get(key, Step(key, 0, -1, 0.0)) for key in data}
     heads = _heads(on, step_of)
     for (key, array), head, (default, step) in zip(data.items(), heads, keys(heads), strict=True):
-        there, values, integer = _as_reals(path, key, np.asarray(array))
+        if array.dtype.kind not in "iufb":
+            raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
+        integer = array.dtype.kind in "iub"
+        rows = array.reshape(len(array), int(np.prod(array.shape[1:])))
+        filled = (rows != -1) if integer else ~np.isnan(rows)
+        there = np.flatnonzero(filled.any(axis=1))
+        values = rows[there].astype(np.float64)
+        if integer and (np.abs(values) > 2.0**53).any():
+            raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")
         width = next((w for w in _WIDTHS if w >= values.shape[1]), values.shape[1])
         shape = None if array.shape[1:] == (() if width == 1 else (width,)) else list(array.shape[1:])
         truth, plain = step_of[key], step or Step(default, 0, -1, 0.0)
+        usual = {"key": default, "name": plain.field, "number": plain.number, "order": -1, "shape": None}
         note = {"key": key, "name": truth.field, "number": int(truth.number), "order": int(truth.order), "shape": shape}
         note["integer"] = integer and not key.startswith("lac_")
-        usual = {"key": default, "name": plain.field, "number": plain.number, "order": -1, "shape": None}
         place = {"on": on, "field": head.name, "step": head.step}
         values = np.pad(values, ((0, 0), (0, width - values.shape[1])))
-        yield FieldRows(head, there, values, None if note == usual | {"integer": False} else place | note)
+        yield head, there, values, None if note == usual | {"integer": False} else place | note
 
 
 def _heads(on: str, step_of: Mapping[str, Step]) -> list[Head]:
@@ -183,26 +186,11 @@ def _heads(on: str, step_of: Mapping[str, Step]) -> list[Head]:
     numbers: dict[str, list[int]] = {}
     for step in step_of.values():
         numbers.setdefault(step.field, []).append(step.number)
-    heads = []
-    count: dict[str, int] = {}
+    heads, count = list[Head](), Counter[str]()
     for step in step_of.values():
         used = numbers[step.field]
         plain = len(set(used)) == len(used) and min(used) >= 0 and max(used) < _MANY_STEPS
-        k = count[step.field] = count.get(step.field, -1) + 1
-        time = float(step.time)
-        heads.append(Head(on, safe[step.field], int(step.number) if plain else k, time if time == time else 0.0))
+        number, time = int(step.number) if plain else count[step.field], float(step.time)
+        count[step.field] += 1
+        heads.append(Head(on, safe[step.field], number, time if time == time else 0.0))
     return heads
-
-
-def _as_reals(path: Path, key: str, array: NDArray) -> tuple[Ints, Floats, bool]:
-    """Rows that have values, these values as doubles, and whether the array holds integers. Raises WriteError."""
-    if array.dtype.kind not in "iufb":
-        raise WriteError(path, f"the field {key!r} holds {array.dtype}, and msh holds numbers only")
-    integer = array.dtype.kind in "iub"
-    rows = array.reshape(len(array), -1) if array.size else np.empty((len(array), int(np.prod(array.shape[1:]))))
-    filled = (rows != -1) if integer else ~np.isnan(rows)
-    there = np.flatnonzero(filled[:, 0] if filled.shape[1] == 1 else filled.any(axis=1))
-    values = rows[there].astype(np.float64)
-    if integer and (np.abs(values) > 2.0**53).any():
-        raise WriteError(path, f"the field {key!r} has integers above 2^53, which msh's numbers cannot hold")
-    return there, values, integer

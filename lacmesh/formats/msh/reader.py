@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -56,20 +55,21 @@ class Elements:
 class MshReader:
     """Reads the sections of one file; `read_section` reads those that differ between versions.
 
-    `elements`, `links` and `boundary` are what these give. `dropped`: what a mesh has no place for.
-    `repeats` (4, m): elements of msh 2.2 that repeat a cell for a further physical group: number, the cell's number,
-    dimension and tag of the group. `n_partitions`: parts of the whole mesh, 0 where the file has no number.
+    `elements`, `links` and `boundary` are what these give, `members`: numbers of cells in physical groups that single
+    elements name. `dropped`: what a mesh has no place for. `repeats` (2, m): elements of msh 2.2 that repeat a cell for
+    a further group: their number and the cell's. `n_partitions`: parts of the whole mesh, 0 where the file says none.
     """
 
     def __init__(self, source: MshSource) -> None:
         self.source, self.out = source, MeshBuilder(source.path)
-        self.names: list[tuple[int | None, int, str]] = []
         self.elements: list[Elements] = []
         self.links: list[tuple[Tag, Tag, tuple[float, ...], Ints]] = []
         self.boundary: dict[Tag, tuple[int, ...]] = {}
-        self.repeats: Ints = np.empty((4, 0), np.int64)
+        self.members: list[tuple[Tag, Ints]] = []
+        self.repeats: Ints = np.empty((2, 0), np.int64)
         self.n_partitions = 0
         self.dropped: dict[str, None] = {}
+        self._names: list[tuple[int | None, int, str]] = []
         self._unknown: dict[str, None] = {}
         self._rows: list[fields.Rows] = []
         self._note: dict[str, Any] = {}
@@ -98,19 +98,32 @@ class MshReader:
         self.complete()
         self._warn()
         self._fit_note()
-        members = list(self._members())
-        groups, group_tags = self._groups(
-            {tag for e in self.elements for tag in e.groups} | {tag for tag, _ in members}
-        )
-        self._add_cells(groups)
-        for tag, number in members:
-            out.group("cell", groups[tag], number)
+        note, group_tags = self._note, self._add_groups()
         for on in ("cell", "node"):
-            for name, number in self._note.get(f"{on}_groups", {}).items():
+            for name, number in note.get(f"{on}_groups", {}).items():
                 out.group(on, name, number)
-        steps = fields.add_to(out, source, [self._merged(rows) for rows in self._rows], self._note.get("fields", ()))
-        out.note = {key: self._note[key] for key in _FIELDS if key in self._note}
-        return self._with_model(out.mesh(group_tags=group_tags, steps=steps))
+        if "node_entity" in note and source.version != "4.1":
+            dim, tag, count = note["node_entity"].T
+            if (count < 0).any() or count.sum() != out.size("node") or (np.abs([dim, tag]) > LARGEST_TAG).any():
+                raise source.error(f"the entities of nodes in the section ${NOTE} do not fit the nodes")
+            entity = np.repeat(np.stack([dim, tag], axis=1).astype(np.int32), count, axis=0)
+            out.values("node", "entity", None, entity)
+        of_cell = Index(self.repeats[0])
+        for k, rows in enumerate(self._rows):  # values of an element that was merged into a cell are the cell's
+            if rows.head.on == "cell" and self.repeats.size:
+                place = of_cell.places(rows.number)
+                self._rows[k] = rows._replace(number=np.where(place < 0, rows.number, self.repeats[1][place]))
+        steps = fields.add_to(out, source, self._rows, note.get("fields", ()))
+        out.note = {key: note[key] for key in _FIELDS if key in note}
+        mesh = out.mesh(group_tags=group_tags, steps=steps)
+        boundary = self.boundary or note.get("boundary", {})
+        if not boundary and not self.links:
+            return mesh
+        index, links = Index(mesh.node_number), []
+        for slave, master, affine, pairs in self.links:
+            places = index.places(pairs)
+            links.append(Periodic(slave, master, affine, places[(places >= 0).all(axis=1)]))
+        return replace(mesh, model=Model(boundary, tuple(links)))
 
     def error(self, section: str) -> Any:
         """Return the function that makes the error of a message about a section."""
@@ -131,7 +144,7 @@ class MshReader:
             if before != (source.version, source.binary, source.order):
                 raise source.error("a second $MeshFormat that differs from the first stands here")
         elif name == "PhysicalNames":
-            self.names = physical_names(source)
+            self._names = physical_names(source)
         elif name in fields.SECTIONS:
             self._rows.append(fields.read_rows(source, name))
         elif name == NOTE:
@@ -147,28 +160,27 @@ class MshReader:
 
     def _warn(self) -> None:
         """Note what is left out, and what looks as if the file were not whole."""
-        out = self.out
+        warnings = self.out.warnings
         if self.dropped:
-            out.warnings.append(f"what a mesh has no place for is left out: {', '.join(self.dropped)}")
+            warnings.append(f"what a mesh has no place for is left out: {', '.join(self.dropped)}")
         if self._unknown:
-            out.warnings.append(f"unknown sections: {', '.join(self._unknown)}")
+            warnings.append(f"unknown sections: {', '.join(self._unknown)}")
         there = {int(p) for e in self.elements for p in np.unique(e.partition)}
         parts, n = sorted(there - {-1}), self.n_partitions
         # msh 2.2 does not give the number of parts, and a whole mesh has cells of several, or of none
         if 0 < len(parts) < n or (len(parts) == 1 and not n and -1 not in there):
-            of = f" of {n}" if n else ""
-            what = f"partition {parts[0]}{of} alone" if len(parts) == 1 else f"{len(parts)} partitions{of}"
-            out.warnings.append(
+            what = f"partition {parts[0]}" if len(parts) == 1 else f"{len(parts)} partitions"
+            what += (f" of {n}" if n else "") + (" alone" if len(parts) == 1 else "")
+            warnings.append(
                 f"it has {what}, a part of a mesh that gmsh divided; save the whole mesh: "
                 "Mesh.PartitionSplitMeshFiles = 0"
             )
-        physical = [e.physical for e in self.elements if e.physical is not None]
-        if self.names and physical and not any(tags.any() for tags in physical):
-            out.warnings.append(
+        if self._names and self.elements and self.source.version != "4.1" and not self.members:
+            warnings.append(
                 "no cell is in any of its groups, as gmsh saves msh 2.2 with Mesh.SaveAll = 1; save as msh 4.1"
             )
         if "Elements" not in self._starts:
-            out.warnings.append("the file has no section $Elements, so no cells")
+            warnings.append("the file has no section $Elements, so no cells")
 
     def _fit_note(self) -> None:
         """Add the cells of our note; drop what it has by number, with a warning, if it is of another mesh."""
@@ -197,47 +209,30 @@ class MshReader:
                 e.at = None if e.at is None else free[e.at]
             self.elements += extra
 
-    def _members(self) -> Iterator[tuple[Tag, Ints]]:
-        """Yield physical groups and numbers of cells in them, as tags of single elements give them."""
-        for e in self.elements:
-            if e.physical is not None:
-                for tag, rows in _by_value(e.physical):
-                    yield (ALL_CELLS[e.type].dim, tag), e.number[rows]
-        _, keeper, dims, tags = self.repeats
-        for dim in range(4):
-            for tag, rows in _by_value(np.where(dims == dim, tags, 0)):
-                yield (dim, tag), keeper[rows]
-
-    def _groups(self, there: set[Tag]) -> tuple[dict[Tag, str], dict[str, tuple[Tag, ...]]]:
-        """Return the name of each physical group, and the tags of each cell group; all groups are added, empty.
-
-        `there`: physical groups that have cells. A group without a name is named after its tag.
-        """
+    def _add_groups(self) -> dict[str, tuple[Tag, ...]]:
+        """Add all groups and the cells with theirs; return the tags of each group. One without a name has its tag's."""
+        out, there = self.out, {tag for e in self.elements for tag in e.groups} | {tag for tag, _ in self.members}
         named: dict[Tag, str] = {}
-        for dim, tag, name in self.names:
+        for dim, tag, name in self._names:
             for d in (dim,) if dim is not None else sorted({d for d, t in there if t == tag}):
                 if named.setdefault((d, tag), name) != name:
                     names = f"{named[d, tag]!r} and {name!r}"
-                    self.out.warnings.append(f"the physical group {d}:{tag} has two names, {names}: the first is kept")
+                    out.warnings.append(f"the physical group {d}:{tag} has two names, {names}: the first is kept")
         noted: dict[str, tuple[Tag, ...]] = self._note.get("groups", {})
         for name, tags in noted.items():
             named.update(dict.fromkeys(tags, name))
-        group_tags: dict[str, tuple[Tag, ...]] = {}
+        used, group_tags = {*named.values(), *noted}, dict[str, tuple[Tag, ...]]()
         for name in [*named.values(), *noted]:
-            self.out.group("cell", name)
-        used, names_of = {*named.values(), *noted}, dict[Tag, str]()
-        for group in [*named, *sorted(there - named.keys())]:
-            name = named.get(group, unnamed(group))
-            while group not in named and name in used:
+            out.group("cell", name)
+        for key in sorted(there - named.keys()):
+            name = unnamed(key)
+            while name in used:
                 name += "'"
             used.add(name)
-            names_of[group] = name
-            group_tags[name] = (*group_tags.get(name, ()), group)
-            self.out.group("cell", name)
-        return names_of, group_tags
-
-    def _add_cells(self, names: dict[Tag, str]) -> None:
-        """Add the cells, with their entities and partitions if some have one."""
+            named[key] = name
+        for key, name in named.items():
+            group_tags[name] = (*group_tags.get(name, ()), key)
+            out.group("cell", name)
         with_entity = any((np.asarray(e.entity) > 0).any() for e in self.elements)
         with_partition = any(not isinstance(e.partition, int) or e.partition >= 0 for e in self.elements)
         for e in self.elements:
@@ -246,30 +241,11 @@ class MshReader:
                 data["entity"] = np.broadcast_to(np.asarray(e.entity, np.int32), (n, 2))
             if with_partition:
                 data["partition"] = np.broadcast_to(np.asarray(e.partition, np.int32), n)
-            groups = [names[tag] for tag in e.groups]
-            self.out.cells(e.type, e.number, e.nodes, groups=groups, at=e.at, error=self.error("Elements"), **data)
-
-    def _merged(self, rows: fields.Rows) -> fields.Rows:
-        """Rows of a field; values of an element that was merged into a cell are the cell's."""
-        if rows.head.on == "node" or not self.repeats.size:
-            return rows
-        place = Index(self.repeats[0]).places(rows.number)
-        return rows._replace(number=np.where(place < 0, rows.number, self.repeats[1][place]))
-
-    def _with_model(self, mesh: Mesh) -> Mesh:
-        """The mesh with the boundary of its entities, periodic links, and the entities of nodes in our note."""
-        if "node_entity" in self._note and "entity" not in mesh.node_data:
-            dim, tag, count = self._note["node_entity"].T
-            if (count < 0).any() or count.sum() != mesh.n_nodes or (np.abs([dim, tag]) > LARGEST_TAG).any():
-                raise self.source.error(f"the entities of nodes in the section ${NOTE} do not fit the nodes")
-            entity = np.repeat(np.stack([dim, tag], axis=1).astype(np.int32), count, axis=0)
-            mesh = replace(mesh, node_data={**mesh.node_data, "entity": entity})
-        boundary = self.boundary or self._note.get("boundary", {})
-        index, links = Index(mesh.node_number), []
-        for slave, master, affine, pairs in self.links:
-            places = index.places(pairs)
-            links.append(Periodic(slave, master, affine, places[(places >= 0).all(axis=1)]))
-        return replace(mesh, model=Model(boundary, tuple(links))) if boundary or links else mesh
+            groups = [named[tag] for tag in e.groups]
+            out.cells(e.type, e.number, e.nodes, groups=groups, at=e.at, error=self.error("Elements"), **data)
+        for key, number in self.members:
+            out.group("cell", named[key], number)
+        return group_tags
 
 
 def _read_note(source: MshSource) -> dict[str, Any]:
@@ -280,11 +256,12 @@ def _read_note(source: MshSource) -> dict[str, Any]:
             return note
         integers([note["nodes"], note["cells"]])
         noted_fields(Mesh.create(np.empty((0, 3)), []), {key: note[key] for key in _FIELDS if key in note})
-        for key, of in (("groups", "tags"), ("node_groups", "nodes"), ("cell_groups", "cells")):
+        for key, of, *shape in (("groups", "tags", 2), ("node_groups", "nodes"), ("cell_groups", "cells")):
             listed = note.get(key, {})
             if isinstance(listed, list):  # of version 1
                 listed = {entry["name"]: entry[of] for entry in listed}
-            note[key] = {name: integers(values) if of != "tags" else _tags(values) for name, values in listed.items()}
+            note[key] = {name: integers(values, (-1, *map(int, shape))) for name, values in listed.items()}
+        note["groups"] = {name: tuple(map(tuple, tags.tolist())) for name, tags in note["groups"].items()}
         note["extra_cells"] = [
             Elements(
                 e["type"],
@@ -307,19 +284,6 @@ def _read_note(source: MshSource) -> dict[str, Any]:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
         message = f"the section ${NOTE} is damaged ({what[:80]}); without it the rest can be read"
         raise source.error(message) from None
-
-
-def _by_value(values: Ints) -> Iterator[tuple[int, Ints]]:
-    """Yield each value other than 0, and the rows that have it."""
-    order = np.argsort(values, kind="stable")
-    cuts = np.flatnonzero(np.diff(values[order])) + 1
-    for rows in np.split(order, cuts):
-        if len(rows) and values[rows[0]]:
-            yield int(values[rows[0]]), rows
-
-
-def _tags(values: Iterable[Any]) -> tuple[Tag, ...]:
-    return tuple((int(dim), int(tag)) for dim, tag in values)
 
 
 def read_format(source: MshSource) -> None:

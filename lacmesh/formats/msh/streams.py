@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import chain
 from typing import BinaryIO
 
@@ -104,14 +104,13 @@ class MshSource(SourceFile):
             raise self.here(f"{n} values should follow here, and ${self.name} ends too early")
         self._taken += n
         numbers = self._words[self._taken - n : self._taken]
-        return numbers if kind == "real" or numbers.dtype.kind == "i" else self._integers(numbers)
-
-    def _integers(self, values: Floats) -> Ints:
+        if kind == "real" or numbers.dtype.kind == "i":
+            return numbers
         with np.errstate(invalid="ignore"):
-            whole = values.astype(np.int64)
-        if not (whole == values).all():
+            whole = numbers.astype(np.int64)
+        if not (whole == numbers).all():
             raise self.here("an integer should stand here")
-        if np.abs(values).max(initial=0.0) >= _TOO_LARGE:
+        if np.abs(numbers).max(initial=0.0) >= _TOO_LARGE:
             raise self.here("integers of 2^53 and more are not read here")
         return whole
 
@@ -122,18 +121,11 @@ class MshSource(SourceFile):
             raise self.here("a negative count stands here")
         return counts
 
-    def rest(self) -> Ints:
-        """All integers of a section that are left, of 4 bytes in a binary file (with what follows the section)."""
-        return self.take(
-            "int", (self.size - self.position) // 4 if self._words is None else len(self._words) - self._taken
-        )
-
-    def rewind(self, n: int) -> None:
-        """Go back by n integers."""
-        if self._words is None:
-            self.position -= 4 * n
-        else:
-            self._taken -= n
+    def left(self) -> Ints:
+        """All integers of a section that are not yet taken, of 4 bytes in a binary file (with what follows it)."""
+        if self._words is not None:
+            return self._words[self._taken :]
+        return np.frombuffer(self.data, self.order + "i4", (self.size - self.position) // 4, self.position)
 
     def numbered(self, n: int, width: int, what: str) -> tuple[Ints, Floats]:
         """The next n rows: the number of a node or cell, `what`, and `width` reals; as (n,) and (n, width)."""
@@ -213,36 +205,22 @@ class Output:
         else:
             self.text(" ".join(map(str, values)) + "\n")
 
-    def int_rows(self, rows: Ints) -> None:
-        """Write rows of integers (n, m), of 8 bytes in binary."""
-        if self.binary:
-            self.array(rows.astype("<i8", copy=False))
-        else:
-            self._lines("%d", [rows[:, j] for j in range(rows.shape[1])])
-
-    def real_rows(self, rows: Floats) -> None:
-        """Write rows of doubles (n, m)."""
-        if self.binary:
-            self.array(rows.astype("<f8", copy=False))
-        else:
-            self._lines("%r", [rows[:, j] for j in range(rows.shape[1])])
-
-    def numbered_rows(self, number: Ints, values: Floats) -> None:
-        """Write rows of a number, of 4 bytes in binary, and doubles (n, m)."""
-        if not self.binary:
-            self._lines("%r", [number, *(values[:, j] for j in range(values.shape[1]))])
-            return
-        record = np.dtype([("number", "<i4"), ("values", "<f8", (values.shape[1],))])
-        for a in range(0, len(number), CHUNK):
-            rows = np.empty(len(number[a : a + CHUNK]), record)
-            rows["number"], rows["values"] = number[a : a + CHUNK], values[a : a + CHUNK]
-            self.array(rows)
-
-    def _lines(self, form: str, columns: list[Ints | Floats]) -> None:
-        line = " ".join([form] * len(columns)) + "\n"
-        for a in range(0, len(columns[0]), CHUNK):
-            part = [c[a : a + CHUNK].tolist() for c in columns]
-            self.text(line * len(part[0]) % tuple(chain.from_iterable(zip(*part, strict=True))))
+    def rows(self, types: Sequence[str], *tables: NDArray) -> None:
+        """Write rows of tables (n,) or (n, m) side by side; `types`: numpy's type of each in binary."""
+        for a in range(0, len(tables[0]), CHUNK):
+            parts = [table[a : a + CHUNK] for table in tables]
+            if self.binary:
+                layout = [
+                    (str(k), kind, part.shape[1:]) for k, (kind, part) in enumerate(zip(types, parts, strict=True))
+                ]
+                record = np.empty(len(parts[0]), layout)
+                for k, part in enumerate(parts):
+                    record[str(k)] = part
+                self.array(record)
+            else:
+                columns = [column.tolist() for part in parts for column in part.reshape(len(part), -1).T]
+                line = " ".join(["%r"] * len(columns)) + "\n"
+                self.text(line * len(parts[0]) % tuple(chain.from_iterable(zip(*columns, strict=True))))
 
 
 # ---- names: between double quotes, on one line; the true ones are kept in our note. gmsh (4.15) reads a line of 255

@@ -7,6 +7,7 @@ for each of them: such elements are made one cell again. We write it once, with 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, El
 from lacmesh.formats.msh.streams import Output
 from lacmesh.formats.writing import file_order
 from lacmesh.kernels import kernel
-from lacmesh.mesh import Ints, Mesh, concatenated
+from lacmesh.mesh import Ints, Mesh, Tag, concatenated
 from lacmesh.topology.skin import label_rows
 
 #: Nodes of an element by gmsh's number of its type, 0 where it is unknown.
@@ -50,10 +51,15 @@ class Reader2(MshReader):
     def complete(self) -> None:
         """Merge elements that repeat a cell for a group, and warn of them. Raises ReadError."""
         number = concatenated(e.number for e in self.elements)
-        twice = repeated(number) if number.min(initial=1) > 0 else None
+        twice, further = (repeated(number) if number.min(initial=1) > 0 else None), list[tuple[Tag, Ints]]()
         if twice is not None:
             raise self.error("Elements")(f"two cells have the number {twice}", 0)
-        self.repeats = np.concatenate([self.repeats, *map(_merge, self.elements)], axis=1)
+        for e in self.elements:
+            repeats, tags = _merge(e)
+            self.repeats = np.concatenate([self.repeats, repeats], axis=1)
+            self.members += _by_value(ALL_CELLS[e.type].dim, e.physical, e.number)
+            further += _by_value(ALL_CELLS[e.type].dim, tags, repeats[1])
+        self.members += further
         n_merged = self.repeats.shape[1]
         if not n_merged:
             return
@@ -71,11 +77,11 @@ class Reader2(MshReader):
         source = self.source
         n = source.count("Elements")
         source.begin("Elements", integers=True)
-        table = source.rest().astype(np.int64, copy=False)
+        table = source.left().astype(np.int64, copy=False)
         start = np.empty(min(n, len(table)), np.int64)
         kind, n_tags = np.empty_like(start), np.empty_like(start)
         n_found, end = find_elements(table, n, source.binary, N_NODES, start, kind, n_tags)
-        source.rewind(len(table) - end)
+        source.take("int", end)
         if n_found < n:
             self._refuse(table[end : end + 3].tolist(), n - n_found)
         gmsh_types, first = np.unique(kind, return_index=True)
@@ -165,8 +171,17 @@ def find_elements(table, n, binary, n_nodes, start, kind, n_tags):  # type: igno
     return n_found, place
 
 
-def _merge(e: Elements) -> Ints:
-    """Remove the elements that repeat another one for a further group, and return their `MshReader.repeats`.
+def _by_value(dim: int, tags: Ints | None, numbers: Ints) -> Iterator[tuple[Tag, Ints]]:
+    """Yield each physical group other than 0 of elements of a dimension, and the numbers of those in it."""
+    assert tags is not None
+    order = np.argsort(tags, kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(tags[order])) + 1):
+        if len(rows) and tags[rows[0]]:
+            yield (dim, int(tags[rows[0]])), numbers[rows]
+
+
+def _merge(e: Elements) -> tuple[Ints, Ints]:
+    """Remove elements that repeat another one for a further group; return `MshReader.repeats` and their groups' tags.
 
     Repeats have the same nodes in the same order and the same entity, and each another group; the smallest number is
     kept.
@@ -174,7 +189,7 @@ def _merge(e: Elements) -> Ints:
     assert e.physical is not None and e.at is not None
     rows = np.flatnonzero(e.physical)
     if not len(rows) or e.physical.min() == e.physical.max():
-        return np.empty((4, 0), np.int64)
+        return np.empty((2, 0), np.int64), np.empty(0, np.int64)
     label, n = label_rows(np.column_stack([e.nodes, e.entity[:, 1]])[rows])
     several = np.bincount(label, minlength=n)[label] > 1
     label, rows = label[several], rows[several]
@@ -187,27 +202,15 @@ def _merge(e: Elements) -> Ints:
     label, rows = label[order], rows[order]
     begins = np.append(True, label[1:] != label[:-1])[: len(rows)]
     keeper, merged = rows[begins][np.cumsum(begins) - 1][~begins], rows[~begins]
-    dim = np.full(len(merged), ALL_CELLS[e.type].dim)
-    repeats = np.stack([e.number[merged], e.number[keeper], dim, e.physical[merged]])
+    repeats, tags = np.stack([e.number[merged], e.number[keeper]]), e.physical[merged]
     kept = np.ones(len(e.number), bool)
     kept[merged] = False
     e.number, e.nodes, e.entity, e.at, e.physical = (a[kept] for a in (e.number, e.nodes, e.entity, e.at, e.physical))
     e.partition = e.partition if isinstance(e.partition, int) else e.partition[kept]
-    return repeats
+    return repeats, tags
 
 
 # ---- writing
-
-
-def write_sections(
-    out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
-) -> None:
-    """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped."""
-    out.text(f"$Nodes\n{mesh.n_nodes}\n")
-    out.numbered_rows(node_number, mesh.points)
-    out.end("Nodes")
-    _write_elements(out, mesh, entities, node_number, cell_number, partition)
-    _write_periodic(out, mesh, node_number)
 
 
 def first_group(entities: Assignment) -> Ints:
@@ -215,10 +218,16 @@ def first_group(entities: Assignment) -> Ints:
     return np.array([e.groups[0] if e.groups else 0 for e in entities.entities], np.int64)
 
 
-def _write_elements(
+def write_sections(
     out: Output, mesh: Mesh, entities: Assignment, node_number: Ints, cell_number: Ints, partition: Ints | None
 ) -> None:
-    """Write the elements in the file's order, in runs of one type and one count of tags."""
+    """Write $Nodes, $Elements, $Periodic; `partition` (n_cells,) or None becomes tags. Types msh lacks are skipped.
+
+    Elements are in the file's order, in runs of one type and one count of tags. Links are text in binary files too.
+    """
+    out.text(f"$Nodes\n{mesh.n_nodes}\n")
+    out.rows(("<i4", "<f8"), node_number, mesh.points)
+    out.end("Nodes")
     order = file_order(mesh)
     block = np.searchsorted(mesh.offsets, order, side="right") - 1
     kinds = np.array([ALL_CELLS[b.type].msh or 0 for b in mesh.blocks], np.int64)
@@ -240,12 +249,8 @@ def _write_elements(
             out.array(np.column_stack([cell_number[cells], *tags, nodes]).astype("<i4"))
         else:
             head = np.broadcast_to([kinds[k], len(tags)], (b - a, 2))
-            out.int_rows(np.column_stack([cell_number[cells], head, *tags, nodes]))
+            out.rows((), cell_number[cells], head, *tags, nodes)
     out.end("Elements")
-
-
-def _write_periodic(out: Output, mesh: Mesh, node_number: Ints) -> None:
-    """Write the periodic links, as text in binary files too."""
     links = () if mesh.model is None else mesh.model.periodic
     if not links:
         return

@@ -10,11 +10,11 @@ import numpy as np
 
 from lacmesh.cells import ALL_CELLS
 from lacmesh.formats.entities import Assignment
-from lacmesh.formats.ids import CHUNK, counts_up
+from lacmesh.formats.ids import CHUNK
 from lacmesh.formats.msh.reader import LARGEST_TAG, TYPE_NAMES, UNKNOWN_TYPE, Elements, MshReader
 from lacmesh.formats.msh.streams import MshSource, Output
 from lacmesh.formats.writing import file_order
-from lacmesh.mesh import Floats, Ints, Mesh, Tag
+from lacmesh.mesh import Floats, Ints, Mesh, Tag, mask_of
 
 
 class _Entity(NamedTuple):
@@ -163,10 +163,17 @@ def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: I
     for row, which in of_nodes:
         number = node_number[which]
         out.record("3iq", *entities.entities[row][:2], 0, len(number))
-        out.int_rows(number[:, None])
-        out.real_rows(mesh.points[which])
+        out.rows(["<i8"], number)
+        out.rows(["<f8"], mesh.points[which])
     out.end("Nodes")
-    _write_elements(out, entities, [c for c in chunks if c.type is not None], node_number)
+    chunks = [c for c in chunks if c.type is not None]
+    out.text("$Elements\n")
+    out.record("4q", len(chunks), sum(len(c.number) for c in chunks), *_extremes([c.number for c in chunks]))
+    for c in chunks:
+        out.record("3iq", *entities.entities[c.row][:2], c.type or 0, len(c.number))
+        for a in range(0, len(c.number), CHUNK):
+            out.rows(("<i8", "<i8"), c.number[a : a + CHUNK], node_number[c.nodes[a : a + CHUNK]])
+    out.end("Elements")
     links = () if mesh.model is None else mesh.model.periodic
     if links:
         out.text("$Periodic\n")
@@ -175,7 +182,7 @@ def write_sections(out: Output, mesh: Mesh, entities: Assignment, node_number: I
             out.record("3i", *link.slave, link.master[1])
             out.record(f"q{len(link.affine)}d", len(link.affine), *link.affine)
             out.record("q", len(link.nodes))
-            out.int_rows(node_number[np.asarray(link.nodes, np.int64).reshape(-1, 2)])
+            out.rows(["<i8"], node_number[np.asarray(link.nodes, np.int64).reshape(-1, 2)])
         out.end("Periodic")
 
 
@@ -218,9 +225,7 @@ def _write_entities(
         if c.nodes.size < mesh.n_nodes:
             _widen(box[c.row], mesh.points[c.nodes.ravel()])
         else:
-            used = np.zeros(mesh.n_nodes, bool)
-            for a in range(0, len(c.nodes), CHUNK):
-                used[c.nodes[a : a + CHUNK]] = True
+            used = mask_of(mesh.n_nodes, c.nodes)
             _widen(box[c.row], mesh.points if used.all() else mesh.points[used])
     out.text("$Entities\n")
     out.record("4q", *(sum(e.dim == dim for e in entities.entities) for dim in range(4)))
@@ -239,25 +244,6 @@ def _widen(box: Floats, points: Floats) -> None:
     for axis in range(3):  # numpy takes twenty times as long for the minimum over axis 0 of (n, 3)
         box[axis] = np.fmin(box[axis], points[:, axis].min())
         box[axis + 3] = np.fmax(box[axis + 3], points[:, axis].max())
-
-
-def _write_elements(out: Output, entities: Assignment, chunks: list[_Chunk], node_number: Ints) -> None:
-    up = counts_up(node_number)
-    out.text("$Elements\n")
-    out.record("4q", len(chunks), sum(len(c.number) for c in chunks), *_extremes([c.number for c in chunks]))
-    for c in chunks:
-        out.record("3iq", *entities.entities[c.row][:2], c.type or 0, len(c.number))
-        rows = np.empty((min(len(c.number), CHUNK), 1 + c.nodes.shape[1]), "<i8")
-        for a in range(0, len(c.number), CHUNK):
-            nodes = c.nodes[a : a + CHUNK]
-            some = rows[: len(nodes)]
-            some[:, 0] = c.number[a : a + CHUNK]
-            if up:
-                np.add(nodes, 1, out=some[:, 1:])
-            else:
-                some[:, 1:] = node_number[nodes]
-            out.int_rows(some)
-    out.end("Elements")
 
 
 def _extremes(numbers: list[Ints]) -> tuple[int, int]:

@@ -34,7 +34,10 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
     partition = _partition(mesh) if msh == "2.2" else None
     cell_data = {k: v for k, v in mesh.cell_data.items() if k != "entity" and (k != "partition" or partition is None)}
     node_data = {k: v for k, v in mesh.node_data.items() if k != "entity"}
-    _check_limits(path, msh, nodes, cells, bool(node_data), bool(cell_data))
+    for what, numbers, data in (("node", nodes, node_data), ("cell", cells, cell_data)):
+        if len(numbers) and numbers.max() > LARGEST_TAG and (data or msh == "2.2"):
+            where = "msh 2.2 has no numbers" if msh == "2.2" else "fields in msh have no numbers"
+            raise WriteError(path, f"{where} above {LARGEST_TAG}, and a {what} has {numbers.max()}")
     if msh == "4.1" and "partition" in cell_data:
         _warn("msh 4.1 gets partitions as element data, which only lacmesh reads as partitions")
     names, note = _names(mesh, entities)
@@ -59,7 +62,7 @@ def write(path: Path, mesh: Mesh, *, msh: str = "4.1", binary: bool = True) -> N
             for head, there, values, field in field_rows(path, on, data, mesh.steps):
                 shape = f"3\n{head.step}\n{values.shape[1]}\n{len(there)}"
                 out.text(f'${section}\n1\n"{head.name}"\n1\n{head.time!r}\n{shape}\n')
-                out.numbered_rows(numbers[there], values)
+                out.rows(("<i4", "<f8"), numbers[there], values)
                 out.end(section)
                 note["fields"] += [field] if field else []
         note = {key: value for key, value in note.items() if len(value)}
@@ -80,27 +83,14 @@ def _positive(numbers: Ints, what: str) -> Ints:
     return np.asarray(positive, np.int64)
 
 
-def _check_limits(path: Path, version: str, nodes: Ints, cells: Ints, on_nodes: bool, on_cells: bool) -> None:
-    for what, numbers, data in (("node", nodes, on_nodes), ("cell", cells, on_cells)):
-        if len(numbers) and numbers.max() > LARGEST_TAG and (data or version == "2.2"):
-            where = "msh 2.2 has no numbers" if version == "2.2" else "fields in msh have no numbers"
-            raise WriteError(path, f"{where} above {LARGEST_TAG}, and a {what} has {numbers.max()}")
-
-
 def _partition(mesh: Mesh) -> Ints | None:
     """Partition of each cell, -1 for none, if msh 2.2 can hold all of them as tags; else None."""
     values = mesh.cell_data.get("partition")
     if values is None or values.ndim != 1 or values.dtype.kind not in "iu":
         return None
     tagged = values > 0
-    if (
-        not tagged.any()
-        or (~tagged & (values != -1)).any()
-        or (tagged & _lacking(mesh)).any()
-        or values.max() > LARGEST_TAG
-    ):
-        return None
-    return values.astype(np.int64)
+    fits = tagged.any() and values.max() <= LARGEST_TAG and (tagged | (values == -1)).all()
+    return values.astype(np.int64) if fits and not (tagged & _lacking(mesh)).any() else None
 
 
 def _names(mesh: Mesh, entities: Assignment) -> tuple[list[tuple[Tag, str]], dict[str, Any]]:
