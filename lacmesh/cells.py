@@ -150,10 +150,6 @@ _CARRIED = {
 }
 
 
-def _mean(points: tuple[Point, ...], corners: Nodes) -> Point:
-    return tuple(sum(axis) / len(corners) for axis in zip(*(points[c] for c in corners), strict=True))
-
-
 def _facet(family: _Family, corners: Nodes, mid_nodes: bool, centres: bool) -> Facet:
     """Make a facet, its type and all its nodes, from its corners."""
     nodes = list(corners)
@@ -187,21 +183,24 @@ def _cell(name: str) -> Cell:
         n_nodes=len(corners_of_node),
         n_corners=n,
         msh=msh,
-        reference=tuple(_mean(family.corners, c) if family.dim else () for c in corners_of_node),
+        reference=tuple(
+            tuple(sum(axis) / len(on) for axis in zip(*(family.corners[c] for c in on), strict=True))
+            for on in corners_of_node
+        ),
         edges=family.edges,
         facets=tuple(_facet(family, f, mid_nodes, centres) for f in family.faces),
         corners_of_node=corners_of_node,
     )
 
 
-def _carried(name: str) -> Cell:
-    dim, n_nodes, n_corners, msh = _CARRIED[name]
-    return Cell(name, name.rstrip("0123456789"), dim, 3, n_nodes, n_corners, msh)
-
-
 #: Every cell that lacmesh cuts, or leaves whole knowing why.
 CELLS: Mapping[str, Cell] = MappingProxyType({name: _cell(name) for name in _TYPES})
 #: Cells that a format has and that go through untouched.
-CARRIED: Mapping[str, Cell] = MappingProxyType({name: _carried(name) for name in _CARRIED})
+CARRIED: Mapping[str, Cell] = MappingProxyType(
+    {
+        name: Cell(name, name.rstrip("0123456789"), dim, 3, n_nodes, n_corners, msh)
+        for name, (dim, n_nodes, n_corners, msh) in _CARRIED.items()
+    }
+)
 #: Both: every name that a block of a mesh may have.
 ALL_CELLS: Mapping[str, Cell] = MappingProxyType({**CELLS, **CARRIED})

@@ -34,10 +34,6 @@ class NewNodes:
     ids: Ints
     on: Ints
 
-    def values(self, old: NDArray) -> NDArray:
-        """(k, m, ...): node values `old` (n_nodes, ...) interpolated at the new nodes by the cells' shape functions."""
-        return np.einsum("mn,kn...->km...", shape(self.type, self.at), old[self.sources], optimize=True)
-
 
 @dataclass
 class NodeList:
@@ -82,11 +78,6 @@ class _Layout:
     child: Ints
     child_index: Ints
 
-    @property
-    def parent(self) -> Ints:
-        """(c,): the old cell that each child replaces."""
-        return self.origin[self.child]
-
 
 def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], *, extend: bool) -> tuple[Mesh, Origin]:
     """Build the mesh with new nodes and with the cells that replace others; return it with their origin.
@@ -94,11 +85,12 @@ def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], 
     `extend`: new nodes enter the node groups that hold every corner of the edge, face or cell that they lie on.
     """
     layout = _lay_out(mesh, children)
+    number, file_order = _numbers_and_order(mesh, layout)
     new = replace(
         mesh,
         blocks=layout.blocks,
-        cell_number=_cell_numbers(mesh, layout),
-        file_order=_file_order(mesh, layout),
+        cell_number=number,
+        file_order=file_order,
         cell_groups={name: _group(ids, layout) for name, ids in mesh.cell_groups.items()},
         cell_data={name: values[layout.origin] for name, values in mesh.cell_data.items()},
         **nodes_of(mesh, new_nodes, extend),
@@ -110,10 +102,7 @@ def assemble(mesh: Mesh, new_nodes: list[NewNodes], children: list[ChildCells], 
 
 
 def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, Any]:
-    """Fields of a mesh with new nodes that concern nodes: points, numbers, groups and data, by name.
-
-    Integer data of a new node is the value that all nodes of its source cell share, else -1; real data is interpolated.
-    """
+    """Fields of a mesh with new nodes that concern nodes: points, numbers, groups and data, by name."""
     size = mesh.n_nodes + sum(nodes.ids.size for nodes in new_nodes)
     groups = dict(mesh.node_groups)
     for name, members in mesh.node_groups.items() if extend else ():
@@ -121,10 +110,10 @@ def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, A
         for nodes in new_nodes:
             inside[nodes.ids[inside[nodes.on].all(axis=1)]] = True
         groups[name] = np.flatnonzero(inside)
-    data = {
-        name: node_values(old, new_nodes) if old.dtype.kind in "fc" else _common_values(name, old, new_nodes)
-        for name, old in mesh.node_data.items()
-    }
+    for name, old in mesh.node_data.items():
+        if old.dtype.kind not in "fciub":
+            raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
+    data = {name: node_values(old, new_nodes) for name, old in mesh.node_data.items()}
     numbers = _following_numbers(mesh.node_number, size - mesh.n_nodes, "nodes")
     number = np.concatenate([mesh.node_number, numbers], dtype=numbers.dtype)
     points = node_values(mesh.points, new_nodes)
@@ -132,29 +121,23 @@ def nodes_of(mesh: Mesh, new_nodes: list[NewNodes], extend: bool) -> dict[str, A
 
 
 def node_values(old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
-    """(n + added, ...): values at old and new nodes, interpolated in the cells in which the new nodes are created."""
-    values = _with_room(old, new_nodes, 0)
-    for nodes in new_nodes:
-        values[nodes.ids] = nodes.values(values)
-    return values
+    """(n + added, ...): values at old and new nodes; reals are interpolated in the cells that new nodes lie in.
 
-
-def _common_values(name: str, old: NDArray, new_nodes: list[NewNodes]) -> NDArray:
-    """Integer data of old and new nodes. Unsigned and boolean data become signed."""
-    if old.dtype.kind not in "iub":
-        raise DataError(f"the node data {name!r} hold {old.dtype}: only numbers can be carried to new nodes")
+    An integer is the value that all nodes of that cell share, else -1; unsigned and boolean data become signed.
+    """
+    real = old.dtype.kind in "fc"
     if old.dtype.kind in "ub":
         old = old.astype(np.promote_types(old.dtype, np.int8) if old.dtype != np.uint64 else np.int64)
-    values = _with_room(old, new_nodes, -1)
+    added = sum(nodes.ids.size for nodes in new_nodes)
+    values = np.concatenate([old, np.full((added, *old.shape[1:]), 0 if real else -1, old.dtype)])
     for nodes in new_nodes:
         around = values[nodes.sources]
-        values[nodes.ids] = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)[:, None]
+        if real:
+            functions = shape(nodes.type, nodes.at)
+            values[nodes.ids] = np.einsum("mn,kn...->km...", functions, around, optimize=True)
+        else:
+            values[nodes.ids] = np.where((around == around[:, :1]).all(axis=1), around[:, 0], -1)[:, None]
     return values
-
-
-def _with_room(old: NDArray, new_nodes: list[NewNodes], value: int) -> NDArray:
-    added = sum(nodes.ids.size for nodes in new_nodes)
-    return np.concatenate([old, np.full((added, *old.shape[1:]), value, old.dtype)])
 
 
 def with_node_entities(new: Mesh, mesh: Mesh, cells: Iterable[tuple[str, Ints, Ints]]) -> Mesh:
@@ -187,7 +170,12 @@ def _lay_out(mesh: Mesh, children: list[ChildCells]) -> _Layout:
         stays = ~gone[first:stop]
         np.cumsum(stays, out=new_index[first:stop])
         new_index[first:stop] += start - 1
-        rows = _remaining(mesh.blocks[old[kind]].nodes, stays) if kind in old else []
+        rows = [mesh.blocks[old[kind]].nodes] if kind in old else []
+        gaps = np.flatnonzero(~stays)
+        if len(gaps) * 50 > len(stays):
+            rows = [rows[0][stays]]
+        elif rows:  # few cells go: the rows between them are several times faster to copy
+            rows = [rows[0][a + 1 : b] for a, b in pairwise([-1, *gaps.tolist(), len(stays)])]
         dtype = mesh.blocks[old.get(kind, 0)].nodes.dtype
         blocks.append(Block(kind, np.concatenate([*rows, mine.nodes], dtype=dtype)))
         middle = start + int(np.count_nonzero(stays))
@@ -211,21 +199,17 @@ def _joined(kind: str, children: list[ChildCells]) -> ChildCells:
     return joined.take(np.lexsort((joined.child_index, joined.parent)))
 
 
-def _remaining(rows: Ints, stays: NDArray[np.bool_]) -> list[Ints]:
-    """Return parts of the rows that stay: one by one between those that go if these are few, several times faster."""
-    gaps = np.flatnonzero(~stays)
-    if len(gaps) * 50 > len(rows):
-        return [rows[stays]]
-    return [rows[a + 1 : b] for a, b in pairwise([-1, *gaps.tolist(), len(rows)])]
-
-
-def _cell_numbers(mesh: Mesh, layout: _Layout) -> Ints:
-    following = _following_numbers(mesh.cell_number, len(layout.child), "cells")
+def _numbers_and_order(mesh: Mesh, layout: _Layout) -> tuple[Ints, Ints | None]:
+    """Return the numbers of the cells, and their order in the new file: None if it is that of the indices."""
+    parent = layout.origin[layout.child]
+    following = _following_numbers(mesh.cell_number, len(parent), "cells")
     numbers = mesh.cell_number[layout.origin].astype(following.dtype, copy=False)
-    order = np.lexsort((layout.child_index, mesh.places_in_file(layout.parent)))  # new numbers grow along the file
+    order = np.lexsort((layout.child_index, mesh.places_in_file(parent)))  # new numbers grow along the file
     later = layout.child[order][layout.child_index[order] > 0]
     numbers[later] = following[: len(later)]
-    return numbers
+    place = mesh.places_in_file(layout.origin) * np.int64(1 + layout.child_index.max(initial=0))
+    place[layout.child] += layout.child_index
+    return numbers, None if (place[1:] > place[:-1]).all() else np.argsort(place, kind="stable").astype(np.int32)
 
 
 def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
@@ -237,20 +221,13 @@ def _following_numbers(numbers: Ints, added: int, what: str) -> Ints:
     return (largest + np.arange(1, added + 1)).astype(dtype)
 
 
-def _file_order(mesh: Mesh, layout: _Layout) -> Ints | None:
-    """Order of the cells in the new file; None if it is that of the indices."""
-    place = mesh.places_in_file(layout.origin) * np.int64(1 + layout.child_index.max(initial=0))
-    place[layout.child] += layout.child_index
-    return None if (place[1:] > place[:-1]).all() else np.argsort(place, kind="stable").astype(np.int32)
-
-
 def _group(members: Ints, layout: _Layout) -> Ints:
     """Members of a cell group after the cut: the cells that remain, and the children of those that were replaced."""
     if not len(members):
         return members
     consecutive = int(members[-1]) - int(members[0]) + 1 == len(members)
     new = layout.new_index[slice(members[0], members[-1] + 1) if consecutive else members]
-    inside = positions(members, layout.parent.astype(members.dtype)) >= 0
+    inside = positions(members, layout.origin[layout.child].astype(members.dtype)) >= 0
     if inside.any():
         new = np.concatenate([new[new >= 0], layout.child[inside]])
         new.sort(kind="stable")

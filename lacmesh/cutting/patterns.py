@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -171,35 +172,23 @@ def _template(cell: Cell, children: Sequence[Nodes], points: list[Point], on_fac
     """
     own = [tuple(p) for p in cell.reference]
     # a face's own pattern has all its new points on it
-    frame = _Frame(own, points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face])
+    of_face = points[cell.n_corners :] if on_face is None else [tuple(p) for p in on_face]
+    listed = [_child(cell, [points[c] for c in corners]) for corners in children]
+    every = [*own, *of_face, *(p for _, places in listed for p in places)]
+    keys = [tuple(round(x, 9) + 0.0 for x in p) for p in every]
+    frame = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    place = iter([frame[key] for key in keys[len(own) + len(of_face) :]])
     by_type: dict[str, list[tuple[int, Nodes]]] = {}
-    for rank, corners in enumerate(children):
-        kind, places = _child(cell, [points[c] for c in corners])
-        by_type.setdefault(kind, []).append((rank, tuple(frame.place(p) for p in places)))
+    for rank, (kind, places) in enumerate(listed):
+        by_type.setdefault(kind, []).append((rank, tuple(islice(place, len(places)))))
     blocks = tuple(
         Children(kind, np.array([nodes for _, nodes in rows]), np.array([rank for rank, _ in rows]))
         for kind, rows in by_type.items()
     )
-    new = np.array(frame.points[len(own) :]).reshape(-1, cell.dim)
+    first = [keys.index(key) for key in frame]
+    new = np.array([every[k] for k in first[len(own) :]], float).reshape(-1, cell.dim)
     split = len(new) if on_face is None else len(on_face)
     return Template(blocks, new[:split], new[split:])
-
-
-class _Frame:
-    """The nodes that children may use, found by their position in the cell's reference element."""
-
-    def __init__(self, own: list[Point], given: Sequence[Point]) -> None:
-        self.points: list[Point] = []
-        self.at: dict[Point, int] = {}
-        for p in (*own, *given):
-            self.place(p)
-
-    def place(self, point: Point) -> int:
-        key = tuple(round(x, 9) + 0.0 for x in point)
-        if key not in self.at:
-            self.at[key] = len(self.points)
-            self.points.append(tuple(float(x) for x in point))
-        return self.at[key]
 
 
 def _child(cell: Cell, corners: list[Point]) -> tuple[str, list[Point]]:
@@ -218,17 +207,17 @@ _LINEAR = {(c.dim, c.n_corners): c.name for c in CELLS.values() if c.order == 1}
 
 def _quadratic(cell: Cell, family: str, corners: list[Point]) -> str:
     """Quadratic type of a child; it keeps the centre node of a face that it takes over whole (PENTA18 -> PYRAM14)."""
-    if len(corners) == cell.n_corners and cell.family == family and _same(corners, cell.reference[: cell.n_corners]):
+    if (
+        cell.family == family
+        and len(corners) == cell.n_corners
+        and np.allclose(corners, cell.reference[: len(corners)])
+    ):
         return cell.name
     if family == "PYRAM":
         base = np.mean(corners[:4], axis=0)
         centres = [cell.reference[f.nodes[8]] for f in cell.facets if f.type == "QUAD9"]
         return "PYRAM14" if any(np.allclose(base, c) for c in centres) else "PYRAM13"
     return {"SEG": "SEG3", "TRIA": "TRIA6", "QUAD": "QUAD8", "TETRA": "TETRA10", "HEXA": "HEXA20"}[family]
-
-
-def _same(a: Sequence[Point], b: Sequence[Point]) -> bool:
-    return np.allclose(np.array(a), np.array(b))
 
 
 @cache

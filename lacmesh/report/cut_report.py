@@ -137,18 +137,15 @@ def summarise(before: Mesh, cut: Cut, cells: Touched | None = None) -> CutSummar
     cells = touched(before, cut) if cells is None else cells
     macros = np.bincount(cut.zone_of_face[cut.child_kind == 1], minlength=len(cut.zones))
     old, new = before.cell_dim[cells.parents] > 1, cut.mesh.cell_dim[cells.children] > 1  # lines have no quality
+    worst = [float(q.min()) if len(q) else math.nan for q in (cells.before[old], cells.after[new])]
     return CutSummary(
         zones={name: int(n) for name, n in zip(cut.zones, macros, strict=True)},
         replaced={kind: len(of_kind) for kind, of_kind, _ in before.select(cells.parents)},
         children={kind: len(of_kind) for kind, of_kind, _ in cut.mesh.select(cells.children)},
         nodes=(before.n_nodes, cut.mesh.n_nodes),
         cells=(before.n_cells, cut.mesh.n_cells),
-        worst=(_least(cells.before[old]), _least(cells.after[new])),
+        worst=(worst[0], worst[1]),
     )
-
-
-def _least(quality: Floats) -> float:
-    return float(quality.min()) if len(quality) else math.nan
 
 
 def children_quality(cut: Cut) -> ChildrenQuality | None:
