@@ -82,7 +82,7 @@ def _clip_rows(rows: slice, pairs: Pairs, slave: Patches, master: Patches, reach
         parts *= 1 if enough else 4
         total, size = max(total, pieces), max(size, corners)
     lengths = pieces, pieces, pieces + 1, corners, corners, pieces
-    return Pieces(*(column[:length] for column, length in zip(out, lengths, strict=True)))
+    return Pieces._make(column[:length] for column, length in zip(out, lengths, strict=True))
 
 
 @kernel

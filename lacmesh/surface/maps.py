@@ -274,7 +274,7 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        columns = (self.type, self.value, self.lean, self.taken, self.doubt)
+        columns: tuple[Any, ...] = (self.type, self.value, self.lean, self.taken, self.doubt)
         return Height(*(None if column is None else column[rows] for column in columns))
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:

@@ -238,7 +238,7 @@ def _placed(
         least, smooth = np.maximum(of_faces, degree), turned[fs] > FLAT
         code = gauss_points(s, m, parts, least, radius is not None, smooth)
         order, groups = _groups(slave, master, fs, fm, code)
-        placed = place_lines(Intervals(*(column[order] for column in parts)), code[order], s, m, H, radius)
+        placed = place_lines(Intervals._make(column[order] for column in parts), code[order], s, m, H, radius)
         piece = order[placed.piece]
     else:
         pieces = clip(pairs, s, m, reach)
@@ -254,7 +254,7 @@ def _placed(
     if not placed.met.all():
         groups[:, 3:] = np.concatenate([[0], np.cumsum(placed.met)])[groups[:, 3:]]
         groups = groups[groups[:, 4] > groups[:, 3]]
-        placed = Placed(placed.first, *(column[placed.met] for column in placed[1:]))
+        placed = Placed._make([placed.first, *(column[placed.met] for column in placed[1:])])
     return fs[placed.piece], fm[placed.piece], placed, groups
 
 
