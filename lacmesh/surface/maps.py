@@ -274,8 +274,10 @@ class Height:
 
     def take(self, rows: Ints) -> Height:
         """Return the heights of some of the faces."""
-        columns: tuple[Any, ...] = (self.type, self.value, self.lean, self.taken, self.doubt)
-        return Height(*(None if column is None else column[rows] for column in columns))
+        taken = None if self.taken is None else self.taken[rows]
+        doubt = None if self.doubt is None else self.doubt[rows]
+        lean = None if self.lean is None else self.lean[rows]
+        return replace(self, type=self.type[rows], value=self.value[rows], lean=lean, taken=taken, doubt=doubt)
 
     def at(self, face: Ints, xi: Floats) -> NDArray[np.floating]:
         """(n,): heights at reference points xi (n, 2) of faces (n,)."""
