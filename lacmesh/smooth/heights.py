@@ -216,9 +216,7 @@ def _heights(sought: Sought, four: Bools) -> tuple[Floats, Bools, Floats]:
     lacking[face[np.setdiff1d(free[~known], split)]] = True
     middle, way = (patches.x[i] + patches.x[j]) / 2, patches.edge_normal[face, k]
     curved = [one for one in sought.found if one.shape.kind != "plane"]
-    of_shape = np.full(len(value), -1)
-    for number, one in enumerate(curved):
-        of_shape[one.faces] = number
+    of_shape = numbers_of(curved, n)
     order = np.argsort(of_shape[face], kind="stable")
     start = np.searchsorted(of_shape[face][order], np.arange(len(curved) + 1))
     for number, one in enumerate(curved):

@@ -8,7 +8,7 @@ nodes, so that creases separate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,9 +19,11 @@ from lacmesh.cells import CELLS
 from lacmesh.mesh import Floats, Ints, Mesh, codes
 from lacmesh.reference.shapes import gradient, shape
 from lacmesh.surface.normals import unit
-from lacmesh.surface.record import Surface, mean_normals
+from lacmesh.surface.record import Surface, mean_normals, mean_vectors
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, TYPE_CODE, Faces, edge_uses
+
+Bools = NDArray[np.bool_]
 
 #: a node of a macro-element that is farther from its parent than this part of the parent's size was not put there by
 #: a cut: the faces are then their own parents
@@ -30,6 +32,12 @@ _NEAR = 1e-3
 _STRAIGHT = 1e-4
 #: of a face of so many corners
 _LINEAR = np.array([0, 0, TYPE_CODE["SEG2"], TYPE_CODE["TRIA3"], TYPE_CODE["QUAD4"]])
+#: (types, 4, 2): corners of each type in its own reference element
+_REFERENCE = np.zeros((len(FACE_TYPES), MAX_CORNERS, 2))
+for _code, _cell in enumerate(CELLS[name] for name in FACE_TYPES):
+    _REFERENCE[_code, : _cell.n_corners, : _cell.dim] = np.reshape(
+        _cell.reference[: _cell.n_corners], (_cell.n_corners, -1)
+    )
 
 
 class Parents(NamedTuple):
@@ -193,21 +201,6 @@ def _joined(own: Parents, macro: Ints, outline: Ints, corner: Floats, good: NDAr
     return Parents(parents, of, np.where(cut[:, None, None], corner, own.corner))
 
 
-def _references() -> Floats:
-    out = np.zeros((len(FACE_TYPES), MAX_CORNERS, 2))
-    for code, name in enumerate(FACE_TYPES):
-        cell = CELLS[name]
-        out[code, : cell.n_corners, : cell.dim] = np.reshape(cell.reference[: cell.n_corners], (cell.n_corners, -1))
-    return out
-
-
-#: (types, 4, 2): corners of each type in its own reference element
-_REFERENCE = _references()
-
-
-Bools = NDArray[np.bool_]
-
-
 class Joints(NamedTuple):
     """Pairs of faces that meet at an edge without a crease: rows `i`, `j` (k,), and the number of the edge in each."""
 
@@ -262,8 +255,9 @@ class SmoothPatches:
         normal = mean_normals(surface)[0]
         joints = joints_of(surface, normal, crease_angle, taken)
         node = surface.faces.corners
-        return cls(x, node, np.zeros(len(x), int), np.zeros(len(node), int), normal, _areas(surface), joints,
-                   surface.dim).split(np.zeros(len(node), int))  # fmt: skip
+        area = np.linalg.norm(mean_vectors(surface), axis=1) / surface.dim
+        whole = cls(x, node, np.zeros(len(x), int), np.zeros(len(node), int), normal, area, joints, surface.dim)
+        return whole.split(np.zeros(len(node), int))
 
     def split(self, kind: Ints) -> SmoothPatches:
         """Split the patches into connected ones of faces of the same kind (f,)."""
@@ -278,7 +272,7 @@ class SmoothPatches:
         node = np.full(self.node.shape, -1, np.int64)
         node[there] = inverse
         old, owner = np.divmod(one, max(n_patches, 1))
-        return SmoothPatches(self.x[old], node, owner, patch, self.normal, self.area, self.joints, self.dim)
+        return replace(self, x=self.x[old], node=node, owner=owner, patch=patch)
 
     @cached_property
     def node_normal(self) -> Floats:
@@ -305,12 +299,3 @@ class SmoothPatches:
         n = (self.node >= 0).sum(axis=1)
         face, k = np.nonzero(np.arange(MAX_CORNERS) < np.where(n == 2, 1, n)[:, None])
         return face, k, self.node[face, k], self.node[face, (k + 1) % n[face]]
-
-
-def _areas(surface: Surface) -> Floats:
-    """(f,): areas of the faces, lengths of segments."""
-    x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
-    if surface.dim == 1:
-        return np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
-    last = np.where((surface.n_corners == 4)[:, None], x[:, 3], x[:, 0])
-    return np.linalg.norm(np.cross(x[:, 2] - x[:, 0], last - x[:, 1]), axis=1) / 2

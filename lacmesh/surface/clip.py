@@ -74,28 +74,15 @@ def _clip_rows(rows: slice, pairs: Pairs, slave: Patches, master: Patches, reach
     parts, total = 64, 6 * (rows.stop - rows.start) + 64
     size = 5 * total
     while True:
-        out = Pieces(
-            np.empty(total, np.int64),
-            np.empty(total, np.int64),
-            np.zeros(total + 1, np.int64),
-            np.empty((size, 2)),
-            np.empty(size, np.int8),
-            np.empty(total),
-        )
+        slaves, masters, start = np.empty(total, np.int64), np.empty(total, np.int64), np.zeros(total + 1, np.int64)
+        out = Pieces(slaves, masters, start, np.empty((size, 2)), np.empty(size, np.int8), np.empty(total))
         pieces, corners, enough = _clip_all(rows.start, rows.stop, pairs, slave, master, reach, make_room(parts), out)
         if enough and pieces <= total and corners <= size:
             break
         parts *= 1 if enough else 4
         total, size = max(total, pieces), max(size, corners)
-    by_piece, by_corner = slice(pieces), slice(corners)
-    return Pieces(
-        out.slave[by_piece],
-        out.master[by_piece],
-        out.start[: pieces + 1],
-        out.vertices[by_corner],
-        out.edges[by_corner],
-        out.area[by_piece],
-    )
+    lengths = pieces, pieces, pieces + 1, corners, corners, pieces
+    return Pieces._make(column[:length] for column, length in zip(out, lengths, strict=True))
 
 
 @kernel

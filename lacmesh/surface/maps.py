@@ -13,24 +13,21 @@ height, unless they are straight.
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lacmesh.cells import CELLS
 from lacmesh.kernels import kernel
 from lacmesh.mesh import Floats, Ints
 from lacmesh.reference.shapes import shape
-from lacmesh.topology.skin import FACE_TYPES, N_NODES
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, TYPE_CODE
 
 if TYPE_CHECKING:
     from lacmesh.surface.record import Surface
-from dataclasses import dataclass, replace
-from functools import cached_property
-
-from lacmesh.cells import CELLS
-from lacmesh.topology.skin import TYPE_CODE
 
 AFFINE, BILINEAR, CURVED = range(3)
 #: what is left of a coefficient that rounding alone made: of the face's size, and of its coordinates

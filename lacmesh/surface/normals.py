@@ -92,7 +92,9 @@ def smoothed(surface: Surface, crease_angle: float | None) -> Floats:
         X, w = rule(CELLS[name].family, 4)
         area[rows] = np.einsum("fps,p->fs", weighted(name, x, X), w)
         own[rows, : nodes.shape[1]] = smooth_normals(*at_nodes(surface, name, rows, x))
-    total = _gather(surface, own, np.linalg.norm(area, axis=1), crease_angle)
+    weight, normal, total = np.linalg.norm(area, axis=1), own.reshape(-1, 3), np.zeros_like(own)
+    for place, other in _meetings(surface, own, crease_angle):
+        total.reshape(-1, 3)[place] += weight[other // own.shape[1]][:, None] * normal[other]
     size = np.linalg.norm(total, axis=2, keepdims=True)
     return np.divide(total, size, out=own, where=size > 1e-300)
 
@@ -105,15 +107,6 @@ def at_nodes(surface: Surface, name: str, rows: Ints, x: Floats) -> tuple[Floats
     X, dim = padded_nodes(name), CELLS[name].dim
     lean = surface.leans(np.repeat(rows, len(X)), np.tile(X, (len(rows), 1)))
     return jacobian(name, x, X[:, :dim]), lean.reshape(len(rows), len(X), dim)
-
-
-def _gather(surface: Surface, own: Floats, area: Floats, crease_angle: float | None) -> Floats:
-    """Sum of area times normal over the faces at each node of each face that are within the crease angle."""
-    total = np.zeros_like(own).reshape(-1, own.shape[2])
-    normal = own.reshape(total.shape)
-    for place, other in _meetings(surface, own, crease_angle):
-        total[place] += area[other // own.shape[1]][:, None] * normal[other]
-    return total.reshape(own.shape)
 
 
 def crease_pairs(surface: Surface, own: Floats, crease_angle: float | None) -> tuple[Ints, Ints]:

@@ -259,32 +259,26 @@ class Reach(NamedTuple):
     limit: float
 
 
-def build_tree(p: Patches) -> Tree:
-    """Build the tree over some patches."""
-    low, high = _extent(p.x, p.n)
+def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
+    """Find the master patches whose boxes intersect the prisms of slave patches."""
+    if not len(slave.n) or not len(master.n):
+        return Pairs(np.zeros(len(slave.n) + 1, np.int64), np.empty(0, np.int64))
+    low, high = _extent(master.x, master.n)
+    boxes = Boxes((low + high) / 2, (high - low) / 2)
     order = along_curve(low, high)
     low, high, last = bounding_tree(low[order], high[order])
     order = np.concatenate([order, np.full(int(last[0]) - len(order), -1)])
     empty = ~(low <= high)
     with np.errstate(invalid="ignore"):
         centre, half = np.where(empty, 0.0, (low + high) / 2), np.where(empty, -np.inf, (high - low) / 2)
-    return Tree(centre, half, order)
-
-
-def candidates(slave: Patches, master: Patches, reach: Reach) -> Pairs:
-    """Find the master patches whose boxes intersect the prisms of slave patches."""
-    if not len(slave.n) or not len(master.n):
-        return Pairs(np.zeros(len(slave.n) + 1, np.int64), np.empty(0, np.int64))
-    tree = build_tree(master)
+    tree = Tree(centre, half, order)
     low, high = _extent(slave.y, slave.n)
     low[:, 2] -= np.minimum(reach.behind + reach.deep.max(initial=0.0), reach.limit)
     high[:, 2] += reach.ahead
     middle, half = (low + high) / 2, (high - low) / 2
     half += 1e-12 * (half[:, :1] + half[:, 1:2] + half[:, 2:])
     origin = slave.centre + (slave.e * middle[:, :, None]).sum(axis=1)
-    low, high = _extent(master.x, master.n)
     prisms = Boxes(origin, half)
-    boxes = Boxes((low + high) / 2, (high - low) / 2)
 
     def run(rows: slice) -> Pairs:
         start = np.zeros(rows.stop - rows.start + 1, np.int64)

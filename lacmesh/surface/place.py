@@ -23,15 +23,9 @@ _COUNTS = 0.1
 
 
 def place(
-    pieces: Pieces,
-    order: Ints,
-    code: Ints,
-    slave: Patches,
-    master: Patches,
-    functions: Ints,
-    bend: Floats,
+    pieces: Pieces, order: Ints, code: Ints, slave: Patches, master: Patches, functions: Ints, bend: Floats,
     H: NormalMaps,
-) -> Placed:
+) -> Placed:  # fmt: skip
     """Place quadrature points on pieces, in the given `order`, by rules `code`.
 
     `functions` (pieces, 2): numbers of fitted functions of the slave face and of the master's. `bend` (pieces,): warp
@@ -40,16 +34,8 @@ def place(
     count = points_of(code, np.diff(pieces.start))[order]
     first = np.concatenate([[0], np.cumsum(count)])
     n = int(first[-1])
-    out = Placed(
-        first,
-        np.repeat(order, count),
-        np.empty((n, 2)),
-        np.empty((n, 2)),
-        np.empty(n),
-        np.empty((n, 3)),
-        np.empty(n),
-        np.empty(n, np.bool_),
-    )
+    empty = (np.empty((n, 2)), np.empty((n, 2)), np.empty(n), np.empty((n, 3)), np.empty(n), np.empty(n, np.bool_))
+    out = Placed(first, np.repeat(order, count), *empty)
     tables = fan_rules(), gauss_rules() if (code % AROUND >= FITTED).any() else Gauss(np.empty(0), np.empty(0))
 
     def run(rows: slice) -> None:

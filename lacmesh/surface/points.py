@@ -5,7 +5,7 @@ The coverage of a macro-element is its area, the part of it that faces the maste
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,8 +104,10 @@ def contact_points(
     macro = np.arange(len(slave)) if macro is None else np.asarray(macro)
     if macro.shape != (len(slave),):
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
-    origin = origin_of(np.concatenate([_corners(slave), _corners(master)]))
-    slave, master = _from(slave, origin), _from(master, origin)
+    corners = [side.faces.nodes[:, :MAX_CORNERS] for side in (slave, master)]
+    origin = origin_of(np.concatenate([side.x[k[k >= 0]] for side, k in zip((slave, master), corners, strict=True)]))
+    if origin.any():
+        slave, master = slave.at(slave.x - origin), master.at(master.x - origin)
     both = slave, master
     s, m = side_by_side(lambda k: patches(both[k]), len(both), len(slave) + len(master))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -118,11 +120,15 @@ def contact_points(
     if keeps is not None and normals == "master":
         s, reach = _with_folds(slave, s, m, reach, macro, keeps)
     pairs = candidates(s, m, reach)
-    if slave.dim == 1:
-        points = _on_lines(slave, master, s, m, pairs, reach, H, float(origin[0]) if axisymmetric else None, degree)
-    else:
-        points = _on_faces(slave, master, s, m, pairs, reach, H, degree)
-    return replace(points, macro=macro[points.slave], gap=smooth_gap(points, slave, master))
+    radius = float(origin[0]) if axisymmetric else None
+    fs, fm, placed, groups = _placed(slave, master, s, m, pairs, reach, H, radius, degree)
+    gap = placed.gap
+    if slave.height is not None or master.height is not None:
+        gap = gap - (slave.heights(fs, placed.xi_slave) + master.heights(fm, placed.xi_master))
+    return ContactPoints(
+        macro[fs], fs, fm, placed.xi_slave, placed.xi_master, placed.weight, placed.normal, placed.gap, gap, groups,
+        axisymmetric,
+    )  # fmt: skip
 
 
 def _with_folds(
@@ -140,33 +146,10 @@ def _with_folds(
     return s.turned_over(away), reach._replace(ahead=ahead, behind=behind)
 
 
-def smooth_gap(points: ContactPoints, slave: Surface, master: Surface) -> Floats:
-    """(n,): the gap between the smooth surfaces, or between the faces themselves where they have no height."""
-    if slave.height is None and master.height is None:
-        return points.ray
-    heights = slave.heights(points.slave, points.xi_slave) + master.heights(points.master, points.xi_master)
-    return np.asarray(points.ray - heights)
-
-
-def _corners(surface: Surface) -> NDArray[np.floating]:
-    """(k, 3): the corners of a surface's faces, repeated for every face."""
-    nodes = surface.faces.nodes[:, :MAX_CORNERS]
-    return surface.x[nodes[nodes >= 0]]
-
-
-def _from(surface: Surface, origin: Floats) -> Surface:
-    """Return the surface in coordinates relative to an origin."""
-    return surface.at(surface.x - origin) if origin.any() else surface
-
-
 def _check(
-    slave: Surface,
-    master: Surface,
-    normals: str,
-    axisymmetric: bool,
-    distance: float | None,
-    penetration: float | None,
+    slave: Surface, master: Surface, normals: str, axisymmetric: bool, distance: float | None, penetration: float | None
 ) -> None:
+    """Raise RequestError for arguments of `contact_points` that make no sense; DataError for nodes beyond an axis."""
     if normals not in NORMALS:
         raise RequestError(f"normals is one of {', '.join(NORMALS)}, not {normals!r}")
     for name, length in (("search_distance", distance), ("max_penetration", penetration)):
@@ -176,13 +159,7 @@ def _check(
         raise RequestError(f"the slave's faces have dimension {slave.dim}, the master's {master.dim}: they do not meet")
     if axisymmetric and slave.dim != 1:
         raise RequestError("an axisymmetric model is plane: its surfaces are placed of segments")
-    if axisymmetric:
-        _check_radii(slave, master)
-
-
-def _check_radii(*surfaces: Surface) -> None:
-    """Raise DataError if nodes lie beyond the axis (x < 0) by more than rounding."""
-    for surface, what in zip(surfaces, ("slave", "master"), strict=True):
+    for surface, what in ((slave, "slave"), (master, "master")) if axisymmetric else ():
         x = surface.x[surface.faces.distinct_nodes, :2]
         fine = x[np.isfinite(x).all(axis=1)]
         size = np.ptp(fine, axis=0).max() if len(fine) else 0.0
@@ -244,33 +221,41 @@ def reaches(
     )
 
 
-def _on_faces(
-    slave: Surface,
-    master: Surface,
-    s: Patches,
-    m: Patches,
-    pairs: Pairs,
-    reach: Reach,
-    H: NormalMaps,
-    degree: int,
-) -> ContactPoints:
-    pieces = clip(pairs, s, m, reach)
-    fs, fm = s.face[pieces.slave], m.face[pieces.master]
+def _placed(
+    slave: Surface, master: Surface, s: Patches, m: Patches, pairs: Pairs, reach: Reach, H: NormalMaps,
+    radius: float | None, degree: int,
+) -> tuple[Ints, Ints, Placed, Ints]:  # fmt: skip
+    """Place points on the common parts of the candidate pairs: (slave face, master face, points, groups).
+
+    `radius`: that of the origin in an axisymmetric model, else None. Points whose ray misses the master are left out:
+    their part of the slave is not covered.
+    """
     turned = _turned(slave, H)
-    sides = _side(slave, s, pieces.slave), _side(master, m, pieces.master)
-    code = pair_rule(
-        *sides,
-        np.diff(pieces.start),
-        pieces.largest_share(),
-        turned[fs],
-        degree,
-    )
-    order, groups = _groups(slave, master, fs, fm, code)
-    functions = np.stack([side.functions for side in sides], axis=1)
-    bend = np.maximum(s.warp, turned)[fs]
-    placed = place(pieces, order, code, s, m, functions, bend, H)
+    if slave.dim == 1:
+        parts = clip_lines(pairs, s, m, reach)
+        fs, fm = s.face[parts.slave], m.face[parts.master]
+        of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
+        least, smooth = np.maximum(of_faces, degree), turned[fs] > FLAT
+        code = gauss_points(s, m, parts, least, radius is not None, smooth)
+        order, groups = _groups(slave, master, fs, fm, code)
+        placed = place_lines(Intervals._make(column[order] for column in parts), code[order], s, m, H, radius)
+        piece = order[placed.piece]
+    else:
+        pieces = clip(pairs, s, m, reach)
+        fs, fm = s.face[pieces.slave], m.face[pieces.master]
+        sides = _side(slave, s, pieces.slave), _side(master, m, pieces.master)
+        code = pair_rule(*sides, np.diff(pieces.start), pieces.largest_share(), turned[fs], degree)
+        order, groups = _groups(slave, master, fs, fm, code)
+        functions = np.stack([side.functions for side in sides], axis=1)
+        placed = place(pieces, order, code, s, m, functions, np.maximum(s.warp, turned)[fs], H)
+        piece = placed.piece
     groups[:, 3:] = placed.first[groups[:, 3:]]
-    return _contact_points(fs[placed.piece], fm[placed.piece], placed, groups)
+    placed = placed._replace(piece=piece)
+    if not placed.met.all():
+        groups[:, 3:] = np.concatenate([[0], np.cumsum(placed.met)])[groups[:, 3:]]
+        groups = groups[groups[:, 4] > groups[:, 3]]
+        placed = Placed._make([placed.first, *(column[placed.met] for column in placed[1:])])
+    return fs[placed.piece], fm[placed.piece], placed, groups
 
 
 def _turned(slave: Surface, H: NormalMaps) -> NDArray[np.floating]:
@@ -293,41 +278,6 @@ def _side(surface: Surface, p: Patches, rows: Ints) -> Sides:
     return Sides(surface.faces.type[f], p.kind[f], p.warp[f], p.n[rows] == surface.n_corners[f], functions[f])
 
 
-def _on_lines(
-    slave: Surface,
-    master: Surface,
-    s: Patches,
-    m: Patches,
-    pairs: Pairs,
-    reach: Reach,
-    H: NormalMaps,
-    radius: float | None,
-    degree: int,
-) -> ContactPoints:
-    """Compute the contact points of segments. `radius`: that of the origin in an axisymmetric model, else None."""
-    parts = clip_lines(pairs, s, m, reach)
-    fs, fm = s.face[parts.slave], m.face[parts.master]
-    of_faces = np.maximum(FUNCTION_DEGREE[slave.faces.type[fs]], FUNCTION_DEGREE[master.faces.type[fm]])
-    smooth = _turned(slave, H)[fs] > FLAT
-    count = gauss_points(s, m, parts, np.maximum(of_faces, degree), radius is not None, smooth)
-    order, groups = _groups(slave, master, fs, fm, count)
-    parts = Intervals(parts.slave[order], parts.master[order], parts.ends[order])
-    placed = place_lines(parts, count[order], s, m, H, radius)
-    groups[:, 3:] = placed.first[groups[:, 3:]]
-    return _contact_points(fs[order][placed.piece], fm[order][placed.piece], placed, groups, radius is not None)
-
-
-def _contact_points(
-    slave: Ints, master: Ints, placed: Placed, groups: Ints, axisymmetric: bool = False
-) -> ContactPoints:
-    """Contact points of placed points whose ray hits the master; `slave`, `master` (n,): rows of the two surfaces."""
-    points = ContactPoints(
-        slave, slave, master, placed.xi_slave, placed.xi_master, placed.weight, placed.normal, placed.gap, placed.gap,
-        groups, axisymmetric,
-    )  # fmt: skip
-    return points if placed.met.all() else _only(points, placed.met)
-
-
 def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> tuple[Ints, Ints]:
     """Order of the pieces by (slave type, master type, rule, slave face), and the groups: (types, rule, start, end)."""
     key = (slave.faces.type[fs] * 16 + master.faces.type[fm]) * 64 + code
@@ -335,17 +285,6 @@ def _groups(slave: Surface, master: Surface, fs: Ints, fm: Ints, code: Ints) -> 
     values, first = np.unique(key[order], return_index=True)
     last = np.append(first, len(order))[1:]
     return order, np.stack([values // 1024, values // 64 % 16, values % 64, first, last], axis=1).astype(np.int64)
-
-
-def _only(points: ContactPoints, keep: NDArray[np.bool_]) -> ContactPoints:
-    """Keep the points whose ray hits the master; the others leave their part of the slave uncovered."""
-    groups = points.groups.copy()
-    groups[:, 3:] = np.concatenate([[0], np.cumsum(keep)])[groups[:, 3:]]
-    rows = {
-        name: getattr(points, name)[keep]
-        for name in ("slave", "master", "xi_slave", "xi_master", "weight", "normal", "ray", "gap")
-    }
-    return replace(points, groups=groups[groups[:, 4] > groups[:, 3]], **rows)
 
 
 #: of the rule that measures a face: exact on plane ones, and to 1e-9 where a quadratic one turns by half a radian
@@ -388,9 +327,14 @@ def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -
         raise ValueError(f"macro must be ({len(slave)},), not {macro.shape}")
     n = int(macro.max(initial=-1)) + 1
     ours = macro >= 0
-    area = _sums(macro[ours], face_measure(slave, points.axisymmetric)[ours], n)
-    covered = _sums(points.macro, points.weight, n)
-    integral = _sums(points.macro, points.weight * points.gap, n)
+    area, covered, integral = (
+        np.bincount(rows, values, minlength=n).astype(float)
+        for rows, values in (
+            (macro[ours], face_measure(slave, points.axisymmetric)[ours]),
+            (points.macro, points.weight),
+            (points.macro, points.weight * points.gap),
+        )
+    )
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         ratio = np.where(area > 0, np.minimum(covered / area, 1.0), 0.0)
         mean = np.where(covered > 0, integral / covered, np.nan)
@@ -399,10 +343,6 @@ def coverage(points: ContactPoints, slave: Surface, macro: Ints | None = None) -
     np.maximum.at(most, points.macro, points.gap)
     least[np.isinf(least)], most[np.isinf(most)] = np.nan, np.nan
     return Coverage(area, covered, ratio, integral, mean, least, most)
-
-
-def _sums(rows: Ints, values: Floats, n: int) -> Floats:
-    return np.bincount(rows, values, minlength=n).astype(float)
 
 
 def face_measure(surface: Surface, axisymmetric: bool = False) -> Floats:

@@ -186,21 +186,12 @@ class FragmentBuffers(NamedTuple):
 
 def make_room(n: int) -> FragmentBuffers:
     """Allocate buffers for n parts."""
+    low, high, order, held = np.empty((n, 2)), np.empty((n, 2)), np.empty(n, np.int64), np.empty(n, np.int64)
     return FragmentBuffers(
-        np.empty((n, ROOM, 2)),
-        np.zeros((n, ROOM), np.int8),
-        np.zeros(n, np.int64),
-        np.empty((n, 3)),
-        np.empty(n, np.int64),
-        np.empty((n, 2)),
-        np.empty((n, 2)),
-        np.empty(n, np.int64),
-        np.empty(n, np.int64),
-        np.empty((ROOM, 2)),
-        np.zeros(ROOM, np.int8),
-        np.empty((ROOM, 2)),
-        np.zeros(ROOM, np.int8),
-    )
+        np.empty((n, ROOM, 2)), np.zeros((n, ROOM), np.int8), np.zeros(n, np.int64), np.empty((n, 3)),
+        np.empty(n, np.int64), low, high, order, held, np.empty((ROOM, 2)), np.zeros(ROOM, np.int8),
+        np.empty((ROOM, 2)), np.zeros(ROOM, np.int8),
+    )  # fmt: skip
 
 
 @kernel

@@ -171,17 +171,22 @@ def _depth(mesh: Mesh, surface: Surface, parents: FaceIncidence) -> Floats:
     return depth
 
 
+def mean_vectors(surface: Surface) -> Floats:
+    """(f, 3): normals of the faces' mean planes; as long as segments, twice as long as the area of other faces."""
+    x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
+    if surface.dim == 1:
+        along = x[:, 1] - x[:, 0]
+        return np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1)
+    last = np.where(surface.n_corners[:, None] > 3, x[:, 3], x[:, 0])
+    return np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
+
+
 def mean_normals(surface: Surface) -> tuple[Floats, Floats]:
     """(f, 3): unit normals of the faces' mean planes, 0 for degenerate faces; (f, 3): means of the faces' corners."""
     corners = np.arange(MAX_CORNERS) < surface.n_corners[:, None]
     x = surface.x[surface.faces.nodes[:, :MAX_CORNERS]]
     with np.errstate(over="ignore", invalid="ignore"):  # wild coordinates have no normal
-        if surface.dim == 1:
-            along = x[:, 1] - x[:, 0]
-            normal = np.stack([along[:, 1], -along[:, 0], 0 * along[:, 0]], axis=1)
-        else:
-            last = np.where(corners[:, 3:], x[:, 3], x[:, 0])
-            normal = np.cross(x[:, 2] - x[:, 0], last - x[:, 1])
+        normal = mean_vectors(surface)
         size = np.linalg.norm(normal, axis=1, keepdims=True)
         centre = np.where(corners[..., None], x, 0.0).sum(axis=1) / surface.n_corners[:, None]
     fine = (size > 0) & np.isfinite(size)
