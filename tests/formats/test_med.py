@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
-from lacmesh.formats.orders import MED_CELLS
-from lacmesh.mesh import Mesh, Model, Periodic, Step
+from lacmesh.mesh import Mesh, Step
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
 from tests.formats.msh_meshes import plain
@@ -62,14 +61,6 @@ def cube():
 
 
 # There and back
-def test_numbers_and_bits_of_types():
-    """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
-    for kind in MED_CELLS.values():
-        cell = ALL_CELLS[kind.type]
-        assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
-    geos = sorted([*(kind.geo for kind in MED_CELLS.values()), 312])
-    assert [geos.index(kind.geo) for kind in MED_CELLS.values()] == [kind.bit for kind in MED_CELLS.values()]
-    assert [kind.geo for kind in MED_CELLS.values()] == sorted(kind.geo for kind in MED_CELLS.values())
 
 
 def arrays(rng, n):
@@ -162,26 +153,6 @@ def test_integers_of_a_cut_are_read_back_as_written(tmp_path, cube):
         file["CHA"].visititems(lambda _, o: sizes.append(o.size) if isinstance(o, h5py.Dataset) else None)
         assert sorted(sizes) == [1, 1, 2, 2, 2]
         assert len(file["PROFILS"]) == 1  # the node alone; cells are there or not type by type
-
-
-def test_what_msh_knows_goes_through(tmp_path, cube):
-    model = Model(
-        {(3, 1): (-1, 2), (2, 1): ()},
-        (Periodic((2, 1), (2, 2), tuple(float(k) for k in range(16)), np.array([[0, 4]])),),
-    )
-    tags = {"body": ((3, 1),), "both": ((2, 5), (3, 5)), "none": ((1, 9),)}
-    entity = np.array([[3, 1], [2, 1], [2, 2]])
-    mesh = replace(
-        cube, model=model, group_tags=tags, cell_data={"entity": entity}, node_data={"entity": np.ones((9, 2), int)}
-    )
-    med.write(tmp_path / "a.med", mesh)
-    again = med.read(tmp_path / "a.med")
-    assert (again.group_tags, again.model.boundary) == (tags, model.boundary)
-    (link,) = again.model.periodic
-    assert (link.slave, link.master, link.affine) == ((2, 1), (2, 2), model.periodic[0].affine)
-    np.testing.assert_array_equal(link.nodes, [[0, 4]])
-    np.testing.assert_array_equal(again.cell_data["entity"], entity)
-    np.testing.assert_array_equal(again.node_data["entity"], np.ones((9, 2)))
 
 
 def test_zones_are_derived_where_our_notes_are_gone(tmp_path):

@@ -26,21 +26,13 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, ReadError, RequestError, WriteError
 from lacmesh.formats import detect_format, read, vtu, write
-from lacmesh.formats.orders import VTK_BY_NUMBER, VTK_CELLS, XDMF_CELLS
+from lacmesh.formats.orders import VTK_CELLS, XDMF_CELLS
 from lacmesh.formats.xdmf import information_text
 from lacmesh.mesh import Mesh
 from tests.formats.feature_cases import one_cell, solid
 from tests.formats.msh_meshes import meshes, same
 from tests.meshes import box, random_mesh
 from tests.samples import samples
-
-
-def test_the_tables_are_sound():
-    for cell in (*VTK_CELLS.values(), *VTK_BY_NUMBER.values()):
-        assert sorted(cell.nodes) == list(range(ALL_CELLS[cell.type].n_nodes))
-    assert set(VTK_CELLS.values()) <= set(VTK_BY_NUMBER.values()) and XDMF_CELLS.keys() <= VTK_CELLS.keys()
-    assert len({(cell.name, cell.number) for cell in XDMF_CELLS.values()}) == len(XDMF_CELLS)
-
 
 #: how a file is coded
 CODINGS = {"raw": {}, "text": {"binary": False}, "zlib": {"compress": True}}

@@ -81,7 +81,9 @@ def mutated(rng, data, others, text):
         other = rng.choice(others)
         return data[: rng.randrange(len(data))] + other[rng.randrange(len(other)) :]
     for _ in range(rng.choice((1, 1, 1, 2, 3, 6))):
-        operation = change_text if text and rng.random() < 0.7 else rng.choice((change_bytes, change_bytes, set_number, chunk))
+        operation = (
+            change_text if text and rng.random() < 0.7 else rng.choice((change_bytes, change_bytes, set_number, chunk))
+        )
         data = operation(rng, data) or b"\n"
     return data
 
