@@ -270,16 +270,16 @@ class Stage(NamedTuple):
         return _RUN.format(_CALL.format(module=module, name=name, **self._asdict()))
 
 
-_HALF = "given[0].write_bytes(b'half of it')"
+HALF = "given[0].write_bytes(b'half of it')"
 _STOPPED = ("cut", "in.msh", "--slave", "SLAVE", "--force", "-o")
 _MSH, _MED, _XDMF = ((*_STOPPED, f"out{suffix}") for suffix in (".msh", ".med", ".xdmf"))
 _SKIN = ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh")
 STAGES = (
     Stage("while the file is read", "lacmesh.formats.msh.read", _MSH),
     Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin", _MSH),
-    Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, _HALF),
+    Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, HALF),
     Stage("while HDF5 writes a MED file", "lacmesh.formats.med_fields.write", _MED),
-    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, _HALF),
+    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, HALF),
     Stage("before the new file takes its place", "lacmesh.formats.output.signals_wait", _MSH),
     Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,
           "str(given[1]).endswith('.xdmf')"),
