@@ -82,13 +82,16 @@ def arrays(rng, n):
 
 def random_mesh(rng, types, n_nodes, names, space_dim=3, data=True):
     """A mesh of random connectivity: all that matters to a file, whatever the geometry."""
-    blocks = []
-    for kind in types:
-        width = ALL_CELLS[kind].n_nodes
-        k = int(rng.integers(1, 5))
-        blocks.append((kind, np.stack([rng.permutation(n_nodes)[:width] for _ in range(k)])))
+
+    def groups(names, n):
+        return {name: np.flatnonzero(rng.random(n) < rng.choice([0, 0.3, 1])) for name in names}
+
+    widths = {kind: ALL_CELLS[kind].n_nodes for kind in types}
+    blocks = [
+        (kind, np.stack([rng.permutation(n_nodes)[:width] for _ in range(rng.integers(1, 5))]))
+        for kind, width in widths.items()
+    ]
     n_cells = sum(len(rows) for _, rows in blocks)
-    points = rng.normal(size=(n_nodes, 3)) * [1, 1, space_dim == 3]
     steps, cell_data, node_data = {}, {}, {}
     if data and n_cells:
         cell_data, node_data = arrays(rng, n_cells), arrays(rng, n_nodes)
@@ -97,18 +100,11 @@ def random_mesh(rng, types, n_nodes, names, space_dim=3, data=True):
             cell_data[f"moved@{k}"], node_data[f"moved@{k}"] = rng.normal(size=n_cells), rng.normal(size=n_nodes)
         steps["late"], cell_data["late"] = Step("late", 3, -1, 2.5), rng.normal(size=n_cells)
     return Mesh.create(
-        points,
-        blocks,
-        space_dim=space_dim,
-        name="maillage é 1",
-        node_number=rng.permutation(3 * n_nodes)[:n_nodes] + 1,
-        cell_number=rng.permutation(3 * n_cells)[:n_cells] + 1,
-        cell_groups={name: np.flatnonzero(rng.random(n_cells) < rng.choice([0, 0.3, 1])) for name in names},
-        node_groups={name: np.flatnonzero(rng.random(n_nodes) < rng.choice([0, 0.3, 1])) for name in names[::2]},
-        cell_data=cell_data,
-        node_data=node_data,
-        steps=steps,
-    )
+        rng.normal(size=(n_nodes, 3)) * [1, 1, space_dim == 3], blocks, space_dim=space_dim, name="maillage é 1",
+        node_number=rng.permutation(3 * n_nodes)[:n_nodes] + 1, cell_number=rng.permutation(3 * n_cells)[:n_cells] + 1,
+        cell_groups=groups(names, n_cells), node_groups=groups(names[::2], n_nodes),
+        cell_data=cell_data, node_data=node_data, steps=steps,
+    )  # fmt: skip
 
 
 NAMES = st.lists(

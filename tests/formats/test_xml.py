@@ -328,31 +328,27 @@ DOLFINX = {
 def as_dolfinx(path, name, attribute=None):
     """Cells (k, n), points, and the values of an attribute, of the grid `name`: as read_mesh and read_meshtags do."""
     root = ElementTree.parse(path).getroot()
-    assert root.tag == "Xdmf" and root.find("Domain") is not None
-    grid = root.find("Domain").find(f"Grid[@Name='{name}']")
-    heavy = path.with_suffix(".h5")  # dolfinx opens this file, whatever the items say
+    assert root.tag == "Xdmf"
+    grid = root.find(f"./Domain/Grid[@Name='{name}']")
 
     def dataset(parent, dtype):
         item = parent.find("DataItem")
-        assert item.get("Format") == "HDF"
         file, inside = item.text.strip().split(":")
-        shape = [int(n) for n in item.get("Dimensions").split(" ")]
-        with h5py.File(heavy, "r") as found:
-            values = found[inside]
-            assert file == heavy.name and list(values.shape) == shape and len(shape) <= 2
-            assert values.dtype == dtype, "dolfinx may read no other type"
-            return values[()]
+        with h5py.File(path.with_suffix(".h5")) as found:  # dolfinx opens this file, whatever the items say
+            values = found[inside][()]
+        assert (item.get("Format"), file) == ("HDF", path.with_suffix(".h5").name)
+        assert item.get("Dimensions") == " ".join(map(str, values.shape)) and values.ndim <= 2
+        assert values.dtype == dtype, "dolfinx may read no other type"
+        return values
 
     topology, geometry = grid.find("Topology"), grid.find("Geometry")
-    width = DOLFINX[topology.get("TopologyType").lower()]
-    cells = dataset(topology, np.int64)
-    assert cells.shape[1] == width and int(topology.get("NumberOfElements")) == len(cells)
-    points = dataset(geometry, np.float64)
+    cells, points = dataset(topology, np.int64), dataset(geometry, np.float64)
+    assert cells.shape[1] == DOLFINX[topology.get("TopologyType").lower()]
+    assert int(topology.get("NumberOfElements")) == len(cells)
     assert points.shape[1] == {"XY": 2, "XYZ": 3}[geometry.get("GeometryType")]
-    if attribute is None:
-        found = grid.find("Attribute")
-    else:
-        found = next(child for child in grid if child.get("Name") == attribute)
+    wanted = "Attribute" if attribute is None else f"Attribute[@Name='{attribute}']"
+    found = grid.find(wanted)
+    assert found is not None or attribute is None
     return cells, points, None if found is None else dataset(found, np.int32)
 
 
