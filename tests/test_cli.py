@@ -135,16 +135,6 @@ def test_output_keeps_the_inputs_version_and_kind(mesh, run, version, ascii_):
         assert (kind.version, kind.binary) == expected
 
 
-def test_a_cut_written_is_a_cut_when_read_back(tmp_path, mesh):
-    """Its records are a feature of every format (tests/formats)."""
-    mesh = replace(mesh, cell_groups={**mesh.cell_groups, "one": mesh.cell_groups["slave"][:1]})
-    cut = cut_skin(mesh, ["one", "slave"])
-    lacmesh.write(tmp_path / "cut.msh", cut.mesh)
-    back = Cut(lacmesh.read(tmp_path / "cut.msh"))
-    assert back.zones == ("one", "slave") and back.n_macros == cut.n_macros
-    assert cut_skin(back.mesh, ["one", "slave"]).mesh is back.mesh
-
-
 @pytest.mark.parametrize(
     ("options", "check"),
     [

@@ -219,13 +219,12 @@ def test_groups_by_tag_and_by_box(files, tmp_path, capsys):
     said = [f"bore={bore}", "ends=box:-1,-1,-0.1,3,4,0.1", f"ends={top}", "body=3:1", "edge=1:1"]
     said.append("all=3:box:-9,-9,-9,9,9,9")
     command = ["mesh", str(files / "solids.step"), "--size", "0.4", *(a for s in said for a in ("--group", s))]
-    assert main([*command, "-o", str(tmp_path / "out.msh")]) == 0
+    command += ["-o", str(tmp_path / "out.msh")]
+    (tmp_path / "out.msh").touch()
+    assert main(command) == 2
+    assert main([*command, "--force", "--msh", "2.2", "--ascii"]) == 0
     assert "bore: " in capsys.readouterr().out
-    assert main([*command, "-o", str(tmp_path / "out.msh")]) == 2
-    assert main([*command, "-o", str(tmp_path / "out.msh"), "--force", "--msh", "2.2", "--ascii"]) == 0
     assert (tmp_path / "out.msh").read_bytes().startswith(b"$MeshFormat\n2.2 0")
-    assert main([*command, "-o", str(tmp_path / "out.med")]) == 0
-    assert lacmesh.read(tmp_path / "out.med").cells_by_type == lacmesh.read(tmp_path / "out.msh").cells_by_type
     mesh = lacmesh.read(tmp_path / "out.msh")
     cells = mesh.cell_groups
     assert set(cells) == {"bore", "ends", "body", "edge", "all"}

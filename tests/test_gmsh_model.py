@@ -443,19 +443,6 @@ def test_a_cut_without_records_that_gmsh_writes_is_recognised(gmsh, name, hexa, 
     assert found.n_macros == cut.n_macros and inside[0] == inside[1]
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_random_meshes_go_into_a_model_and_back(seed):
-    """Overlapping groups, node groups, fields, odd numbers, orphans; gmsh adds the entity of each cell and node."""
-    mesh = random_mesh(np.random.default_rng(seed), 2 + seed % 2, slaves=4)
-    mesh = replace(mesh, cell_data={**mesh.cell_data, "wide": np.ones((mesh.n_cells, 2))})
-    from_mesh(mesh, "random")
-    back = to_mesh()
-    own = [{k: v for k, v in data.items() if k != "entity"} for data in (back.cell_data, back.node_data)]
-    expected = replace(mesh, group_tags=back.group_tags)
-    same(replace(back, cell_data=own[0], node_data=own[1]), expected, model=False)
-    assert all(back.cell_data[key].dtype.kind == mesh.cell_data[key].dtype.kind for key in mesh.cell_data)
-
-
 def test_a_wrong_mesh_leaves_no_model_behind(gmsh):
     build(gmsh, "boxes")
     mesh = to_mesh()

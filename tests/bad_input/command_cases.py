@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
-import sys
-import tempfile
 import tomllib
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 from tests.bad_input import raw
-from tests.bad_input.case import CONVERT, CUT, PRECIOUS, Case, Outcome, listing
+from tests.bad_input.case import CONVERT, CUT, PRECIOUS, Case
 from tests.bad_input.mesh_cases import DEFECTS, WRITERS, png
 from tests.bad_input.raw import Cell, two_hexahedra
 
@@ -241,12 +237,6 @@ def wait(seconds=120):
 from lacmesh.__main__ import main
 sys.exit(main())
 """
-#: waits while the command itself is imported
-_LOADING = """
-class Slow:
-    def find_spec(self, name, *rest):
-        if name == "lacmesh.cli.options": wait()
-sys.meta_path.insert(0, Slow())"""
 #: waits where a function is called
 _CALL = """
 import {module} as at
@@ -263,7 +253,7 @@ class Stage(NamedTuple):
     """Stage at which a command is stopped: `at` runs the code `first`, waits for `lasts` seconds, and goes on.
 
     A stage that lasts one second is not stopped in the middle. `written`: the output exists afterwards. `when`: a
-    condition on the calls of `at`; the others do not wait. Without `at` it is while the command is loaded.
+    condition on the calls of `at`; the others do not wait.
     """
 
     what: str
@@ -275,27 +265,21 @@ class Stage(NamedTuple):
     when: str = "True"
 
     def code(self):
-        """Python code that makes the command wait."""
+        """Python code of the command, which waits at the stage."""
         module, _, name = self.at.rpartition(".")
-        return _CALL.format(module=module, name=name, **self._asdict()) if self.at else _LOADING
-
-    @property
-    def output(self):
-        """Name of the output file; "" for a command without one."""
-        return self.command[self.command.index("-o") + 1] if "-o" in self.command else ""
+        return _RUN.format(_CALL.format(module=module, name=name, **self._asdict()))
 
 
-_HALF = "given[0].write_bytes(b'half of it')"
+HALF = "given[0].write_bytes(b'half of it')"
 _STOPPED = ("cut", "in.msh", "--slave", "SLAVE", "--force", "-o")
 _MSH, _MED, _XDMF = ((*_STOPPED, f"out{suffix}") for suffix in (".msh", ".med", ".xdmf"))
 _SKIN = ("orient", "in.msh", "--group", "SLAVE", "--force", "-o", "out.msh")
 STAGES = (
-    Stage("while Python loads the command", "", _MSH),
     Stage("while the file is read", "lacmesh.formats.msh.read", _MSH),
     Stage("while the mesh is cut", "lacmesh.cutting.cut.cut_skin", _MSH),
-    Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, _HALF),
+    Stage("while a msh file is written", "lacmesh.formats.msh.write", _MSH, HALF),
     Stage("while HDF5 writes a MED file", "lacmesh.formats.med_fields.write", _MED),
-    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, _HALF),
+    Stage("while the two files of XDMF are written", "lacmesh.formats.xdmf.write", _XDMF, HALF),
     Stage("before the new file takes its place", "lacmesh.formats.output.signals_wait", _MSH),
     Stage("when one of the two files of XDMF is in its place", "os.replace", _XDMF, "pass", 1, True,
           "str(given[1]).endswith('.xdmf')"),
@@ -306,61 +290,3 @@ STAGES = (
     Stage("while a picture is drawn", "lacmesh.view.picture", ("view", "in.msh", "--force", "-o", "out.png")),
     Stage("while a skin is turned", "lacmesh.topology.orientation.analyse_orientation", _SKIN),
 )  # fmt: skip
-
-
-class Stop(NamedTuple):
-    """A signal at a stage, told as a case is."""
-
-    stage: Stage
-    number: signal.Signals
-    kind: str = "stopped"
-    format: str = "any"
-
-    @property
-    def what(self):
-        return f"{self.number.name} {self.stage.what}"
-
-    @property
-    def key(self):
-        return f"stopped: {self.what}"
-
-    @property
-    def status(self):
-        """Exit status that a shell reports for a process ended by the signal."""
-        return 128 + self.number
-
-    @property
-    def says(self):
-        word = "interrupted" if self.number == signal.SIGINT else "terminated"
-        return f"{word}; " + (f"{self.stage.output} was written" if self.stage.written else "nothing was written")
-
-
-def run_stopped(stop, folder):
-    """Start the command, send the signal where it waits, and see that the folder is as it was."""
-    stage = stop.stage
-    (folder / "in.msh").write_bytes(GOOD)
-    for name in {stage.output, "r.html", "q.png"} - {""}:
-        (folder / name).write_bytes(PRECIOUS)
-    before = listing(folder)
-    args = [sys.executable, "-c", _RUN.format(stage.code()), *stage.command]
-    with tempfile.TemporaryDirectory() as other:
-        given = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "cwd": folder}
-        with subprocess.Popen(args, env=dict(os.environ, TMPDIR=other), **given) as child:
-            if child.stdout.readline() != "now\n":
-                raise AssertionError(child.communicate())
-            child.send_signal(stop.number)
-            _, said = child.communicate(timeout=100)
-        assert not listing(Path(other)), "the command left temporary files"
-    after = listing(folder)
-    if stage.written:
-        assert after[stage.output] != PRECIOUS and not any(name.startswith(".") for name in after)
-        assert (folder / stage.output).with_suffix(".h5").exists() == stage.output.endswith(".xdmf")
-    else:
-        assert after == before
-    return Outcome(child.returncode, said.splitlines())
-
-
-def stops():
-    """Both signals at every stage; before the command is loaded SIGTERM is left to the system."""
-    numbers = signal.SIGINT, signal.SIGTERM
-    return [Stop(stage, number) for stage in STAGES for number in numbers if stage.at or number == signal.SIGINT]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,7 +20,7 @@ from lacmesh import read
 from lacmesh.errors import LacmeshWarning, ReadError
 from tests.bad_input import case, command_cases, format_cases, mesh_cases
 from tests.bad_input.case import Case, listing
-from tests.bad_input.command_cases import GOOD
+from tests.bad_input.command_cases import GOOD, HALF, STAGES
 from tests.samples import each_option
 
 # ---- the cases
@@ -38,7 +40,7 @@ def check(one, outcome):
 
 
 def test_no_two_cases_have_one_name():
-    keys = [one.key for one in (*all_cases(), *command_cases.stops())]
+    keys = [one.key for one in all_cases()]
     assert len(set(keys)) == len(keys)
 
 
@@ -106,16 +108,38 @@ def test_every_command_takes_what_can_be_read(name, defect, turn, tmp_path):
         assert outcome.status in (0, 1, 2) and "not-checked" not in outcome.sentence, (what, outcome)
 
 
-STOPS = {stop.key: stop for stop in command_cases.stops()}
-
-
 @pytest.mark.parametrize(
-    "key", each_option([(key,) for key in STOPS], of=lambda row: (STOPS[row[0]].stage.what, STOPS[row[0]].number))
+    ("stage", "number"),
+    [(stage, signal.SIGINT) for stage in STAGES] + [(stage, signal.SIGTERM) for stage in STAGES if stage.first == HALF],
+    ids=lambda value: getattr(value, "what", None),
 )
-def test_stopped(key, tmp_path):
-    outcome = command_cases.run_stopped(STOPS[key], tmp_path)
-    assert len(outcome.lines) == 1
-    check(STOPS[key], outcome)
+def test_stopped(stage, number, tmp_path):
+    """A signal ends the command where it is, in a sentence, and leaves the folder as it was."""
+    output = stage.command[stage.command.index("-o") + 1] if "-o" in stage.command else ""
+    folder, other = tmp_path / "in", tmp_path / "temporary"
+    for place in (folder, other):
+        place.mkdir()
+    (folder / "in.msh").write_bytes(GOOD)
+    for name in {output, "r.html", "q.png"} - {""}:
+        (folder / name).write_bytes(case.PRECIOUS)
+    before = listing(folder)
+    args, pipes = (
+        [sys.executable, "-c", stage.code(), *stage.command],
+        dict.fromkeys(("stdout", "stderr"), subprocess.PIPE),
+    )
+    with subprocess.Popen(args, env=os.environ | {"TMPDIR": str(other)}, text=True, cwd=folder, **pipes) as child:
+        assert child.stdout.readline() == "now\n", child.communicate()
+        child.send_signal(number)
+        _, said = child.communicate(timeout=100)
+    word = "interrupted" if number == signal.SIGINT else "terminated"
+    left = f"{output} was written" if stage.written else "nothing was written"
+    assert child.returncode == 128 + number and said.count("\n") == 1
+    assert said.startswith(f"lacmesh: error: {word}; {left}")
+    after = listing(folder)
+    assert not listing(other) and (stage.written or after == before)
+    if stage.written:
+        assert after[output] != case.PRECIOUS and not any(name.startswith(".") for name in after)
+        assert (folder / output).with_suffix(".h5").exists() == output.endswith(".xdmf")
 
 
 def in_process(args, folder, file_size):
@@ -126,10 +150,12 @@ def in_process(args, folder, file_size):
 
 
 def selected():
-    """One case of each suffix, whose libraries are shut down with the process, and one of each status."""
+    """One case of each library that is shut down with the process, and one of each status."""
     cases = [c for c in all_cases() if not c.nobody]
-    found = {Path(c.input).suffix: c for c in cases if c.status} | {c.status: c for c in cases}
-    return dict.fromkeys(found.values())
+    libraries = {
+        Path(c.input).suffix: c for c in cases if c.status and Path(c.input).suffix in (".med", ".xdmf", ".step")
+    }
+    return dict.fromkeys([*libraries.values(), *{c.status: c for c in cases}.values()])
 
 
 @pytest.mark.parametrize("one", parameters(map(pytest.param, selected())))

@@ -14,90 +14,72 @@ from lacmesh.formats.entities import assign
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 
 NAMES = ["slave", "A", "b c", "Körper", 'say "hi"', "x" * 300, "é" * 90, "$End", "", "tab\t<&>", "2:7", "a'b", " pad "]
-FIELDS = ["T", "U", "champ é", 'f"q"', "T@0", "entity", "lac_macro", "x" * 200, "x" * 201]
+FIELDS = ["T", "U", "champ é", 'f"q"', "T@0", "lac_macro", "x" * 200, "x" * 201]
 
 
-@st.composite
-def meshes(draw, kinds=tuple(ALL_CELLS), tidy=False):
-    """A mesh; `tidy`: as gmsh likes it.
+def meshes(kinds=tuple(ALL_CELLS), tidy=False):
+    """Meshes of random numbers with some of all that a mesh may have; `tidy`: as gmsh likes them.
 
     Then nodes are distinct in a cell, there is one type of a family (gmsh's API sees no other in an entity), entities
     have the cells' dimension, numbers are small (gmsh's fields are as long as the largest) and nothing is periodic
     (gmsh moves nodes to where the map takes them).
     """
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    flag = {f: draw(st.booleans()) for f in ("entity", "node_entity", "order", "model", "numbers", "plane", "tags")}
+    return st.integers(0, 2**32 - 1).map(lambda seed: _mesh(np.random.default_rng(seed), kinds, tidy))
+
+
+def _mesh(rng, kinds, tidy):
+    def yes():
+        return rng.random() < 0.5
+
+    def some(candidates, most=None):
+        found = rng.permutation(candidates)[: rng.integers(0, min(len(candidates), most or len(candidates)) + 1)]
+        return found.tolist()
+
+    def numbers(size):
+        largest = 10 ** int(rng.integers(3, 5 if tidy else 10))
+        return rng.choice(largest, size, replace=False) + 1 if counted else np.arange(1, size + 1)
+
+    def groups(size, most):
+        return {name: np.sort(some(np.arange(size))).astype(int) for name in some(NAMES, most)}
+
+    counted, tagged = yes(), yes()
     n = int(rng.integers(130, 150) if tidy else rng.integers(1, 30))
-    points = np.round(rng.normal(size=(n, 3)) * 10.0 ** rng.integers(-3, 4), 12)
-    if flag["plane"]:
-        points[:, 2] = 0
-    chosen = draw(st.lists(st.sampled_from(kinds), unique=True, max_size=5))
+    points = np.round(rng.normal(size=(n, 3)) * 10.0 ** rng.integers(-3, 4), 12) * [1, 1, yes()]
+    chosen = some(kinds, 5)
     if tidy:
         chosen = list({ALL_CELLS[kind].family: kind for kind in chosen}.values())
-    blocks = [(kind, _cells(rng, kind, n, tidy)) for kind in chosen]
-    k = sum(len(rows) for _, rows in blocks)
-    cell_dim = np.concatenate([np.zeros(0, int), *(np.full(len(r), ALL_CELLS[t].dim) for t, r in blocks)])
-    groups = _groups(rng, draw(st.lists(st.sampled_from(NAMES), unique=True, max_size=6)), k)
-    tags, used = {}, set()
-    for name in groups:
+    blocks = []
+    for kind in chosen:
+        rows = [rng.choice(n, ALL_CELLS[kind].n_nodes, replace=not tidy) for _ in range(rng.integers(1, 7))]
+        blocks.append((kind, np.array(rows)))
+    cell_dim = np.array([ALL_CELLS[kind].dim for kind, rows in blocks for _ in rows], int)
+    k = len(cell_dim)
+    cell_groups, tags, used = groups(k, 6), {}, set()
+    for name in cell_groups if tagged else ():
         found = {(int(d), int(t)) for d, t in rng.integers([0, 1], [4, 9], (2, 2))} - used
-        if flag["tags"] and found:
+        if found:
             tags[name] = tuple(sorted(found))
             used |= found
-    if flag["tags"] and (2, 12) not in used and "2:12" not in groups:
-        groups["2:12"], tags["2:12"] = _some(rng, np.flatnonzero(cell_dim == 2)), ((2, 12),)
-    cell_data = _fields(rng, draw(st.lists(st.sampled_from(FIELDS), unique=True, max_size=3)), k)
-    node_data = _fields(rng, draw(st.lists(st.sampled_from(FIELDS), unique=True, max_size=2)), n)
-    steps = {}
-    for key in list(cell_data):
-        if key != "lac_macro" and draw(st.booleans()):
-            steps |= _steps(rng, cell_data, node_data, key)
-    for data in (cell_data, node_data):
-        data.pop("entity", None)
-    steps = {key: step for key, step in steps.items() if key in cell_data or key in node_data}
-    if flag["entity"]:
+    if tagged and "2:12" not in cell_groups:
+        cell_groups["2:12"], tags["2:12"] = np.sort(some(np.flatnonzero(cell_dim == 2))).astype(int), ((2, 12),)
+    cell_data, node_data, steps = _fields(rng, some(FIELDS, 3), k), _fields(rng, some(FIELDS, 2), n), {}
+    for key in [key for key in cell_data if key != "lac_macro" and yes()]:
+        steps |= _steps(rng, cell_data, node_data, key)
+    if yes():
         entity = np.column_stack([cell_dim, rng.integers(1, 4, k)])
         if not tidy:
             entity[rng.random(k) < 0.1] = -1
             entity[rng.random(k) < 0.1, 0] = 2
         cell_data["entity"] = entity.astype(np.int32)
-    if flag["node_entity"]:
+    if yes():
         node_data["entity"] = rng.integers([0, 1], [4, 4], (n, 2)).astype(np.int32)
         node_data["entity"][rng.random(n) < 0.2] = -1
     return Mesh.create(
-        points,
-        blocks,
-        space_dim=draw(st.sampled_from([None, 2, 3])),
-        node_number=_numbers(rng, n, tidy) if flag["numbers"] else np.arange(1, n + 1),
-        cell_number=_numbers(rng, k, tidy) if flag["numbers"] else np.arange(1, k + 1),
-        file_order=rng.permutation(k) if flag["order"] else None,
-        cell_groups=groups,
-        node_groups=_groups(rng, draw(st.lists(st.sampled_from(NAMES), unique=True, max_size=3)), n),
-        cell_data=cell_data,
-        node_data=node_data,
-        group_tags=tags,
-        steps=steps,
-        zones=tuple(draw(st.lists(st.sampled_from(["zone 1", "z$é"]), max_size=2))),
-        model=_model(rng, n, tidy) if flag["model"] else None,
-        name=draw(st.sampled_from(["mesh", "my mesh é", "$"])),
-    )
-
-
-def _cells(rng, kind, n, tidy):
-    rows = [rng.choice(n, ALL_CELLS[kind].n_nodes, replace=not tidy) for _ in range(rng.integers(1, 7))]
-    return np.array(rows)
-
-
-def _some(rng, candidates):
-    return np.sort(rng.permutation(candidates)[: rng.integers(0, len(candidates) + 1)])
-
-
-def _groups(rng, names, size):
-    return {name: _some(rng, np.arange(size)) for name in names}
-
-
-def _numbers(rng, n, tidy):
-    return rng.permutation(rng.choice(10 ** int(rng.integers(3, 5 if tidy else 10)), n, replace=False)) + 1
+        points, blocks, space_dim=[None, 2, 3][rng.integers(3)], node_number=numbers(n), cell_number=numbers(k),
+        file_order=rng.permutation(k) if yes() else None, cell_groups=cell_groups, node_groups=groups(n, 3),
+        cell_data=cell_data, node_data=node_data, group_tags=tags, steps=steps, zones=tuple(some(["zone 1", "z$é"])),
+        model=_model(rng, n, tidy) if yes() else None, name=["mesh", "my mesh é", "$"][rng.integers(3)],
+    )  # fmt: skip
 
 
 def _fields(rng, names, n):
@@ -130,8 +112,7 @@ def _steps(rng, cell_data, node_data, key):
 
 def _model(rng, n, tidy):
     tags = [(d, t) for d in range(4) for t in (1, 2)]
-    boundary = {(d, t): tuple((rng.permutation([1, -2])[: rng.integers(0, 3)]).tolist()) for d, t in tags if d}
-    boundary |= {tag: () for tag in tags if tag[0] == 0}
+    boundary = {(d, t): tuple((rng.permutation([1, -2])[: rng.integers(0, 3)]).tolist()) if d else () for d, t in tags}
     links = tuple(
         Periodic((d, 1), (d, 2), tuple(rng.normal(size=16)) if d else (), rng.integers(0, n, (d, 2))) for d in range(3)
     )

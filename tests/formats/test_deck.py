@@ -17,7 +17,6 @@ import lacmesh
 from lacmesh import LacmeshWarning, cut_skin, raise_order, split
 from lacmesh.cells import CELLS
 from lacmesh.cli import main
-from lacmesh.cutting.cut import is_cut
 from lacmesh.cutting.records import Cut
 from lacmesh.errors import DataError, WriteError
 from lacmesh.formats import inp
@@ -111,24 +110,6 @@ def test_what_is_no_mesh_is_carried_word_for_word(tmp_path):
     (tmp_path / "a.inp").write_bytes(strange)
     lacmesh.write(tmp_path / "b.inp", lacmesh.read(tmp_path / "a.inp"))
     assert b"\r\n f\xfcr it says; 1, 2\r\n" in (tmp_path / "b.inp").read_bytes()
-
-
-def test_a_cut_deck_is_read_as_the_mesh_that_was_cut(tmp_path):
-    """Sets by the children, surfaces by their faces, new nodes in the sets that hold a whole face, and nothing lost."""
-    mesh, _ = cut_text(tmp_path, "*BOUNDARY\nBottom, 1, 3\n")
-    back = lacmesh.read(tmp_path / "b.inp")
-    for groups in ("cell_groups", "node_groups"):
-        numbers = "cell_number" if groups == "cell_groups" else "node_number"
-        for name, members in getattr(mesh, groups).items():
-            if name not in ("slave", "side"):
-                found = getattr(back, numbers)[getattr(back, groups)[name]]
-                assert set(found.tolist()) == set(getattr(mesh, numbers)[members].tolist()), name
-    for name, z in (("slave", 1.0), ("side", None)):
-        assert len(back.cell_groups[name]) == len(mesh.cell_groups[name])
-        for _, _, nodes in back.select(back.cell_groups[name]):
-            assert z is None or (back.points[nodes, 2] == z).all()
-    assert is_cut(back)
-    assert {c.options["TYPE"] for c in back.deck.named("ELEMENT")} == {"C3D8R"}
 
 
 #: cards on what was cut, and words of the error: it names the line, and what to give instead

@@ -204,17 +204,6 @@ def test_tags_of_formats_of_meshio_are_groups(name, tmp_path):
     assert lacmesh.check(read, "7").summary["slave_faces"] == 1
 
 
-@pytest.mark.parametrize("name", ["a.vtu", "a.xdmf", "a.vtk"])
-def test_integers_of_a_mesh_that_lacmesh_wrote_are_fields(name, tmp_path):
-    pytest.importorskip("meshio")
-    mesh, _ = tagged(level=np.arange(two_blocks("TETRA4").n_cells) % 3)
-    lacmesh.write(tmp_path / name, mesh)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        read = lacmesh.read(tmp_path / name)
-    assert not read.cell_groups and "level" in read.cell_data
-
-
 @pytest.mark.gmsh
 @pytest.mark.parametrize("version", ["4.1", "2.2"])
 def test_a_part_of_a_divided_mesh_is_called_one(gmsh, version, tmp_path):

@@ -17,8 +17,7 @@ from hypothesis import strategies as st
 from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import LacmeshWarning, RequestError, WriteError
 from lacmesh.formats import med
-from lacmesh.formats.orders import MED_CELLS
-from lacmesh.mesh import Mesh, Model, Periodic, Step
+from lacmesh.mesh import Mesh, Step
 from tests.bad_input.raw import write_old
 from tests.formats.med_peer import ask
 from tests.formats.msh_meshes import plain
@@ -62,14 +61,6 @@ def cube():
 
 
 # There and back
-def test_numbers_and_bits_of_types():
-    """MED's number is dimension and nodes; the bits follow those numbers, with OCTA12 (312) which we lack."""
-    for kind in MED_CELLS.values():
-        cell = ALL_CELLS[kind.type]
-        assert kind.geo == (1 if kind.type == "POI1" else 100 * cell.dim + cell.n_nodes)
-    geos = sorted([*(kind.geo for kind in MED_CELLS.values()), 312])
-    assert [geos.index(kind.geo) for kind in MED_CELLS.values()] == [kind.bit for kind in MED_CELLS.values()]
-    assert [kind.geo for kind in MED_CELLS.values()] == sorted(kind.geo for kind in MED_CELLS.values())
 
 
 def arrays(rng, n):
@@ -91,13 +82,16 @@ def arrays(rng, n):
 
 def random_mesh(rng, types, n_nodes, names, space_dim=3, data=True):
     """A mesh of random connectivity: all that matters to a file, whatever the geometry."""
-    blocks = []
-    for kind in types:
-        width = ALL_CELLS[kind].n_nodes
-        k = int(rng.integers(1, 5))
-        blocks.append((kind, np.stack([rng.permutation(n_nodes)[:width] for _ in range(k)])))
+
+    def groups(names, n):
+        return {name: np.flatnonzero(rng.random(n) < rng.choice([0, 0.3, 1])) for name in names}
+
+    widths = {kind: ALL_CELLS[kind].n_nodes for kind in types}
+    blocks = [
+        (kind, np.stack([rng.permutation(n_nodes)[:width] for _ in range(rng.integers(1, 5))]))
+        for kind, width in widths.items()
+    ]
     n_cells = sum(len(rows) for _, rows in blocks)
-    points = rng.normal(size=(n_nodes, 3)) * [1, 1, space_dim == 3]
     steps, cell_data, node_data = {}, {}, {}
     if data and n_cells:
         cell_data, node_data = arrays(rng, n_cells), arrays(rng, n_nodes)
@@ -106,18 +100,11 @@ def random_mesh(rng, types, n_nodes, names, space_dim=3, data=True):
             cell_data[f"moved@{k}"], node_data[f"moved@{k}"] = rng.normal(size=n_cells), rng.normal(size=n_nodes)
         steps["late"], cell_data["late"] = Step("late", 3, -1, 2.5), rng.normal(size=n_cells)
     return Mesh.create(
-        points,
-        blocks,
-        space_dim=space_dim,
-        name="maillage é 1",
-        node_number=rng.permutation(3 * n_nodes)[:n_nodes] + 1,
-        cell_number=rng.permutation(3 * n_cells)[:n_cells] + 1,
-        cell_groups={name: np.flatnonzero(rng.random(n_cells) < rng.choice([0, 0.3, 1])) for name in names},
-        node_groups={name: np.flatnonzero(rng.random(n_nodes) < rng.choice([0, 0.3, 1])) for name in names[::2]},
-        cell_data=cell_data,
-        node_data=node_data,
-        steps=steps,
-    )
+        rng.normal(size=(n_nodes, 3)) * [1, 1, space_dim == 3], blocks, space_dim=space_dim, name="maillage é 1",
+        node_number=rng.permutation(3 * n_nodes)[:n_nodes] + 1, cell_number=rng.permutation(3 * n_cells)[:n_cells] + 1,
+        cell_groups=groups(names, n_cells), node_groups=groups(names[::2], n_nodes),
+        cell_data=cell_data, node_data=node_data, steps=steps,
+    )  # fmt: skip
 
 
 NAMES = st.lists(
@@ -162,26 +149,6 @@ def test_integers_of_a_cut_are_read_back_as_written(tmp_path, cube):
         file["CHA"].visititems(lambda _, o: sizes.append(o.size) if isinstance(o, h5py.Dataset) else None)
         assert sorted(sizes) == [1, 1, 2, 2, 2]
         assert len(file["PROFILS"]) == 1  # the node alone; cells are there or not type by type
-
-
-def test_what_msh_knows_goes_through(tmp_path, cube):
-    model = Model(
-        {(3, 1): (-1, 2), (2, 1): ()},
-        (Periodic((2, 1), (2, 2), tuple(float(k) for k in range(16)), np.array([[0, 4]])),),
-    )
-    tags = {"body": ((3, 1),), "both": ((2, 5), (3, 5)), "none": ((1, 9),)}
-    entity = np.array([[3, 1], [2, 1], [2, 2]])
-    mesh = replace(
-        cube, model=model, group_tags=tags, cell_data={"entity": entity}, node_data={"entity": np.ones((9, 2), int)}
-    )
-    med.write(tmp_path / "a.med", mesh)
-    again = med.read(tmp_path / "a.med")
-    assert (again.group_tags, again.model.boundary) == (tags, model.boundary)
-    (link,) = again.model.periodic
-    assert (link.slave, link.master, link.affine) == ((2, 1), (2, 2), model.periodic[0].affine)
-    np.testing.assert_array_equal(link.nodes, [[0, 4]])
-    np.testing.assert_array_equal(again.cell_data["entity"], entity)
-    np.testing.assert_array_equal(again.node_data["entity"], np.ones((9, 2)))
 
 
 def test_zones_are_derived_where_our_notes_are_gone(tmp_path):

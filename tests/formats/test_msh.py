@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from contextlib import nullcontext
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +12,6 @@ from lacmesh.cells import ALL_CELLS, CELLS
 from lacmesh.errors import DataError, LacmeshWarning, ReadError, WriteError
 from lacmesh.formats import msh
 from lacmesh.formats.entities import assign
-from lacmesh.formats.ids import Index
 from lacmesh.mesh import Mesh, Model, Periodic, Step
 from tests.formats.msh_meshes import (
     as_seen,
@@ -146,24 +143,6 @@ def test_files_of_gmsh(gmsh, tmp_path, version, binary, order, parts, save_all):
 
 
 @pytest.mark.gmsh
-def test_embedded_curves_stay_embedded(gmsh, tmp_path):
-    gmsh.clear()
-    gmsh.model.add("plate")
-    occ = gmsh.model.occ
-    plate, line = occ.addRectangle(0, 0, 0, 1, 1), occ.addLine(occ.addPoint(0.3, 0.5, 0), occ.addPoint(0.7, 0.5, 0))
-    occ.synchronize()
-    gmsh.model.mesh.embed(1, [line], 2, plate)
-    gmsh.model.mesh.generate(2)
-    save(gmsh, tmp_path / "plate.msh", "4.1", False)
-    mesh = msh.read(tmp_path / "plate.msh")
-    edge = np.flatnonzero((mesh.cell_data["entity"] == [1, 1]).all(axis=1))
-    changed = replace(mesh, cell_groups={"some": edge[:1]}, group_tags={})  # curve 1 must be split: more tags
-    again(tmp_path, changed, "4.1", False)
-    assert seen_by(gmsh, tmp_path / "again.msh")["complaints"] == []
-    assert gmsh.model.mesh.getEmbedded(2, plate) == [(1, line)]
-
-
-@pytest.mark.gmsh
 @kinds
 def test_gmsh_sees_fields_and_keeps_our_section(gmsh, tmp_path, version, binary):
     rng = np.random.default_rng(0)
@@ -261,18 +240,6 @@ def test_our_section(tmp_path):
         again(tmp_path, mesh, version, binary)
         assert b"LacMesh" not in path.read_bytes()
         assert max(map(len, path.read_bytes().splitlines())) < 200 or binary
-
-
-@pytest.mark.parametrize("numbers", [[1, 2, 3], [3, 1, 2], [7, 10**12, 8]])
-def test_numbers_and_places(numbers):
-    index = Index(np.array(numbers))
-    asked = np.array([*numbers, 0, -1, -2, -4, 4, 9, 10**12 + 1, -(2**63), 2**63 - 1])
-    assert index.places(asked).tolist() == [0, 1, 2] + [-1] * 9
-    out = np.empty((2, 1), np.int64)
-    assert index.convert(np.array([[numbers[1]], [numbers[0]]]), out) is None
-    assert out.ravel().tolist() == [1, 0]
-    for wrong in (0, -1, -3, 11, 2**63 - 1, -(2**63)):
-        assert index.convert(np.array([[numbers[0]], [wrong]]), out) == 1
 
 
 def data(name, partition, number, value):
@@ -376,21 +343,6 @@ def test_elements_that_alternate_and_change_tags(tmp_path, binary):
     assert read.cell_number[read.file_order].tolist() == mesh.cell_number[order].tolist()
 
 
-def test_one_header_for_each_element(tmp_path):
-    """One header per element, as gmsh writes binary msh 2.2, or one for three elements, gives the same mesh."""
-    rng = np.random.default_rng(2)
-    mesh = Mesh.create(rng.normal(size=(50, 3)), [("TRIA3", rng.integers(0, 50, (3000, 3)))])
-    again(tmp_path, mesh, "2.2", True)
-    path = tmp_path / "again.msh"
-    start, rest = path.read_bytes().split(b"$Elements\n3000\n")
-    table = np.frombuffer(rest[: 4 * (3 + 3000 * 6)], "<i4")[3:].reshape(3000, 6)
-    for follow in (1, 3):
-        head = np.tile(np.array([2, follow, 2], "<i4"), (3000 // follow, 1))
-        rows = np.hstack([head, table.reshape(3000 // follow, -1)]).astype("<i4")
-        path.write_bytes(start + b"$Elements\n3000\n" + rows.tobytes() + b"\n$EndElements\n")
-        assert plain(msh.read(path)) == plain(mesh)
-
-
 def test_what_is_left_out_is_said_once(tmp_path):
     extra = "".join(f"${n}\nsome 1 2\n$End{n}\n" for n in ("GhostElements", "ElementNodeData", "Strange", "Edges"))
     quiet = "".join(f"${n}\nsome\n$End{n}\n" for n in ("Comments", "LacNodeGroups"))
@@ -436,41 +388,6 @@ def chain(n, **rest):
 def tags(mesh, on="cell"):
     table = assign(mesh)
     return [(table.entities[r].dim, table.entities[r].tag) for r in getattr(table, on)]
-
-
-@pytest.mark.fuzz
-@settings(max_examples=samples(50, 150), deadline=None, suppress_health_check=list(HealthCheck))
-@given(mesh=meshes())
-def test_the_table_says_what_the_groups_say(mesh):
-    table = assign(mesh)
-    assert [(e.dim, e.tag) for e in table.entities] == sorted({(e.dim, e.tag) for e in table.entities})
-    before = mesh.cell_data.get("entity", np.full((mesh.n_cells, 2), -1))
-    said = {tag: name for name, found in table.group_tags.items() for tag in found}
-    assert len(said) == sum(map(len, table.group_tags.values()))
-    member = {name: set(cells.tolist()) for name, cells in mesh.cell_groups.items()}
-    classes, kept = {}, {}
-    for c in range(mesh.n_cells):
-        e = table.entities[table.cell[c]]
-        assert e.dim == mesh.cell_dim[c]
-        groups = {name for name in member if c in member[name]}
-        assert {said[e.dim, g] for g in e.groups} == groups
-        valid = before[c, 0] == e.dim and before[c, 1] > 0
-        # new entities hold one order: gmsh's getElements shows one order of a shape in an entity
-        source = tuple(before[c].tolist()) if valid else ("new", order_of_cell(mesh, c) > 1)
-        assert classes.setdefault((e.dim, e.tag), (source, groups)) == (source, groups)
-        if valid:
-            kept.setdefault(source, Counter())[e.tag] += 1
-    # one entity for each source and combination, and the most numerous keeps its tag
-    assert len({(d, s, frozenset(g)) for (d, _), (s, g) in classes.items()}) == len(classes)
-    for (_, tag), count in kept.items():
-        assert count[tag] == max(count.values())
-    for n, r in enumerate(table.node):
-        if "entity" in mesh.node_data and mesh.node_data["entity"][n, 1] > 0:
-            assert (table.entities[r].dim, table.entities[r].tag) == tuple(mesh.node_data["entity"][n])
-
-
-def order_of_cell(mesh, cell):
-    return next(ALL_CELLS[kind].order for kind, _, _ in mesh.select(np.array([cell])))
 
 
 def test_nodes_lie_on_the_lowest_cell_and_orphans_somewhere():

@@ -18,7 +18,7 @@ from lacmesh.formats import notes
 from lacmesh.formats.builder import MeshBuilder
 from lacmesh.mesh import Model, Periodic, Step
 from tests.formats.feature_cases import KEPT, REFUSED, TABLE, told
-from tests.meshes import cell_with_faces, random_mesh
+from tests.meshes import cell_with_faces
 
 SOLIDS = [(name, "pyramid") for name, cell in CELLS.items() if cell.dim > 1]
 SOLIDS += [(name, "hexa") for name in RING_PARENTS if CELLS[name].dim == 3]
@@ -73,27 +73,6 @@ def test_every_family_by_formats_without_fields(row, options, tmp_path):
     calculix = row.form == "inp" and "target" not in options
     assert tried == {"TRIA", "QUAD", "TETRA", "HEXA", "PENTA", "PYRAM"} - (LACKS["CalculiX"] if calculix else set())
     assert row.keeps("cut") == row.keeps("zones") == KEPT
-
-
-@pytest.mark.filterwarnings("ignore:slave faces stand twice")
-@pytest.mark.parametrize("suffix", [".mail", ".inp"])
-@pytest.mark.parametrize("seed", range(6))
-def test_random_numbers_groups_and_twins(suffix, seed, tmp_path):
-    rng = np.random.default_rng(seed)
-    mesh = random_mesh(
-        rng, dim=3 - seed % 2, order=1 + (seed > 2 and suffix == ".mail"), twins=suffix == ".mail", interior=seed > 3
-    )
-    mesh = replace(cut_skin(mesh, "slave", hexa="hexa").mesh, zones=('été, "links"',))
-    found, _ = quiet(tmp_path / f"a{suffix}", mesh, **({"target": "abaqus"} if suffix == ".inp" else {}))
-    if suffix == ".mail":  # cells and nodes keep their numbers: so every record is under the same one
-        order, back = np.argsort(mesh.cell_number), np.argsort(found.cell_number)
-        for name in CELL_RECORDS:
-            assert np.array_equal(mesh.cell_data[name][order], found.cell_data[name][back])
-        order, back = np.argsort(mesh.node_number), np.argsort(found.node_number)
-        assert np.array_equal(mesh.node_data[NODE_RECORD][order], found.node_data[NODE_RECORD][back])
-        assert found.zones == mesh.zones
-    else:
-        same(mesh, found)
 
 
 def noted(mesh, note, number=None):

@@ -10,9 +10,8 @@ import random
 import re
 import sys
 import tempfile
-import traceback
 import warnings
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -31,7 +30,7 @@ from lacmesh.quality import measure_quality
 from lacmesh.report import describe
 from lacmesh.view import picture
 from tests.bad_input import raw
-from tests.bad_input.case import BYTES, SECONDS, TooSlow, alarm, room
+from tests.bad_input.case import BYTES, SECONDS, alarm, room
 from tests.bad_input.mesh_cases import WRITERS
 from tests.bad_input.raw import two_hexahedra, write_old
 from tests.formats import texts
@@ -151,16 +150,9 @@ def _old():
         return path.read_bytes()
 
 
-#: Suffixes of the formats that lacmesh writes itself.
+#: suffixes of the formats that lacmesh writes itself
 OWN = (".msh", ".med", ".mail", ".inp", ".vtu", ".xdmf")
-READ, REFUSED, FAILED = "read", "refused", "failed"
-
-
-class Outcome(NamedTuple):
-    """READ, REFUSED or FAILED, and what there is to say of it."""
-
-    what: str
-    text: str = ""
+READ, REFUSED = "read", "refused"
 
 
 def spoilt(name, number):
@@ -178,102 +170,59 @@ def spoilt(name, number):
     return Seed(seed.main, files)
 
 
-def tried(name, number, folder):
-    """Spoil, write and read a file in a folder, and do with the mesh what commands do."""
-    return _tried(spoilt(name, number), folder, _read)
-
-
-def read_and_checked(seed, folder):
-    """Write and read a file in a folder, and look at the mesh."""
-    return _tried(seed, folder, lambda path: mesh if isinstance(mesh := _mesh(path), Outcome) else Outcome(READ))
-
-
-def _tried(seed, folder, work):
+def tried(seed, folder, commands=False):
+    """Write and read a file in a folder, and do with the mesh what commands do; READ or REFUSED, all else raises."""
     for old in folder.iterdir():
         old.unlink()
     for file, content in seed.files.items():
         (folder / file).write_bytes(content)
-    unraised = []
+    unraised, path = [], folder / seed.main
     before, sys.unraisablehook = sys.unraisablehook, lambda args: unraised.append(repr(args.exc_value))
     try:
         with warnings.catch_warnings(), alarm(SECONDS):
             warnings.simplefilter("ignore")
-            outcome = work(folder / seed.main)
-    except TooSlow as error:
-        outcome = Outcome(FAILED, f"{error}\n{traceback.format_exc()}")
-    except Exception:
-        outcome = Outcome(FAILED, traceback.format_exc())
+            mesh = allowed(lacmesh.read, path)
+            if mesh is not None:
+                consistent(mesh)
+                if commands:
+                    commanded(mesh, path)
     finally:
         sys.unraisablehook = before
-    return Outcome(FAILED, f"an exception in the background: {unraised}") if unraised else outcome
+    assert not unraised, "an exception in the background"
+    return REFUSED if mesh is None else READ
 
 
-def _mesh(path):
-    """The mesh of a file, whose parts fit together, or REFUSED."""
+def allowed(work, *given, **options):
+    """Do what may be refused in a sentence: the result, or None. A lack of memory is no answer."""
     try:
-        mesh = lacmesh.read(path)
+        return work(*given, **options)
     except LacmeshError as error:
-        return _refusal(error)
-    except AssertionError as error:
-        raise RuntimeError("the reader takes for granted what is not so") from error
-    consistent(mesh)
-    return mesh
+        behind = error
+        while behind is not None:
+            assert not isinstance(behind, MemoryError)
+            behind = behind.__cause__ or behind.__context__
+        assert str(error).strip() and len(str(error)) < 2000
+        return None
 
 
-def _read(path):
-    mesh = _mesh(path)
-    if isinstance(mesh, Outcome):
-        return mesh
+def commanded(mesh, path):
     json.dumps(describe(mesh), allow_nan=False)
     json.dumps(measure_quality(mesh).as_json(), allow_nan=False)
-    for group in list(mesh.cell_groups)[:2]:
-        _allowed(cut_skin, mesh, group)
-        _allowed(_checked, mesh, group)
-        if mesh.deck is not None:
-            _allowed(_cut_deck, mesh, group, path)
-    _allowed(partial(picture, size=(64, 48)), mesh, path.with_name("out.png"))
-    for suffix in OWN:
-        _allowed(lacmesh.write, path.with_name(f"out{suffix}"), mesh)
-    return Outcome(READ)
-
-
-def _cut_deck(mesh, group, path):
-    """Cut a deck and write it: the new file is read again, as a mesh of as many nodes."""
-    cut = cut_skin(mesh, group, hexa="hexa").mesh
     out = path.with_name("cut.inp")
-    lacmesh.write(out, cut, lenient=True)
-    try:
-        back = lacmesh.read(out)
-    except LacmeshError as error:
-        raise RuntimeError(f"a deck that was written cannot be read: {error}") from error
-    assert back.n_nodes == cut.n_nodes, "a deck that was cut"
-
-
-def _checked(mesh, group):
-    found = check(mesh, group)
-    json.dumps(found.as_dict(), allow_nan=False)
-    if unfinished := found.of_rule("not-checked"):
-        raise RuntimeError(unfinished[0].message)
-
-
-def _allowed(work, *given):
-    """Do something that may be refused."""
-    try:
-        work(*given)
-    except LacmeshError as error:
-        if (refusal := _refusal(error)).what == FAILED:
-            raise RuntimeError(refusal.text) from error
-
-
-def _refusal(error):
-    """An answer, unless a lack of memory is behind it, or it says nothing."""
-    behind = error
-    while behind is not None:
-        if isinstance(behind, MemoryError):
-            return Outcome(FAILED, f"memory: {traceback.format_exception(error)}")
-        behind = behind.__cause__ or behind.__context__
-    text = str(error)
-    return Outcome(REFUSED if text.strip() and len(text) < 2000 else FAILED, text)
+    for group in list(mesh.cell_groups)[:2]:
+        allowed(cut_skin, mesh, group)
+        found = allowed(check, mesh, group)
+        assert found is None or not found.of_rule("not-checked")
+        json.dumps(found and found.as_dict(), allow_nan=False)
+        cut = mesh.deck and allowed(cut_skin, mesh, group, hexa="hexa")
+        if cut:
+            allowed(lacmesh.write, out, cut.mesh, lenient=True)
+        if out.exists():
+            assert lacmesh.read(out).n_nodes == cut.mesh.n_nodes, "a deck that was cut and written"
+            out.unlink()
+    allowed(partial(picture, size=(64, 48)), mesh, path.with_name("out.png"))
+    for suffix in OWN:
+        allowed(lacmesh.write, path.with_name(f"out{suffix}"), mesh)
 
 
 def consistent(mesh):
@@ -308,41 +257,21 @@ def consistent(mesh):
 
 # ---- the tests: 10,000 files of each format by `make fuzz`, and a thin slice in every run
 
-#: files of each format that commands try: parts of as many
+#: files of each format that commands try, in parts of as many, and those that are read alone, from another number on
 PARTS, FILES = samples(1, 20), samples(16, 500)
-#: number of the first file that is read alone; those before it are tried by the commands
-FIRST = 24
-
-
-def failures(found):
-    """The first of some outcomes that is a failure, by its number."""
-    return next(((number, one.text) for number, one in found.items() if one.what == FAILED), None)
-
-
-def share(found, what):
-    """The share of some outcomes that are of a kind."""
-    return sum(one.what == what for one in found.values()) / len(found)
+FIRST, ALONE = 24, samples(60, 1000)
+SPOILT = [(True, part * FILES, FILES) for part in range(PARTS)] + [(False, FIRST, ALONE)]
 
 
 @pytest.mark.fuzz
-@pytest.mark.parametrize("part", range(PARTS))
+@pytest.mark.parametrize(("commands", "first", "n"), SPOILT)
 @pytest.mark.parametrize("name", FORMATS)
-def test_spoilt_files_are_read_or_refused(name, part, tmp_path):
-    """Within limits of time and memory; `tried(name, number, folder)` tries one again."""
-    with room(BYTES):
-        found = {number: tried(name, number, tmp_path) for number in range(part * FILES, (part + 1) * FILES)}
-    assert failures(found) is None
-    assert share(found, READ) > 1 / 30 and share(found, REFUSED) > 1 / 4
-
-
-@pytest.mark.fuzz
-@pytest.mark.parametrize("name", FORMATS)
-def test_spoilt_files_are_sound_meshes_or_refused(name, tmp_path):
-    """More files than are tried by commands; here they are read alone."""
-    n = samples(60, 1000)
-    found = {number: read_and_checked(spoilt(name, number), tmp_path) for number in range(FIRST, FIRST + n)}
-    assert failures(found) is None
-    assert share(found, READ) > 1 / 30 and share(found, REFUSED) > 1 / 30
+def test_spoilt_files_are_sound_meshes_or_refused(name, commands, first, n, tmp_path):
+    """Within limits of time and memory; the number of a file that fails is that of the last try."""
+    tried(seeds(name)[0], tmp_path, commands)  # which loads what may need to be compiled
+    with room(BYTES) if commands else nullcontext():
+        outcomes = [tried(spoilt(name, number), tmp_path, commands) for number in range(first, first + n)]
+    assert outcomes.count(READ) > n / 30 and outcomes.count(REFUSED) > n / (4 if commands else 30)
 
 
 def may_end(name, content):
@@ -355,13 +284,11 @@ def may_end(name, content):
 @pytest.mark.fuzz
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_that_ends_too_early_is_refused(name, tmp_path):
-    rng, n_read = random.Random(name), 0  # a VTU file has all its arrays before its last tags
+    rng = random.Random(name)
     for seed in seeds(name):
         for file, content in seed.files.items():
+            # a VTU file has all its arrays before its last tags
             tail = re.search(rb"\s*(</AppendedData>\s*)?(</VTKFile>)?\s*\Z", content)
             for n in rng.sample(range(tail.start() - 1), samples(12, 200)):
-                cut = seed._replace(files={**seed.files, file: content[:n]})
-                outcome = read_and_checked(cut, tmp_path)
-                assert outcome.what in (REFUSED, *([READ] if may_end(name, content[:n]) else [])), (n, outcome)
-                n_read += outcome.what == READ
-    assert n_read or not name.startswith("inp")
+                outcome = tried(seed._replace(files={**seed.files, file: content[:n]}), tmp_path)
+                assert outcome == REFUSED or may_end(name, content[:n]), (file, n)
