@@ -22,7 +22,7 @@ from lacmesh.errors import listed
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.topology.bodies import label_components
 from lacmesh.topology.boxes import meeting, meeting_each_other
-from lacmesh.topology.skin import FACE_TYPES, Faces, distinct_edges, edge_uses
+from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, distinct_edges
 
 #: pairs of pieces that are compared at once
 _PIECE = 1 << 15
@@ -236,9 +236,7 @@ def _hanging(request: Request, side: CheckedSkin) -> Ints:
     if request.dim != 2 or not len(side):
         return np.empty(0, np.int64)
     corners = side.faces.corners
-    uses = edge_uses(side.faces)
-    alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
-    a, b = uses.start[alone], uses.stop[alone]
+    a, b, _ = boundary_edges(side.faces).T
     nodes = np.unique(corners[corners >= 0])
     node, edge = inside_edges(request, nodes[request.finite[nodes]], a, b)
     return np.unique(node[request.bodies[node] == request.bodies[a[edge]]])
@@ -247,11 +245,9 @@ def _hanging(request: Request, side: CheckedSkin) -> Ints:
 @rule("hanging-node", "error", "mesh the skin conformingly", "skin of pair")
 def hanging_nodes(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A node of a skin lies inside an edge of another face of it: the skin does not conform."""
-    nodes = request.once(_hanging, side)
-    if len(nodes):
-        message = counted(len(nodes), f"node of the {side.what} skin lies", f"nodes of the {side.what} skin lie")
-        message += f" inside edges of its other faces ({request.node_numbers(nodes)}); mesh the skin conformingly"
-        yield Place(message, nodes=nodes, group=side.group)
+    subject = f"node of the {side.what} skin lies|nodes of the {side.what} skin lie"
+    text = "inside edges of its other faces (#); mesh the skin conformingly"
+    yield from request.places(request.once(_hanging, side), subject, text, on="node", skin=side)
 
 
 @rule("self-intersection", "error", "repair the geometry there", "skin of pair")

@@ -47,20 +47,15 @@ def repeated_numbers(request: Request) -> Iterator[Place]:
 def not_finite(request: Request) -> Iterator[Place]:
     """A coordinate of a node of a cell is not finite; checks that need it are left out."""
     nodes = np.flatnonzero(request.once(_used) & ~request.finite)
-    if len(nodes):
-        message = counted(len(nodes), "node has", "nodes have")
-        message += f" coordinates that are not finite, or huge ({request.node_numbers(nodes)}); correct them"
-        yield Place(message, nodes=nodes)
+    text = "coordinates that are not finite, or huge (#); correct them"
+    yield from request.places(nodes, "node has|nodes have", text, on="node")
 
 
 @rule("unreferenced-node", "info", "remove it if the solver gives it degrees of freedom")
 def unreferenced_nodes(request: Request) -> Iterator[Place]:
     """A node belongs to no cell."""
-    free = np.flatnonzero(~request.once(_used))
-    if len(free):
-        message = counted(len(free), "node belongs", "nodes belong")
-        message += f" to no cell ({request.node_numbers(free)}); nothing to do unless the solver gives them dofs"
-        yield Place(message, nodes=free)
+    text = "to no cell (#); nothing to do unless the solver gives them dofs"
+    yield from request.places(np.flatnonzero(~request.once(_used)), "node belongs|nodes belong", text, on="node")
 
 
 def _used(request: Request) -> Bools:
@@ -139,10 +134,8 @@ def _quality(mesh: Mesh, block: Block) -> NDArray:
 @rule("repeated-node", "error", "replace the cell by one of a simpler type")
 def repeated_nodes(request: Request) -> Iterator[Place]:
     """A cell lists a node twice."""
-    cells = request.once(_validity).repeated
-    if len(cells):
-        message = counted(len(cells), "cell lists", "cells list")
-        yield Place(f"{message} a node twice ({request.numbers(cells)}); use a simpler type for them", cells)
+    text = "a node twice (#); use a simpler type for them"
+    yield from request.places(request.once(_validity).repeated, "cell lists|cells list", text)
 
 
 @rule("invalid-cell", "error", "remesh there, or move the nodes")
@@ -159,20 +152,15 @@ def invalid_cells(request: Request) -> Iterator[Place]:
 @rule("inverted-cell", "error", "reverse its node order")
 def inverted_cells(request: Request) -> Iterator[Place]:
     """A solid cell is inverted: its nodes are listed in reverse; code_aster accepts it, most solvers do not."""
-    cells = request.once(_validity).inverted
-    if len(cells):
-        message = counted(len(cells), "cell is", "cells are")
-        yield Place(f"{message} inverted ({request.numbers(cells)}); reverse their node order", cells)
+    text = "inverted (#); reverse their node order"
+    yield from request.places(request.once(_validity).inverted, "cell is|cells are", text)
 
 
 @rule("clockwise-cell", "warning", "reverse its node order if the solver refuses it")
 def clockwise_cells(request: Request) -> Iterator[Place]:
     """A plane cell is listed clockwise; some solvers refuse it, the cut accepts it."""
-    cells = request.once(_validity).clockwise
-    if len(cells):
-        message = f"{counted(len(cells), 'plane cell is', 'plane cells are')} listed clockwise "
-        advice = "reverse their node order if the solver refuses them"
-        yield Place(f"{message}({request.numbers(cells)}); {advice}", cells)
+    text = "listed clockwise (#); reverse their node order if the solver refuses them"
+    yield from request.places(request.once(_validity).clockwise, "plane cell is|plane cells are", text)
 
 
 @rule("poor-cell", "warning", "improve the mesh there, or try the other variant of the cut (--hexa)")
@@ -234,10 +222,8 @@ def _inversion(request: Request, cells: Ints) -> Ints:
 @rule("repeated-cell", "error", "remove one of them")
 def repeated_cells(request: Request) -> Iterator[Place]:
     """Two cells have the same corners."""
-    copies = request.facets.copies
-    if len(copies):
-        message = f"{counted(len(copies), 'cell has', 'cells have')} the same corners as others "
-        yield Place(f"{message}({request.numbers(copies)}); remove them", copies)
+    text = "the same corners as others (#); remove them"
+    yield from request.places(request.facets.copies, "cell has|cells have", text)
 
 
 @rule("crowded-facet", "error", "remove the surplus cells")

@@ -28,7 +28,7 @@ from lacmesh.mesh import Floats, Ints, Mesh, mask_of
 from lacmesh.reference import quadrature
 from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.bodies import label_components
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, N_NODES, Faces, edge_uses
+from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, boundary_edges, edge_uses
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6
@@ -197,7 +197,8 @@ def _dofs(request: Request) -> _Dofs:
     size, value, owner = _integrals(request, macros)
     share = np.nan_to_num(value / np.where(size > 0, size, np.inf)[owner])
     internal = (owner >= 0) & (share > POSITIVE)
-    edge = _boundary_nodes(request.slave.faces)
+    edge = np.unique(boundary_edges(request.slave.faces))
+    edge = edge[edge >= 0]
     boundary, fixed = (mask_of(request.mesh.n_nodes, nodes) for nodes in (edge, request.fixed))
     kinds = internal, internal & ~boundary, internal & ~fixed, internal & ~boundary & ~fixed
     best = np.zeros(macros.count)
@@ -229,19 +230,6 @@ def _integrals(request: Request, macros: Macros) -> tuple[Floats, Floats, Ints]:
         np.add.at(value, nodes[good], per_node)
         size += np.bincount(macros.of_face[rows[good]], per_node.sum(axis=1), macros.count)
     return size, value, np.where(low == high, low, -1)
-
-
-def _boundary_nodes(faces: Faces) -> Ints:
-    """Nodes on the boundary of a skin: on edges that belong to one face only."""
-    uses = edge_uses(faces)
-    alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
-    face, place = uses.face[alone], uses.place[alone]
-    n = N_CORNERS[faces.type[face]]
-    first = faces.nodes[face, place]
-    segment = n == 2
-    second = np.where(segment, first, faces.nodes[face, (place + 1) % n])
-    middle = np.where(segment | (N_NODES[faces.type[face]] == n), first, faces.nodes[face, n + place])
-    return np.unique(np.concatenate([first, second, middle]))
 
 
 @figures("slave")
@@ -293,10 +281,9 @@ def half_cut(request: Request) -> Iterator[Place]:
     """Only a part of the slave skin is cut."""
     macros, side = request.once(macros_of), request.slave
     cells = side.cells[~macros.cut & ~macros.whole]
-    if macros.cut[~macros.whole].any() and len(cells):
-        message = f"{counted(len(cells), 'slave face is', 'slave faces are')} in no macro-element of the cut "
-        advice = "cut the original mesh, with all slave groups at once"
-        yield Place(f"{message}({request.numbers(cells)}); {advice}", cells, group=side.group)
+    if macros.cut[~macros.whole].any():
+        text = "in no macro-element of the cut (#); cut the original mesh, with all slave groups at once"
+        yield from request.places(cells, side.subject("is", "are"), text, skin=side)
 
 
 @rule("no-internal-dof", "error", "lacmesh cut", "slave")

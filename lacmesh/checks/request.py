@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from shlex import quote
@@ -52,9 +52,13 @@ class CheckedSkin:
         """The names of the groups, for the place of a finding."""
         return ", ".join(self.names)
 
+    def subject(self, one: str, many: str) -> str:
+        """Return its faces with a verb, for `Request.places`: `slave face turns|slave faces turn`."""
+        return f"{self.what} face {one}|{self.what} faces {many}"
+
     def counted(self, n: int, one: str, many: str) -> str:
         """Format a number of its faces and a verb for a sentence: `2 slave faces turn`."""
-        return counted(n, f"{self.what} face {one}", f"{self.what} faces {many}")
+        return counted(n, *self.subject(one, many).split("|"))
 
     @cached_property
     def nodes(self) -> Ints:
@@ -161,6 +165,19 @@ class Request:
     def node_numbers(self, nodes: Ints) -> str:
         """Ids in the file of some nodes, for a sentence."""
         return some(self.mesh.node_number[nodes], SHOWN)
+
+    def places(
+        self, cells: Ints, subject: str, text: str, *, on: str = "cell", skin: CheckedSkin | None = None
+    ) -> Iterator[Place]:
+        """Yield the place of some cells, or nodes (`on`), of the groups of a skin; nothing if there are none.
+
+        The sentence: their count, `subject` for one and, after `|`, for several, and `text`, `#` in which stands for
+        their numbers in the file.
+        """
+        if len(cells):
+            numbers = self.numbers(cells) if on == "cell" else self.node_numbers(cells)
+            message = f"{counted(len(cells), *subject.split('|'))} {text.replace('#', numbers, 1)}"
+            yield Place(message, *((cells, None) if on == "cell" else (None, cells)), skin and skin.group)
 
     def finding(self, rule: str, place: Place) -> Finding:
         """Return the finding of a rule about a place, with the numbers of the file."""

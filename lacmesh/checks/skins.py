@@ -12,7 +12,7 @@ from lacmesh.checks.findings import Place, also, counted, rule
 from lacmesh.checks.request import Bools, CheckedSkin, Request, is_carried
 from lacmesh.mesh import Floats, Ints, mask_of
 from lacmesh.topology.orientation import analyse_orientation, face_normals
-from lacmesh.topology.skin import FACE_TYPES, N_CORNERS, Faces, cells_of_dim, edge_uses, find_owners, find_repeats
+from lacmesh.topology.skin import FACE_TYPES, Faces, boundary_edges, cells_of_dim, edge_uses, find_owners, find_repeats
 
 _ORDER = np.array([CELLS[name].order for name in FACE_TYPES])
 _NONE = np.empty(0, np.int64)
@@ -69,11 +69,8 @@ def unsupported_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
 @rule("repeated-face", "error", "remove the copy", "group")
 def repeated_faces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """The slave or the master groups have a face twice, as two cells on the same nodes."""
-    if len(side.copies):
-        message = f"{side.counted(len(side.copies), 'occurs', 'occur')} twice: cells {request.numbers(side.copies)} "
-        yield Place(
-            f"{message}have the nodes of others in the groups; remove the copies", side.copies, group=side.group
-        )
+    text = "twice: cells # have the nodes of others in the groups; remove the copies"
+    yield from request.places(side.copies, side.subject("occurs", "occur"), text, skin=side)
 
 
 @rule("duplicate", "info", "nothing", "slave")
@@ -82,20 +79,16 @@ def duplicates(request: Request) -> Iterator[Place]:
     side = request.slave
     repeats = find_repeats(side.faces, list(cells_of_dim(request.mesh, request.dim)), request.mesh.n_nodes)
     others = np.setdiff1d(repeats.cell, np.concatenate(side.groups))
-    if len(others):
-        message = counted(len(others), "skin cell of another group lies", "skin cells of other groups lie")
-        yield Place(f"{message} on slave faces ({request.numbers(others)}); both are cut", others, group=side.group)
+    subject = "skin cell of another group lies|skin cells of other groups lie"
+    yield from request.places(others, subject, "on slave faces (#); both are cut", skin=side)
 
 
 @rule("face-in-two-zones", "info", "nothing, or separate the groups")
 def faces_in_two_zones(request: Request) -> Iterator[Place]:
     """A face is in two slave groups; it belongs to the zone of the first."""
     cells, count = np.unique(np.concatenate(request.slave.groups), return_counts=True)
-    twice = cells[count > 1]
-    if len(twice):
-        message = f"{counted(len(twice), 'cell is', 'cells are')} in several slave groups "
-        message += f"({request.numbers(twice)}); they belong to the zone of the first"
-        yield Place(message, twice, group=request.slave.group)
+    text = "in several slave groups (#); they belong to the zone of the first"
+    yield from request.places(cells[count > 1], "cell is|cells are", text, skin=request.slave)
 
 
 # ---- the parent cells, and the way that the faces point
@@ -125,30 +118,26 @@ def no_parent(request: Request) -> Iterator[Place]:
     """A slave face has no parent cell."""
     side = request.slave
     cells = request.once(_parentless, side)[0]
-    if len(cells) and not _is_cut_alone(request, side):
-        message = f"{side.counted(len(cells), 'has', 'have')} no parent cell ({request.numbers(cells)}); "
-        message += "remove them from the group, or mesh the body (--skin-only cuts a shell)"
-        yield Place(message, cells, group=side.group)
+    if not _is_cut_alone(request, side):
+        text = "no parent cell (#); remove them from the group, or mesh the body (--skin-only cuts a shell)"
+        yield from request.places(cells, side.subject("has", "have"), text, skin=side)
 
 
 @rule("bare-master", "info", "nothing, if the master is rigid", "skin")
 def bare_master(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """Master faces have no parent cells: a rigid master."""
-    cells = request.once(_parentless, side)[0]
-    if len(cells) and side.what == "master":
-        message = f"{side.counted(len(cells), 'has', 'have')} no parent cell: the master, or that part of it, is rigid"
-        yield Place(message, cells, group=side.group)
+    if side.what == "master":
+        text = "no parent cell: the master, or that part of it, is rigid"
+        yield from request.places(request.once(_parentless, side)[0], side.subject("has", "have"), text, skin=side)
 
 
 @also("unsupported-face", "skin")
 def on_unsupported_cells(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A face is one of a cell of order 3 or higher."""
     cells = request.once(_parentless, side)[1]
-    if len(cells) and not _is_cut_alone(request, side):
-        message = f"{side.counted(len(cells), 'lies', 'lie')} on cells of order 3 or higher "
-        yield Place(
-            f"{message}({request.numbers(cells)}); mesh with linear or quadratic cells", cells, group=side.group
-        )
+    if not _is_cut_alone(request, side):
+        text = "on cells of order 3 or higher (#); mesh with linear or quadratic cells"
+        yield from request.places(cells, side.subject("lies", "lie"), text, skin=side)
 
 
 @rule(
@@ -160,11 +149,9 @@ def on_unsupported_cells(request: Request, side: CheckedSkin) -> Iterator[Place]
 def interfaces(request: Request, side: CheckedSkin) -> Iterator[Place]:
     """A slave or master face lies between two cells, inside the body, where no gap can open."""
     cells = side.cells[request.n_parents(side) == 2]
-    if len(cells) and not _is_cut_alone(request, side):
-        message = f"{side.counted(len(cells), 'lies', 'lie')} between two cells ({request.numbers(cells)}), where "
-        yield Place(
-            f"{message}no gap can open; double the nodes, or remove them from the group", cells, group=side.group
-        )
+    if not _is_cut_alone(request, side):
+        text = "between two cells (#), where no gap can open; double the nodes, or remove them from the group"
+        yield from request.places(cells, side.subject("lies", "lie"), text, skin=side)
 
 
 @also("mid-nodes-differ", "skin")
@@ -172,9 +159,9 @@ def mid_nodes_of_parents(request: Request, side: CheckedSkin) -> Iterator[Place]
     """A face has the corners of a facet of its parent cell, but not its mid-nodes."""
     parents = request.parents[side.what]
     cells = side.cells[np.unique(parents.face[~parents.same])]
-    if len(cells) and not _is_cut_alone(request, side):
-        message = f"{side.counted(len(cells), 'does', 'do')} not have the mid-nodes of their parent cells "
-        yield Place(f"{message}({request.numbers(cells)}); elevate the order of both alike", cells, group=side.group)
+    if not _is_cut_alone(request, side):
+        text = "not have the mid-nodes of their parent cells (#); elevate the order of both alike"
+        yield from request.places(cells, side.subject("does", "do"), text, skin=side)
 
 
 @rule("orientation", "warning", "lacmesh orient, or cut with --orient outward", "skin")
@@ -188,10 +175,9 @@ def orientation(request: Request, side: CheckedSkin) -> Iterator[Place]:
         message = f"{len(inward):,} of {side.counted(len(side), 'points', 'point')} inward ({request.numbers(inward)})"
         yield Place(f"{message}; {advice}", inward, group=side.group)
     if len(against):
-        one, many = f"{side.what} face without parent cell points", f"{side.what} faces without parent cells point"
-        message = counted(len(against), one, many)
-        message += f" opposite to their neighbours, or inward ({request.numbers(against)})"
-        yield Place(f"{message}; {advice}", against, group=side.group)
+        subject = f"{side.what} face without parent cell points|{side.what} faces without parent cells point"
+        text = f"opposite to their neighbours, or inward (#); {advice}"
+        yield from request.places(against, subject, text, skin=side)
 
 
 @rule("non-manifold", "error", "remove the branching faces from the group", "skin")
@@ -313,14 +299,7 @@ def _front(request: Request) -> Ints:
 
 def _boundary_edges(faces: Faces) -> dict[tuple[int, ...], list[int]]:
     """Edges that one face has alone, by their corners: their nodes, with the mid-node of quadratic faces."""
-    uses = edge_uses(faces)
-    alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
-    n = N_CORNERS[faces.type[uses.face[alone]]]
-    middle = np.full(len(alone), -1)
-    curved = (_ORDER[faces.type[uses.face[alone]]] == 2) & (n > 2)
-    middle[curved] = faces.nodes[uses.face[alone][curved], (n + uses.place[alone])[curved]]
-    rows = np.column_stack([uses.start[alone], uses.stop[alone], middle]).tolist()
-    return {tuple(sorted(row[:2])): [node for node in row if node >= 0] for row in rows}
+    return {tuple(sorted(row[:2])): [node for node in row if node >= 0] for row in boundary_edges(faces).tolist()}
 
 
 def _mean_normals(request: Request, side: CheckedSkin, nodes: Ints) -> Floats:

@@ -10,7 +10,6 @@ that order are then compared corner by corner, so that the result is exact.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,10 +69,10 @@ class Solid:
 
     def corners_of(self, number: Ints) -> list[Ints]:
         """Four columns (m,): the corners of some facets, by their numbers, as their cells list them; padded with -1."""
-        rows, facet = np.divmod(number.astype(np.int64), FACETS)
-        corners = self.corners.ravel()
-        places = FACET_TABLE[self.family[rows], facet]
-        return [np.where(p < 0, -1, corners[rows * self.corners.shape[1] + p]) for p in places.T]
+        rows, facet = np.divmod(number, FACETS)
+        corners, start = self.corners.ravel(), rows.astype(np.int64) * self.corners.shape[1]
+        columns = [start + places for places in FACET_TABLE[self.family[rows], facet].T]
+        return [np.where(at < start, -1, corners[at]) for at in columns]
 
     @classmethod
     def of(cls, mesh: Mesh) -> Solid:
@@ -154,63 +153,59 @@ def pair_facets(solid: Solid) -> tuple[Ints, Bools]:
     opposite[(FACET_TABLE[:, :, 0] >= 0)[solid.family].ravel()] = ALONE
     same = np.zeros(len(opposite), bool)
     number = np.flatnonzero(opposite == ALONE).astype(opposite.dtype)
-    key, forward = _hashes(solid, number)
-    place, new = sort_hashes(key)
-    number, forward = number[place], forward[place]
-    del key, place
-    _divide_clashes(solid, number, new, forward)
-    first = np.flatnonzero(new)
-    length = np.diff(first, append=len(number))
-    crowd = np.repeat(length > 2, length)
-    opposite[number[crowd]] = CROWDED
-    two = first[length == 2]
-    a, b = number[two], number[two + 1]
-    opposite[a], opposite[b] = b, a
-    same[a] = same[b] = forward[two] == forward[two + 1]
-    return opposite, same
-
-
-def _pieces(size: int) -> Iterator[slice]:
-    """Iterate over 0..size, PIECE at a time: whole arrays of what is only passed through would double the memory."""
-    for k in range(0, size, PIECE):
-        yield slice(k, min(k + PIECE, size))
-
-
-def _hashes(solid: Solid, number: Ints) -> tuple[NDArray[np.uint64], Bools]:
-    """(m,): a hash of each of some facets, which does not depend on the order of their corners; (m,): their winding."""
     weight = mixed_bits(np.arange(int(solid.corners.max(initial=0)) + 2))
     weight[-1] = 0  # of the corner -1, which a facet of fewer corners lists
     key = np.empty(len(number), np.uint64)
-    forward = np.empty(len(number), bool)
-    for piece in _pieces(len(number)):
-        corners = solid.corners_of(number[piece])
-        key[piece] = sum(weight[column] for column in corners)
-        forward[piece] = _is_forward(corners)
-    return key, forward
+    for start in range(0, len(number), PIECE):  # whole arrays of what is only passed through would double the memory
+        key[start : start + PIECE] = sum(weight[column] for column in solid.corners_of(number[start : start + PIECE]))
+    place, new = sort_hashes(key)
+    number = number[place]
+    del key, place
+    alike = _compare(solid, number, new)
+    first = np.flatnonzero(new)
+    length = np.diff(first, append=len(number))
+    opposite[number[np.repeat(length > 2, length)]] = CROWDED
+    two = first[length == 2]
+    a, b = number[two], number[two + 1]
+    opposite[a], opposite[b] = b, a
+    same[a] = same[b] = alike[two + 1]
+    return opposite, same
 
 
-def _divide_clashes(solid: Solid, number: Ints, new: Bools, forward: Bools) -> None:
-    """Sort the few runs of alike hashes that hold different facets, in place: afterwards each run is one facet."""
-    wrong = [np.empty(0, np.int64)]
-    for piece in _pieces(len(number)):
-        at = np.flatnonzero(~new[piece]) + piece.start
-        mine, before = solid.corners_of(number[at]), solid.corners_of(number[at - 1])
-        equal = np.all([np.any([c == other for other in before], axis=0) for c in mine], axis=0)
-        wrong.append(at[~equal])
-    clash = np.concatenate(wrong)
+def _compare(solid: Solid, number: Ints, new: Bools) -> Bools:
+    """(m,): True for facets with the winding of the one before, of the same corners; False where they are `new`.
+
+    The few runs of alike hashes that hold different facets are sorted, and divided, in place.
+    """
+    alike = np.zeros(len(number), bool)
+    clash = _compare_with_last(solid, number, np.flatnonzero(~new), alike)
     if len(clash):
         run = np.cumsum(new)
         at = np.flatnonzero(np.isin(run, run[clash]))
         label, _ = label_rows(np.sort(np.column_stack(solid.corners_of(number[at])), axis=1) + 1)
         order = np.lexsort((label, run[at]))
-        number[at], forward[at] = number[at[order]], forward[at[order]]
-        new[at] = np.diff(label[order], prepend=-1) != 0
+        number[at], new[at] = number[at[order]], np.diff(label[order], prepend=-1) != 0
+        alike[at] = False
+        _compare_with_last(solid, number, at[~new[at]], alike)
+    return alike
 
 
-def _is_forward(corners: list[Ints]) -> Bools:
-    """(m,): winding of facets, by four columns: True if it runs from the lowest corner to the larger one beside it."""
-    listed = np.stack(corners)
-    n = np.count_nonzero(listed >= 0, axis=0)
-    lowest = np.where(listed >= 0, listed, np.iinfo(listed.dtype).max).argmin(axis=0)
-    m = np.arange(listed.shape[1])
-    return np.where(n == 2, lowest == 0, listed[(lowest + 1) % n, m] > listed[(lowest - 1) % n, m])
+def _compare_with_last(solid: Solid, number: Ints, rows: Ints, alike: Bools) -> Ints:
+    """Compare some facets with the ones before; write `alike` for those of one winding, return those that differ."""
+    different = [rows[:0]]
+    for start in range(0, len(rows), PIECE):
+        at = rows[start : start + PIECE]
+        mine, last = solid.corners_of(number[at]), solid.corners_of(number[at - 1])
+        equal = np.all([np.any([c == other for other in last], axis=0) for c in mine], axis=0)
+        alike[at] = equal & (_is_forward(*mine) == _is_forward(*last))
+        different.append(at[~equal])
+    return np.concatenate(different)
+
+
+def _is_forward(a: Ints, b: Ints, c: Ints, d: Ints) -> Bools:
+    """(m,): winding of facets: True if it runs from the lowest corner to the larger one beside it."""
+    up, across = a < c, b < d
+    forward = (up == across) ^ (np.minimum(a, c) < np.minimum(b, d))
+    if (fewer := d < 0).any():
+        forward[fewer] = np.where(c < 0, a < b, (a < b) ^ (b < c) ^ (c < a))[fewer]
+    return forward

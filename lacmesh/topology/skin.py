@@ -316,6 +316,17 @@ def edge_uses(faces: Faces) -> EdgeUses:
     return EdgeUses(face, place, label_rows(ends)[0], start, stop, forward)
 
 
+def boundary_edges(faces: Faces) -> Ints:
+    """(e, 3): the nodes of the edges that one face has alone: start, stop, mid-node; -1 for what there is not."""
+    uses = edge_uses(faces)
+    alone = np.flatnonzero(np.bincount(uses.edge)[uses.edge] == 1)
+    face, place = uses.face[alone], uses.place[alone]
+    n = N_CORNERS[faces.type[face]]
+    linear = (n == 2) | (N_NODES[faces.type[face]] == n)
+    middle = np.where(linear, -1, faces.nodes[face, np.where(linear, 0, n + place)])
+    return np.column_stack([uses.start[alone], uses.stop[alone], middle])
+
+
 def neighbours(faces: Faces) -> Ints:
     """(f, 4): the neighbour across the edge from corner k to the next (at corner k, for segments), or -1.
 
