@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors
 from lacsolver.contact.zone import Zone
 from lacsolver.problem.pair import ContactPair
+from lacsolver.problem.skin import cut_options
 from lacsolver.space.places import wrong
 
 #: fewer faces of a slave than this, by dimension, may not keep a body from turning
@@ -69,10 +71,10 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
     return case.altered(contact=contacts, tie=ties)
 
 
-def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
-    """Return the groups to be cut in a mesh, each with its kind of `hexa` cut. Raises as `with_roles`."""
+def slaves_of(case: Case, mesh: Mesh) -> tuple[list[str], dict[str, Any]]:
+    """Return the groups to be cut in a mesh, and the options of their cut. Raises as `with_roles` and `cut_options`."""
     done = with_roles(case, mesh)
-    return {record.slave: record.hexa for record in (*done.contact, *done.ties)}
+    return [record.slave for record in (*done.contact, *done.ties)], cut_options(done)
 
 
 def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import lacmesh
 from lacmesh.checks import solution_defects
@@ -12,6 +12,7 @@ from lacmesh.checks.findings import named
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, did_you_mean
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
+from lacmesh.surface.normals import CREASE_ANGLE
 from lacsolver.case import Case, CaseError, Issue, Pretension
 from lacsolver.case.records import PairEntry
 from lacsolver.constraints.pretension import coincide, sides_of
@@ -58,17 +59,32 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
             message = f"the mesh carries a cut of {', '.join(sorted(zones))}, and none of slave {whole[0]!r}"
             raise CaseError([Issue(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
         return mesh
-    by_hexa: defaultdict[str, list[str]] = defaultdict(list)
-    for name, record in slaves.items():
-        by_hexa[getattr(record, "hexa", None) or next(iter(by_hexa), "pyramid")].append(name)
-    if len(by_hexa) > 1:
-        raise RequestError("slaves of one mesh are cut at once, so hexa must be the same for all of them")
-    for hexa, names in by_hexa.items():
-        try:
-            return lacmesh.cut_skin(mesh, names, hexa=hexa).mesh
-        except LacmeshError as error:
-            raise CaseError([Issue(f"{_place(slaves[names[0]])}{error}")]) from None
-    return mesh
+    if not slaves:
+        return mesh
+    options = cut_options(case)
+    try:
+        return lacmesh.cut_skin(mesh, list(slaves), **options).mesh
+    except LacmeshError as error:
+        raise CaseError([Issue(f"{_place(next(iter(slaves.values())))}{error}")]) from None
+
+
+def cut_options(case: Case) -> dict[str, Any]:
+    """Return the options of `lacmesh.cut_skin`, which makes the macro-elements of all slaves at once.
+
+    Stars have no dof at nodes whose displacement is given. Raises RequestError for slaves with unlike options.
+    """
+    records = (*case.contact, *case.ties)
+    for name in ("hexa", "macro"):
+        if len({getattr(record, name) for record in records}) > 1:
+            raise RequestError(f"slaves of one mesh are cut at once, so {name} must be the same for all of them")
+    if not records:
+        return {}
+    options = {"hexa": records[0].hexa, "macro": records[0].macro}
+    if records[0].macro == "cut":
+        return options
+    angles = [record.crease_angle for record in records if record.crease_angle is not None]
+    held = [record.group for record in case.displacement if record.group is not None]
+    return {**options, "crease_angle": min(angles, default=CREASE_ANGLE), "held": held}
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:
