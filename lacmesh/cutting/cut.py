@@ -51,8 +51,8 @@ def cut_skin(
     macro: str = "cut",
     rest: str = "cut",
     pairs: bool = False,
-    crease_angle: float = 40.0,
-    held: Sequence[str | int] = (),
+    crease_angle: float | None = None,
+    dirichlet: Sequence[str | int] = (),
 ) -> Cut:
     """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements, or join them into some.
 
@@ -67,8 +67,8 @@ def cut_skin(
 
     `macro`: each face is divided into a macro-element (`cut`), or faces around a node are one as they are (`stars`), so
     that the mesh is not changed. Of stars alone: faces that no star reaches are cut, with a warning, or join others
-    across creases (`rest` = `join`); QUAD8 are cut, or are joined in `pairs`; no star bends around an edge by more than
-    `crease_angle` (degrees), or has its dof at a node of the groups `held`, whose displacement is given.
+    across creases (`rest` = `join`); QUAD8 are cut, or joined in `pairs`; no star bends around an edge by more than
+    `crease_angle` (40 degrees), or has its dof at a node of the groups `dirichlet`, whose displacement is given.
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
     faces all have the records of a cut is returned unchanged. `recognise`: None: faces without records are cut. True:
@@ -103,12 +103,12 @@ def cut_skin(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
     if macro == "stars":
-        fixed = concatenated(nodes_of_group(mesh, group) for group in spec_list(held))
+        fixed = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
         stars = find_stars(
             mesh,
             selection.faces,
             selection.zone,
-            crease_angle=crease_angle,
+            crease_angle=40.0 if crease_angle is None else crease_angle,
             held=fixed,
             pairs=pairs,
             join=rest == "join",

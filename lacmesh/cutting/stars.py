@@ -74,7 +74,7 @@ def find_stars(
     mesh: Mesh, faces: Faces, zone: Ints, *, crease_angle: float = 40.0, held: Ints | None = None, pairs: bool = False,
     join: bool = False,
 ) -> Stars:  # fmt: skip
-    """Join slave faces, each once, to macro-elements; `zone` (f,). None bends around an edge by more than `crease_angle`.
+    """Join slave faces, each once, to macro-elements of one `zone` (f,), which bend at edges by `crease_angle` at most.
 
     `held`: nodes whose displacement is given, which carry nothing. `pairs`: QUAD8 are joined in pairs; else they are in
     no star, as one pressure for two of them costs the displacement its order. `join`: faces that no star reaches join
@@ -171,7 +171,7 @@ def _integrals(points: Floats, faces: Faces) -> Floats:
 def _carriers(
     mesh: Mesh, faces: Faces, skin: _Skin, fixed: NDArray[np.bool_], out: NDArray[np.bool_]
 ) -> tuple[Ints, Ints]:
-    """Return the nodes (c,) that can carry a dof of their star, by their place; (f, 9): the carriers on faces, or -1."""
+    """Return the nodes (c,) that can carry a dof of their star, by place; (f, 9): the carriers on faces, or -1."""
     face, k = np.nonzero(faces.nodes >= 0)
     node = faces.nodes[face, k]
     integral = np.bincount(node, skin.value[face, k], mesh.n_nodes)

@@ -12,7 +12,6 @@ from lacmesh.checks.findings import named
 from lacmesh.cutting.records import Cut, is_cut
 from lacmesh.errors import LacmeshError, LacmeshWarning, ReadError, RequestError, did_you_mean
 from lacmesh.mesh import Mesh, MeshLike, as_mesh
-from lacmesh.surface.normals import CREASE_ANGLE
 from lacsolver.case import Case, CaseError, Issue, Pretension
 from lacsolver.case.records import PairEntry
 from lacsolver.constraints.pretension import coincide, sides_of
@@ -83,8 +82,8 @@ def cut_options(case: Case) -> dict[str, Any]:
     if records[0].macro == "cut":
         return options
     angles = [record.crease_angle for record in records if record.crease_angle is not None]
-    held = [record.group for record in case.displacement if record.group is not None]
-    return {**options, "crease_angle": min(angles, default=CREASE_ANGLE), "held": held}
+    fixed = [record.group for record in case.displacement if record.group is not None]
+    return {**options, "crease_angle": min(angles, default=None), "dirichlet": fixed}
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:
