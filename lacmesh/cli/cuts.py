@@ -81,7 +81,7 @@ def cut(
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
         _check_program(program, mesh, skins.slave, choice, how)
-        rims = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
+        rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
         result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
         cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None

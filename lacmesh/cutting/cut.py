@@ -173,11 +173,12 @@ def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, of
     face = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
     faces = np.flatnonzero(face >= 0)
     macro, zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
-    macro[faces], zone[faces] = of_face[face[faces]], selection.zone[face[faces]]
+    macro[faces] = of_face[face[faces]]
+    zone[faces] = selection.zone[face[faces]]
     order = faces[np.argsort(macro[faces], kind="stable")]  # E1, E2, ... of each, as the children of a face follow
     first = np.flatnonzero(np.diff(macro[order], prepend=-1))
     child[order] = 1 + np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
-    records = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
+    records: dict[str, Ints] = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
     if len(origin.children):
         wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
         parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)

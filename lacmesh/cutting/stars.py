@@ -196,11 +196,12 @@ def _connected(faces: Faces, across: Ints, n_nodes: int) -> NDArray[np.bool_]:
     n, g = N_CORNERS[faces.type[f]], across[f, place]
     ends = [faces.nodes[f, place], np.where(n > 2, faces.nodes[f, (place + 1) % n], -1), _mid_nodes(faces, f, place)]
     pairs = []
-    for end in ends:
+    for end in ends:  # nodes that both faces of an edge have
         at = np.flatnonzero(end >= 0)
         mine, theirs = (entry[side, (faces.nodes[side] == end[at, None]).argmax(axis=1)] for side in (f[at], g[at]))
         pairs.append((mine, theirs))
-    part = label_components(*(np.concatenate(side) for side in zip(*pairs, strict=True)), len(face))
+    one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    part = label_components(one, other, len(face))
     low, high = np.full(n_nodes, len(face)), np.full(n_nodes, -1)
     np.minimum.at(low, node, part)
     np.maximum.at(high, node, part)
@@ -242,7 +243,7 @@ def _choose(
     taken, changed = np.zeros(len(on), np.bool_), np.zeros(n, np.bool_)
     for c in range(n):
         free[c] = start[c + 1] - start[c]
-    heap = [(np.int64(0), np.int64(0), np.int64(0), np.int64(0))]
+    heap: Any = [(np.int64(0), np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
     heap.pop()
     for c in range(n):
         size = star_start[c + 1] - star_start[c]
@@ -354,7 +355,7 @@ def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, 
 
     `total` (m,): sizes of the macro-elements; `integral` (m,): of their carriers' functions.
     """
-    heap = [(np.int64(0), np.int64(0), np.int64(0))]
+    heap: Any = [(np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
     heap.pop()
     for f in range(len(macro)):
         if free[f]:
@@ -385,7 +386,7 @@ def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, 
 
 @kernel
 def _cost(
-    across: Array, length: Array, size: Array, macro: Array, total: Array, integral: Array, f: int, m: int
+    across: Array, length: Array, size: Array, macro: Array, total: Array, integral: Array, f: Any, m: Any
 ) -> int:
     """Cost of face f in macro-element m, less for a long common edge: its area by the inverse of its carrier's part.
 
@@ -396,4 +397,4 @@ def _cost(
         if across[f, k] >= 0 and macro[across[f, k]] == m:
             shared += length[f, k]
     area = total[m] + size[f]
-    return np.int64(np.round(1e6 * np.log(area * area / integral[m] / (1 + shared / (4 * np.sqrt(size[f]))))))
+    return int(np.round(1e6 * np.log(area * area / integral[m] / (1 + shared / (4 * np.sqrt(size[f]))))))

@@ -24,10 +24,10 @@ from lacmesh.partition.parts import Bools, Part, needed, restrict, skin_name
 def cut_part(part: Part, slave: str | Sequence[str], **options: Any) -> Part:
     """Cut the slave groups in a part of a mesh; return the part of the mesh that `cut_skin` makes of the whole mesh.
 
-    `slave` and the options `hexa`, `macro`, `crease_angle` and `dirichlet` are as for `cut_skin`. A new node belongs to
-    the owner of the first node of the face or cell that it was put into (`Origin`). A part of a cut mesh is returned unchanged; an earlier cut without records is not
-    recognised. Raises RequestError for a slave group that is not in every part, and what `cut_skin` raises, on every
-    process alike.
+    `slave` and the options `hexa`, `macro`, `crease_angle` and `dirichlet` are as for `cut_skin`. A new node
+    belongs to the owner of the first node of the face or cell that it was put into (`Origin`). A part of a cut mesh
+    is returned unchanged; an earlier cut without records is not recognised. Raises RequestError for a slave group
+    that is not in every part, and what `cut_skin` raises, on every process alike.
     """
     specs = spec_list(slave)
     missing = [spec for spec in specs if skin_name(part.mesh, spec) not in part.everywhere]

@@ -31,7 +31,6 @@ from lacsolver.constraints.coupling import rigid_records
 from lacsolver.constraints.cyclic import with_sectors
 from lacsolver.contact.zone import Zone
 from lacsolver.problem.pair import ContactPair
-from lacsolver.problem.skin import cut_options
 from lacsolver.space.places import wrong
 
 #: fewer faces of a slave than this, by dimension, may not keep a body from turning
@@ -72,9 +71,9 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
 
 
 def slaves_of(case: Case, mesh: Mesh) -> tuple[list[str], dict[str, Any]]:
-    """Return the groups to be cut in a mesh, and the options of their cut. Raises as `with_roles` and `cut_options`."""
+    """Return the groups to be cut in a mesh, and the options of their cut. Raises as `with_roles`."""
     done = with_roles(case, mesh)
-    return [record.slave for record in (*done.contact, *done.ties)], cut_options(done)
+    return [record.slave for record in (*done.contact, *done.ties)], done.cut_options()
 
 
 def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import Any
 
 import lacmesh
 from lacmesh.checks import solution_defects
@@ -60,30 +59,11 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
         return mesh
     if not slaves:
         return mesh
-    options = cut_options(case)
+    options = case.cut_options()
     try:
         return lacmesh.cut_skin(mesh, list(slaves), **options).mesh
     except LacmeshError as error:
         raise CaseError([Issue(f"{_place(next(iter(slaves.values())))}{error}")]) from None
-
-
-def cut_options(case: Case) -> dict[str, Any]:
-    """Return the options of `lacmesh.cut_skin`, which makes the macro-elements of all slaves at once.
-
-    Stars have no dof at nodes whose displacement is given. Raises RequestError for slaves with unlike options.
-    """
-    records = (*case.contact, *case.ties)
-    for name in ("hexa", "macro"):
-        if len({getattr(record, name) for record in records}) > 1:
-            raise RequestError(f"slaves of one mesh are cut at once, so {name} must be the same for all of them")
-    if not records:
-        return {}
-    options = {"hexa": records[0].hexa, "macro": records[0].macro}
-    if records[0].macro == "cut":
-        return options
-    angles = [record.crease_angle for record in records if record.crease_angle is not None]
-    fixed = [record.group for record in case.displacement if record.group is not None]
-    return {**options, "crease_angle": min(angles, default=None), "dirichlet": fixed}
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:
