@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 
 import lacmesh
 from lacmesh.formats.msh import version2
+from lacmesh.generate import box
 from lacmesh.surface import contact_points
 from lacmesh.topology.boxes import meeting_each_other
 from lacsolver.bodies.mass import KINDS, assemble_mass
@@ -42,6 +43,7 @@ def work(folder: Path) -> Iterator[tuple[str, Callable[[], object]]]:
     for name in ("two_blocks", "sliding/ironing_2d"):
         yield f"check of {name}", partial(lacmesh.check, lacmesh.read(DATA / f"{name}.msh"), ["slave"], ["master"])
     yield "surfaces", _surfaces
+    yield "stars", partial(lacmesh.cut_skin, box((6, 5, 1), kind="TETRA4"), "top", macro="stars")
     yield "multigrid", _multigrid
     yield "two blocks", lambda: main(["run", str(DATA / "two_blocks.toml"), "-q", "-o", str(folder / "run")])
     for model, law, cells, poisson in _SOLVED:

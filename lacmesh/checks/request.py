@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lacmesh.cells import CELLS
 from lacmesh.checks.findings import Finding, Place, Where, counted, severity_of
-from lacmesh.cutting.select import skin_faces
+from lacmesh.cutting.select import nodes_of_group, skin_faces
 from lacmesh.errors import GroupNotFoundError, RequestError, did_you_mean, some
 from lacmesh.mesh import Ints, Mesh, concatenated
 from lacmesh.topology.bodies import body_names, label_bodies
@@ -98,7 +98,7 @@ class Request:
         """Return a request. Raises GroupNotFoundError and RequestError for groups that the mesh lacks."""
         groups = {"slave": slave, "master": master} if master else {"slave": slave}
         cells = {what: tuple(np.asarray(mesh.cells_of(s)) for s in specs) for what, specs in groups.items()}
-        fixed = np.unique(concatenated(_nodes_of(mesh, spec) for spec in dirichlet))
+        fixed = np.unique(concatenated(nodes_of_group(mesh, spec) for spec in dirichlet))
         dim = mesh.dim - 1
         of_slave = concatenated(cells["slave"])
         if mesh.dim == 2 and mesh.space_dim == 3 and len(of_slave) and (mesh.cell_dim[of_slave] == 2).all():
@@ -192,16 +192,6 @@ class Request:
             Where(place.group, (tuple(x.min(axis=0).tolist()), tuple(x.max(axis=0).tolist())) if len(x) else None),
             place.message,
         )
-
-
-def _nodes_of(mesh: Mesh, spec: str) -> Ints:
-    """The nodes of a node group, or of the cells of a cell group."""
-    if spec in mesh.node_groups:
-        return np.union1d(mesh.node_groups[spec], mesh.nodes_on(mesh.cell_groups.get(spec, np.empty(0, int))))
-    try:
-        return mesh.nodes_on(mesh.cells_of(spec))
-    except GroupNotFoundError as error:
-        raise GroupNotFoundError(spec, [*mesh.cell_groups, *mesh.node_groups], "cell or node group") from error
 
 
 def is_carried(name: str) -> bool:

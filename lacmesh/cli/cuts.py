@@ -35,6 +35,12 @@ class CutOptions:
     node_groups: Annotated[
         Literal["extend", "keep"], Option(help="extend: new nodes between nodes of a set join it")
     ] = "extend"
+    macro: Annotated[
+        Literal["cut", "stars"],
+        Option(help="macro-elements: each face is cut into one, or faces around a node are one and nothing is cut"),
+    ] = "cut"
+    rest: Annotated[Literal["cut", "join"], Option(help="with stars: faces that none reaches")] = "cut"
+    pairs: Annotated[bool, Option("--pairs", help="with stars: QUAD8 are joined in pairs, not cut")] = False
 
 
 def cut(
@@ -57,11 +63,12 @@ def cut(
     out: MeshOutput,
     run: Run,
 ) -> None:
-    """Subdivide the slave faces, and the cells behind them, into macro-elements.
+    """Subdivide the slave faces, and the cells behind them, into macro-elements; or join faces, without a cut.
 
     With a master the cut is checked against it, as by lacmesh check, and not written if the check finds an error.
 
     $ lacmesh cut part.msh --slave slave
+    $ lacmesh cut part.msh --slave slave --macro stars
     $ lacmesh cut part.med --slave slave --master master --report cut.html
     """
     skins.check()
@@ -74,7 +81,8 @@ def cut(
     sides = skins.sides(mesh, "cut", source)
     with stage("cut"):
         _check_program(program, mesh, skins.slave, choice, how)
-        result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how))
+        rims: dict[str, Any] = {"crease_angle": facing.crease_angle, "dirichlet": facing.dirichlet or ()}
+        result = lacmesh.cut_skin(mesh, skins.slave or [], recognise=choice, **vars(how), **rims)
         cells = None if min_quality is None and not report else _touched(mesh, result, min_quality)
     findings = page = None
     if skins.master:
@@ -167,7 +175,7 @@ def _print_summary(source: str, place: Path, before: lacmesh.Mesh, cut: lacmesh.
     if summary.replaced:
         rows.append(("worst quality of the touched cells", *(f"{q:.3f}" for q in summary.worst), ""))
     else:
-        rows.append(("every slave face owns an internal dof already: no cell is cut", "", "", ""))
+        rows.append(("no cell is cut", "", "", ""))
     print_table((f"{Path(source).name} -> {place.name}", "+before", "+after", "+added"), rows)
     print(f"{place}: {spent}")
     if summary.worst[0] <= 0:

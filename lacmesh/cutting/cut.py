@@ -1,8 +1,9 @@
-"""The cut: from a mesh and its slave skin to a mesh whose slave faces are macro-elements with an internal dof.
+"""The cut: from a mesh and its slave skin to a mesh whose slave faces are in macro-elements with an internal dof.
 
     slave = the slave faces of some groups                                              (select)
     earlier = the cut that they have already, by its records or, on request, recognised (recognition)
     selection = the slave faces, the cells on them and behind them                      (select)
+    stars = with macro = "stars" the macro-elements of whole faces, which are not cut   (stars)
     subdivision = the pattern of each face, new nodes, and the cells that replace others (subdivide)
     new, origin = the mesh with the children, and what each cell comes from             (assemble)
     cut = the same with the records of its macro-elements                               (records)
@@ -19,13 +20,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from lacmesh.cutting.assemble import assemble
-from lacmesh.cutting.patterns import WHOLE_FACES, internal_points
+from lacmesh.cutting.patterns import internal_points
 from lacmesh.cutting.recognition import earlier_cut
 from lacmesh.cutting.records import CELL_RECORDS, NODE_RECORD, Cut, Origin, is_cut, with_records, without_records
-from lacmesh.cutting.select import Selection, select, slave_skin
+from lacmesh.cutting.select import Selection, nodes_of_group, select, slave_skin
+from lacmesh.cutting.stars import Stars, find_stars, whole_faces
 from lacmesh.cutting.subdivide import HEXA, WHOLE_CODE, CutFaces, subdivide
-from lacmesh.errors import LacmeshWarning, RequestError
-from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, places_of, spec_list
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.mesh import Ints, Mesh, MeshLike, as_mesh, concatenated, places_of, spec_list
+from lacmesh.topology.skin import TYPE_CODE
+
+#: how slave faces become macro-elements: each by a cut, or several as they are
+MACROS = ("cut", "stars")
 
 __all__ = ["CELL_RECORDS", "NODE_RECORD", "Cut", "cut_skin", "is_cut"]
 
@@ -42,8 +48,13 @@ def cut_skin(
     ring: float = 1 / 3,
     depth: float = 1 / 2,
     recognise: bool | None = None,
+    macro: str = "cut",
+    rest: str = "cut",
+    pairs: bool = False,
+    crease_angle: float | None = None,
+    dirichlet: Sequence[str | int] = (),
 ) -> Cut:
-    """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements.
+    """Cut the skin faces of the slave groups, and the cells behind them, into macro-elements, or join them into some.
 
     `mesh`: a mesh, or the path of its file. `slave`: one group or several (a zone each), named as `Mesh.group` takes
     them; an integer is a tag. `hexa`: HEXA8 and HEXA20 become pyramids (`pyramid`), hexahedra (`hexa`), or the one with
@@ -53,6 +64,11 @@ def cut_skin(
     new node enters a node group that holds every corner of the face or cell it lies on (`extend`), or none (`keep`).
     `ring`: half-width of the inner polygon of ring patterns, `depth`: how deep it goes, both as parts of the parent,
     in (0, 1).
+
+    `macro`: each face is divided into a macro-element (`cut`), or faces around a node are one as they are (`stars`), so
+    that the mesh is not changed. Of stars alone: faces that no star reaches are cut, with a warning, or join others
+    across creases (`rest` = `join`); QUAD8 are cut, or joined in `pairs`; no star bends around an edge by more than
+    `crease_angle` (40 degrees), or has its dof at a node of the groups `dirichlet`, whose displacement is given.
 
     Faces that own an internal dof already (SEG3, QUAD9, TRIA7) become macro-elements as they are. A mesh whose slave
     faces all have the records of a cut is returned unchanged. `recognise`: None: faces without records are cut. True:
@@ -71,6 +87,8 @@ def cut_skin(
         ("interface", interface, ("both", "refuse")),
         ("orient", orient, ("keep", "outward")),
         ("node_groups", node_groups, ("extend", "keep")),
+        ("macro", macro, MACROS),
+        ("rest", rest, ("cut", "join")),
     ):
         if value not in allowed:
             raise RequestError(f"{name} is one of {', '.join(allowed)}, not {value!r}")
@@ -84,12 +102,58 @@ def cut_skin(
     mesh, selection = select(
         without_records(mesh), slave_faces, interface=interface, orient=orient, skin_only=skin_only
     )
-    subdivision = subdivide(mesh, selection, hexa, skin_only, ring, depth)
+    if macro == "stars":
+        fixed = concatenated(nodes_of_group(mesh, group) for group in spec_list(dirichlet))
+        stars = find_stars(
+            mesh,
+            selection.faces,
+            selection.zone,
+            crease_angle=40.0 if crease_angle is None else crease_angle,
+            held=fixed,
+            pairs=pairs,
+            join=rest == "join",
+        )
+        _tell_of_rest(mesh, selection, stars, rest, pairs)
+    else:
+        stars = whole_faces(selection.faces)
+    subdivision = subdivide(mesh, selection, stars.macro >= 0, hexa, skin_only, ring, depth)
     _warn_of_periodic(mesh, selection, subdivision.cut.patterns)
     new, origin = assemble(mesh, subdivision.new_nodes.parts, subdivision.children, extend=node_groups == "extend")
-    internal = _internal_nodes(subdivision.cut, new.n_nodes)
+    of_face, owner = _macros(subdivision.cut, stars, new.n_nodes)
     del subdivision  # a large mesh's records are about to need the room
-    return _with_macros(mesh, new, origin, selection, internal)
+    return _with_macros(mesh, new, origin, selection, of_face, owner)
+
+
+def _macros(cut: CutFaces, stars: Stars, n_nodes: int) -> tuple[Ints, Ints]:
+    """(f,): the macro-element of each face, numbered by first faces; (n_nodes,): that with its dof at a node, or -1."""
+    alone = stars.macro < 0
+    label = np.where(alone, len(stars.carrier) + np.arange(len(alone)), stars.macro)
+    values, first = np.unique(label, return_index=True)
+    order = np.argsort(first)
+    number = places_of(values[order], len(stars.carrier) + len(alone), np.int32)
+    owner = np.full(n_nodes, -1, np.int32)
+    owner[stars.carrier] = number[: len(stars.carrier)]
+    for face, pattern, rows in cut.by_pattern(np.flatnonzero(alone)):
+        rows = np.flatnonzero(alone)[rows]
+        owner[cut.points[rows][:, internal_points(face, pattern, cut.ring)]] = number[label[rows], None]
+    return number[label], owner
+
+
+def _tell_of_rest(mesh: Mesh, selection: Selection, stars: Stars, rest: str, pairs: bool) -> None:
+    """Warn of faces that are in no star. Raises CutError if they were to be joined."""
+    cells = selection.slave[stars.macro < 0]
+    if not len(cells):
+        return
+    quad8 = selection.faces.type[stars.macro < 0] == TYPE_CODE["QUAD8"]
+    if rest == "join" and not quad8.all():
+        names = mesh.cell_names(cells[~quad8])
+        raise CutError(
+            f"slave faces {names} join no star: none lies beside them; rest = 'cut' cuts them", mesh.cell_number[cells]
+        )
+    for some, why in ((cells[quad8], "are QUAD8, of which pairs = True makes macro-elements of two"),
+                      (cells[~quad8], "are in no star: none of their nodes is off the rim, and free")):  # fmt: skip
+        if len(some):
+            warnings.warn(f"slave faces {mesh.cell_names(some)} {why}; they are cut", LacmeshWarning, stacklevel=3)
 
 
 def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
@@ -104,28 +168,20 @@ def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
         warnings.warn(message, LacmeshWarning, stacklevel=3)
 
 
-def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, internal: Ints) -> Cut:
-    """Return the cut: the new mesh of `origin` in the old one, with its records; `internal`: `_internal_nodes`."""
-    macro = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
-    faces = np.flatnonzero(macro >= 0)
-    zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(2))
-    zone[faces] = selection.zone[macro[faces]]
+def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, of_face: Ints, owner: Ints) -> Cut:
+    """Return the cut: the new mesh of `origin` in the old one, with its records; `of_face`, `owner`: of `_macros`."""
+    face = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
+    faces = np.flatnonzero(face >= 0)
+    macro, zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
+    macro[faces] = of_face[face[faces]]
+    zone[faces] = selection.zone[face[faces]]
     order = faces[np.argsort(macro[faces], kind="stable")]  # E1, E2, ... of each, as the children of a face follow
     first = np.flatnonzero(np.diff(macro[order], prepend=-1))
     child[order] = 1 + np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
-    wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
-    parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
-    parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]
-    records = dict(zip(CELL_RECORDS, (macro, zone, child, parent), strict=True))
-    return Cut(with_records(new, records, internal, selection.zones), origin)
-
-
-def _internal_nodes(cut: CutFaces, n_nodes: int) -> Ints:
-    """(n_nodes,): the macro-element whose internal dof each node carries, or -1."""
-    owner = np.full(n_nodes, -1, np.int32)
-    for face, pattern, rows in cut.by_pattern():
-        if face in WHOLE_FACES:
-            owner[cut.faces.nodes[rows, WHOLE_FACES[face]]] = rows
-        else:
-            owner[cut.points[rows][:, internal_points(face, pattern, cut.ring)]] = rows[:, None]
-    return owner
+    records: dict[str, Ints] = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
+    if len(origin.children):
+        wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
+        parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
+        parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]
+        records[CELL_RECORDS[3]] = parent
+    return Cut(with_records(new, records, owner, selection.zones), origin)

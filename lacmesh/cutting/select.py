@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lacmesh.cells import ALL_CELLS, CARRIED, CELLS
-from lacmesh.errors import CutError, LacmeshError, LacmeshWarning, RequestError
+from lacmesh.errors import CutError, GroupNotFoundError, LacmeshError, LacmeshWarning, RequestError
 from lacmesh.mesh import Ints, Mesh, concatenated, distinct, mask_of
 from lacmesh.topology.orientation import flip_outward
 from lacmesh.topology.skin import (
@@ -168,6 +168,16 @@ def select(mesh: Mesh, slave: SlaveSkin, *, interface: str, orient: str, skin_on
             mesh.cell_number[odd],
         )
     return mesh, Selection(faces, slave.names, slave.zone[first], cells[first], skin, parents)
+
+
+def nodes_of_group(mesh: Mesh, spec: str) -> Ints:
+    """The nodes of a node group, or of the cells of a cell group. Raises GroupNotFoundError."""
+    if spec in mesh.node_groups:
+        return np.union1d(mesh.node_groups[spec], mesh.nodes_on(mesh.cell_groups.get(spec, np.empty(0, int))))
+    try:
+        return mesh.nodes_on(mesh.cells_of(spec))
+    except GroupNotFoundError as error:
+        raise GroupNotFoundError(spec, [*mesh.cell_groups, *mesh.node_groups], "cell or node group") from error
 
 
 def check_numbers(mesh: Mesh) -> None:

@@ -24,7 +24,6 @@ from lacmesh.cutting.patterns import (
     RING,
     RING_PARENTS,
     WHOLE,
-    WHOLE_FACES,
     Template,
     face_pattern,
     listings,
@@ -41,7 +40,6 @@ from lacmesh.topology.skin import FACE_TYPES, Bools, FaceIncidence, Faces, find_
 PATTERNS = (WHOLE, CONE, RING)
 WHOLE_CODE, CONE_CODE, RING_CODE = range(3)
 HEXA = ("pyramid", "hexa", "auto")
-_WHOLE_TYPES = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 _RING_TYPES = np.array([name in ("SEG2", "QUAD4", "QUAD8") for name in FACE_TYPES])
 #: a child that is cut again leaves its index to fewer children than so many; they are counted anew after each round
 _ROOM = 8
@@ -86,15 +84,18 @@ class Subdivision:
 # ---- the pattern of each face
 
 
-def subdivide(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, ring: float, depth: float) -> Subdivision:
-    """Choose the pattern of every face, and cut; `hexa` "auto" cuts both ways, and keeps for each set of faces that
-    must be cut alike the variant with the higher minimum Jacobian, the ring on a tie.
+def subdivide(
+    mesh: Mesh, selection: Selection, whole: Bools, hexa: str, skin_only: bool, ring: float, depth: float
+) -> Subdivision:
+    """Choose the pattern of every face, and cut those that are not left `whole` (f,).
+
+    `hexa` "auto" cuts both ways, and keeps for each set of faces that must be cut alike the variant with the higher
+    minimum Jacobian, the ring on a tie.
     """
-    faces = selection.faces
-    able, component = _allowed_rings(mesh, selection, hexa, skin_only)
+    able, component = _allowed_rings(mesh, selection, whole, hexa, skin_only)
 
     def by(rows: Bools) -> Subdivision:
-        patterns = np.where(_WHOLE_TYPES[faces.type], WHOLE_CODE, np.where(rows, RING_CODE, CONE_CODE))
+        patterns = np.where(whole, WHOLE_CODE, np.where(rows, RING_CODE, CONE_CODE))
         return _subdivide(mesh, selection, patterns, ring, depth)
 
     if hexa != "auto" or not (skin_only or mesh.dim == 3):
@@ -108,11 +109,11 @@ def subdivide(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool, ring
     return by(chosen)
 
 
-def _allowed_rings(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool) -> tuple[Bools, Ints]:
+def _allowed_rings(mesh: Mesh, selection: Selection, whole: Bools, hexa: str, skin_only: bool) -> tuple[Bools, Ints]:
     """(f,): True for faces that the ring can cut, by their parents and `hexa`; (f,): labels of faces cut alike."""
     faces, parents = selection.faces, selection.parents
     alone: Ints = np.arange(len(faces))
-    ring = _RING_TYPES[faces.type]
+    ring = _RING_TYPES[faces.type] & ~whole
     if skin_only:
         return ring & (faces.type != FACE_TYPES.index("SEG2")) & (hexa != "pyramid"), alone
     # with "pyramid" the ring cuts no hexahedron
@@ -126,7 +127,7 @@ def _allowed_rings(mesh: Mesh, selection: Selection, hexa: str, skin_only: bool)
     size = len(faces) + int(cell.max(initial=-1)) + 1
     labels = label_components(parents.face[able], len(faces) + cell, size)[: len(faces)]
     component = np.unique(labels, return_inverse=True)[1]
-    spoilt = mask_of(len(faces), component[~ring & ~_WHOLE_TYPES[faces.type]])
+    spoilt = mask_of(len(faces), component[~ring & ~whole])
     return ring & ~spoilt[component], component
 
 

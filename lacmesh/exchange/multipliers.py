@@ -13,6 +13,7 @@ import numpy as np
 
 from lacmesh.cells import CELLS
 from lacmesh.cutting.records import Cut, split
+from lacmesh.errors import CutError
 from lacmesh.facts import Described
 from lacmesh.mesh import Ints
 from lacmesh.topology.skin import Faces, find_owners
@@ -54,7 +55,7 @@ class Multipliers(Described):
 
 
 def aster_multipliers(cut: Cut) -> Multipliers:
-    """code_aster's view of the multipliers of a cut.
+    """code_aster's view of the multipliers of a cut. Raises CutError for macro-elements of whole faces.
 
     >>> from lacmesh import cut_skin, read
     >>> multipliers = aster_multipliers(cut_skin(read("data/two_blocks.msh"), "slave"))
@@ -65,6 +66,10 @@ def aster_multipliers(cut: Cut) -> Multipliers:
     faces = np.flatnonzero(cut.macro_of_face >= 0)
     macro = cut.macro_of_face[faces]
     size = np.bincount(macro, minlength=cut.n_macros)
+    joined = faces[(size[macro] > 1) & (cut.parent_of_cell[faces] < 0)]
+    if len(joined):
+        message = "code_aster has no macro-elements of whole faces (macro = 'stars'); cut the mesh instead"
+        raise CutError(message, mesh.cell_number[joined])
     nodes = np.full((len(faces), 4), -1, np.int64)
     code = np.zeros(cut.n_macros, np.int64)
     for kind, cells, connectivity in mesh.select(faces):

@@ -26,8 +26,6 @@ from lacmesh.topology.skin import label_rows
 VERSION = 2
 #: what a damaged note may raise while it is read
 DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, RecursionError, OverflowError)
-#: slave faces of a macro-element at most
-_MOST_CHILDREN = 5
 
 
 class UnfitError(Exception):
@@ -226,6 +224,8 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
         raise UnfitError("they are of other cells than those of the file, or were changed")
     data: dict[str, Ints] = {}
     for name in CELL_RECORDS:
+        if (columns[name] < 0).all():
+            continue
         narrow = columns[name].max(initial=-1) < 2**31
         data[name] = np.full(mesh.n_cells, -1, np.int32 if narrow else np.int64)
         data[name][at] = columns[name]
@@ -235,7 +235,7 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
     cut = Cut(whole)
     macro, child = (values[cut.macro_of_face >= 0] for values in (cut.macro_of_face, cut.child_kind))
     all_used = cut.n_macros <= len(macro) and bool(np.bincount(macro).all())
-    if not all_used or not 1 <= child.min() <= child.max() <= _MOST_CHILDREN or internal.max() >= cut.n_macros:
+    if not all_used or not 1 <= child.min() <= child.max() <= len(macro) or internal.max() >= cut.n_macros:
         raise ValueError("records that no cut leaves")
     return whole
 

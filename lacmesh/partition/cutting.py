@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -20,13 +21,13 @@ from lacmesh.origin import bounds_of
 from lacmesh.partition.parts import Bools, Part, needed, restrict, skin_name
 
 
-def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -> Part:
+def cut_part(part: Part, slave: str | Sequence[str], **options: Any) -> Part:
     """Cut the slave groups in a part of a mesh; return the part of the mesh that `cut_skin` makes of the whole mesh.
 
-    `slave` and `hexa` are as for `cut_skin`. A new node belongs to the owner of the first node of the face or cell that
-    it was put into (`Origin`). A part of a cut mesh is returned unchanged; an earlier cut without records is not
-    recognised. Raises RequestError for a slave group that is not in every part, and what `cut_skin` raises, on every
-    process alike.
+    `slave` and the options `hexa`, `macro`, `crease_angle` and `dirichlet` are as for `cut_skin`. A new node
+    belongs to the owner of the first node of the face or cell that it was put into (`Origin`). A part of a cut mesh
+    is returned unchanged; an earlier cut without records is not recognised. Raises RequestError for a slave group
+    that is not in every part, and what `cut_skin` raises, on every process alike.
     """
     specs = spec_list(slave)
     missing = [spec for spec in specs if skin_name(part.mesh, spec) not in part.everywhere]
@@ -35,7 +36,7 @@ def cut_part(part: Part, slave: str | Sequence[str], *, hexa: str = "pyramid") -
     if part.mesh.zones:
         cut_skin(part.mesh, specs)
         return part
-    cut = cut_skin(part.mesh, specs, hexa=hexa, recognise=False)
+    cut = cut_skin(part.mesh, specs, recognise=False, **options)
     old, origin = part.mesh, cut.origin
     assert origin is not None
     more = cut.mesh.points[old.n_nodes :]

@@ -250,6 +250,24 @@ class Case(Entry):
         named = (name for pair in pairs for name in pair)
         return tuple(dict.fromkeys(named))
 
+    def cut_options(self) -> dict[str, Any]:
+        """Options of `lacmesh.cut_skin`, which makes the macro-elements of all slaves at once.
+
+        Stars have no dof at nodes whose displacement is given. Raises RequestError for slaves with unlike options.
+        """
+        records = (*self.contact, *self.tie)
+        for name in ("hexa", "macro"):
+            if len({getattr(record, name) for record in records}) > 1:
+                raise RequestError(f"slaves of one mesh are cut at once, so {name} must be the same for all of them")
+        if not records:
+            return {}
+        options: dict[str, Any] = {"hexa": records[0].hexa, "macro": records[0].macro}
+        if records[0].macro == "stars":
+            angles = [record.crease_angle for record in records if record.crease_angle is not None]
+            options["crease_angle"] = min(angles, default=None)
+            options["dirichlet"] = [record.group for record in self.displacement if record.group is not None]
+        return options
+
     def write(self, path: str | PathLike[str]) -> None:
         """Write the case into a file, which `read_case` reads; the mesh is named relative to its folder.
 

@@ -122,6 +122,7 @@ class Material(Entry):
 _HEXA = Choice(
     {"pyramid": "into pyramids", "hexa": "into hexahedra", "auto": "the variant with the higher minimum Jacobian"}
 )
+_MACRO = Choice({"cut": "each face is cut into one", "stars": "faces around a node are one; the mesh is not cut"})
 _NORMALS = Choice(
     {
         "facet": "of the slave's faces, or of its smooth surface, or of a plane master's faces",
@@ -148,6 +149,7 @@ class PairEntry(Entry):
         TWO_GROUPS, "", "instead of slave and master: two surfaces, of which a rule chooses the slave", None
     )
     hexa: str = key(_HEXA, "", "variant of the cut of HEXA8 and HEXA20, if the mesh is not cut yet", "pyramid")
+    macro: str = key(_MACRO, "", "macro-elements of the slave, if the mesh has none yet", "cut")
     search_distance: float | None = key(
         POSITIVE, "length", "search distance from the slave to the master", None,
         "a quarter of the smaller skin's diagonal, or twice a macro-element's if more",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -38,11 +38,15 @@ class Processes(Distribution):
         return self._part is not None
 
     def read(
-        self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]], whole: bool = False
+        self,
+        path: Path,
+        skins: Sequence[str],
+        slaves: Callable[[Mesh], tuple[list[str], dict[str, Any]]],
+        whole: bool = False,
     ) -> Mesh:
         """Return the mesh of a file, or this process's part, cut, of a large file or the folder of a divided mesh.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`;
+        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, and the options of their cut;
         `whole`: True for the whole mesh of a large file, too. Raises ReadError, CutError, and RequestError for a folder
         with parts for another number of processes.
         """
@@ -52,11 +56,8 @@ class Processes(Distribution):
             return lacmesh.read(path)
         self._read = part
         if names and len(part.everywhere) == len(names) and not is_cut(part.mesh):
-            cut = slaves(part.mesh)
-            if len(set(cut.values())) > 1:
-                advice = "cut the slaves before the mesh is divided"
-                raise RequestError(f"the slaves in {path} are cut at once, so hexa must be the same for all; {advice}")
-            part = cut_part(part, list(cut), hexa=next(iter(cut.values())))
+            groups, options = slaves(part.mesh)
+            part = cut_part(part, groups, **options)
         self._part = part
         return part.mesh
 

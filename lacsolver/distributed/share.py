@@ -7,9 +7,9 @@ of other processes by `update`. Contact is the same on every process. A process 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +67,15 @@ class Distribution:
     divided = False
 
     def read(
-        self, path: Path, skins: Sequence[str], slaves: Callable[[Mesh], Mapping[str, str]], whole: bool = False
+        self,
+        path: Path,
+        skins: Sequence[str],
+        slaves: Callable[[Mesh], tuple[list[str], dict[str, Any]]],
+        whole: bool = False,
     ) -> Mesh:
         """Return the mesh of a file, or a part of one that has been divided, with its slaves cut.
 
-        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, each with its kind of `hexa`.
+        `skins`: groups that all processes need; `slaves`: the groups to cut in a mesh, and the options of their cut.
         `whole`: True if every process needs the whole mesh of a file first. Raises ReadError, and RequestError for a
         mesh that is divided otherwise.
         """

@@ -232,7 +232,9 @@ def _same_space(case: Case, mesh: Mesh, like: Problem, distribution: Distributio
     """True if a problem has the space of this case on this mesh: the same model, slaves and masters."""
 
     def settings(case: Case) -> tuple:
-        skins = tuple((record.slave, record.master, record.hexa) for record in (*case.contact, *case.ties))
+        skins = tuple(
+            (record.slave, record.master, record.hexa, record.macro) for record in (*case.contact, *case.ties)
+        )
         moves = [(record.adjust, record.surface, record.crease_angle) for record in case.contact if record.adjust]
         return case.model, case.thickness, skins, moves, [record.group for record in case.pretension]
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,10 +70,10 @@ def with_roles(case: Case, mesh: Mesh) -> Case:
     return case.altered(contact=contacts, tie=ties)
 
 
-def slaves_of(case: Case, mesh: Mesh) -> dict[str, str]:
-    """Return the groups to be cut in a mesh, each with its kind of `hexa` cut. Raises as `with_roles`."""
+def slaves_of(case: Case, mesh: Mesh) -> tuple[list[str], dict[str, Any]]:
+    """Return the groups to be cut in a mesh, and the options of their cut. Raises as `with_roles`."""
     done = with_roles(case, mesh)
-    return {record.slave: record.hexa for record in (*done.contact, *done.ties)}
+    return [record.slave for record in (*done.contact, *done.ties)], done.cut_options()
 
 
 def directed(pair: ContactPair, case: Case, mesh: Mesh) -> ContactPair:

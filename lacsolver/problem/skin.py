@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections import defaultdict
 from pathlib import Path
 
 import lacmesh
@@ -58,17 +57,13 @@ def prepared(case: Case, mesh: Mesh | None = None) -> Mesh:
             message = f"the mesh carries a cut of {', '.join(sorted(zones))}, and none of slave {whole[0]!r}"
             raise CaseError([Issue(f"{_place(record)}{message}; cut all slaves at once, or give the uncut mesh")])
         return mesh
-    by_hexa: defaultdict[str, list[str]] = defaultdict(list)
-    for name, record in slaves.items():
-        by_hexa[getattr(record, "hexa", None) or next(iter(by_hexa), "pyramid")].append(name)
-    if len(by_hexa) > 1:
-        raise RequestError("slaves of one mesh are cut at once, so hexa must be the same for all of them")
-    for hexa, names in by_hexa.items():
-        try:
-            return lacmesh.cut_skin(mesh, names, hexa=hexa).mesh
-        except LacmeshError as error:
-            raise CaseError([Issue(f"{_place(slaves[names[0]])}{error}")]) from None
-    return mesh
+    if not slaves:
+        return mesh
+    options = case.cut_options()
+    try:
+        return lacmesh.cut_skin(mesh, list(slaves), **options).mesh
+    except LacmeshError as error:
+        raise CaseError([Issue(f"{_place(next(iter(slaves.values())))}{error}")]) from None
 
 
 def check_mesh(case: Case, mesh: Mesh) -> None:

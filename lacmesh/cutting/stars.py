@@ -1,0 +1,400 @@
+"""Macro-elements of whole faces, without a cut: stars around nodes.
+
+    carriers = nodes off the rim whose function has a positive integral over their star, the faces that hold them
+    seeds    = as many carriers as possible, no two of them on one face         (`_choose`, `_swap`)
+    macros   = the stars of the seeds; every face left over joins the neighbour that stays smallest    (`_join`)
+
+A seed's function vanishes outside its star, so that each macro-element owns a dof of its own, on any mesh and without a
+new node. The rim of the skin, creases, borders of zones and held nodes carry nothing. Carriers follow from integrals on
+the real geometry: corners of SEG2, TRIA3 and QUAD4, mid-nodes of TRIA6 and QUAD8, whose stars are pairs of faces. Faces
+that own a dof as they are (SEG3, TRIA7, QUAD9) are macro-elements as they are.
+
+The largest independent set is sought as by Andrade, Resende and Werneck (Journal of Heuristics 18, 2012): in the order
+of the fewest free neighbours, then by swaps of one seed for two. Nodes and faces are taken by their place, so that the
+partition does not depend on how they are numbered.
+"""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lacmesh.cells import CELLS
+from lacmesh.cutting.patterns import WHOLE_FACES
+from lacmesh.kernels import kernel
+from lacmesh.mesh import Floats, Ints, Mesh, codes, mask_of, places_of
+from lacmesh.reference.quadrature import rule
+from lacmesh.reference.shapes import jacobian, shape
+from lacmesh.topology.bodies import label_components
+from lacmesh.topology.orientation import face_normals
+from lacmesh.topology.skin import FACE_TYPES, MAX_CORNERS, MAX_NODES, N_CORNERS, N_NODES, TYPE_CODE, Faces, edge_uses
+
+Array = NDArray[Any]
+#: least integral of a carrier's function, as a part of its star's area
+LEAST = 0.05
+#: grid on which places are compared, as a part of the skin's size: what is equal but for rounding is in one cell
+_GRID = 1e-6
+_DEGREE = 6
+#: by the codes of face types: True for those that own a dof as they are, and the node that carries it
+_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+_CENTRE = np.array([WHOLE_FACES.get(name, 0) for name in FACE_TYPES])
+
+
+class Stars(NamedTuple):
+    """`macro` (f,): the macro-element of each face, -1 for faces that no star reaches; `carrier` (m,): their nodes."""
+
+    macro: Ints
+    carrier: Ints
+
+
+class _Skin(NamedTuple):
+    """Faces as a graph: `across` (f, 4): neighbours across edges that are no rim, else -1; `length` (f, 4) of these.
+
+    `size` (f,): area or length; `value` (f, 9): integral of each node's function over the face; `rim`: nodes on rims.
+    """
+
+    across: Ints
+    length: Floats
+    size: Floats
+    value: Floats
+    rim: Ints
+
+
+def whole_faces(faces: Faces) -> Stars:
+    """Return the macro-elements that faces are as they stand: SEG3, TRIA7 and QUAD9."""
+    whole = _WHOLE[faces.type]
+    centre = faces.nodes[whole, _CENTRE[faces.type[whole]]]
+    return Stars(np.where(whole, np.cumsum(whole) - 1, -1), centre)
+
+
+def find_stars(
+    mesh: Mesh, faces: Faces, zone: Ints, *, crease_angle: float = 40.0, held: Ints | None = None, pairs: bool = False,
+    join: bool = False,
+) -> Stars:  # fmt: skip
+    """Join slave faces, each once, to macro-elements of one `zone` (f,), which bend at edges by `crease_angle` at most.
+
+    `held`: nodes whose displacement is given, which carry nothing. `pairs`: QUAD8 are joined in pairs; else they are in
+    no star, as one pressure for two of them costs the displacement its order. `join`: faces that no star reaches join
+    others across creases.
+    """
+    order = _by_place(_middles(mesh.points, faces))
+    faces, zone = faces.take(order), zone[order]
+    skin = _skin(mesh, faces, zone, crease_angle)
+    whole = whole_faces(faces)
+    out = (whole.macro >= 0) | ((faces.type == TYPE_CODE["QUAD8"]) & (not pairs))
+    fixed = mask_of(mesh.n_nodes, skin.rim, *([] if held is None else [held]))
+    carrier = np.concatenate([_seeds(*_carriers(mesh, faces, skin, fixed, out), skin.across), whole.carrier])
+    macro = np.where(faces.nodes >= 0, places_of(carrier, mesh.n_nodes)[faces.nodes], -1).max(axis=1)
+    inside = faces.nodes >= 0
+    integral = np.bincount(faces.nodes[inside], skin.value[inside], mesh.n_nodes)[carrier]
+    for graph in (skin, _skin(mesh, faces, zone, 180.0))[: 1 + join]:
+        total = np.bincount(macro[macro >= 0], skin.size[macro >= 0], len(carrier))
+        _join(graph.across, graph.length, skin.size, ~out, macro, total, integral)
+    return _numbered(macro[np.argsort(order)], carrier)
+
+
+def _numbered(macro: Ints, carrier: Ints) -> Stars:
+    """Number macro-elements by their first faces."""
+    values, first = np.unique(macro[macro >= 0], return_index=True)
+    old = values[np.argsort(first)]
+    new = np.append(places_of(old, len(carrier)), -1)
+    return Stars(new[macro], carrier[old])
+
+
+def _middles(points: Floats, faces: Faces) -> Floats:
+    x = np.where((faces.corners >= 0)[..., None], points[faces.corners], 0.0)
+    return x.sum(axis=1) / N_CORNERS[faces.type][:, None]
+
+
+def _by_place(x: Floats) -> Ints:
+    """Return the order of some places x (n, 3) along the axes, where those in one cell of a fine grid are alike."""
+    low, high = x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)
+    step = max(float((high - low).max()), np.finfo(float).tiny) * _GRID
+    return np.lexsort(np.round((x - low) / step).T)
+
+
+# ---- the skin
+
+
+def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
+    """Return the graph of the faces. An edge is a rim with one face or more than two, between zones, at a crease."""
+    uses = edge_uses(faces)
+    order = np.argsort(uses.edge, kind="stable")
+    count = np.bincount(uses.edge)[uses.edge[order]]
+    first = np.flatnonzero((np.diff(uses.edge[order], prepend=-1) != 0) & (count == 2))
+    a, b = order[first], order[first + 1]
+    f, g = uses.face[a], uses.face[b]
+    normal = face_normals(mesh, faces)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)[:, None]
+    along = (normal[f] * normal[g]).sum(axis=1) * np.where(uses.forward[a] != uses.forward[b], 1, -1)
+    smooth = (along > np.cos(np.radians(crease_angle))) & (zone[f] == zone[g])
+    a, b = a[smooth], b[smooth]
+    across, length = np.full((len(faces), MAX_CORNERS), -1), np.zeros((len(faces), MAX_CORNERS))
+    start, stop = uses.start[a], uses.stop[a]
+    edge = np.where(stop < 0, 0.0, np.linalg.norm(mesh.points[start] - mesh.points[stop], axis=1))
+    for one, other in ((a, b), (b, a)):
+        across[uses.face[one], uses.place[one]] = uses.face[other]
+        length[uses.face[one], uses.place[one]] = edge
+    rim = np.ones(len(uses.edge), bool)
+    rim[a] = rim[b] = False
+    nodes = np.concatenate([uses.start[rim], uses.stop[rim], _mid_nodes(faces, uses.face[rim], uses.place[rim])])
+    value = _integrals(mesh.points, faces)
+    return _Skin(across, length, value.sum(axis=1), value, np.unique(nodes[nodes >= 0]))
+
+
+def _mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
+    """Nodes in the middle of edges of quadratic surfaces, by face and place (k,); -1 for others."""
+    n = N_CORNERS[faces.type[face]]
+    has = (n > 2) & (N_NODES[faces.type[face]] > n)
+    return np.where(has, faces.nodes[face, np.where(has, n + place, 0)], -1)
+
+
+def _integrals(points: Floats, faces: Faces) -> Floats:
+    """(f, 9): the integral of each node's function over each face, on the real geometry; 0 for padding."""
+    value = np.zeros((len(faces), MAX_NODES))
+    for code in codes(faces.type):
+        rows = np.flatnonzero(faces.type == code)
+        kind, n = FACE_TYPES[code], N_NODES[code]
+        X, w = rule(CELLS[kind].family, _DEGREE)
+        J = jacobian(kind, points[faces.nodes[rows, :n]], X)
+        size = np.linalg.norm(np.cross(J[..., 0], J[..., 1]) if CELLS[kind].dim == 2 else J[..., 0], axis=-1)
+        value[rows, :n] = (size * w) @ shape(kind, X)
+    return value
+
+
+# ---- carriers and seeds
+
+
+def _carriers(
+    mesh: Mesh, faces: Faces, skin: _Skin, fixed: NDArray[np.bool_], out: NDArray[np.bool_]
+) -> tuple[Ints, Ints]:
+    """Return the nodes (c,) that can carry a dof of their star, by place; (f, 9): the carriers on faces, or -1."""
+    face, k = np.nonzero(faces.nodes >= 0)
+    node = faces.nodes[face, k]
+    integral = np.bincount(node, skin.value[face, k], mesh.n_nodes)
+    size = np.bincount(node, skin.size[face], mesh.n_nodes)
+    good = (integral >= LEAST * size) & (size > 0) & _connected(faces, skin.across, mesh.n_nodes)
+    good[fixed] = False
+    good[node[out[face]]] = False
+    node = np.flatnonzero(good)
+    if len(node):
+        node = node[_by_place(mesh.points[node])]
+    on = places_of(node, mesh.n_nodes)[faces.nodes]
+    on[faces.nodes < 0] = -1
+    return node, on
+
+
+def _connected(faces: Faces, across: Ints, n_nodes: int) -> NDArray[np.bool_]:
+    """(n_nodes,): True for nodes whose faces are joined across edges at the node."""
+    face, k = np.nonzero(faces.nodes >= 0)
+    node, entry = faces.nodes[face, k], np.full(faces.nodes.shape, -1)
+    entry[face, k] = np.arange(len(face))
+    f, place = np.nonzero(across > np.arange(len(faces))[:, None])
+    n, g = N_CORNERS[faces.type[f]], across[f, place]
+    ends = [faces.nodes[f, place], np.where(n > 2, faces.nodes[f, (place + 1) % n], -1), _mid_nodes(faces, f, place)]
+    pairs = []
+    for end in ends:  # nodes that both faces of an edge have
+        at = np.flatnonzero(end >= 0)
+        mine, theirs = (entry[side, (faces.nodes[side] == end[at, None]).argmax(axis=1)] for side in (f[at], g[at]))
+        pairs.append((mine, theirs))
+    one, other = (np.concatenate(side) for side in zip(*pairs, strict=True))
+    part = label_components(one, other, len(face))
+    low, high = np.full(n_nodes, len(face)), np.full(n_nodes, -1)
+    np.minimum.at(low, node, part)
+    np.maximum.at(high, node, part)
+    return low == high
+
+
+def _seeds(node: Ints, on: Ints, across: Ints) -> Ints:
+    """Return the nodes of a set of carriers, no two on one face, that is as large as two orders and swaps find."""
+    if not len(node):
+        return node
+    face, k = np.nonzero(on >= 0)
+    order = np.argsort(on[face, k], kind="stable")
+    star = face[order]
+    star_start = np.searchsorted(on[face, k][order], np.arange(len(node) + 1))
+    a, b = np.repeat(on, MAX_NODES, axis=1), np.tile(on, MAX_NODES)
+    pair = (a >= 0) & (b >= 0) & (a != b)
+    key = np.unique(a[pair] * np.int64(len(node)) + b[pair])
+    beside, start = key % len(node), np.searchsorted(key // len(node), np.arange(len(node) + 1))
+    sets = []
+    for front in (False, True):
+        chosen = _choose(start, beside, star_start, star, on, across, front)
+        _swap(start, beside, chosen)
+        sets.append(chosen)
+    return node[max(sets, key=np.count_nonzero)]
+
+
+@kernel
+def _choose(
+    start: Array, beside: Array, star_start: Array, star: Array, on: Array, across: Array, front: bool
+) -> Array:
+    """(c,) True for a maximal set of carriers, none `beside` another; rows of `start` for each.
+
+    Next is the carrier with the fewest free ones beside it, or, in a `front`, with the most faces beside its star that
+    are in stars or at the rim; then by the other of the two, the size of the star, and the place.
+    """
+    n = len(start) - 1
+    chosen, closed = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    free, touch = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    taken, changed = np.zeros(len(on), np.bool_), np.zeros(n, np.bool_)
+    for c in range(n):
+        free[c] = start[c + 1] - start[c]
+    heap: Any = [(np.int64(0), np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
+    heap.pop()
+    for c in range(n):
+        size = star_start[c + 1] - star_start[c]
+        heappush(heap, (-touch[c], free[c], size, c) if front else (free[c], -touch[c], size, c))
+    queue = np.empty(n, np.int64)
+    while len(heap) > 0:
+        first, second, size, c = heappop(heap)
+        if closed[c]:
+            continue
+        now = (-touch[c], free[c]) if front else (free[c], -touch[c])
+        if now[0] != first or now[1] != second:
+            continue
+        chosen[c] = closed[c] = True
+        count = 0
+        for i in range(start[c], start[c + 1]):
+            b = beside[i]
+            if closed[b]:
+                continue
+            closed[b] = True
+            for j in range(start[b], start[b + 1]):
+                d = beside[j]
+                free[d] -= 1
+                if not closed[d] and not changed[d]:
+                    changed[d] = True
+                    queue[count] = d
+                    count += 1
+        for i in range(star_start[c], star_start[c + 1]):
+            taken[star[i]] = True
+        for i in range(star_start[c], star_start[c + 1]):
+            for g in across[star[i]]:
+                if g < 0 or taken[g]:
+                    continue
+                for d in on[g]:
+                    if d >= 0 and not closed[d]:
+                        touch[d] += 1
+                        if not changed[d]:
+                            changed[d] = True
+                            queue[count] = d
+                            count += 1
+        for i in range(count):
+            d = queue[i]
+            changed[d] = False
+            if not closed[d]:
+                size = star_start[d + 1] - star_start[d]
+                heappush(heap, (-touch[d], free[d], size, d) if front else (free[d], -touch[d], size, d))
+    return chosen
+
+
+@kernel
+def _swap(start: Array, beside: Array, chosen: Array) -> None:
+    """Take two carriers in place of one wherever that is possible, and every carrier that becomes free."""
+    n = len(start) - 1
+    tight = np.zeros(n, np.int64)
+    for c in range(n):
+        if chosen[c]:
+            for i in range(start[c], start[c + 1]):
+                tight[beside[i]] += 1
+    near = np.zeros(n, np.bool_)
+    single = np.empty(n, np.int64)
+    again = True
+    while again:
+        again = False
+        for c in range(n):
+            if not chosen[c]:
+                continue
+            count = 0
+            for i in range(start[c], start[c + 1]):
+                if tight[beside[i]] == 1:
+                    single[count] = beside[i]
+                    count += 1
+            found = False
+            for i in range(count):
+                a = single[i]
+                for j in range(start[a], start[a + 1]):
+                    near[beside[j]] = True
+                for j in range(i + 1, count):
+                    if not near[single[j]]:
+                        found = True
+                        b = single[j]
+                        break
+                for j in range(start[a], start[a + 1]):
+                    near[beside[j]] = False
+                if found:
+                    break
+            if not found:
+                continue
+            again = True
+            chosen[c] = False
+            for i in range(start[c], start[c + 1]):
+                tight[beside[i]] -= 1
+            for new in (a, b):
+                chosen[new] = True
+                for i in range(start[new], start[new + 1]):
+                    tight[beside[i]] += 1
+            for i in range(count):
+                d = single[i]
+                if tight[d] == 0 and not chosen[d]:
+                    chosen[d] = True
+                    for j in range(start[d], start[d + 1]):
+                        tight[beside[j]] += 1
+
+
+# ---- faces left over
+
+
+@kernel
+def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, total: Array, integral: Array) -> None:
+    """Join `free` faces to macro-elements beside them, where that costs least; `macro` (f,) and `total` are changed.
+
+    `total` (m,): sizes of the macro-elements; `integral` (m,): of their carriers' functions.
+    """
+    heap: Any = [(np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
+    heap.pop()
+    for f in range(len(macro)):
+        if free[f]:
+            for g in across[f]:
+                if g >= 0 and macro[g] >= 0:
+                    heappush(
+                        heap,
+                        (
+                            _cost(across, length, size, macro, total, integral, f, macro[g]),
+                            np.int64(f),
+                            np.int64(macro[g]),
+                        ),
+                    )
+    while len(heap) > 0:
+        cost, f, m = heappop(heap)
+        if macro[f] >= 0:
+            continue
+        now = _cost(across, length, size, macro, total, integral, f, m)
+        if now != cost:
+            heappush(heap, (now, f, m))
+            continue
+        macro[f] = m
+        total[m] += size[f]
+        for g in across[f]:
+            if g >= 0 and free[g] and macro[g] < 0:
+                heappush(heap, (_cost(across, length, size, macro, total, integral, g, m), np.int64(g), m))
+
+
+@kernel
+def _cost(
+    across: Array, length: Array, size: Array, macro: Array, total: Array, integral: Array, f: Any, m: Any
+) -> int:
+    """Cost of face f in macro-element m, less for a long common edge: its area by the inverse of its carrier's part.
+
+    As a logarithm in millionths, so that costs are equal where they are but for rounding.
+    """
+    shared = 0.0
+    for k in range(4):
+        if across[f, k] >= 0 and macro[across[f, k]] == m:
+            shared += length[f, k]
+    area = total[m] + size[f]
+    return int(np.round(1e6 * np.log(area * area / integral[m] / (1 + shared / (4 * np.sqrt(size[f]))))))

@@ -1,0 +1,152 @@
+"""Macro-elements of whole faces: stars around nodes that own a dof, on every type of face, without a cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lacmesh
+import lacsolver as ls
+from lacmesh.cutting.recognition import find_macros
+from lacmesh.cutting.select import slave_skin
+from lacmesh.cutting.stars import find_stars
+from lacmesh.errors import CutError, LacmeshWarning, RequestError
+from lacmesh.exchange.multipliers import aster_multipliers
+from lacmesh.generate import box, rectangle, sphere, stack
+from tests import REPOSITORY
+
+#: cells -> faces of a macro-element on average, at most, on the top of a box of 9 x 9 x 1 of them
+KINDS = {
+    "TETRA4": 7.5, "PENTA6": 7.5, "HEXA8": 5.1, "PYRAM5": 5.1, "TETRA10": 2.03, "PENTA15": 2.03, "PENTA18": 2.03,
+    "HEXA27": 1.0, "PYRAM14": 1.0,
+}  # fmt: skip
+
+
+def parts(cut):
+    """The macro-elements as sets of places of their faces, whatever their numbers."""
+    mesh, middle = cut.mesh, {}
+    for _, cells, nodes in mesh.select(np.flatnonzero(cut.macro_of_face >= 0)):
+        middle |= dict(zip(cells.tolist(), map(tuple, (mesh.points[nodes].mean(axis=1) + 0.0).round(6)), strict=True))
+    return {frozenset(middle[face] for face in faces.tolist()) for faces in cut.faces_of_macro}
+
+
+@pytest.mark.parametrize("distortion", [0.0, 0.12])
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_macro_element_owns_a_dof_and_the_mesh_is_as_it_was(kind, distortion):
+    mesh = box((9, 9, 1), (9, 9, 1), kind, distortion=distortion, seed=5)
+    cut = lacmesh.cut_skin(mesh, "top", macro="stars")
+    assert np.array_equal(cut.mesh.points, mesh.points) and cut.mesh.cells_by_type == mesh.cells_by_type
+    assert "lac_parent" not in cut.mesh.cell_data and (cut.child_kind >= 1).sum() == len(mesh.cell_groups["top"])
+    found = lacmesh.check(cut.mesh, "top")
+    assert not found.errors and not found.warnings
+    assert found.summary["with_internal_dof"] == cut.n_macros and found.summary["least_integral"] >= 0.1
+    size = np.bincount(cut.macro_of_face[cut.macro_of_face >= 0])
+    assert size.mean() <= KINDS[kind] and size.max() <= 12
+
+
+@pytest.mark.parametrize("kind", ["TRIA3", "QUAD4"])
+def test_segments_are_joined_in_pairs(kind):
+    cut = lacmesh.cut_skin(rectangle((9, 2), kind=kind), "top", macro="stars")
+    assert sorted(map(len, cut.faces_of_macro)) == [2, 2, 2, 3]
+
+
+def test_many_faces_have_as_few_macro_elements_as_nodes_allow():
+    for kind, most in (("TETRA4", 6.5), ("HEXA8", 4.3), ("TETRA10", 2.03)):
+        cut = lacmesh.cut_skin(box((33, 33, 1), kind=kind), "top", macro="stars")
+        assert len(cut.mesh.cell_groups["top"]) / cut.n_macros <= most
+
+
+def test_numbering_and_the_order_of_faces_change_nothing():
+    mesh = box((7, 6, 1), kind="TETRA4", distortion=0.12, seed=1)
+    rng = np.random.default_rng(3)
+    new = rng.permutation(mesh.n_nodes)
+    blocks = [(b.type, new[b.nodes][rng.permutation(len(b.nodes))]) for b in mesh.blocks]
+    points = np.empty_like(mesh.points)
+    points[new] = mesh.points
+    other = lacmesh.Mesh.create(points, blocks)
+    flat = [k for kind, cells, nodes in other.select(np.arange(other.n_cells)) if kind == "TRIA3"
+            for k, on in zip(cells, nodes, strict=True) if (points[on, 2] > 1 - 1e-9).all()]  # fmt: skip
+    other = replace(other, cell_groups={"top": np.array(flat)})
+    assert parts(lacmesh.cut_skin(mesh, "top", macro="stars")) == parts(lacmesh.cut_skin(other, "top", macro="stars"))
+
+
+def test_no_star_bends_around_a_crease_crosses_zones_or_stands_on_held_nodes():
+    mesh = box((5, 6, 5), kind="HEXA8")
+    cut = lacmesh.cut_skin(mesh, ["top", "right"], macro="stars")
+    for faces in cut.faces_of_macro:
+        assert len(set(cut.zone_of_face[faces])) == 1
+    both = replace(mesh, cell_groups={"both": np.union1d(mesh.cell_groups["top"], mesh.cell_groups["right"])})
+    assert parts(lacmesh.cut_skin(both, "both", macro="stars")) == parts(cut)
+    assert parts(lacmesh.cut_skin(both, "both", macro="stars", crease_angle=170)) != parts(cut)
+    held = cut.mesh.node_data["lac_internal"] >= 0
+    again = lacmesh.cut_skin(
+        replace(mesh, node_groups={"fixed": np.flatnonzero(held)}), "top", macro="stars", dirichlet=["fixed"]
+    )
+    assert not (held & (again.macro_of_node >= 0)).any()
+
+
+def test_faces_without_a_star_are_cut_or_join_or_are_refused():
+    mesh = box((6, 1, 1), kind="TETRA4")  # one face wide: every node is on the rim
+    with pytest.warns(LacmeshWarning, match="in no star"):
+        cut = lacmesh.cut_skin(mesh, "top", macro="stars")
+    assert parts(cut) == parts(lacmesh.cut_skin(mesh, "top"))
+    with pytest.raises(CutError, match="join no star"):
+        lacmesh.cut_skin(mesh, "top", macro="stars", rest="join")
+    with pytest.raises(RequestError, match="macro is one of"):
+        lacmesh.cut_skin(mesh, "top", macro="star")
+
+
+def test_quad8_are_cut_unless_pairs_are_asked_for():
+    mesh = box((4, 4, 1), kind="HEXA20")
+    with pytest.warns(LacmeshWarning, match="QUAD8"):
+        assert lacmesh.cut_skin(mesh, "top", macro="stars").n_macros == 16
+    cut = lacmesh.cut_skin(mesh, "top", macro="stars", pairs=True)
+    assert cut.n_macros == 8 and not lacmesh.check(cut.mesh, "top").errors
+
+
+@pytest.mark.parametrize("suffix", ["msh", "med", "vtu", "xdmf", "inp", "mail"])
+def test_files_keep_stars(tmp_path, suffix):
+    cut = lacmesh.cut_skin(box((5, 5, 1), kind="TETRA4"), "top", macro="stars")
+    lacmesh.write(tmp_path / f"a.{suffix}", cut.mesh)
+    read = lacmesh.read(tmp_path / f"a.{suffix}")
+    again = lacmesh.cut_skin(read, "top", macro="stars")
+    assert parts(again) == parts(cut) and (again.macro_of_node >= 0).sum() == cut.n_macros
+
+
+def test_code_aster_has_no_multipliers_for_stars_and_no_cut_is_recognised_in_them():
+    cut = lacmesh.cut_skin(box((6, 6, 1), kind="TETRA4"), "top", macro="stars")
+    with pytest.raises(CutError, match="macro = 'stars'"):
+        aster_multipliers(cut)
+    bare = replace(cut.mesh, cell_data={}, node_data={}, zones=())
+    assert find_macros(bare, slave_skin(bare, ["top"])).n_cut == 0
+
+
+def test_the_partition_is_the_same_compiled_and_as_it_stands(monkeypatch):
+    mesh = sphere(5, kind="TETRA4", distortion=0.12, seed=2)
+    skin = slave_skin(mesh, ["outer"])
+    found = find_stars(mesh, skin.faces, skin.zone[skin.first])
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    assert np.array_equal(find_stars(mesh, skin.faces, skin.zone[skin.first]).macro, found.macro)
+
+
+@pytest.mark.parametrize("tie", [False, True])
+@pytest.mark.parametrize("kind", ["TETRA4", "HEXA8", "PENTA6", "TETRA10"])
+def test_a_press_of_two_blocks_is_uniform(kind, tie):
+    mesh = stack(box((5, 5, 2), kind="HEXA8"), box((4, 4, 2), kind=kind, distortion=0.1, seed=4))
+    pair = (ls.Tie if tie else ls.Contact)(slave="slave", master="master", macro="stars")
+    case = ls.Case(
+        model="3d", material=[ls.Material(young=1.0, poisson=0.3)], **{"tie" if tie else "contact": [pair]},
+        displacement=[ls.Displacement(group="bottom", uz=0), ls.Displacement(group="left", ux=0),
+                      ls.Displacement(group="front", uy=0)],
+        pressure=[ls.Pressure(group="top", value=0.01)],
+    )  # fmt: skip
+    assert ls.solve(case, mesh).contact["slave"].pressure == pytest.approx(0.01, rel=1e-8)
+
+
+def test_the_press_fit_of_tetrahedra_is_even():
+    case = ls.read_case(REPOSITORY / "data" / "press_fit.toml")
+    (fit,) = case.contact
+    pressure = ls.solve(replace(case, contact=(replace(fit, macro="stars"),))).contact["fit"].pressure
+    assert np.sqrt(np.mean((pressure / 63.46 - 1) ** 2)) <= 0.03 and pressure.min() > 60
