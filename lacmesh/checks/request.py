@@ -177,7 +177,8 @@ class Request:
         if len(cells):
             numbers = self.numbers(cells) if on == "cell" else self.node_numbers(cells)
             message = f"{counted(len(cells), *subject.split('|'))} {text.replace('#', numbers, 1)}"
-            yield Place(message, *((cells, None) if on == "cell" else (None, cells)), skin and skin.group)
+            group = None if skin is None else skin.group  # a skin without faces is false
+            yield Place(message, group=group, **{f"{on}s": cells})
 
     def finding(self, rule: str, place: Place) -> Finding:
         """Return the finding of a rule about a place, with the numbers of the file."""
