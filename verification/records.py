@@ -8,7 +8,6 @@ A result is kept as `results.json` has it, with `bound`, which says how value, e
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, is_dataclass
@@ -169,7 +168,7 @@ def rate(
     last: int | None = None, published: Sequence[Published] = (),
 ) -> Result:  # fmt: skip
     """The fitted rate of an error, over the `last` few levels or all; it falls short below the one that is wanted, and
-    where a step between these levels is below half of it (`_steps`). With one or two levels, or none wanted, it is
+    where a step between these levels is below half of it. With one or two levels, or none wanted, it is
     informative. Last levels whose error has fallen to 0 are faster than any rate, and judged by those before, of which
     there are two at least.
     """
@@ -180,21 +179,9 @@ def rate(
         why = reason if wanted is None else f"a rate is judged on three levels or more; {reason}"
         passed = all(math.isfinite(v.error) for v in levels)
         return Result(quantity, value, wanted, None, passed, source, why, "informative", **more)
-    steps = _steps(levels[-last if last else None :], wanted)
+    steps = [v.rate for v in levels[1 - last if last else 1 :] if v.rate is not None]  # between the fitted levels
     passed = value >= wanted - _ROUNDING and all(step >= wanted / 2 - _ROUNDING for step in steps)
     return Result(quantity, value, wanted, 0.0, bool(passed), source, reason, "at least", **more)
-
-
-def _steps(levels: Sequence[Level], wanted: float) -> list[float]:
-    """Rates from level to level. A level that is better than the wanted rate asks counts as one that meets it, as the
-    next finer mesh need not gain on a lucky one.
-    """
-    rates, credited = [], levels[0].error
-    for before, level in itertools.pairwise(levels):
-        ratio = level.h / before.h
-        rates.append(math.log(level.error / credited) / math.log(ratio) if level.error > 0 else math.inf)
-        credited = max(level.error, credited * ratio**wanted)
-    return rates
 
 
 def _until_zero(levels: Sequence[Level]) -> Sequence[Level]:

@@ -83,10 +83,8 @@ def rated(errors, wanted=2.0, **more):
     [
         ([h**2 for h in H], None, True),
         ([h**1.9 for h in H], None, False),  # the slope
-        ([1.0, 2**-2.0, 2**-2.9, 2**-7.5], None, False),  # steps 2, 0.9, 4.6: the slope is 2.3, one step below half
-        ([1.0, 2**-2.0, 2**-3.1, 2**-7.5], None, True),
-        ([1.0, 2**-3.2, 2**-4.1, 2**-7.5], None, True),  # the second level is better than the rate asks: 2, then 2.1
-        ([1.0, 2**-3.2, 2**-2.9, 2**-7.5], None, False),  # ... and the third worse
+        ([1.0, 2**-3.2, 2**-4.1, 2**-7.5], None, False),  # steps 3.2, 0.9, 3.4: the slope is 2.3, one step below half
+        ([1.0, 2**-3.2, 2**-4.3, 2**-7.5], None, True),
         ([1.0, 2**-1.0, 2**-3.0, 2**-5.0], None, False),  # the slope is 1.7 over all
         ([1.0, 2**-1.0, 2**-3.0, 2**-5.0], 3, True),
         ([1.0, 2**-0.5, 2**-3.0, 2**-5.0], 3, True),  # a step to the first of the last levels is not theirs
