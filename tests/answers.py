@@ -548,6 +548,7 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     "axes": check_axes,
     "coupled": check_coupled,
     **{f"sector {hexa}": partial(check_sector, cut=hexa) for hexa in ("pyramid", "hexa", "auto")},
+    "sector stars": partial(check_sector, cut="stars"),
     "thrown": check_thrown,
     **{f"massless {name}": check_falling for name in MASSLESS},
     "saint venant": partial(check_press, law="saint_venant_kirchhoff", follower=True),
@@ -592,5 +593,6 @@ ANSWERS: dict[str, Callable[[Ran], None]] = {
     # 34 hexahedra, of which 13 are behind slaves: 4 pyramids are cut off, or 5 hexahedra, and what is left stays one
     "pyramid": lambda ran: check_tower(ran, 34 + 13 * 4),
     "hexa": lambda ran: check_tower(ran, 34 + 13 * 5),
+    "stars": lambda ran: check_tower(ran, 34),
     "auto": lambda ran: check_tower(ran, 34 + 13 * 5),
 }

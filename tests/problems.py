@@ -117,7 +117,7 @@ def falling(**keys: Any) -> Problem:
     return problem(pair, "plane_strain", material, contact(), *held, Dynamics(**keys), speed, motion)
 
 
-def ring(hexa: str) -> Problem:
+def ring(hexa: str, **macro: str) -> Problem:
     """A sector of a ring that grows evenly; its sides do not match."""
     sides = Cyclic(
         name="side",
@@ -129,6 +129,7 @@ def ring(hexa: str) -> Problem:
         harmonic=0,
         ring=True,
         hexa=hexa,
+        **macro,
     )
     grown = {"ux": 0.0, "uy": "0.01 * (y - 1) * t", "uz": "0.01 * z * t"}
     grow = move("in", **grown), move("out", **grown)
@@ -176,9 +177,9 @@ def dragged(mesh: Callable[[], Mesh], model: str, **keys: Any) -> Problem:
     return problem(mesh, model, rubber, contact(friction=0.2, **keys), *held, kinematics="finite")
 
 
-def stacked(height: float, hexa: str, *records: Any) -> Problem:
-    """Three blocks of hexahedra on one another, in contact and tied."""
-    joints = Contact(slave="slave1", master="master1", hexa=hexa), Tie(slave="slave2", master="master2", hexa=hexa)
+def stacked(height: float, *records: Any, **options: str) -> Problem:
+    """Three blocks of hexahedra on one another, in contact and tied; `options`: of the macro-elements."""
+    joints = Contact(slave="slave1", master="master1", **options), Tie(slave="slave2", master="master2", **options)
     held = fix("bottom", "z"), fix("x0", "x"), fix("y0", "y"), Pressure(group="top", value=1.0)
     return problem(lambda: tower(height), "3d", ELASTIC, *joints, *held, *records)
 
@@ -426,6 +427,7 @@ PROBLEMS = {
         "none": {"massless": "none", "start": 0.5, "rayleigh": [0.0, 0.0]},
     }.items()},
     **{f"sector {hexa}": ring(hexa) for hexa in ("pyramid", "hexa", "auto")},
+    "sector stars": ring("pyramid", macro="stars"),
     "chosen": chosen(Contact),
     "tied chosen": chosen(Tie),
     "strain": columns(-2.0, contact(type="bilateral", stiffness=500.0)),
@@ -459,9 +461,10 @@ PROBLEMS = {
     "consistent": pressed(Solver(tangent="consistent")),
     "halved": pressed(Solver(max_iterations=4), Steps(growth=1.0)),
     "given up": pressed(Solver(max_iterations=3), Steps(max_halvings=1)),
-    "pyramid": stacked(4.0, "pyramid"),
-    "hexa": stacked(1.0, "hexa"),
-    "auto": stacked(4.0, "auto"),
+    "pyramid": stacked(4.0, hexa="pyramid"),
+    "hexa": stacked(1.0, hexa="hexa"),
+    "auto": stacked(4.0, hexa="auto"),
+    "stars": stacked(4.0, macro="stars"),
 }  # fmt: skip
 
 

@@ -68,7 +68,6 @@ def cut(
     With a master the cut is checked against it, as by lacmesh check, and not written if the check finds an error.
 
     $ lacmesh cut part.msh --slave slave
-    $ lacmesh cut part.msh --slave slave --macro stars
     $ lacmesh cut part.med --slave slave --master master --report cut.html
     """
     skins.check()

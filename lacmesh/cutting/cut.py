@@ -121,7 +121,7 @@ def cut_skin(
     new, origin = assemble(mesh, subdivision.new_nodes.parts, subdivision.children, extend=node_groups == "extend")
     of_face, owner = _macros(subdivision.cut, stars, new.n_nodes)
     del subdivision  # a large mesh's records are about to need the room
-    return _with_macros(mesh, new, origin, selection, of_face, owner)
+    return _with_macros(mesh, new, origin, selection, of_face, owner, macro == "cut" or len(origin.children) > 0)
 
 
 def _macros(cut: CutFaces, stars: Stars, n_nodes: int) -> tuple[Ints, Ints]:
@@ -168,8 +168,13 @@ def _warn_of_periodic(mesh: Mesh, selection: Selection, patterns: Ints) -> None:
         warnings.warn(message, LacmeshWarning, stacklevel=3)
 
 
-def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, of_face: Ints, owner: Ints) -> Cut:
-    """Return the cut: the new mesh of `origin` in the old one, with its records; `of_face`, `owner`: of `_macros`."""
+def _with_macros(
+    mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, of_face: Ints, owner: Ints, parents: bool
+) -> Cut:
+    """Return the cut: the new mesh of `origin` in the old one, with its records, among them `parents` of the cells.
+
+    `of_face`, `owner`: of `_macros`.
+    """
     face = places_of(selection.slave, mesh.n_cells, np.int32)[origin.cell]
     faces = np.flatnonzero(face >= 0)
     macro, zone, child = (np.full(new.n_cells, -1, np.int32) for _ in range(3))
@@ -179,7 +184,7 @@ def _with_macros(mesh: Mesh, new: Mesh, origin: Origin, selection: Selection, of
     first = np.flatnonzero(np.diff(macro[order], prepend=-1))
     child[order] = 1 + np.arange(len(order)) - np.repeat(first, np.diff(first, append=len(order)))
     records: dict[str, Ints] = dict(zip(CELL_RECORDS, (macro, zone, child), strict=False))
-    if len(origin.children):
+    if parents:
         wide = int(mesh.cell_number.max(initial=0)) > np.iinfo(np.int32).max
         parent: Ints = np.full(new.n_cells, -1, np.int64 if wide else np.int32)
         parent[origin.children] = mesh.cell_number[origin.cell[origin.children]]

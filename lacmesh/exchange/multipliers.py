@@ -66,19 +66,20 @@ def aster_multipliers(cut: Cut) -> Multipliers:
     faces = np.flatnonzero(cut.macro_of_face >= 0)
     macro = cut.macro_of_face[faces]
     size = np.bincount(macro, minlength=cut.n_macros)
-    joined = faces[(size[macro] > 1) & (cut.parent_of_cell[faces] < 0)]
-    if len(joined):
-        message = "code_aster has no macro-elements of whole faces (macro = 'stars'); cut the mesh instead"
-        raise CutError(message, mesh.cell_number[joined])
     nodes = np.full((len(faces), 4), -1, np.int64)
     code = np.zeros(cut.n_macros, np.int64)
     for kind, cells, connectivity in mesh.select(faces):
         rows = np.searchsorted(faces, cells)
-        key = size[macro[rows]] * 8 + cut.child_kind[cells]
+        key = size[macro[rows]] * 64 + cut.child_kind[cells]
         for value in np.unique(key):
             at = np.flatnonzero(key == value)
-            patch, carriers = _PATCHES[kind, int(value) // 8]
-            places = carriers[int(value) % 8 - 1]
+            patch, carriers = _PATCHES.get((kind, int(value) // 64), (0, ()))
+            places = carriers[int(value) % 64 - 1] if int(value) % 64 <= len(carriers) else ()
+            corners = [k for k in range(CELLS[kind].n_corners) if k not in places]
+            others = connectivity[at][:, corners]
+            if not places or (cut.macro_of_node[others] == macro[rows[at], None]).any():
+                message = "code_aster has no macro-elements of whole faces (macro = 'stars'); cut the mesh instead"
+                raise CutError(message, mesh.cell_number[cells[at]])
             nodes[rows[at], : len(places)] = connectivity[at][:, places]
             code[macro[rows[at]]] = patch
         if kind == "SEG3":  # the code depends on the cell behind each

@@ -186,13 +186,12 @@ def _records(mesh: Mesh, nodes: Ints, cells: Ints, faces: Ints | None) -> dict[s
         cut = Cut(mesh)
     except CutError:
         return None
-    if any(
-        values.ndim > 1 or values.dtype.kind not in "iu" for values in (*cut.cell_records.values(), cut.macro_of_node)
-    ):
+    records = {name: mesh.cell_data[name] for name in CELL_RECORDS if name in mesh.cell_data}
+    if any(values.ndim > 1 or values.dtype.kind not in "iu" for values in (*records.values(), cut.macro_of_node)):
         return None
-    has = np.flatnonzero(np.any([values >= 0 for values in cut.cell_records.values()], axis=0))
+    has = np.flatnonzero(np.any([values >= 0 for values in records.values()], axis=0))
     inner = np.flatnonzero(cut.macro_of_node >= 0)
-    columns = {"number": cells[has], **{name: values[has] for name, values in cut.cell_records.items()}}
+    columns = {"number": cells[has], **{name: values[has] for name, values in records.items()}}
     internal = {"number": nodes[inner], NODE_RECORD: cut.macro_of_node[inner]}
     return {
         "nodes": mesh.n_nodes,
@@ -216,16 +215,14 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
             f"{mesh.n_nodes} and {bodies}"
         )
     mesh = _with_numbers(mesh, note["faces"])
-    columns = {name: integers(note["cells"][name]) for name in ("number", *CELL_RECORDS)}
+    columns = {name: integers(note["cells"][name]) for name in ("number", *CELL_RECORDS) if name in note["cells"]}
     inner = {name: integers(note["internal"][name]) for name in ("number", NODE_RECORD)}
     at, at_node = Index(mesh.cell_number).places(columns["number"]), Index(mesh.node_number).places(inner["number"])
     known = (at >= 0).all() and (at_node >= 0).all()
     if not known or note["digest"] != _digest(mesh, at, mesh.node_number, mesh.cell_number, columns, inner):
         raise UnfitError("they are of other cells than those of the file, or were changed")
     data: dict[str, Ints] = {}
-    for name in CELL_RECORDS:
-        if (columns[name] < 0).all():
-            continue
+    for name in columns.keys() - {"number"}:
         narrow = columns[name].max(initial=-1) < 2**31
         data[name] = np.full(mesh.n_cells, -1, np.int32 if narrow else np.int64)
         data[name][at] = columns[name]
@@ -234,8 +231,8 @@ def _with_records(mesh: Mesh, note: Mapping[str, Any]) -> Mesh:
     whole = with_records(mesh, data, internal, mesh.zones)
     cut = Cut(whole)
     macro, child = (values[cut.macro_of_face >= 0] for values in (cut.macro_of_face, cut.child_kind))
-    all_used = cut.n_macros <= len(macro) and bool(np.bincount(macro).all())
-    if not all_used or not 1 <= child.min() <= child.max() <= len(macro) or internal.max() >= cut.n_macros:
+    size = np.bincount(macro) if cut.n_macros <= len(macro) else np.zeros(1, np.int64)
+    if not size.all() or child.min() < 1 or (child > size[macro]).any() or internal.max() >= cut.n_macros:
         raise ValueError("records that no cut leaves")
     return whole
 

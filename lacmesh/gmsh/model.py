@@ -103,6 +103,11 @@ def cut_model(
     ring: float = 1 / 3,
     depth: float = 1 / 2,
     recognise: bool | None = None,
+    macro: str = "cut",
+    rest: str = "cut",
+    pairs: bool = False,
+    crease_angle: float | None = None,
+    dirichlet: Sequence[str | int] = (),
     views: bool = True,
 ) -> Cut:
     """Cut the mesh of gmsh's current model in place; options as `lacmesh.cut_skin`.
@@ -130,6 +135,11 @@ def cut_model(
         ring=ring,
         depth=depth,
         recognise=recognise,
+        macro=macro,
+        rest=rest,
+        pairs=pairs,
+        crease_angle=crease_angle,
+        dirichlet=dirichlet,
     )
     if cut.mesh is not before:
         with temporary_folder() as folder, signals_wait():

@@ -255,7 +255,7 @@ class Case(Entry):
 
         Stars have no dof at nodes whose displacement is given. Raises RequestError for slaves with unlike options.
         """
-        records = (*self.contact, *self.tie)
+        records = (*self.contact, *self.ties)
         for name in ("hexa", "macro"):
             if len({getattr(record, name) for record in records}) > 1:
                 raise RequestError(f"slaves of one mesh are cut at once, so {name} must be the same for all of them")

@@ -179,7 +179,7 @@ def solve(tmp_path, monkeypatch):
         return made
 
     def ran(**keys):
-        case = stacked(1.0, "pyramid", Solver(**keys)).case()
+        case = stacked(1.0, Solver(**keys)).case()
         run(case, create_output(tmp_path / "out", force=True))
         check_tower(Ran(case, case.mesh, tmp_path / "out"), 34 + 13 * 4)
         return asked
