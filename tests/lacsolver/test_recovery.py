@@ -188,6 +188,17 @@ def test_wrong_shares_at_the_edge_in_the_plane_do_not_matter(edge, off, shift):
     assert made == pytest.approx(right, abs=1e-12)
 
 
+@pytest.mark.parametrize("edge", [8.2, 8.3, 8.4, 8.6])
+def test_contact_that_reaches_into_an_open_macro_element(edge):
+    """The last one in contact has the force of the open one beside it, as where they are wide."""
+    p = hertz_means(edge, 12)
+    p[7:9] = p[7:9].sum(), 0.0
+    nodal, mean = recovered(p, np.where(p > 0, CONTACT, OPEN))
+    exact = np.sqrt(1 - (np.arange(8.0) / edge) ** 2)
+    assert nodal[:7] == pytest.approx(exact[:7], abs=2e-3) and nodal[7] == pytest.approx(exact[7], abs=0.045)
+    assert mean.sum() == pytest.approx(p.sum())
+
+
 def test_what_the_rim_lacks_stays_at_the_rim():
     """Even in the middle, with a peak at both ends that no parabola follows, as under the edges of a stiff hub."""
     p = np.full(16, 50.0)
