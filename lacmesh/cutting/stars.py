@@ -141,7 +141,7 @@ def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     rim = np.ones(len(uses.edge), bool)
     rim[a] = rim[b] = False
     nodes = np.concatenate([uses.start[rim], uses.stop[rim], _mid_nodes(faces, uses.face[rim], uses.place[rim])])
-    value = _integrals(mesh.points, faces)
+    value = integrals(mesh.points, faces)
     return _Skin(across, length, value.sum(axis=1), value, np.unique(nodes[nodes >= 0]))
 
 
@@ -152,8 +152,8 @@ def _mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
     return np.where(has, faces.nodes[face, np.where(has, n + place, 0)], -1)
 
 
-def _integrals(points: Floats, faces: Faces) -> Floats:
-    """(f, 9): the integral of each node's function over each face, on the real geometry; 0 for padding."""
+def integrals(points: Floats, faces: Faces) -> Floats:
+    """(f, 9): the integral of each node's shape function over each face, on the real geometry; 0 for padding."""
     value = np.zeros((len(faces), MAX_NODES))
     for code in codes(faces.type):
         rows = np.flatnonzero(faces.type == code)
@@ -357,18 +357,11 @@ def _join(across: Array, length: Array, size: Array, free: Array, macro: Array, 
     """
     heap: Any = [(np.int64(0), np.int64(0), np.int64(0))]  # so that numba knows the types
     heap.pop()
-    for f in range(len(macro)):
-        if free[f]:
-            for g in across[f]:
-                if g >= 0 and macro[g] >= 0:
-                    heappush(
-                        heap,
-                        (
-                            _cost(across, length, size, macro, total, integral, f, macro[g]),
-                            np.int64(f),
-                            np.int64(macro[g]),
-                        ),
-                    )
+    for f in np.flatnonzero(free):
+        for g in across[f]:
+            if g >= 0 and macro[g] >= 0:
+                m = np.int64(macro[g])
+                heappush(heap, (_cost(across, length, size, macro, total, integral, f, m), np.int64(f), m))
     while len(heap) > 0:
         cost, f, m = heappop(heap)
         if macro[f] >= 0:
