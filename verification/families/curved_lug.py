@@ -37,6 +37,7 @@ _USED = (
     "what engineers can use: a tenth of the number and 15 % of the pressure; where TETRA4 with the true gap, which are "
     "stiffer than TETRA10, lack more of the number, as much as these, give or take two macro-elements"
 )
+_EDGE = "the goal of stars; the exact pressure at the edges is infinite, so that fewer pressures are lower there"
 
 
 def solve_case(
@@ -59,14 +60,11 @@ def solve_case(
         for gap in ("faces", "smooth", "true"):
             results += _judged(gap, size, off[gap], allowed)
         every.append(solved(linear, "smooth", "stars"))
-        highest, stars, cut = (
-            float(own.zone.pressure.max()) for own in (solutions["TETRA10"], every[-1], solutions["smooth"])
-        )
-        name = f"highest pressure over that of TETRA10, size {size:g}"
-        results += [
-            equal(f"{name}, stars", stars / highest, 1.0, 0.15, source=_SOURCE, reason="of this very mesh"),
-            informative(f"{name}, cut", cut / highest, reason="beside that of stars"),
-        ]
+        right, cut, stars = (highest(own) for own in (solutions["TETRA10"], solutions["smooth"], every[-1]))
+        for k, where in enumerate((" away from the edges", "")):
+            name = f"highest pressure{where} over that of TETRA10, size {size:g}"
+            results.append(equal(f"{name}, stars", stars[k] / right[k], 1.0, 0.15, source=_SOURCE, reason=_EDGE))
+            results.append(informative(f"{name}, cut", cut[k] / right[k], reason="beside that of stars"))
     return Outcome((*results, *balanced(every)))
 
 
@@ -85,6 +83,12 @@ def away(own: Solved) -> tuple[int, float]:
     zone = own.zone
     there = (zone.pressure > 0) & (np.abs(zone.centre[:, 1]) < _AWAY)
     return int(there.sum()), float((zone.area * zone.pressure)[there].sum() / zone.area[there].sum())
+
+
+def highest(own: Solved) -> tuple[float, float]:
+    """Highest pressure away from the bore's edges, and of all macro-elements."""
+    zone = own.zone
+    return float(zone.pressure[np.abs(zone.centre[:, 1]) < _AWAY].max()), float(zone.pressure.max())
 
 
 def meshed(size: float, order: int) -> lacmesh.Mesh:

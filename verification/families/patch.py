@@ -269,7 +269,7 @@ def _stars() -> Iterator[Case]:
         for joint in ("contact", "tie"):
             given = Press(pairs, model, contact=(("macro", "stars"),), joint=joint)
             description = f"{joint}, stars, {model}: every kind against every kind"
-            yield _case(["stars", joint, f"{given.dim}d"], description, given, given.dim == 2, 120.0)
+            yield _case(["stars", joint, f"{given.dim}d"], description, given, False, 120.0)
 
 
 def _others() -> Iterator[Case]:
