@@ -216,9 +216,9 @@ def solve_example(case: str, *, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
-def solve_stars(*, levels: int) -> Outcome:
-    """The press fit of data/, and octants of TETRA4 (cells along the radius: goal), with macro = "stars"."""
-    case = lacsolver.read_case(example("press_fit.toml"))
+def solve_stars(file: str, *, levels: int) -> Outcome:
+    """The press fit of a case of data/, and octants of TETRA4 (cells along the radius: goal), macro = "stars"."""
+    case = lacsolver.read_case(example(file))
     fit = finished(Problem.of(replace(case, contact=(replace(case.contact[0], macro="stars"),))))
     zone, goals = fit.zone, {2: 0.17, 3: 0.10, 4: 0.08}
     rms = float(np.sqrt(zone.area @ (zone.pressure / _PRESSURE - 1) ** 2 / zone.area.sum()))
@@ -382,7 +382,7 @@ def _cases() -> Iterator[Case]:
         4.0,
     )
     description = "Stars of whole faces of TETRA4: the press fit of data/press_fit.toml, octants of spheres"
-    yield Case(FAMILY_NAME, "stars", description, partial(solve_stars), {"quick": 1, "full": 2}, 8.0)
+    yield Case(FAMILY_NAME, "stars", description, partial(solve_stars, "press_fit.toml"), {"quick": 1, "full": 2}, 8.0)
 
 
 def _converging(name: str, description: str, given: PressFit) -> Case:
