@@ -227,7 +227,7 @@ def solve_stars(file: str, *, levels: int) -> Outcome:
         for n in list(goals)[: levels + 1]
     ]
     errors = [one.errors["pressure"] for one in octants]
-    reason = "the goal, and below the mesh before; with the cut errors stay near 1"
+    reason = "the goal, and below the mesh before; errors of the cut are 2.3 times as large"
     return Outcome((
         at_most("p_m of data/press_fit.toml, relative error (rms)", rms, 0.03, source="Lame, plane strain"),
         at_most("open macro-elements of data/press_fit.toml", int((zone.pressure <= 0).sum()), 0, source="Lame"),
