@@ -464,7 +464,7 @@ PROBLEMS = {
     "pyramid": stacked(4.0, hexa="pyramid"),
     "hexa": stacked(1.0, hexa="hexa"),
     "auto": stacked(4.0, hexa="auto"),
-    "stars": stacked(4.0, macro="stars"),
+    "stars": stacked(4.0, Steps(count=2), macro="stars"),
 }  # fmt: skip
 
 

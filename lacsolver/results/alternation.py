@@ -11,7 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from lacmesh.mesh import Floats
+from lacmesh.mesh import Floats, Mesh
+from lacmesh.topology.skin import TYPE_CODE
 from lacsolver.contact import Zone
 from lacsolver.problem.hypothesis import ALTERNATING, finer, judged
 from lacsolver.problem.problem import Problem
@@ -21,6 +22,7 @@ from lacsolver.results.state import CONTACT, State
 _ALTERNATE = 0.15
 #: fewest macro-elements, with pressure or beside one that has, of which that can be said
 _FEWEST = 12
+_LINEAR = [TYPE_CODE[name] for name in ("SEG2", "TRIA3", "QUAD4")]
 
 
 def alternating(problem: Problem, state: State) -> Iterator[str]:
@@ -42,10 +44,11 @@ def alternating(problem: Problem, state: State) -> Iterator[str]:
             yield f"{message}; exchange slave and master, or refine the master"
         elif within > _ALTERNATE:
             message += f"{100 * within:.0f} % from the mean of their neighbours' inside the area of contact, which is "
+            stars = 'macro = "stars" on the uncut mesh, ' if _cut_linear(joint.zone, problem.space.mesh) else ""
             message += (
-                "the mesh and not the contact; quadratic cells lessen it, or slave and master exchanged, and the "
+                f"the mesh and not the contact; {stars}quadratic cells, or slave and master exchanged lessen it, "
             )
-            yield f"{message}recovered pressure evens it out (lacsolver plot --field recovered)"
+            yield f"{message}and the recovered pressure evens it out (lacsolver plot --field recovered)"
 
 
 def roughness(zone: Zone, pressure: Floats, chosen: np.ndarray | None = None) -> float:
@@ -60,6 +63,12 @@ def roughness(zone: Zone, pressure: Floats, chosen: np.ndarray | None = None) ->
     on = (n > 1) & (p + mean > 0) & (True if chosen is None else chosen)
     total = float((p + mean)[on].sum())
     return float(np.abs(p - mean)[on].sum()) / total if np.count_nonzero(on) >= _FEWEST else 0.0
+
+
+def _cut_linear(zone: Zone, mesh: Mesh) -> bool:
+    """Return whether macro-elements of a zone are of linear faces that were cut."""
+    parent, linear = mesh.cell_data.get("lac_parent"), np.isin(zone.slave.faces.type, _LINEAR)
+    return parent is not None and bool((linear & (parent[zone.slave.cell] >= 0)).any())
 
 
 def _pairs(zone: Zone) -> tuple[np.ndarray, np.ndarray]:

@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 import lacmesh
 from lacmesh import Cut, Mesh
 from lacmesh.cells import CELLS
+from lacmesh.generate import box, sphere
 from lacmesh.generate.parts import SPLITS, assembled, divided
 from verification.measures.cutting import PROPERTIES, facets, same_up_to_numbers, violations
 from verification.meshes.blocks import joined
 from verification.meshes.stacks import BEND, LAYERS, PLANE_KINDS, SOLID_KINDS, TWO_WAYS, block, moved
-from verification.records import Case, Family, Outcome, Result, at_most, equal, informative
+from verification.records import Case, Family, Outcome, Result, at_least, at_most, equal, informative
 
 Ints = NDArray[np.integer]
 
@@ -234,6 +235,28 @@ def _apart(meshes: Sequence[Mesh]) -> Mesh:
     return _dressed(joined([(moved(mesh, shift=shift), names) for mesh, shift in zip(meshes, shifts, strict=True)]))
 
 
+#: faces of a star on average, at most, from 500 faces on
+_MEAN = {"TETRA4": 7.0, "HEXA8": 4.3, "TETRA10": 2.03}
+
+
+def solve_stars(cell: str, *, levels: int) -> Outcome:
+    """Stars of whole faces on so many distorted boxes and octants of spheres of `cell`."""
+    boxes = [(box((33, 31, 1), kind=cell, distortion=0.12, seed=seed), "top") for seed in range(levels)]
+    balls = [(sphere(14, kind=cell, distortion=0.12, seed=seed), "outer") for seed in range(levels)]
+    cuts = [(lacmesh.cut_skin(mesh, slave, macro="stars"), slave) for mesh, slave in (*boxes, *balls)]
+    found = [lacmesh.check(cut.mesh, slave).summary for cut, slave in cuts]
+    faces = [np.array([len(own) for own in cut.faces_of_macro]) for cut, _ in cuts]
+    lost = sum(cut.n_macros - one["with_internal_dof"] for (cut, _), one in zip(cuts, found, strict=True))
+    share = min(one["least_integral"] for one in found)
+    name, source = "faces of a macro-element", "the largest set of nodes, no two of which are on one face"
+    return Outcome((
+        at_most("macro-elements without a dof of their own", lost, 0, source=_SOURCE),
+        at_least("integral of a carrier's function, as a part of its macro-element", share, 0.1, source=_SOURCE),
+        at_most(f"{name}, mean", max(own.mean() for own in faces), _MEAN[cell], source=source),
+        at_most(f"{name}, most", max(own.max() for own in faces), 12, source=source),
+    ))  # fmt: skip
+
+
 def _ways(name: str) -> tuple[str, ...]:
     return ("pyramid", "hexa") if name in TWO_WAYS else ("pyramid",)
 
@@ -306,6 +329,9 @@ def _cases() -> Iterator[Case]:
         mixed = tuple(kind for kind in kinds if kind.startswith("mixed"))
         solve = partial(run, dim, (), mixed)
         yield Case("cut", f"mixed-{dim}d", f"blocks of mixed cells in {dim}D", solve, {"quick": 1, "full": 2}, 3.0)
+    for cell in _MEAN:
+        yield Case("cut", f"{cell}-stars", f"stars of whole faces on skins of {cell}", partial(solve_stars, cell),
+                   {"quick": 1, "full": 3}, 2.0)  # fmt: skip
     yield Case("cut", "counts", "cells and nodes as code_aster's test of its cut counts them",
                partial(compare_counts, _ROWS), {"quick": 1}, 1.0)  # fmt: skip
 

@@ -293,6 +293,8 @@ def _balanced() -> Iterator[Case]:
         yield _case(f"overhang-{dim}", f"a slave wider than its master, {dim}", Touch(few, model, "overhang"))
         rigid = Touch(few[:1], model, "rigid", (), "finite", steps=2)
         yield _case(f"rigid-{dim}", f"a rigid skin that comes down and turns, finite kinematics, {dim}", rigid)
+    stars = Touch((("TETRA4", "HEXA8"), ("HEXA8", "TETRA4")), "3d", "waves", (("macro", "stars"),))
+    yield _case("stars-3d", "macro-elements of whole faces, 3d", stars)
     bilateral = Touch(_FEW["3d"], "3d", "waves", (("type", "bilateral"),))
     yield _case("bilateral-3d", "pressure of either sign, 3d", bilateral)
     warped = Touch((("HEXA20", "HEXA8"),), "3d", "saddle", (("hexa", "hexa"),))

@@ -65,6 +65,7 @@ class PressedCylinders:
     steps: int = 1
     exact: Cylinders = CYLINDERS
     levels: tuple[int, ...] = LEVELS
+    macro: str = "cut"
 
     def loads(self, t: float) -> tuple[Ellipse, ...]:
         """Tractions at a time t >= 1: pressed at 1, the first turn at 2, and so on."""
@@ -109,7 +110,7 @@ def solved(given: PressedCylinders, k: int, friction: float | None = None) -> So
     """Solve with about k macro-elements to the half-width; `friction`: that of the exact solution by default."""
     exact = given.exact
     coefficient = exact.friction if friction is None else friction
-    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient}
+    contact = {"clearance": f"x**2 / {2 * exact.radius!r}", "friction": coefficient, "macro": given.macro}
     bodies = dict.fromkeys(("upper", "lower"), (exact.young, exact.poisson))
     motions = {"upper": given.motion(1), "lower": given.motion(-1)}
     return solve(case_of(contact, bodies, motions, given.times), half_planes(given.cell, k, FRACTION))
@@ -368,6 +369,9 @@ def cases(family: str) -> Iterator[Case]:
         description = f"Cattaneo and Mindlin, {cell}: rates, stick, dissipation"
         solve = partial(solve_pressed, PressedCylinders(cell))
         yield Case(family, f"cattaneo-{cell}", description, solve, {**quick, "full": 4}, 60.0)
+    given = PressedCylinders("TRIA3", levels=tuple(2 * k for k in LEVELS), macro="stars")
+    description = "Cattaneo and Mindlin, TRIA3, as many stars, of two faces each"
+    yield Case(family, "cattaneo-TRIA3-stars", description, partial(solve_pressed, given), {"full": 4}, 60.0)
     for name, turns in (("back", (LOAD, -LOAD)), ("loop", (LOAD, -LOAD, LOAD))):
         reversed_ = partial(solve_pressed, PressedCylinders("QUAD8", turns))
         yield Case(family, f"reversed-{name}", "Mindlin and Deresiewicz, QUAD8", reversed_, {"full": 3}, 40.0)

@@ -39,7 +39,7 @@ class Press:
     """Stacks of two blocks, the slave below and above, each under a pressure on its top.
 
     `pairs`: kinds of slave and master; `model`: a model of a case, or `ring`, axisymmetric without its axis;
-    `contact`: keys of [[contact]]; `tilted`: in a frame that is turned; others: as `stack` takes them.
+    `contact`: keys of [[contact]], or of `joint`; `tilted`: in a frame that is turned; others: as `stack` takes them.
     """
 
     pairs: tuple[tuple[str, str], ...]
@@ -49,6 +49,7 @@ class Press:
     counts: tuple[int, int] = (3, 2)
     bend: float = 0.3
     skew: float = 0.0
+    joint: str = "contact"
 
     @property
     def dim(self) -> int:
@@ -102,7 +103,7 @@ def text(given: Press) -> str:
         "axisymmetric" if given.model == "ring" else given.model,
         entry("solver", threads=1),
         entry("material", young=YOUNG, poisson=POISSON),
-        entry("contact", slave="slave", master="master", **dict(given.contact)),
+        entry(given.joint, slave="slave", master="master", **dict(given.contact)),
         *(entry("displacement", group=name, **{"un" if given.tilted else f"u{a}": 0.0}) for name, a in supports),
         entry("pressure", group="top", value=PRESSURE),
     )
@@ -261,6 +262,16 @@ def _distorted() -> Iterator[Case]:
             yield _case(["distorted", *words, f"skew-{skew}"], description, given, False, 5.0)
 
 
+def _stars() -> Iterator[Case]:
+    """Macro-elements of whole faces, in contact and tied; faces of QUAD8, and those that no star reaches, are cut."""
+    for model, kinds in (("plane_strain", PLANE_KINDS), ("3d", SOLID_KINDS)):
+        pairs = tuple((slave, master) for slave in kinds for master in kinds)
+        for joint in ("contact", "tie"):
+            given = Press(pairs, model, contact=(("macro", "stars"),), joint=joint)
+            description = f"{joint}, stars, {model}: every kind against every kind"
+            yield _case(["stars", joint, f"{given.dim}d"], description, given, False, 120.0)
+
+
 def _others() -> Iterator[Case]:
     for model in ("plane_stress", "axisymmetric", "ring"):
         quick = model != "ring"
@@ -281,5 +292,5 @@ FAMILY = Family(
     "Errors are the largest anywhere: of the stress at integration points, of the pressure of each macro-element, of "
     "the displacement of each node, relative to the largest value of each. What others obtained "
     "stands beside where they ran the same problem.",
-    (*_plane(), *_solid(), *_distorted(), *_others()),
+    (*_plane(), *_solid(), *_distorted(), *_others(), *_stars()),
 )

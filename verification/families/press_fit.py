@@ -81,6 +81,7 @@ class PressFit:
     counts: tuple[tuple[int, int], tuple[int, int]] = ((2, 6), (2, 7))
     jitter: float = 0.0
     allowed: float | None = None
+    macro: str = "cut"
 
     @property
     def dim(self) -> int:
@@ -215,6 +216,29 @@ def solve_example(case: str, *, levels: int) -> Outcome:
     ))  # fmt: skip
 
 
+def solve_stars(file: str, *, levels: int) -> Outcome:
+    """The press fit of a case of data/, and octants of TETRA4 (cells along the radius: goal), macro = "stars"."""
+    case = lacsolver.read_case(example(file))
+    fit = finished(Problem.of(replace(case, contact=(replace(case.contact[0], macro="stars"),))))
+    zone, goals = fit.zone, {2: 0.17, 3: 0.10, 4: 0.08}
+    rms = float(np.sqrt(zone.area @ (zone.pressure / _PRESSURE - 1) ** 2 / zone.area.sum()))
+    octants = [
+        solution(PressFit("TETRA4", counts=((n, 3 * n), (n, 3 * n + 1)), macro="stars"), 0)
+        for n in list(goals)[: levels + 1]
+    ]
+    errors = [one.errors["pressure"] for one in octants]
+    reason = "the goal, and below the mesh before; errors of the cut are 2.3 times as large"
+    return Outcome((
+        at_most("p_m of data/press_fit.toml, relative error (rms)", rms, 0.03, source="Lame, plane strain"),
+        at_most("open macro-elements of data/press_fit.toml", int((zone.pressure <= 0).sum()), 0, source="Lame"),
+        *(
+            at_most(f"p_m in L2, octants {n}x{3 * n}", error, min(goal, before), source="Lame", reason=reason)
+            for (n, goal), error, before in zip(goals.items(), errors, (np.inf, *errors), strict=False)
+        ),
+        *balanced([fit, *(one.solved for one in octants)]),
+    ))  # fmt: skip
+
+
 def hub(cell: str, slave: Literal["within", "around"], level: int) -> tuple[str, Mesh]:
     """The case of a hub upon a longer shaft, and its mesh, with twice as many cells along each side a level."""
     axial = CELLS[cell].dim == 2
@@ -257,7 +281,7 @@ def case_of(given: PressFit, surface: str = "smooth") -> str:
         *(entry("material", groups=[name], young=young, poisson=poisson) for name, young, poisson in bodies),
         entry(
             "contact", slave="slave", master="master", normals=given.normals, surface=surface,
-            clearance=-given.interference if given.interference else None,
+            clearance=-given.interference if given.interference else None, macro=given.macro,
         ),
         *(entry("displacement", group=f"{axis}0", **{f"u{axis}": 0.0}) for axis in "xyz"[: given.dim]),
         *(entry("pressure", group=group, value=value) for group, value in pressures if value),
@@ -357,6 +381,8 @@ def _cases() -> Iterator[Case]:
         {"quick": 1, "full": 1, "all": 1},
         4.0,
     )
+    description = "Stars of whole faces of TETRA4: the press fit of data/press_fit.toml, octants of spheres"
+    yield Case(FAMILY_NAME, "stars", description, partial(solve_stars, "press_fit.toml"), {"quick": 1, "full": 2}, 8.0)
 
 
 def _converging(name: str, description: str, given: PressFit) -> Case:
