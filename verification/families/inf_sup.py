@@ -164,10 +164,10 @@ def solve_stars(given: Skin, *, levels: int) -> Outcome:
         for macro, values in beta.items():
             matrices = lacsolver.contact_matrices(lacmesh.cut_skin(mesh, slave, macro=macro).mesh, slave, "master")
             values.append(constant(matrices, _moving(matrices.mesh)[0]))
-    exponent = abs(fitted([1 / n for n in sides], beta["stars"]))
+    exponent, over = fitted([1 / n for n in sides], beta["stars"]), np.divide(beta["stars"], beta["cut"]).min()
     return Outcome((
-        at_most("beta of stars, rim fixed: exponent of h, either sign", exponent, STAYS, source=_THEORY),
-        at_least("beta of stars over that of the cut, least", min(np.divide(*beta.values())), 0.9, source="same mesh"),
+        at_most("beta of stars, rim fixed: exponent of h", exponent, STAYS, source=_THEORY),
+        at_least("beta of stars over that of the cut, least", over, 0.9, source="the same mesh, cut"),
     ))  # fmt: skip
 
 
