@@ -16,26 +16,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lacmesh.cells import CELLS
 from lacmesh.checks.findings import Place, counted, figures, rule
 from lacmesh.checks.request import Bools, Request
-from lacmesh.cutting.patterns import WHOLE_FACES
 from lacmesh.cutting.recognition import as_cut, find_macros
 from lacmesh.cutting.records import CELL_RECORDS, Cut, is_cut
 from lacmesh.cutting.select import slave_skin
+from lacmesh.cutting.stars import WHOLE, node_integrals
 from lacmesh.errors import CutError, some
 from lacmesh.mesh import Floats, Ints, Mesh, mask_of
-from lacmesh.reference import quadrature
-from lacmesh.reference.shapes import jacobian, shape
 from lacmesh.topology.bodies import label_components
-from lacmesh.topology.skin import FACE_TYPES, N_NODES, Faces, boundary_edges, edge_uses
+from lacmesh.topology.skin import Faces, boundary_edges, edge_uses
 
 #: what counts as positive, as a part of the macro-element's measure (round-off, and curved vertices of a TRIA6)
 POSITIVE = 1e-6
-_DEGREE = 6
 _NONE = np.empty(0, np.int64)
-#: types of faces that own an internal dof as they are
-_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 
 
 class Fault(NamedTuple):
@@ -85,7 +79,7 @@ def macros_of(request: Request) -> Macros:
     macro[~cut] = last + 1 + np.arange(np.count_nonzero(~cut))
     values, of_face = np.unique(macro, return_inverse=True)
     number = np.where((values <= last) & (not recognised), values, -1)
-    return Macros(of_face, len(values), cut, _WHOLE[side.faces.type], number, recognised, tuple(faults))
+    return Macros(of_face, len(values), cut, WHOLE[side.faces.type], number, recognised, tuple(faults))
 
 
 def cut_mesh(request: Request) -> Mesh:
@@ -212,23 +206,18 @@ def _dofs(request: Request) -> _Dofs:
 
 def _integrals(request: Request, macros: Macros) -> tuple[Floats, Floats, Ints]:
     """Measure of each macro-element, integral of each node's function, the only macro-element at each node, or -1."""
-    mesh, faces = request.mesh, request.slave.faces
-    size, value = np.zeros(macros.count), np.zeros(mesh.n_nodes)
-    low, high = np.full(mesh.n_nodes, macros.count), np.full(mesh.n_nodes, -1)
-    for code in np.unique(faces.type):
-        rows = np.flatnonzero(faces.type == code)
-        nodes = faces.nodes[rows, : N_NODES[code]]
-        macro = np.broadcast_to(macros.of_face[rows, None], nodes.shape)
-        np.minimum.at(low, nodes, macro)
-        np.maximum.at(high, nodes, macro)
-        good = request.finite[nodes].all(axis=1)
-        kind = FACE_TYPES[code]
-        X, w = quadrature.rule(CELLS[kind].family, _DEGREE)
-        J = jacobian(kind, mesh.points[nodes[good]], X)
-        area = np.linalg.norm(np.cross(J[..., 0], J[..., 1]) if CELLS[kind].dim == 2 else J[..., 0], axis=-1)
-        per_node = (area * w) @ shape(kind, X)  # (k, n): the integral of each node's shape function
-        np.add.at(value, nodes[good], per_node)
-        size += np.bincount(macros.of_face[rows[good]], per_node.sum(axis=1), macros.count)
+    faces, n_nodes = request.slave.faces, request.mesh.n_nodes
+    inside = faces.nodes >= 0
+    node, macro = faces.nodes[inside], np.broadcast_to(macros.of_face[:, None], inside.shape)[inside]
+    low, high = np.full(n_nodes, macros.count), np.full(n_nodes, -1)
+    np.minimum.at(low, node, macro)
+    np.maximum.at(high, node, macro)
+    on_face = np.zeros(inside.shape)
+    good = np.flatnonzero((request.finite[faces.nodes] | ~inside).all(axis=1))
+    on_face[good] = node_integrals(request.mesh.points, faces.take(good))
+    size, value = np.zeros(macros.count), np.zeros(n_nodes)
+    np.add.at(size, macro, on_face[inside])
+    np.add.at(value, node, on_face[inside])
     return size, value, np.where(low == high, low, -1)
 
 

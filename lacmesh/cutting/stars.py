@@ -39,7 +39,7 @@ LEAST = 0.05
 _GRID = 1e-6
 _DEGREE = 6
 #: by the codes of face types: True for those that own a dof as they are, and the node that carries it
-_WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
+WHOLE = np.array([name in WHOLE_FACES for name in FACE_TYPES])
 _CENTRE = np.array([WHOLE_FACES.get(name, 0) for name in FACE_TYPES])
 
 
@@ -65,7 +65,7 @@ class _Skin(NamedTuple):
 
 def whole_faces(faces: Faces) -> Stars:
     """Return the macro-elements that faces are as they stand: SEG3, TRIA7 and QUAD9."""
-    whole = _WHOLE[faces.type]
+    whole = WHOLE[faces.type]
     centre = faces.nodes[whole, _CENTRE[faces.type[whole]]]
     return Stars(np.where(whole, np.cumsum(whole) - 1, -1), centre)
 
@@ -141,7 +141,7 @@ def _skin(mesh: Mesh, faces: Faces, zone: Ints, crease_angle: float) -> _Skin:
     rim = np.ones(len(uses.edge), bool)
     rim[a] = rim[b] = False
     nodes = np.concatenate([uses.start[rim], uses.stop[rim], _mid_nodes(faces, uses.face[rim], uses.place[rim])])
-    value = _integrals(mesh.points, faces)
+    value = node_integrals(mesh.points, faces)
     return _Skin(across, length, value.sum(axis=1), value, np.unique(nodes[nodes >= 0]))
 
 
@@ -152,7 +152,7 @@ def _mid_nodes(faces: Faces, face: Ints, place: Ints) -> Ints:
     return np.where(has, faces.nodes[face, np.where(has, n + place, 0)], -1)
 
 
-def _integrals(points: Floats, faces: Faces) -> Floats:
+def node_integrals(points: Floats, faces: Faces) -> Floats:
     """(f, 9): the integral of each node's function over each face, on the real geometry; 0 for padding."""
     value = np.zeros((len(faces), MAX_NODES))
     for code in codes(faces.type):
